@@ -1,0 +1,18 @@
+"""How one run of a sweep ended."""
+
+from enum import IntEnum
+
+
+class Outcome(IntEnum):
+    """How one run (one amplitude of one sweep) ended; stored in the file as an integer."""
+
+    NOT_COMPUTED = 0
+    """No committed result (readers report it; no solver returns it)."""
+    COMPLETE = 1
+    """All periods asked for were integrated or proved redundant."""
+    NON_FINITE = 2
+    """The state left the range of double precision."""
+    STEP_LIMIT = 3
+    """One forcing period needed more steps than the solver's cap."""
+    SOLVER_FAILED = 4
+    """The integrator gave up: its step became too small or its iteration diverged."""

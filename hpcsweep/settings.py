@@ -1,0 +1,43 @@
+"""What a sweep computes at each amplitude: the settings the numerical core reads."""
+
+from dataclasses import dataclass
+
+METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov")
+"""Results a job may ask for; the final state, period, cycles and outcome are always kept."""
+
+SKIP_RULES = ("linear", "converged", "newton")
+"""Rules by which periods are not integrated because their result is known; see `sweep`."""
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """Settings of every run of a sweep.
+
+    Parameters
+    ----------
+    transient_cycles, sampling_cycles : int
+        Forcing periods discarded, and forcing periods of the steady-state window after them.
+    max_orbit_period : int
+        Longest orbit period, in forcing periods, that is looked for; at most half of
+        `sampling_cycles`, so that each period found is seen at least twice.
+    period_tolerance : float
+        Two stroboscopic points are the same if no coordinate (u in gaps, v in gaps times
+        omega_0) differs by more than this.
+    solver : str
+        ``"flow"`` or ``"bdf"``.
+    rtol : float
+        Relative tolerance asked of the solver.
+    skip : frozenset of str
+        Which of `SKIP_RULES` may be used; empty for the plain procedure.
+    metrics : frozenset of str
+        Which of `METRICS` to compute.
+    """
+
+    transient_cycles: int = 100
+    sampling_cycles: int = 100
+    max_orbit_period: int = 16
+    period_tolerance: float = 1e-6
+    solver: str = "flow"
+    rtol: float = 1e-9
+    skip: frozenset[str] = frozenset(SKIP_RULES)
+    metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov"}

@@ -1,0 +1,52 @@
+"""What a solver returns of a stretch of forcing periods."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.outcome import Outcome
+
+
+@dataclass(frozen=True)
+class Advance:
+    """State after a number of forcing periods.
+
+    Attributes
+    ----------
+    state : ndarray, shape (2n,)
+        State at the end of the last period that was completed.
+    n_periods : int
+        Periods really integrated.
+    outcome : Outcome
+        COMPLETE, or why it ended early.
+    """
+
+    state: np.ndarray
+    n_periods: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Results over a window of forcing periods; maxima are over continuous time.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k, 2n)
+        Stroboscopic points z(T), ..., z(kT); k is less than asked only after a failure.
+    contact : int
+        Bit i - 1 is set if u_i >= 1 at any time of the window.
+    peak_drift : float
+        max over floors and time of |u_i - u_{i-1}|, u_0 = 0, in gaps.
+    modal_norm : ndarray, shape (n,)
+        Mean of |q_j| / ||q|| (17) over the time in which no floor touches; NaN if there is none
+        or if it was not asked for.
+    outcome : Outcome
+        COMPLETE, or why it ended early.
+    """
+
+    points: np.ndarray
+    contact: int
+    peak_drift: float
+    modal_norm: np.ndarray
+    outcome: Outcome

@@ -1,0 +1,137 @@
+r"""Fast passage of one floor through its contact layer, in closed form up to a quadrature.
+
+With x = u_i - 1 the contact force differs from the piecewise linear spring beta max(x, 0) by
+
+    r(x) = beta |x| / (1 + exp(rho |x|)),      positive, even, pushing towards the stop.
+
+Let the floor pass x = 0 with velocity v at time 0, sigma = sign(v). To first order in r along
+the true path the passage adds to the piecewise linear motion, continued to time 0,
+
+    dz = sum_k (-1)^k / k!  (M_-^k m_k^- + M_+^k m_k^+) e,      m_k^+- = int s^k r(x(s)) ds
+
+over the two halves (variation of constants; e is the unit vector of v_i, M_+- the linear field
+before and after). With X = |x| as integration variable ds = dX / w(X), and the speed w follows
+from work and energy along the true path,
+
+    w(X)^2 = v*^2 +- 2 sigma (a X +- j X^2 / (2 |v*|) + R(X)) - [x > 0] beta X^2,
+    R(X) = int_0^X r,   upper signs after, lower before the passage,
+
+a and j being acceleration and jerk without the contact force. At the stop itself
+v*^2 = v^2 + sigma E with E = 2 R(inf) = beta pi^2 / (6 rho^2), v the speed of the linear motion:
+the potential step. All integrals have the weight y / (1 + exp(y)), y = rho X, on [0, inf), for
+which `NODES` and `WEIGHTS` are the Gauss rule. The expansion holds while w^2 stays near v*^2
+inside the layer; `passage_is_fast` asks for that, and everything else is integrated (`layer`).
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.jit import jit
+
+N_NODES = 8
+FAST = 0.6
+"""Largest relative change of w^2 inside the layer for which the closed form is used."""
+
+
+def _gauss_rule(n_nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss rule for the weight y / (1 + exp(y)) on [0, inf), and R at its nodes.
+
+    The recurrence coefficients come from the Stieltjes procedure on a fine discretisation of
+    the weight (Gauss-Legendre panels to y = 90, exact to rounding), the nodes from the Jacobi
+    matrix (Golub and Welsch, Math. Comp. 23 (1969) 221).
+
+    Returns
+    -------
+    nodes, weights, potential : ndarray, shape (n_nodes,)
+        `potential` is rho^2 / beta R(X) at the nodes.
+    """
+    panel, panel_weight = np.polynomial.legendre.leggauss(40)
+    edges = np.linspace(0.0, 90.0, 91)
+    half = 0.5 * np.diff(edges)[:, None]
+    y = (edges[:-1, None] + half * (panel + 1.0)).ravel()
+    measure = (half * panel_weight).ravel() * y / (1.0 + np.exp(y))
+    alpha, beta = np.zeros(n_nodes), np.zeros(n_nodes)
+    previous, current = np.zeros_like(y), np.ones_like(y)
+    norm_before = 1.0
+    for k in range(n_nodes):
+        norm = np.sum(measure * current**2)
+        alpha[k] = np.sum(measure * y * current**2) / norm
+        beta[k] = norm / norm_before if k else norm
+        following = (y - alpha[k]) * current - (beta[k] if k else 0.0) * previous
+        previous, current, norm_before = current, following, norm
+    off = np.sqrt(beta[1:])
+    nodes, vectors = np.linalg.eigh(np.diag(alpha) + np.diag(off, 1) + np.diag(off, -1))
+    weights = beta[0] * vectors[0] ** 2
+    potential = np.empty(n_nodes)
+    for k, node in enumerate(nodes):
+        t = 0.5 * node * (panel + 1.0)
+        potential[k] = 0.5 * node * np.sum(panel_weight * t / (1.0 + np.exp(t)))
+    return nodes, weights, potential
+
+
+NODES, WEIGHTS, POTENTIAL = _gauss_rule(N_NODES)
+FULL_POTENTIAL = math.pi**2 / 12.0
+"""rho^2 / beta R(inf)."""
+
+
+@jit
+def passage_is_fast(v, a, j, beta, rho, layer):
+    """Tell whether the closed form holds for a passage at velocity v (see the module)."""
+    if rho == math.inf:
+        return v != 0.0
+    speed = abs(v)
+    change = (
+        2.0 * abs(a) * layer
+        + abs(j) * layer * layer / speed
+        + beta * layer * layer
+        + 4.0 * FULL_POTENTIAL * beta / (rho * rho)
+    )
+    return change <= FAST * v * v
+
+
+@jit
+def moments(v, a, j, beta, rho):
+    """Integrate s^k r ds, k = 0, 1, 2, over both halves of a fast passage.
+
+    Parameters
+    ----------
+    v : float
+        Velocity of the linear motion at the stop.
+    a, j : float
+        Acceleration and jerk there without the contact force of this floor.
+    beta, rho : float
+
+    Returns
+    -------
+    impulse, first, second_free, second_contact : float
+        m_0 and m_1 of both halves together, m_2 of the half at x < 0 and of that at x > 0.
+    """
+    unit = beta / (rho * rho)
+    sigma = 1.0 if v > 0.0 else -1.0
+    square = v * v + sigma * 2.0 * unit * FULL_POTENTIAL
+    speed = math.sqrt(square)
+    impulse = 0.0
+    first = 0.0
+    before_second = 0.0
+    after_second = 0.0
+    before_contact = 0.0 if v > 0.0 else beta
+    after_contact = beta - before_contact
+    for k in range(N_NODES):
+        distance = NODES[k] / rho
+        work = 2.0 * sigma * (a * distance + unit * POTENTIAL[k])
+        bend = sigma * j * distance * distance / speed
+        spring = distance * distance
+        w_before = math.sqrt(square - work + bend - before_contact * spring)
+        w_after = math.sqrt(square + work + bend - after_contact * spring)
+        t_before = 2.0 * distance / (speed + w_before)
+        t_after = 2.0 * distance / (speed + w_after)
+        share_before = unit * WEIGHTS[k] / w_before
+        share_after = unit * WEIGHTS[k] / w_after
+        impulse += share_before + share_after
+        first += share_after * t_after - share_before * t_before
+        before_second += share_before * t_before * t_before
+        after_second += share_after * t_after * t_after
+    if v > 0.0:
+        return impulse, first, before_second, after_second
+    return impulse, first, after_second, before_second

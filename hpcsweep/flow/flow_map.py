@@ -1,0 +1,187 @@
+"""The solver `flow`: the kernels of this package behind the interface of `hpcsweep.solver`."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from hpcsweep.flow.metrics import empty_tally
+from hpcsweep.flow.period import Work, empty_work, march_period
+from hpcsweep.flow.tables import Model, empty_tables
+from hpcsweep.jit import jit
+from hpcsweep.observation import Advance, Observation
+from hpcsweep.outcome import Outcome
+from hpcsweep.structure import Structure
+
+MAX_STEPS = 2_000_000
+"""Cap of steps in one forcing period."""
+NEGLIGIBLE_FORCE = 1e-13
+"""Contact force (gaps omega_0^2) at the edge of the layer that is neglected outside it."""
+
+
+def layer_half_width(beta: float, rho: float) -> float:
+    """Choose the half-width of the contact layer, in gaps.
+
+    Outside it the neglected force r = beta/rho y exp(-y), y = rho |u - 1|, is below
+    `NEGLIGIBLE_FORCE`.
+    """
+    if rho == math.inf or beta == 0.0:
+        return 0.0
+    if rho == 0.0:
+        return math.inf
+    y = 20.0
+    for _ in range(50):
+        y = max(20.0, math.log(beta / rho * y / NEGLIGIBLE_FORCE))
+    return y / rho
+
+
+@jit
+def march(z, amplitude, n_periods, model, tables, tolerance, max_steps, tally, observing, work,
+          points, previous, stop_below):
+    """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_periods, 2n) or (0, 2n)
+        Receives z(T), z(2T), ...; not written if empty.
+    previous : ndarray, shape (2n,)
+        Room.
+    stop_below : float
+        Stop early once the state moved by no more than this over a period, three times in a row.
+
+    Returns
+    -------
+    n_done : int
+    outcome : int
+    """
+    still = 0
+    for period in range(n_periods):
+        for k in range(z.shape[0]):
+            previous[k] = z[k]
+        outcome = march_period(
+            z, amplitude, model, tables, tolerance, max_steps, tally, observing, work
+        )
+        if outcome != 1:
+            for k in range(z.shape[0]):
+                z[k] = previous[k]
+            return period, outcome
+        moved = 0.0
+        for k in range(z.shape[0]):
+            moved = max(moved, abs(z[k] - previous[k]))
+        if points.shape[0] > 0:
+            for k in range(z.shape[0]):
+                points[period, k] = z[k]
+        still = still + 1 if moved <= stop_below else 0
+        if still == 3:
+            return period + 1, 1
+    return n_periods, 1
+
+
+class FlowMap:
+    """Advance states of one structure at one frequency by the exact flow.
+
+    Parameters
+    ----------
+    structure : Structure
+    omega : float
+        Forcing frequency Omega.
+    rtol : float
+        Relative error asked of a period; sets the tolerance inside the layers. The linear
+        motion and the fast passages are exact to about 1e-12 whatever is asked.
+    """
+
+    def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
+        self.structure = structure
+        self.omega = float(omega)
+        self.rtol = float(rtol)
+        beta, rho = structure.stiffness_ratio, structure.sharpness
+        layer = layer_half_width(beta, rho)
+        self._model = Model(
+            stiffness=structure.stiffness_matrix.copy(),
+            damping=np.ascontiguousarray(structure.damping_matrix),
+            shapes=np.ascontiguousarray(structure.mode_shapes),
+            beta=beta,
+            rho=rho,
+            omega=self.omega,
+            layer=layer,
+            everything_is_layer=layer >= 0.5,
+        )
+        self._tables = empty_tables(structure)
+        self._work: Work = empty_work(structure.n_floors)
+        self._tolerance = min(1e-3 * self.rtol, 1e-9)
+        self._silent = empty_tally(structure.n_floors)
+        self._no_points = np.empty((0, 2 * structure.n_floors))
+        self._previous = np.empty(2 * structure.n_floors)
+
+    def advance(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        tol: float = -1.0,
+        poll: Callable[[], None] | None = None,
+    ) -> Advance:
+        """Integrate `n_periods` forcing periods from tau = 0 (mod T).
+
+        Parameters
+        ----------
+        state : ndarray, shape (2n,)
+        amplitude : float
+            A.
+        n_periods : int
+        tol : float
+            Stop early once the state moves by no more than this over a period, three times in
+            a row; negative: never.
+        poll : callable, optional
+            Called once before the work.
+        """
+        if poll is not None:
+            poll()
+        z = np.array(state, dtype=float)
+        done, outcome = self._march(z, amplitude, n_periods, self._silent, False,
+                                    self._no_points, tol)
+        return Advance(z, done, Outcome(outcome))
+
+    def points(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        poll: Callable[[], None] | None = None,
+    ) -> tuple[np.ndarray, Outcome]:
+        """Return the stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n)."""
+        if poll is not None:
+            poll()
+        points = np.empty((n_periods, len(state)))
+        z = np.array(state, dtype=float)
+        done, outcome = self._march(z, amplitude, n_periods, self._silent, False, points, -1.0)
+        return points[:done], Outcome(outcome)
+
+    def observe(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        modal_norm: bool = False,
+        poll: Callable[[], None] | None = None,
+    ) -> Observation:
+        """Integrate `n_periods` and gather points, contact set, drift and modal norms."""
+        if poll is not None:
+            poll()
+        n = self.structure.n_floors
+        points = np.empty((n_periods, 2 * n))
+        z = np.array(state, dtype=float)
+        tally = empty_tally(n, drift=True, modal_norm=modal_norm)
+        done, outcome = self._march(z, amplitude, n_periods, tally, True, points, -1.0)
+        free = tally.free_time[0]
+        norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
+        return Observation(
+            points[:done], int(tally.contact[0]), float(tally.peak_drift[0]), norms,
+            Outcome(outcome),
+        )
+
+    def _march(self, z, amplitude, n_periods, tally, observing, points, tol):
+        return march(
+            z, float(amplitude), n_periods, self._model, self._tables, self._tolerance,
+            MAX_STEPS, tally, observing, self._work, points, self._previous, float(tol),
+        )

@@ -1,0 +1,291 @@
+"""Maxima and means over continuous time, gathered along the motion.
+
+On a linear segment all components are polynomials of the step (`tables`), on a step inside a
+layer the stage values are at hand (`layer`). Drift is looked for only where the Hermite bound of
+`search` allows more than the largest drift so far; modal norms are integrated by Gauss-Legendre
+panels that end where a modal coordinate changes sign, the kinks of |q_j|.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.flow import layer as layer_module
+from hpcsweep.flow.search import may_reach, row_polynomial, value_and_slope
+from hpcsweep.flow.tables import N_COEFFICIENTS
+from hpcsweep.jit import jit
+
+SAME_PEAK = 1e-11
+"""Relative excess over the largest drift so far that is not looked for."""
+PEAK_DEPTH = 5
+N_PANELS = 4
+"""Panels a step (theta <= 0.6 each) of the modal norms."""
+PANEL_NODES, PANEL_WEIGHTS = np.polynomial.legendre.leggauss(6)
+STAGE_WEIGHTS = layer_module.WEIGHTS
+N_STAGES = layer_module.N_STAGES
+
+
+class Tally(NamedTuple):
+    """What is gathered over a window, and what is asked for."""
+
+    contact: np.ndarray
+    """(1,) uint64: bit i - 1 is set once u_i >= 1."""
+    peak_drift: np.ndarray
+    """(1,)"""
+    free_time: np.ndarray
+    """(1,): time in which no floor touched."""
+    modal: np.ndarray
+    """(n,): integral of |q_j| / ||q|| over that time."""
+    counts: np.ndarray
+    """(4,) int64: linear steps, fast passages, layer steps, layer visits."""
+    drift: bool
+    modal_norm: bool
+
+
+def empty_tally(n: int, drift: bool = False, modal_norm: bool = False) -> Tally:
+    """Make a tally for n floors."""
+    return Tally(
+        np.zeros(1, np.uint64),
+        np.zeros(1),
+        np.zeros(1),
+        np.zeros(n),
+        np.zeros(4, np.int64),
+        drift,
+        modal_norm,
+    )
+
+
+@jit
+def drift_on_segment(index, x, z_end, s, tables, tally, work):
+    """Update the largest drift over the first `s` of a linear step from x to state z_end."""
+    n = tally.modal.shape[0]
+    h = tables.h[index]
+    for i in range(n):
+        below = i - 1
+        d0, d1 = x[i], z_end[i]
+        v0, v1 = x[n + i], z_end[n + i]
+        if i > 0:
+            d0, v0 = d0 - x[below], v0 - x[n + below]
+            d1, v1 = d1 - z_end[below], v1 - z_end[n + below]
+        peak = max(tally.peak_drift[0], max(abs(d0), abs(d1)))
+        tally.peak_drift[0] = peak
+        bound4 = 0.0
+        for k in range(x.shape[0]):
+            row = tables.bound4[index, i, k]
+            if i > 0:
+                row += tables.bound4[index, below, k]
+            bound4 += row * abs(x[k])
+        peak *= 1.0 + SAME_PEAK
+        if may_reach(s, d0 - peak, v0, d1 - peak, v1, bound4) or may_reach(
+            s, -d0 - peak, -v0, -d1 - peak, -v1, bound4
+        ):
+            row_polynomial(tables.poly[index, i], x, work.row)
+            if i > 0:
+                row_polynomial(tables.poly[index, below], x, work.other_row)
+                for p in range(N_COEFFICIENTS):
+                    work.row[p] -= work.other_row[p]
+            _search_peak(work.row, h, s, bound4, tally)
+
+
+@jit
+def _search_peak(coefficients, h, s, bound4, tally):
+    """Update the largest drift with the extrema of one polynomial on [0, s]."""
+    parts = 1 << PEAK_DEPTH
+    d = s / parts
+    g0, slope0 = value_and_slope(coefficients, h, 0.0)
+    for part in range(parts):
+        g1, slope1 = value_and_slope(coefficients, h, (part + 1) * d)
+        peak = tally.peak_drift[0] * (1.0 + SAME_PEAK)
+        if slope0 * slope1 < 0.0 and (
+            may_reach(d, g0 - peak, slope0, g1 - peak, slope1, bound4)
+            or may_reach(d, -g0 - peak, -slope0, -g1 - peak, -slope1, bound4)
+        ):
+            a, b, fa, fb = part * d, (part + 1) * d, slope0, slope1
+            value = g0
+            for _ in range(60):
+                middle = b - fb * (b - a) / (fb - fa)
+                value, slope = value_and_slope(coefficients, h, middle)
+                if slope * fb > 0.0:
+                    b, fb = middle, slope
+                    fa *= 0.5
+                else:
+                    a, fa = middle, slope
+                    fb *= 0.5
+                if abs(slope) * d < 1e-13 * abs(value) or slope == 0.0 or b - a < 1e-9 * d:
+                    break
+            tally.peak_drift[0] = max(tally.peak_drift[0], abs(value))
+        tally.peak_drift[0] = max(tally.peak_drift[0], abs(g1))
+        g0, slope0 = g1, slope1
+
+
+@jit
+def modal_norm_on_segment(index, x, s, model, tables, tally, work):
+    """Add the modal norms over the first `s` of a free step that starts at x."""
+    n = tally.modal.shape[0]
+    h = tables.h[index]
+    for i in range(n):
+        row_polynomial(tables.poly[index, i], x, work.rows[i])
+    for j in range(n):
+        for p in range(N_COEFFICIENTS):
+            total = 0.0
+            for i in range(n):
+                total += model.shapes[i, j] * work.rows[i, p]
+            work.modal_rows[j, p] = total
+    panel = h / N_PANELS
+    start = 0.0
+    while start < s:
+        end = min(start + panel, s)
+        if s - end < 1e-3 * panel:
+            end = s
+        # ends of the panel's smooth parts: sign changes of the modal coordinates, sorted
+        n_breaks = 0
+        for j in range(n):
+            qa, _ = value_and_slope(work.modal_rows[j], h, start)
+            qb, _ = value_and_slope(work.modal_rows[j], h, end)
+            if qa * qb < 0.0:
+                zero = _zero_between(work.modal_rows[j], h, start, qa, end, qb)
+                k = n_breaks
+                while k > 0 and work.breaks[k - 1] > zero:
+                    work.breaks[k] = work.breaks[k - 1]
+                    k -= 1
+                work.breaks[k] = zero
+                n_breaks += 1
+        work.breaks[n_breaks] = end
+        left = start
+        for k in range(n_breaks + 1):
+            right = work.breaks[k]
+            _add_smooth_part(left, right, h, tally, work)
+            left = right
+        start = end
+    tally.free_time[0] += s
+
+
+@jit
+def _zero_between(coefficients, h, a, fa, b, fb):
+    """Find a zero between a and b where the signs differ (Illinois method)."""
+    middle = a
+    for _ in range(60):
+        middle = b - fb * (b - a) / (fb - fa)
+        value, _ = value_and_slope(coefficients, h, middle)
+        if value * fb > 0.0:
+            b, fb = middle, value
+            fa *= 0.5
+        else:
+            a, fa = middle, value
+            fb *= 0.5
+        if value == 0.0 or b - a < 1e-12 * h:
+            break
+    return middle
+
+
+@jit
+def _add_smooth_part(left, right, h, tally, work):
+    """Integrate |q_j| / ||q|| over one smooth part of a panel."""
+    n = tally.modal.shape[0]
+    half = 0.5 * (right - left)
+    if half <= 0.0:
+        return
+    for node in range(PANEL_NODES.shape[0]):
+        s = left + half * (PANEL_NODES[node] + 1.0)
+        square = 0.0
+        for j in range(n):
+            q, _ = value_and_slope(work.modal_rows[j], h, s)
+            work.modal_values[j] = abs(q)
+            square += q * q
+        if square > 0.0:
+            factor = half * PANEL_WEIGHTS[node] / math.sqrt(square)
+            for j in range(n):
+                tally.modal[j] += factor * work.modal_values[j]
+
+
+@jit
+def observe_layer_step(h, z0, z1, model, tally, work):
+    """Update contact, drift and modal norms with one step inside a layer.
+
+    Maxima are taken over the ends and the stages, and, where the velocity changes sign between
+    two neighbours, at the vertex of the cubic Hermite interpolant through them; the error is
+    h^4 / 384 |u''''| of the short distance between stages.
+    """
+    n = tally.modal.shape[0]
+    touching = False
+    for i in range(n):
+        highest = _highest(h, z0[i], z0[n + i], z1[i], z1[n + i], work.u[i], work.v[i])
+        if highest >= 1.0:
+            tally.contact[0] |= np.uint64(1) << np.uint64(i)
+            touching = True
+    if tally.drift:
+        for i in range(n):
+            below = i - 1
+            for k in range(N_STAGES):
+                work.stage_u[k] = work.u[i, k] - (work.u[below, k] if i > 0 else 0.0)
+                work.stage_v[k] = work.v[i, k] - (work.v[below, k] if i > 0 else 0.0)
+            d0 = z0[i] - (z0[below] if i > 0 else 0.0)
+            v0 = z0[n + i] - (z0[n + below] if i > 0 else 0.0)
+            d1 = z1[i] - (z1[below] if i > 0 else 0.0)
+            v1 = z1[n + i] - (z1[n + below] if i > 0 else 0.0)
+            peak = _highest(h, d0, v0, d1, v1, work.stage_u, work.stage_v)
+            for k in range(N_STAGES):
+                work.stage_u[k] = -work.stage_u[k]
+                work.stage_v[k] = -work.stage_v[k]
+            peak = max(peak, _highest(h, -d0, -v0, -d1, -v1, work.stage_u, work.stage_v))
+            tally.peak_drift[0] = max(tally.peak_drift[0], peak)
+    if tally.modal_norm:
+        share = _free_share(z0, z1, n) if touching else 1.0
+        if share > 0.0:
+            tally.free_time[0] += share * h
+            for k in range(N_STAGES):
+                square = 0.0
+                for j in range(n):
+                    q = 0.0
+                    for i in range(n):
+                        q += model.shapes[i, j] * work.u[i, k]
+                    work.modal_values[j] = abs(q)
+                    square += q * q
+                if square > 0.0:
+                    for j in range(n):
+                        tally.modal[j] += (
+                            share * h * STAGE_WEIGHTS[k] * work.modal_values[j] / math.sqrt(square)
+                        )
+
+
+@jit
+def _free_share(z0, z1, n):
+    """Share of a step in which no floor touches, where one begins or ends touching in it."""
+    share = 1.0
+    for i in range(n):
+        x0 = z0[i] - 1.0
+        x1 = z1[i] - 1.0
+        if x0 >= 0.0 and x1 >= 0.0:
+            return 0.0
+        if x0 < 0.0 <= x1:
+            share = min(share, x0 / (x0 - x1))
+        elif x1 < 0.0 <= x0:
+            share = min(share, x1 / (x1 - x0))
+    return share
+
+
+@jit
+def _highest(h, u0, v0, u1, v1, stage_u, stage_v):
+    """Largest value of one component over a layer step, from ends and stages."""
+    highest = max(u0, u1)
+    left_s, left_u, left_v = 0.0, u0, v0
+    for k in range(N_STAGES + 1):
+        if k < N_STAGES:
+            right_s, right_u, right_v = layer_module.NODES[k], stage_u[k], stage_v[k]
+        else:
+            right_s, right_u, right_v = 1.0, u1, v1
+        highest = max(highest, right_u)
+        if left_v > 0.0 > right_v:
+            d = (right_s - left_s) * h
+            t = left_v / (left_v - right_v)
+            rest = 1.0 - t
+            top = (
+                left_u * (1.0 + 2.0 * t) * rest * rest
+                + d * left_v * t * rest * rest
+                + right_u * t * t * (3.0 - 2.0 * t)
+                - d * right_v * t * t * rest
+            )
+            highest = max(highest, top)
+        left_s, left_u, left_v = right_s, right_u, right_v
+    return highest

@@ -1,0 +1,168 @@
+"""First passage of a floor through a level, with a proof where there is none.
+
+On an interval of length d let g be the distance past the level, g < 0 before it, and H the
+cubic Hermite interpolant of g through values and slopes at both ends. Then
+
+    |g - H| <= d^4 / 384 max|g''''|,       |g' - H'| <= sqrt(3)/216 d^3 max|g''''|
+
+(Birkhoff and Priver, J. Math. Phys. 46 (1967) 440), and H lies below the largest of its
+Bernstein coefficients g_0, g_0 + d g_0'/3, g_1 - d g_1'/3, g_1. If that plus the error is
+negative, g has no root: the floor cannot have reached the level, however short the contact.
+Otherwise the interval is halved, the left half first, until either every part is cleared, or a
+part has exactly one root because the slope, bounded likewise from below, is positive there.
+"""
+
+from hpcsweep.flow.tables import N_COEFFICIENTS
+from hpcsweep.jit import jit
+
+HERMITE_VALUE = 1.0 / 384.0
+HERMITE_SLOPE = 0.00802
+"""sqrt(3) / 216, rounded up."""
+LEAST_ADVANCE = 1e-9
+"""Part of a step after which a floor that starts at the level, leaving it, is looked at again."""
+MAX_DEPTH = 48
+"""Halvings; below h 2^-48 a tangency is within rounding of the level."""
+
+
+@jit
+def row_polynomial(table, x, out):
+    """Write the coefficients of one component along the step into `out`.
+
+    Parameters
+    ----------
+    table : ndarray, shape (N, N_COEFFICIENTS)
+        ``poly[index, row]`` of `Tables`.
+    x : ndarray, shape (N,)
+        Augmented state at the start of the step.
+    out : ndarray, shape (N_COEFFICIENTS,)
+    """
+    for p in range(N_COEFFICIENTS):
+        out[p] = 0.0
+    for k in range(x.shape[0]):
+        factor = x[k]
+        for p in range(N_COEFFICIENTS):
+            out[p] += table[k, p] * factor
+
+
+@jit
+def value_and_slope(coefficients, h, s):
+    """Evaluate a step's polynomial and its time derivative at time s of the step."""
+    sigma = 2.0 * s / h - 1.0
+    value = coefficients[N_COEFFICIENTS - 1]
+    slope = 0.0
+    for p in range(N_COEFFICIENTS - 2, -1, -1):
+        slope = slope * sigma + value
+        value = value * sigma + coefficients[p]
+    return value, slope * (2.0 / h)
+
+
+@jit
+def may_reach(d, g0, slope0, g1, slope1, bound4):
+    """Tell whether g may reach 0 on an interval of length d; False is proved."""
+    top = max(max(g0, g1), max(g0 + d * slope0 / 3.0, g1 - d * slope1 / 3.0))
+    return top + HERMITE_VALUE * d**4 * bound4 >= 0.0
+
+
+@jit
+def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
+    """Tell whether g' > 0 on the whole interval; True is proved."""
+    middle = 3.0 * (g1 - g0) / d - slope0 - slope1
+    lowest = min(min(slope0, slope1), middle)
+    return lowest - HERMITE_SLOPE * d**3 * bound4 > 0.0
+
+
+@jit
+def first_passage(coefficients, h, start, end, level, sign, bound4, stack):
+    """Find the first time in [start, end] at which sign (u - level) reaches 0 from below.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (N_COEFFICIENTS,)
+        u along the step.
+    h, start, end : float
+        Length of the step; part of it that is searched.
+    level, sign : float
+        g = sign (u - level).
+    bound4 : float
+        Bound of |u''''| on the step.
+    stack : ndarray, shape (MAX_DEPTH + 2, 3)
+        Room for right ends.
+
+    Returns
+    -------
+    float
+        The time, or -1 if there is none. If g > 0 at `start` and is falling (the floor is just
+        leaving its layer) the search begins where g has become negative; if it is rising,
+        `start` is returned.
+    """
+    a = start
+    value, slope = value_and_slope(coefficients, h, a)
+    ga = sign * (value - level)
+    da = sign * slope
+    if ga >= 0.0:
+        if da >= 0.0:
+            return a
+        for _ in range(60):
+            a += max(-1.02 * ga / da, LEAST_ADVANCE * h)
+            if a >= end:
+                return -1.0
+            value, slope = value_and_slope(coefficients, h, a)
+            ga = sign * (value - level)
+            da = sign * slope
+            if ga < 0.0:
+                break
+            if da >= 0.0:
+                return a
+        if ga >= 0.0:
+            return a
+    value, slope = value_and_slope(coefficients, h, end)
+    depth = 0
+    stack[0, 0] = end
+    stack[0, 1] = sign * (value - level)
+    stack[0, 2] = sign * slope
+    while depth >= 0:
+        b = stack[depth, 0]
+        gb = stack[depth, 1]
+        db = stack[depth, 2]
+        d = b - a
+        if not may_reach(d, ga, da, gb, db, bound4):
+            a, ga, da = b, gb, db
+            depth -= 1
+            continue
+        if gb >= 0.0 and _rises_throughout(d, ga, da, gb, db, bound4):
+            return _root(coefficients, h, a, ga, b, gb, level, sign)
+        if depth >= MAX_DEPTH:
+            if gb >= 0.0:
+                return b
+            a, ga, da = b, gb, db
+            depth -= 1
+            continue
+        middle = 0.5 * (a + b)
+        value, slope = value_and_slope(coefficients, h, middle)
+        depth += 1
+        stack[depth, 0] = middle
+        stack[depth, 1] = sign * (value - level)
+        stack[depth, 2] = sign * slope
+    return -1.0
+
+
+@jit
+def _root(coefficients, h, a, ga, b, gb, level, sign):
+    """Newton's method, kept inside [a, b], for the one root of a rising g."""
+    s = a - ga * (b - a) / (gb - ga)
+    for _ in range(60):
+        value, slope = value_and_slope(coefficients, h, s)
+        g = sign * (value - level)
+        if g < 0.0:
+            a = s
+        else:
+            b = s
+        slope *= sign
+        step = -g / slope if slope > 0.0 else 0.0
+        following = s + step
+        if not a < following < b:
+            following = 0.5 * (a + b)
+        if abs(following - s) <= 4e-16 * h:
+            return following
+        s = following
+    return s

@@ -17,6 +17,8 @@ MAX_STEPS = 2_000_000
 """Cap of steps in one forcing period."""
 NEGLIGIBLE_FORCE = 1e-13
 """Contact force (gaps omega_0^2) at the edge of the layer that is neglected outside it."""
+ROUNDING = 2e-14
+"""Points closer than this (relative) are the same to rounding."""
 
 
 def layer_half_width(beta: float, rho: float) -> float:
@@ -75,6 +77,67 @@ def march(z, amplitude, n_periods, model, tables, tolerance, max_steps, tally, o
         if still == 3:
             return period + 1, 1
     return n_periods, 1
+
+
+@jit
+def settle(z, amplitude, n_periods, max_period, settled, same, model, tables, tolerance, max_steps,
+           tally, work, history, distance):
+    """Advance z until its orbit has closed on itself, for at most `n_periods`.
+
+    Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and
+    distance e r / (1 - r) to go with r = e_k / e_(k-p), once that is at most `settled` at every
+    point of two orbits in a row. An orbit that closes after p also closes after multiples of p,
+    and may be seen to do so earlier: the answer is the smallest divisor of p for which the last
+    two points are the `same`.
+
+    Parameters
+    ----------
+    history : ndarray, shape (max_period + 1, 2n)
+        Room: the last points, cyclic.
+    distance : ndarray, shape (max_period + 1, max_period + 1)
+        Room: the last e_k of every p, cyclic.
+
+    Returns
+    -------
+    n_done, period, outcome : int
+        `period` is 0 if the orbit has not closed.
+    """
+    size = z.shape[0]
+    ring = max_period + 1
+    for k in range(size):
+        history[0, k] = z[k]
+    close = np.zeros(ring, np.int64)
+    for period in range(1, n_periods + 1):
+        outcome = march_period(
+            z, amplitude, model, tables, tolerance, max_steps, tally, False, work
+        )
+        slot = period % ring
+        if outcome != 1:
+            for k in range(size):
+                z[k] = history[(period - 1) % ring, k]
+            return period - 1, 0, outcome
+        for k in range(size):
+            history[slot, k] = z[k]
+        for p in range(1, min(max_period, period) + 1):
+            past = (period - p) % ring
+            e = 0.0
+            for k in range(size):
+                e = max(e, abs(z[k] - history[past, k]))
+            to_go = math.inf
+            if period >= 2 * p:
+                before = distance[p, past]
+                if e <= ROUNDING * (1.0 + np.abs(z).max()):
+                    to_go = 0.0
+                elif e < before:
+                    to_go = e * e / (before - e)
+            distance[p, slot] = e
+            close[p] = close[p] + 1 if to_go <= settled else 0
+            if close[p] >= 2 * p + 1:
+                for divisor in range(1, p):
+                    if p % divisor == 0 and distance[divisor, slot] <= same:
+                        return period, divisor, 1
+                return period, p, 1
+    return n_periods, 0, 1
 
 
 class FlowMap:
@@ -141,6 +204,35 @@ class FlowMap:
         done, outcome = self._march(z, amplitude, n_periods, self._silent, False,
                                     self._no_points, tol)
         return Advance(z, done, Outcome(outcome))
+
+    def settle(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        max_period: int,
+        settled: float,
+        same: float,
+        poll: Callable[[], None] | None = None,
+    ) -> tuple[Advance, int]:
+        """Advance until the orbit has closed on itself, for at most `n_periods`; see `settle`.
+
+        Returns
+        -------
+        advance : Advance
+        period : int
+            Orbit period, 0 if the orbit has not closed.
+        """
+        if poll is not None:
+            poll()
+        z = np.array(state, dtype=float)
+        ring = max_period + 1
+        done, period, outcome = settle(
+            z, float(amplitude), n_periods, max_period, settled, same, self._model, self._tables,
+            self._tolerance, MAX_STEPS, self._silent, self._work,
+            np.empty((ring, z.size)), np.empty((ring, ring)),
+        )
+        return Advance(z, done, Outcome(outcome)), period
 
     def points(
         self,

@@ -1,0 +1,111 @@
+"""The steady state without contact, in closed form, and the proof that it is reached.
+
+Free of contact the modes are uncoupled (12). From a state z the motion is the particular
+solution A Im(U exp(i Omega tau)) plus modal transients whose energy never grows, so that
+
+    u_i(tau) <= |A| |U_i| + sum_j |phi_ij| a_j,    a_j = sqrt(q_j^2 + (q_j' / omega_j)^2) at 0,
+
+q being the transient part. If that stays outside the contact layer for every floor, contact is
+impossible.
+"""
+
+import cmath
+import math
+
+import numpy as np
+from scipy.linalg import expm
+
+from hpcsweep.flow.flow_map import layer_half_width
+from hpcsweep.observation import Observation
+from hpcsweep.outcome import Outcome
+from hpcsweep.settings import SweepSettings
+from hpcsweep.structure import Structure
+
+DECAYED = 1e-10
+"""Largest transient (gaps) left after `transient_cycles` for which the closed form is used."""
+NODES_PER_PART = 48
+"""Gauss-Legendre nodes between two kinks of the modal norms."""
+
+
+class LinearOrbit:
+    """Closed-form period-1 orbit of one structure at one frequency.
+
+    Parameters
+    ----------
+    structure : Structure
+    omega : float
+    """
+
+    def __init__(self, structure: Structure, omega: float):
+        self._structure = structure
+        self._omega = omega
+        phi = structure.mode_shapes
+        self._level = 1.0 - layer_half_width(structure.stiffness_ratio, structure.sharpness)
+        try:
+            self._response = structure.linear_steady_state(omega)
+        except ZeroDivisionError:
+            self._response = None
+            return
+        self._drift = float(np.abs(np.diff(self._response, prepend=0.0)).max())
+        self._modal_norm = _mean_modal_norm(phi.T @ self._response)
+        period = 2 * math.pi / omega
+        self._decay = [
+            expm(period * np.array([[0.0, 1.0], [-(w**2), -2 * zeta * w]]))
+            for w, zeta in zip(structure.frequencies, structure.damping_ratios, strict=True)
+        ]
+
+    def state(self, amplitude: float) -> np.ndarray:
+        """Give the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
+        return amplitude * np.concatenate(
+            (self._response.imag, self._omega * self._response.real)
+        )
+
+    def steady_window(
+        self, state: np.ndarray, amplitude: float, settings: SweepSettings
+    ) -> Observation | None:
+        """Give the steady window of the run from `state`, or None if it is not proved linear.
+
+        Parameters
+        ----------
+        state : ndarray, shape (2n,)
+        amplitude : float
+        settings : SweepSettings
+        """
+        if self._response is None or self._level <= 0:
+            return None
+        n = self._structure.n_floors
+        phi, omega = self._structure.mode_shapes, self._structure.frequencies
+        orbit = self.state(amplitude)
+        rest = state - orbit
+        q, p = phi.T @ rest[:n], phi.T @ rest[n:]
+        reach = abs(amplitude) * np.abs(self._response)
+        reach = reach + np.abs(phi) @ np.sqrt(q**2 + (p / omega) ** 2)
+        if not reach.max() < self._level:
+            return None
+        left = 0.0
+        for j, decay in enumerate(self._decay):
+            final = np.linalg.matrix_power(decay, settings.transient_cycles) @ (q[j], p[j])
+            left += math.hypot(final[0], final[1] / omega[j])
+        if left > DECAYED:
+            return None
+        return Observation(
+            orbit[None, :],
+            0,
+            abs(amplitude) * self._drift,
+            self._modal_norm if amplitude else np.full(n, math.nan),
+            Outcome.COMPLETE,
+        )
+
+
+def _mean_modal_norm(modal: np.ndarray) -> np.ndarray:
+    """Average |q_j| / ||q|| (17) over a period of q = Im(modal exp(i theta)).
+
+    The kinks of |q_j| are at theta = -arg(modal_j); between them the integrand is smooth.
+    """
+    kinks = sorted({(-cmath.phase(value)) % math.pi for value in modal})
+    edges = np.array([*kinks, kinks[0] + math.pi])
+    nodes, weights = np.polynomial.legendre.leggauss(NODES_PER_PART)
+    half = 0.5 * np.diff(edges)[:, None]
+    theta = (edges[:-1, None] + half * (nodes + 1)).ravel()
+    q = np.abs(np.imag(modal[:, None] * np.exp(1j * theta)))
+    return (q / np.linalg.norm(q, axis=0)) @ (half * weights).ravel() / math.pi

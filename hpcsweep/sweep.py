@@ -1,0 +1,197 @@
+"""Amplitude sweep: path-following by the end state of one amplitude as start of the next.
+
+One run is one amplitude: `transient_cycles` forcing periods are discarded, `sampling_cycles`
+more are the steady-state window. Rules that spare periods whose result is known (`skip`):
+
+``linear``
+    If no floor can reach the stop from the present state (`linear.LinearOrbit`, proved), the
+    motion is the free linear one; once its transient has decayed, all results are closed form.
+``converged``
+    The transient ends when the orbit has closed on itself (`FlowMap.settle`): with p the period,
+    e_k the distance between points p periods apart and r = e_k / e_(k-p) their ratio, the
+    distance still to go is e r / (1 - r), which must be below `SETTLED` over two orbits in a
+    row. The window is then one orbit, p forcing periods, which is all it holds.
+
+A run that fails is data: its results are NaN, its outcome says why, and the next run starts from
+the last state that was reached.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from hpcsweep.linear import LinearOrbit
+from hpcsweep.observation import Observation
+from hpcsweep.orbit import orbit_period
+from hpcsweep.outcome import Outcome
+from hpcsweep.settings import SweepSettings
+from hpcsweep.solver import Solver, make_solver
+from hpcsweep.structure import Structure
+
+SETTLED = 1e-10
+"""Largest estimated distance (gaps, gaps omega_0) from the orbit at which a transient ends."""
+
+
+class FrameSweep:
+    """Runs of one frame: a structure at one forcing frequency.
+
+    Parameters
+    ----------
+    structure : Structure
+    omega : float
+    settings : SweepSettings
+    """
+
+    def __init__(self, structure: Structure, omega: float, settings: SweepSettings):
+        self.structure = structure
+        self.settings = settings
+        self.solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
+        self._drift_scale = omega**2
+        self._linear = LinearOrbit(structure, omega) if "linear" in settings.skip else None
+        self.skipped = dict.fromkeys(settings.skip, 0)
+
+    def block(
+        self,
+        amplitudes: Sequence[float],
+        state: np.ndarray,
+        poll: Callable[[], None] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Run consecutive amplitudes; see `sweep_block`."""
+        n = self.structure.n_floors
+        result = empty_block(n, len(amplitudes), self.settings)
+        z = np.array(state, dtype=float)
+        for index, amplitude in enumerate(amplitudes):
+            if poll is not None:
+                poll()
+            z = self._run(float(amplitude), z, result, index, poll)
+        return result
+
+    def _run(self, amplitude, z, result, index, poll):
+        """Do one run into row `index` of `result`; return the state the next one starts from."""
+        settings = self.settings
+        row = {name: array[index] for name, array in result.items() if array.ndim > 1}
+        if self._linear is not None:
+            closed = self._linear.steady_window(z, amplitude, settings)
+            if closed is not None:
+                self.skipped["linear"] += 1
+                self._store(result, row, index, amplitude, closed, 1, 0)
+                return closed.points[-1].copy()
+        cycles = 0
+        period = 0
+        if "converged" in settings.skip and hasattr(self.solver, "settle"):
+            settled, period = self.solver.settle(
+                z,
+                amplitude,
+                settings.transient_cycles,
+                settings.max_orbit_period,
+                SETTLED,
+                settings.period_tolerance,
+                poll,
+            )
+            transient = settled
+        else:
+            transient = self.solver.advance(z, amplitude, settings.transient_cycles, poll=poll)
+        cycles += transient.n_periods
+        z = transient.state
+        if transient.outcome is not Outcome.COMPLETE:
+            return self._store_failure(result, row, index, z, cycles, transient.outcome)
+        window = period or settings.sampling_cycles
+        if period:
+            self.skipped["converged"] += 1
+        seen = self.solver.observe(
+            z, amplitude, window, "modal_norm" in settings.metrics, poll=poll
+        )
+        cycles += len(seen.points)
+        if seen.outcome is not Outcome.COMPLETE:
+            z = seen.points[-1].copy() if len(seen.points) else z
+            return self._store_failure(result, row, index, z, cycles, seen.outcome)
+        if not period:
+            period = orbit_period(
+                seen.points, settings.max_orbit_period, settings.period_tolerance
+            )
+        self._store(result, row, index, amplitude, seen, period, cycles)
+        return seen.points[-1].copy()
+
+    def _store(self, result, row, index, amplitude, seen: Observation, period, cycles):
+        result["orbit_period"][index] = period
+        result["cycles"][index] = cycles
+        result["outcome"][index] = seen.outcome
+        row["final_state"][:] = seen.points[-1]
+        if "poincare" in result:
+            n_points = min(period or len(seen.points), row["poincare"].shape[0])
+            row["poincare"][:n_points] = seen.points[-n_points:]
+            result["n_points"][index] = n_points
+        if "contact" in result:
+            result["contact"][index] = seen.contact
+        if "drift" in result:
+            scale = self._drift_scale / abs(amplitude) if amplitude else math.nan
+            result["drift"][index] = seen.peak_drift * scale
+        if "modal_norm" in result:
+            row["modal_norm"][:] = seen.modal_norm
+
+    def _store_failure(self, result, row, index, z, cycles, outcome):
+        result["cycles"][index] = cycles
+        result["outcome"][index] = outcome
+        row["final_state"][:] = z
+        return z
+
+
+def empty_block(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:
+    """Allocate the results of `n_runs` runs, as for runs that all failed.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The variables that `settings.metrics` asks for, first axis the run.
+    """
+    nan = math.nan
+    arrays = {
+        "orbit_period": np.zeros(n_runs, np.int32),
+        "final_state": np.full((n_runs, 2 * n), nan),
+        "cycles": np.zeros(n_runs, np.int32),
+        "outcome": np.zeros(n_runs, np.int8),
+    }
+    if "poincare" in settings.metrics:
+        arrays["poincare"] = np.full((n_runs, settings.sampling_cycles, 2 * n), nan)
+        arrays["n_points"] = np.zeros(n_runs, np.int32)
+    if "contact" in settings.metrics:
+        arrays["contact"] = np.zeros(n_runs, np.uint64)
+    if "drift" in settings.metrics:
+        arrays["drift"] = np.full(n_runs, nan)
+    if "modal_norm" in settings.metrics:
+        arrays["modal_norm"] = np.full((n_runs, n), nan)
+    if "lyapunov" in settings.metrics:
+        arrays["lyapunov"] = np.full(n_runs, nan)
+    return arrays
+
+
+def sweep_block(
+    structure: Structure,
+    omega: float,
+    amplitudes: Sequence[float],
+    state: np.ndarray,
+    settings: SweepSettings,
+    poll: Callable[[], None] | None = None,
+) -> dict[str, np.ndarray]:
+    """Run consecutive amplitudes of one sweep at one frequency.
+
+    Parameters
+    ----------
+    structure : Structure
+    omega : float
+    amplitudes : sequence of k floats
+        In the order in which they are followed.
+    state : ndarray, shape (2n,)
+        State at tau = 0 of the first run.
+    settings : SweepSettings
+    poll : callable, optional
+        Called before each run, by `bdf` in each forcing period; may raise to leave.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The file's variables, first axis the k runs. The next block starts from
+        ``final_state[-1]``, and gives exactly what one long block would have given.
+    """
+    return FrameSweep(structure, omega, settings).block(amplitudes, state, poll)

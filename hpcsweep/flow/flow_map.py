@@ -19,6 +19,7 @@ NEGLIGIBLE_FORCE = 1e-13
 """Contact force (gaps omega_0^2) at the edge of the layer that is neglected outside it."""
 ROUNDING = 2e-14
 """Points closer than this (relative) are the same to rounding."""
+NO_TANGENT = np.empty((0, 0))
 
 
 def layer_half_width(beta: float, rho: float) -> float:
@@ -39,7 +40,7 @@ def layer_half_width(beta: float, rho: float) -> float:
 
 @jit
 def march(z, amplitude, n_periods, model, tables, tolerance, max_steps, tally, observing, work,
-          points, previous, stop_below):
+          points, previous, stop_below, tangent):
     """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
 
     Parameters
@@ -61,7 +62,8 @@ def march(z, amplitude, n_periods, model, tables, tolerance, max_steps, tally, o
         for k in range(z.shape[0]):
             previous[k] = z[k]
         outcome = march_period(
-            z, amplitude, model, tables, tolerance, max_steps, tally, observing, work
+            z, amplitude, model, tables, tolerance, max_steps, tally, observing, work,
+            tangent,
         )
         if outcome != 1:
             for k in range(z.shape[0]):
@@ -102,6 +104,7 @@ def settle(z, amplitude, n_periods, max_period, settled, same, model, tables, to
     n_done, period, outcome : int
         `period` is 0 if the orbit has not closed.
     """
+    no_tangent = np.empty((0, 0))
     size = z.shape[0]
     ring = max_period + 1
     for k in range(size):
@@ -109,7 +112,8 @@ def settle(z, amplitude, n_periods, max_period, settled, same, model, tables, to
     close = np.zeros(ring, np.int64)
     for period in range(1, n_periods + 1):
         outcome = march_period(
-            z, amplitude, model, tables, tolerance, max_steps, tally, False, work
+            z, amplitude, model, tables, tolerance, max_steps, tally, False, work,
+            no_tangent,
         )
         slot = period % ring
         if outcome != 1:
@@ -167,7 +171,6 @@ class FlowMap:
             rho=rho,
             omega=self.omega,
             layer=layer,
-            everything_is_layer=layer >= 0.5,
         )
         self._tables = empty_tables(structure)
         self._work: Work = empty_work(structure.n_floors)
@@ -272,8 +275,34 @@ class FlowMap:
             Outcome(outcome),
         )
 
-    def _march(self, z, amplitude, n_periods, tally, observing, points, tol):
+    def monodromy(
+        self, state: np.ndarray, amplitude: float, n_periods: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Integrate `n_periods` with the tangent map.
+
+        Returns
+        -------
+        state : ndarray, shape (2n,)
+        matrix : ndarray, shape (2n, 2n)
+            d z(n_periods T) / d z(0).
+
+        Raises
+        ------
+        ArithmeticError
+            If the solver fails.
+        """
+        z = np.array(state, dtype=float)
+        tangent = np.eye(z.size)
+        done, outcome = self._march(
+            z, amplitude, n_periods, self._silent, False, self._no_points, -1.0, tangent
+        )
+        if outcome != Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {done + 1}")
+        return z, tangent
+
+    def _march(self, z, amplitude, n_periods, tally, observing, points, tol, tangent=NO_TANGENT):
         return march(
             z, float(amplitude), n_periods, self._model, self._tables, self._tolerance,
             MAX_STEPS, tally, observing, self._work, points, self._previous, float(tol),
+            tangent,
         )

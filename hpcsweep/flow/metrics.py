@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.flow import layer as layer_module
-from hpcsweep.flow.search import may_reach, row_polynomial, value_and_slope
+from hpcsweep.flow.search import expand_rows, may_reach, value_and_slope
 from hpcsweep.flow.tables import N_COEFFICIENTS
 from hpcsweep.jit import jit
 
@@ -80,22 +80,22 @@ def drift_on_segment(index, x, z_end, s, tables, tally, work):
         if may_reach(s, d0 - peak, v0, d1 - peak, v1, bound4) or may_reach(
             s, -d0 - peak, -v0, -d1 - peak, -v1, bound4
         ):
-            row_polynomial(tables.poly[index, i], x, work.row)
-            if i > 0:
-                row_polynomial(tables.poly[index, below], x, work.other_row)
-                for p in range(N_COEFFICIENTS):
-                    work.row[p] -= work.other_row[p]
-            _search_peak(work.row, h, s, bound4, tally)
+            expand_rows(tables.poly, index, x, work.rows, work.expanded)
+            for p in range(N_COEFFICIENTS):
+                work.drift_rows[0, p] = work.rows[i, p]
+                if i > 0:
+                    work.drift_rows[0, p] -= work.rows[below, p]
+            _search_peak(work.drift_rows, h, s, bound4, tally)
 
 
 @jit
-def _search_peak(coefficients, h, s, bound4, tally):
+def _search_peak(rows, h, s, bound4, tally):
     """Update the largest drift with the extrema of one polynomial on [0, s]."""
     parts = 1 << PEAK_DEPTH
     d = s / parts
-    g0, slope0 = value_and_slope(coefficients, h, 0.0)
+    g0, slope0 = value_and_slope(rows, 0, h, 0.0)
     for part in range(parts):
-        g1, slope1 = value_and_slope(coefficients, h, (part + 1) * d)
+        g1, slope1 = value_and_slope(rows, 0, h, (part + 1) * d)
         peak = tally.peak_drift[0] * (1.0 + SAME_PEAK)
         if slope0 * slope1 < 0.0 and (
             may_reach(d, g0 - peak, slope0, g1 - peak, slope1, bound4)
@@ -105,7 +105,7 @@ def _search_peak(coefficients, h, s, bound4, tally):
             value = g0
             for _ in range(60):
                 middle = b - fb * (b - a) / (fb - fa)
-                value, slope = value_and_slope(coefficients, h, middle)
+                value, slope = value_and_slope(rows, 0, h, middle)
                 if slope * fb > 0.0:
                     b, fb = middle, slope
                     fa *= 0.5
@@ -124,8 +124,7 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
     """Add the modal norms over the first `s` of a free step that starts at x."""
     n = tally.modal.shape[0]
     h = tables.h[index]
-    for i in range(n):
-        row_polynomial(tables.poly[index, i], x, work.rows[i])
+    expand_rows(tables.poly, index, x, work.rows, work.expanded)
     for j in range(n):
         for p in range(N_COEFFICIENTS):
             total = 0.0
@@ -141,10 +140,10 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
         # ends of the panel's smooth parts: sign changes of the modal coordinates, sorted
         n_breaks = 0
         for j in range(n):
-            qa, _ = value_and_slope(work.modal_rows[j], h, start)
-            qb, _ = value_and_slope(work.modal_rows[j], h, end)
+            qa, _ = value_and_slope(work.modal_rows, j, h, start)
+            qb, _ = value_and_slope(work.modal_rows, j, h, end)
             if qa * qb < 0.0:
-                zero = _zero_between(work.modal_rows[j], h, start, qa, end, qb)
+                zero = _zero_between(work.modal_rows, j, h, start, qa, end, qb)
                 k = n_breaks
                 while k > 0 and work.breaks[k - 1] > zero:
                     work.breaks[k] = work.breaks[k - 1]
@@ -162,12 +161,12 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
 
 
 @jit
-def _zero_between(coefficients, h, a, fa, b, fb):
+def _zero_between(rows, row, h, a, fa, b, fb):
     """Find a zero between a and b where the signs differ (Illinois method)."""
     middle = a
     for _ in range(60):
         middle = b - fb * (b - a) / (fb - fa)
-        value, _ = value_and_slope(coefficients, h, middle)
+        value, _ = value_and_slope(rows, row, h, middle)
         if value * fb > 0.0:
             b, fb = middle, value
             fa *= 0.5
@@ -190,7 +189,7 @@ def _add_smooth_part(left, right, h, tally, work):
         s = left + half * (PANEL_NODES[node] + 1.0)
         square = 0.0
         for j in range(n):
-            q, _ = value_and_slope(work.modal_rows[j], h, s)
+            q, _ = value_and_slope(work.modal_rows, j, h, s)
             work.modal_values[j] = abs(q)
             square += q * q
         if square > 0.0:

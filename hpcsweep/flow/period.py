@@ -31,12 +31,15 @@ from hpcsweep.flow.layer import (
 from hpcsweep.flow.metrics import drift_on_segment, modal_norm_on_segment, observe_layer_step
 from hpcsweep.flow.search import (
     MAX_DEPTH,
+    evaluate_rows,
+    expand_row,
+    expand_rows,
     first_passage,
     may_reach,
-    row_polynomial,
     value_and_slope,
 )
 from hpcsweep.flow.tables import N_COEFFICIENTS, lookup
+from hpcsweep.flow.tangent import layer_tangent, linear_tangent, passage_tangent
 from hpcsweep.jit import jit
 
 OVERFLOW = 1e100
@@ -50,10 +53,10 @@ class Work(NamedTuple):
 
     x: np.ndarray
     z_end: np.ndarray
-    row: np.ndarray
-    other_row: np.ndarray
-    event_row: np.ndarray
     rows: np.ndarray
+    """(2n, N_COEFFICIENTS): polynomials of the present step, valid where `expanded`."""
+    expanded: np.ndarray
+    drift_rows: np.ndarray
     modal_rows: np.ndarray
     modal_values: np.ndarray
     breaks: np.ndarray
@@ -73,10 +76,9 @@ def empty_work(n: int) -> Work:
     return Work(
         x=np.zeros(2 * n + 3),
         z_end=np.zeros(2 * n),
-        row=np.zeros(N_COEFFICIENTS),
-        other_row=np.zeros(N_COEFFICIENTS),
-        event_row=np.zeros(N_COEFFICIENTS),
-        rows=np.zeros((n, N_COEFFICIENTS)),
+        rows=np.zeros((2 * n, N_COEFFICIENTS)),
+        expanded=np.zeros(2 * n, np.bool_),
+        drift_rows=np.zeros((1, N_COEFFICIENTS)),
         modal_rows=np.zeros((n, N_COEFFICIENTS)),
         modal_values=np.zeros(n),
         breaks=np.zeros(n + 1),
@@ -92,59 +94,45 @@ def empty_work(n: int) -> Work:
 
 
 @jit
-def set_forcing(x, tau, amplitude, model):
+def set_forcing(x, tau, amplitude, omega):
     """Write the forcing part (A sin, A cos, 1) of the augmented state at time tau."""
-    n = model.stiffness.shape[0]
-    x[2 * n] = amplitude * math.sin(model.omega * tau)
-    x[2 * n + 1] = amplitude * math.cos(model.omega * tau)
-    x[2 * n + 2] = 1.0
+    size = x.shape[0]
+    x[size - 3] = amplitude * math.sin(omega * tau)
+    x[size - 2] = amplitude * math.cos(omega * tau)
+    x[size - 1] = 1.0
 
 
 @jit
-def contact_key(z, a, model):
+def _known(key, keys, count):
+    """Return the index of a contact set's table, -1 if there is none yet."""
+    for index in range(count[0]):
+        if keys[index] == key:
+            return index
+    return -1
+
+
+@jit
+def contact_key(tau, z, amplitude, model, a):
     """Find the contact set of a state outside all layers.
 
     A floor exactly at a stop of infinite sharpness touches if it is moving, or else
-    accelerating, towards it.
+    accelerating, towards it. `a` is room for n accelerations.
     """
     key = np.uint64(0)
     n = a.shape[0]
     for i in range(n):
         x = z[i] - 1.0
+        if x == 0.0 and z[n + i] == 0.0:
+            accelerations(tau, z, amplitude, model, a)
         if x > 0.0 or (x == 0.0 and (z[n + i] > 0.0 or (z[n + i] == 0.0 and a[i] > 0.0))):
             key |= np.uint64(1) << np.uint64(i)
     return key
 
 
 @jit
-def evaluate_state(index, x, s, tables, out):
-    """Evaluate the state at time s of a linear step from x into `out`, shape (2n,)."""
-    n2 = out.shape[0]
-    sigma = 2.0 * s / tables.h[index] - 1.0
-    powers = np.empty(N_COEFFICIENTS)
-    powers[0] = 1.0
-    for p in range(1, N_COEFFICIENTS):
-        powers[p] = powers[p - 1] * sigma
-    for row in range(n2):
-        total = 0.0
-        for k in range(x.shape[0]):
-            entry = 0.0
-            for p in range(N_COEFFICIENTS):
-                entry += tables.poly[index, row, k, p] * powers[p]
-            total += entry * x[k]
-        out[row] = total
-
-
-@jit
-def _gap_bound4(index, x, tables, i):
-    bound4 = 0.0
-    for k in range(x.shape[0]):
-        bound4 += tables.bound4[index, i, k] * abs(x[k])
-    return bound4
-
-
-@jit
-def _first_event(key, index, x, z_end, span, model, tables, work):
+def _first_event(
+    key, index, span, h, x, z_end, layer, bound4, poly, rows, expanded, stack
+):
     """Find the first floor that reaches the edge of its layer within `span` of a step.
 
     Returns
@@ -152,39 +140,39 @@ def _first_event(key, index, x, z_end, span, model, tables, work):
     floor : int
         -1 if none does (proved).
     time : float
-        Of the step; the polynomial of that floor is left in ``work.event_row``.
+        Of the step.
     """
-    n = model.stiffness.shape[0]
-    h = tables.h[index]
+    n = z_end.shape[0] // 2
     floor = -1
     earliest = span
     for i in range(n):
         if (key >> np.uint64(i)) & np.uint64(1):
             sign = -1.0
-            level = 1.0 + model.layer
+            level = 1.0 + layer
         else:
             sign = 1.0
-            level = 1.0 - model.layer
+            level = 1.0 - layer
+        bound = 0.0
+        for k in range(2 * n + 3):
+            bound += bound4[index, i, k] * abs(x[k])
         g0 = sign * (x[i] - level)
         g1 = sign * (z_end[i] - level)
-        bound4 = _gap_bound4(index, x, tables, i)
-        if not may_reach(span, g0, sign * x[n + i], g1, sign * z_end[n + i], bound4):
-            continue
-        row_polynomial(tables.poly[index, i], x, work.row)
-        time = first_passage(work.row, h, 0.0, earliest, level, sign, bound4, work.stack)
-        if time >= 0.0:
-            floor = i
-            earliest = time
-            for p in range(N_COEFFICIENTS):
-                work.event_row[p] = work.row[p]
+        if may_reach(span, g0, sign * x[n + i], g1, sign * z_end[n + i], bound):
+            if not expanded[i]:
+                expand_row(poly, index, i, x, rows)
+                expanded[i] = True
+            time = first_passage(rows, i, h, 0.0, earliest, level, sign, bound, stack)
+            if time >= 0.0:
+                floor = i
+                earliest = time
     return floor, earliest
 
 
 @jit
-def _time_at_stop(coefficients, h, s, sign):
+def _time_at_stop(rows, floor, h, s, sign):
     """Follow the floor from the edge of its layer (time s) to the stop; NaN if it turns."""
     for _ in range(40):
-        value, slope = value_and_slope(coefficients, h, s)
+        value, slope = value_and_slope(rows, floor, h, s)
         if not sign * slope > 0.0:
             return math.nan
         step = (1.0 - value) / slope
@@ -195,59 +183,63 @@ def _time_at_stop(coefficients, h, s, sign):
 
 
 @jit
-def _passes(floor, key, tau, z, amplitude, model, tally, work):
+def _passes(floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega, layer, a):
     """Take floor `floor`, at the stop in state z, through its layer if that is fast.
 
     Returns
     -------
     bool
-        False, with z unchanged, if the passage has to be integrated instead.
+        False, with z unchanged, if the passage has to be integrated instead. `a` then holds
+        the accelerations at the stop without the contact force of the floor.
+    float
+        Jerk of the floor, likewise.
     """
-    n = model.stiffness.shape[0]
+    n = stiffness.shape[0]
     v = z[n + floor]
     z[floor] = 1.0
-    ground = amplitude * math.sin(model.omega * tau)
+    ground = amplitude * math.sin(omega * tau)
     for i in range(n):
         force = -ground
         if i != floor and (key >> np.uint64(i)) & np.uint64(1):
-            force -= model.beta * (z[i] - 1.0)
+            force -= beta * (z[i] - 1.0)
         for j in range(n):
-            force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
-        work.a[i] = force
-    jerk = -model.omega * amplitude * math.cos(model.omega * tau)
+            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
+        a[i] = force
+    jerk = -omega * amplitude * math.cos(omega * tau)
     for j in range(n):
-        jerk -= model.stiffness[floor, j] * z[n + j] + model.damping[floor, j] * work.a[j]
-    if not passage_is_fast(v, work.a[floor], jerk, model.beta, model.rho, model.layer):
-        return False
-    if model.rho == math.inf:
-        return True
-    duration = 2.0 * model.layer / abs(v)
-    if tau - duration < 0.0 or tau + duration > 2.0 * math.pi / model.omega:
-        return False
+        jerk -= stiffness[floor, j] * z[n + j] + damping[floor, j] * a[j]
+    if not passage_is_fast(v, a[floor], jerk, beta, rho, layer):
+        return False, jerk
+    if rho == math.inf:
+        return True, jerk
+    duration = 2.0 * layer / abs(v)
+    if tau - duration < 0.0 or tau + duration > 2.0 * math.pi / omega:
+        return False, jerk
     for i in range(n):
-        nearest = abs(z[i] - 1.0) - (abs(z[n + i]) + abs(work.a[i]) * duration) * duration
-        if i != floor and nearest <= model.layer:
-            return False
+        nearest = abs(z[i] - 1.0) - (abs(z[n + i]) + abs(a[i]) * duration) * duration
+        if i != floor and nearest <= layer:
+            return False, jerk
     impulse, first, second_free, second_contact = moments(
-        v, work.a[floor], jerk, model.beta, model.rho
+        v, a[floor], jerk, beta, rho
     )
     # sum_k (-1)^k/k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e)
     second = second_free + second_contact
     for i in range(n):
         square = 0.0
         for j in range(n):
-            square += model.damping[i, j] * model.damping[j, floor]
-        z[i] -= 0.5 * model.damping[i, floor] * second
-        z[n + i] += model.damping[i, floor] * first + 0.5 * second * (
-            square - model.stiffness[i, floor]
+            square += damping[i, j] * damping[j, floor]
+        z[i] -= 0.5 * damping[i, floor] * second
+        z[n + i] += damping[i, floor] * first + 0.5 * second * (
+            square - stiffness[i, floor]
         )
     z[floor] -= first
-    z[n + floor] += impulse - 0.5 * model.beta * second_contact
-    return True
+    z[n + floor] += impulse - 0.5 * beta * second_contact
+    return True, jerk
 
 
 @jit
-def visit_layer(tau, end, z, amplitude, model, tolerance, tally, observing, steps_left, work):
+def visit_layer(tau, end, z, amplitude, model, tolerance, tally, observing, steps_left, work,
+                tangent):
     """Integrate from tau until no floor is inside a layer, or until `end`.
 
     Returns
@@ -283,6 +275,8 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, tally, observing, step
             for i in range(work.g.shape[0]):
                 for j in range(work.g.shape[1]):
                     work.g[i, j] = work.a[i]
+        if tangent.shape[0] > 0:
+            layer_tangent(h, work.u, model, tangent)
         if observing:
             observe_layer_step(h, z, work.z_end, model, tally, work)
         tau = end if h >= left else tau + h
@@ -294,12 +288,13 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, tally, observing, step
         for i in range(work.g.shape[0]):
             for j in range(work.g.shape[1]):
                 work.g[i, j] = work.a[i]
-        if tau >= end or not inside_layer(z, model):
+        if tau >= end or not inside_layer(z, model.layer):
             return tau, COMPLETE, steps
 
 
 @jit
-def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, observing, work):
+def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, observing, work,
+                 tangent):
     """Advance z over one forcing period, in place.
 
     Parameters
@@ -314,6 +309,8 @@ def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, obser
         Local error allowed a step inside a layer, relative to max(1, |z|).
     max_steps : int
         Cap of steps in this period.
+    tangent : ndarray, shape (2n, 2n) or (0, 0)
+        Multiplied by the tangent map of the period, in place, unless empty.
 
     Returns
     -------
@@ -323,6 +320,24 @@ def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, obser
     n = model.stiffness.shape[0]
     end = 2.0 * math.pi / model.omega
     x = work.x
+    z_end = work.z_end
+    rows = work.rows
+    expanded = work.expanded
+    stack = work.stack
+    step = tables.step
+    poly = tables.poly
+    bound4 = tables.bound4
+    lengths = tables.h
+    rotation = tables.rotation
+    counts = tally.counts
+    keys = tables.keys
+    stiffness = model.stiffness
+    damping = model.damping
+    layer = model.layer
+    beta = model.beta
+    rho = model.rho
+    omega = model.omega
+    a = work.a
     tau = 0.0
     steps = 0
     index = -1
@@ -332,70 +347,85 @@ def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, obser
         if steps > max_steps:
             return STEP_LIMIT
         if index < 0:
-            if inside_layer(z, model):
-                tally.counts[3] += 1
+            if inside_layer(z, layer):
+                counts[3] += 1
                 tau, outcome, used = visit_layer(
                     tau, end, z, amplitude, model, tolerance, tally, observing,
-                    max_steps - steps, work,
+                    max_steps - steps, work, tangent,
                 )
-                tally.counts[2] += used
+                counts[2] += used
                 steps += used
                 if outcome != COMPLETE:
                     return outcome
                 continue
-            accelerations(tau, z, amplitude, model, work.a)
-            key = contact_key(z, work.a, model)
-            index = lookup(key, model, tables)
+            key = contact_key(tau, z, amplitude, model, a)
+            index = _known(key, keys, tables.count)
+            if index < 0:
+                index = lookup(key, model, tables)
             for i in range(2 * n):
                 x[i] = z[i]
-            set_forcing(x, tau, amplitude, model)
-        tally.counts[0] += 1
-        h = tables.h[index]
+            set_forcing(x, tau, amplitude, omega)
+        counts[0] += 1
+        h = lengths[index]
+        for row in range(2 * n):
+            expanded[row] = False
         span = h
         if tau + h < end:
-            step = tables.step[index]
             for row in range(2 * n):
-                work.z_end[row] = 0.0
+                z_end[row] = 0.0
             for k in range(2 * n + 3):
                 factor = x[k]
                 for row in range(2 * n):
-                    work.z_end[row] += step[k, row] * factor
+                    z_end[row] += step[index, k, row] * factor
         else:
             span = end - tau
-            evaluate_state(index, x, span, tables, work.z_end)
+            expand_rows(poly, index, x, rows, expanded)
+            evaluate_rows(rows, h, span, z_end)
         passed = False
         beyond = False
-        floor, time = _first_event(key, index, x, work.z_end, span, model, tables, work)
+        floor, time = _first_event(
+            key, index, span, h, x, z_end, layer, bound4, poly, rows, expanded, stack
+        )
         if floor >= 0:
+            expand_rows(poly, index, x, rows, expanded)
             touching = (key >> np.uint64(floor)) & np.uint64(1)
             sign = -1.0 if touching else 1.0
-            at_stop = _time_at_stop(work.event_row, h, time, sign)
+            at_stop = _time_at_stop(rows, floor, h, time, sign)
             beyond = at_stop > EXTRAPOLATION * h and time > 0.0
             if not beyond and not math.isnan(at_stop) and tau + at_stop < end:
-                evaluate_state(index, x, at_stop, tables, z)
-                passed = _passes(
-                    floor, key, tau + at_stop, z, amplitude, model, tally, work
+                evaluate_rows(rows, h, at_stop, z)
+                passed, jerk = _passes(
+                    floor, key, tau + at_stop, z, amplitude, stiffness, damping, beta, rho,
+                    omega, layer, a,
                 )
             if passed:
-                tally.counts[1] += 1
+                if tangent.shape[0] > 0:
+                    evaluate_rows(rows, h, at_stop, z_end)
+                    z_end[floor] = 1.0
+                    linear_tangent(poly, index, h, at_stop, tangent)
+                    after = key ^ (np.uint64(1) << np.uint64(floor))
+                    passage_tangent(floor, after, z_end, a, jerk, model, tangent)
+                counts[1] += 1
                 span = at_stop
                 for i in range(2 * n):
-                    work.z_end[i] = z[i]
+                    z_end[i] = z[i]
             else:
                 span = time
-                evaluate_state(index, x, span, tables, work.z_end)
+                evaluate_rows(rows, h, span, z_end)
+        if tangent.shape[0] > 0 and not passed:
+            linear_tangent(poly, index, h, span, tangent)
         for i in range(2 * n):
-            if not abs(work.z_end[i]) < OVERFLOW:
+            if not abs(z_end[i]) < OVERFLOW:
                 return NON_FINITE
         if observing:
             if key != np.uint64(0):
                 tally.contact[0] |= key
             if tally.drift:
-                drift_on_segment(index, x, work.z_end, span, tables, tally, work)
+                drift_on_segment(index, x, z_end, span, tables, tally, work)
             if tally.modal_norm and key == np.uint64(0):
                 modal_norm_on_segment(index, x, span, model, tables, tally, work)
         for i in range(2 * n):
-            z[i] = work.z_end[i]
+            z[i] = z_end[i]
         tau = end if span >= end - tau else tau + span
         if floor < 0:
             for i in range(2 * n):
@@ -403,30 +433,32 @@ def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, obser
             if span == h:
                 sine = x[2 * n]
                 cosine = x[2 * n + 1]
-                x[2 * n] = sine * tables.rotation[index, 0] + cosine * tables.rotation[index, 1]
+                x[2 * n] = sine * rotation[index, 0] + cosine * rotation[index, 1]
                 x[2 * n + 1] = (
-                    cosine * tables.rotation[index, 0] - sine * tables.rotation[index, 1]
+                    cosine * rotation[index, 0] - sine * rotation[index, 1]
                 )
         elif beyond:
-            set_forcing(x, tau, amplitude, model)
+            set_forcing(x, tau, amplitude, omega)
             for i in range(2 * n):
                 x[i] = z[i]
         elif passed:
             key ^= np.uint64(1) << np.uint64(floor)
-            index = lookup(key, model, tables)
+            index = _known(key, keys, tables.count)
+            if index < 0:
+                index = lookup(key, model, tables)
             for i in range(2 * n):
                 x[i] = z[i]
-            set_forcing(x, tau, amplitude, model)
+            set_forcing(x, tau, amplitude, omega)
         else:
             index = -1
             if model.rho != math.inf:
                 # at the edge of the layer, perhaps just outside it by rounding: integrate
-                tally.counts[3] += 1
+                counts[3] += 1
                 tau, outcome, used = visit_layer(
                     tau, end, z, amplitude, model, tolerance, tally, observing,
-                    max_steps - steps, work,
+                    max_steps - steps, work, tangent,
                 )
-                tally.counts[2] += used
+                counts[2] += used
                 steps += used
                 if outcome != COMPLETE:
                     return outcome

@@ -25,34 +25,60 @@ MAX_DEPTH = 48
 
 
 @jit
-def row_polynomial(table, x, out):
-    """Write the coefficients of one component along the step into `out`.
+def expand_rows(poly, index, x, rows, expanded):
+    """Write the polynomials of all components along a step from x into `rows`.
 
     Parameters
     ----------
-    table : ndarray, shape (N, N_COEFFICIENTS)
-        ``poly[index, row]`` of `Tables`.
-    x : ndarray, shape (N,)
-        Augmented state at the start of the step.
-    out : ndarray, shape (N_COEFFICIENTS,)
+    poly : ndarray
+        Of `Tables`.
+    rows : ndarray, shape (2n, N_COEFFICIENTS)
+    expanded : ndarray of bool, shape (2n,)
+        Which rows are valid already.
     """
-    for p in range(N_COEFFICIENTS):
-        out[p] = 0.0
-    for k in range(x.shape[0]):
-        factor = x[k]
-        for p in range(N_COEFFICIENTS):
-            out[p] += table[k, p] * factor
+    for row in range(rows.shape[0]):
+        if not expanded[row]:
+            expand_row(poly, index, row, x, rows)
+            expanded[row] = True
 
 
 @jit
-def value_and_slope(coefficients, h, s):
-    """Evaluate a step's polynomial and its time derivative at time s of the step."""
+def expand_row(poly, index, row, x, rows):
+    """Write the polynomial of one component along a step from x into its row."""
+    for p in range(N_COEFFICIENTS):
+        rows[row, p] = poly[index, row, 0, p] * x[0]
+    for k in range(1, x.shape[0]):
+        factor = x[k]
+        for p in range(N_COEFFICIENTS):
+            rows[row, p] += poly[index, row, k, p] * factor
+
+
+@jit
+def evaluate_rows(rows, h, s, out):
+    """Evaluate the state at time s of the step whose polynomials are `rows`."""
     sigma = 2.0 * s / h - 1.0
-    value = coefficients[N_COEFFICIENTS - 1]
+    for row in range(out.shape[0]):
+        value = rows[row, N_COEFFICIENTS - 1]
+        for p in range(N_COEFFICIENTS - 2, -1, -1):
+            value = value * sigma + rows[row, p]
+        out[row] = value
+
+
+@jit
+def value_and_slope(rows, row, h, s):
+    """Evaluate polynomial `row` of a step and its time derivative at time s of the step.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (any, N_COEFFICIENTS)
+        Coefficients in sigma = 2 s / h - 1, ascending.
+    """
+    sigma = 2.0 * s / h - 1.0
+    value = rows[row, N_COEFFICIENTS - 1]
     slope = 0.0
     for p in range(N_COEFFICIENTS - 2, -1, -1):
         slope = slope * sigma + value
-        value = value * sigma + coefficients[p]
+        value = value * sigma + rows[row, p]
     return value, slope * (2.0 / h)
 
 
@@ -72,13 +98,14 @@ def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
 
 
 @jit
-def first_passage(coefficients, h, start, end, level, sign, bound4, stack):
+def first_passage(rows, row, h, start, end, level, sign, bound4, stack):
     """Find the first time in [start, end] at which sign (u - level) reaches 0 from below.
 
     Parameters
     ----------
-    coefficients : ndarray, shape (N_COEFFICIENTS,)
-        u along the step.
+    rows : ndarray, shape (any, N_COEFFICIENTS)
+    row : int
+        u along the step is polynomial `row` of `rows`.
     h, start, end : float
         Length of the step; part of it that is searched.
     level, sign : float
@@ -96,7 +123,7 @@ def first_passage(coefficients, h, start, end, level, sign, bound4, stack):
         `start` is returned.
     """
     a = start
-    value, slope = value_and_slope(coefficients, h, a)
+    value, slope = value_and_slope(rows, row, h, a)
     ga = sign * (value - level)
     da = sign * slope
     if ga >= 0.0:
@@ -106,7 +133,7 @@ def first_passage(coefficients, h, start, end, level, sign, bound4, stack):
             a += max(-1.02 * ga / da, LEAST_ADVANCE * h)
             if a >= end:
                 return -1.0
-            value, slope = value_and_slope(coefficients, h, a)
+            value, slope = value_and_slope(rows, row, h, a)
             ga = sign * (value - level)
             da = sign * slope
             if ga < 0.0:
@@ -115,7 +142,7 @@ def first_passage(coefficients, h, start, end, level, sign, bound4, stack):
                 return a
         if ga >= 0.0:
             return a
-    value, slope = value_and_slope(coefficients, h, end)
+    value, slope = value_and_slope(rows, row, h, end)
     depth = 0
     stack[0, 0] = end
     stack[0, 1] = sign * (value - level)
@@ -130,7 +157,7 @@ def first_passage(coefficients, h, start, end, level, sign, bound4, stack):
             depth -= 1
             continue
         if gb >= 0.0 and _rises_throughout(d, ga, da, gb, db, bound4):
-            return _root(coefficients, h, a, ga, b, gb, level, sign)
+            return _root(rows, row, h, a, ga, b, gb, level, sign)
         if depth >= MAX_DEPTH:
             if gb >= 0.0:
                 return b
@@ -138,7 +165,7 @@ def first_passage(coefficients, h, start, end, level, sign, bound4, stack):
             depth -= 1
             continue
         middle = 0.5 * (a + b)
-        value, slope = value_and_slope(coefficients, h, middle)
+        value, slope = value_and_slope(rows, row, h, middle)
         depth += 1
         stack[depth, 0] = middle
         stack[depth, 1] = sign * (value - level)
@@ -147,11 +174,11 @@ def first_passage(coefficients, h, start, end, level, sign, bound4, stack):
 
 
 @jit
-def _root(coefficients, h, a, ga, b, gb, level, sign):
+def _root(rows, row, h, a, ga, b, gb, level, sign):
     """Newton's method, kept inside [a, b], for the one root of a rising g."""
     s = a - ga * (b - a) / (gb - ga)
     for _ in range(60):
-        value, slope = value_and_slope(coefficients, h, s)
+        value, slope = value_and_slope(rows, row, h, s)
         g = sign * (value - level)
         if g < 0.0:
             a = s

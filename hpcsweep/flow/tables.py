@@ -64,7 +64,6 @@ class Model(NamedTuple):
     omega: float
     layer: float
     """Half-width of the contact layer: |u_i - 1| beyond it is linear; 0 if rho is infinite."""
-    everything_is_layer: bool
 
 
 class Tables(NamedTuple):

@@ -1,0 +1,170 @@
+r"""The tangent map along the motion: product of the propagators of its segments.
+
+The field is continuous, so a change of contact set alone adds nothing. The three kinds of
+segment of `period` give
+
+- linear: exp(M s), from the tables;
+- fast passage: the kick k(z, tau) of `crossing` is applied where the linear motion reaches the
+  stop, at a time that moves by dt = -du_f / v_f with the state. With the fields f_- before and
+  f_+ after it::
+
+      S = I + Dk - (Dk f_- + dk/dtau - M_+ k) e_f^T / v_f,        f_+(z + k) - f_-(z) = M_+ k
+
+  (the derivative of k with respect to speed, acceleration and jerk by central differences);
+- inside a layer: the variational equations of the collocation solution, at the same stages.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.equations import contact_stiffness
+from hpcsweep.flow.crossing import moments
+from hpcsweep.flow.layer import (
+    MAX_ITERATIONS,
+    N_STAGES,
+    NODES,
+    POSITION_WEIGHTS,
+    STAGES,
+    STAGES_SQUARED,
+    WEIGHTS,
+)
+from hpcsweep.flow.tables import N_COEFFICIENTS
+from hpcsweep.jit import jit
+
+DIFFERENCE = 1e-4
+"""Relative step of the central differences; their error, its square, multiplies a small kick."""
+
+
+@jit
+def linear_tangent(poly, index, h, s, tangent):
+    """Multiply `tangent` by exp(M s) of table `index`, in place."""
+    size = tangent.shape[0]
+    sigma = 2.0 * s / h - 1.0
+    propagator = np.empty((size, size))
+    for row in range(size):
+        for k in range(size):
+            value = poly[index, row, k, N_COEFFICIENTS - 1]
+            for p in range(N_COEFFICIENTS - 2, -1, -1):
+                value = value * sigma + poly[index, row, k, p]
+            propagator[row, k] = value
+    tangent[:] = np.dot(propagator, tangent.copy())
+
+
+@jit
+def passage_tangent(floor, key_after, z, a, jerk, model, tangent):
+    """Multiply `tangent` by the matrix S of a fast passage, in place.
+
+    Parameters
+    ----------
+    floor : int
+    key_after : uint64
+        Contact set after the passage.
+    z : ndarray, shape (2n,)
+        State at the stop before the kick.
+    a : ndarray, shape (n,)
+        Accelerations there without the contact force of `floor`.
+    jerk : float
+        Its derivative for `floor`.
+    """
+    if model.rho == math.inf:
+        return
+    stiffness, damping = model.stiffness, model.damping
+    n = stiffness.shape[0]
+    v = z[n + floor]
+    # k = basis m(v, a, j), see `period._passes`
+    basis = np.zeros((2 * n, 4))
+    for i in range(n):
+        square = 0.0
+        for j in range(n):
+            square += damping[i, j] * damping[j, floor]
+        basis[i, 2] = basis[i, 3] = -0.5 * damping[i, floor]
+        basis[n + i, 1] = damping[i, floor]
+        basis[n + i, 2] = basis[n + i, 3] = 0.5 * (square - stiffness[i, floor])
+    basis[floor, 1] -= 1.0
+    basis[n + floor, 0] += 1.0
+    basis[n + floor, 3] -= 0.5 * model.beta
+    m = np.array(moments(v, a[floor], jerk, model.beta, model.rho))
+    dv = DIFFERENCE * abs(v)
+    da = DIFFERENCE * v * v / model.layer
+    m_v = np.array(moments(v + dv, a[floor], jerk, model.beta, model.rho))
+    m_v -= np.array(moments(v - dv, a[floor], jerk, model.beta, model.rho))
+    m_a = np.array(moments(v, a[floor] + da, jerk, model.beta, model.rho))
+    m_a -= np.array(moments(v, a[floor] - da, jerk, model.beta, model.rho))
+    m_v /= 2.0 * dv
+    m_a /= 2.0 * da
+    kick = np.dot(basis, m)
+    by_speed = np.dot(basis, m_v)
+    by_acceleration = np.dot(basis, m_a)
+    matrix = np.eye(2 * n)
+    for row in range(2 * n):
+        matrix[row, n + floor] += by_speed[row]
+        for j in range(n):
+            matrix[row, j] -= by_acceleration[row] * stiffness[floor, j]
+            matrix[row, n + j] -= by_acceleration[row] * damping[floor, j]
+        # along f_- the speed changes by a and the acceleration by the jerk
+        drift = by_speed[row] * a[floor] + by_acceleration[row] * jerk
+        if row < n:
+            drift -= kick[n + row]
+        else:
+            i = row - n
+            if (key_after >> np.uint64(i)) & np.uint64(1):
+                drift += model.beta * kick[i]
+            for j in range(n):
+                drift += stiffness[i, j] * kick[j] + damping[i, j] * kick[n + j]
+        matrix[row, floor] -= drift / v
+    tangent[:] = np.dot(matrix, tangent.copy())
+
+
+@jit
+def layer_tangent(h, stage_u, model, tangent):
+    """Multiply `tangent` by the tangent map of one collocation step, in place.
+
+    Parameters
+    ----------
+    h : float
+    stage_u : ndarray, shape (n, N_STAGES)
+        Displacements at the stages of the step.
+    """
+    n = stage_u.shape[0]
+    spring = np.empty((n, N_STAGES))
+    for i in range(n):
+        for j in range(N_STAGES):
+            spring[i, j] = contact_stiffness(stage_u[i, j] - 1.0, model.beta, model.rho)
+    g = np.zeros((n, N_STAGES))
+    u = np.empty((n, N_STAGES))
+    v = np.empty((n, N_STAGES))
+    for column in range(2 * n):
+        g[:] = 0.0
+        for _ in range(2 * MAX_ITERATIONS):
+            for i in range(n):
+                for j in range(N_STAGES):
+                    du = 0.0
+                    dv = 0.0
+                    for k in range(N_STAGES):
+                        du += STAGES_SQUARED[j, k] * g[i, k]
+                        dv += STAGES[j, k] * g[i, k]
+                    u[i, j] = tangent[i, column] + h * (
+                        NODES[j] * tangent[n + i, column] + h * du
+                    )
+                    v[i, j] = tangent[n + i, column] + h * dv
+            change = 0.0
+            largest = 0.0
+            for i in range(n):
+                for j in range(N_STAGES):
+                    fresh = -spring[i, j] * u[i, j]
+                    for k in range(n):
+                        fresh -= model.stiffness[i, k] * u[k, j] + model.damping[i, k] * v[k, j]
+                    change = max(change, abs(fresh - g[i, j]))
+                    largest = max(largest, abs(fresh))
+                    g[i, j] = fresh
+            if change <= 1e-15 * largest:
+                break
+        for i in range(n):
+            du = 0.0
+            dv = 0.0
+            for k in range(N_STAGES):
+                du += POSITION_WEIGHTS[k] * g[i, k]
+                dv += WEIGHTS[k] * g[i, k]
+            tangent[i, column] += h * (tangent[n + i, column] + h * du)
+            tangent[n + i, column] += h * dv

@@ -46,6 +46,8 @@ class LinearOrbit:
         except ZeroDivisionError:
             self._response = None
             return
+        self.lyapunov_exponent = _slowest_decay(structure)
+        """Of every linear motion: the largest real part of the eigenvalues of the free modes."""
         self._drift = float(np.abs(np.diff(self._response, prepend=0.0)).max())
         self._modal_norm = _mean_modal_norm(phi.T @ self._response)
         period = 2 * math.pi / omega
@@ -95,6 +97,13 @@ class LinearOrbit:
             self._modal_norm if amplitude else np.full(n, math.nan),
             Outcome.COMPLETE,
         )
+
+
+def _slowest_decay(structure: Structure) -> float:
+    """Largest Re(lambda), lambda^2 + 2 zeta omega lambda + omega^2 = 0, over all modes."""
+    w, zeta = structure.frequencies, structure.damping_ratios
+    rates = -zeta * w + w * np.sqrt(np.maximum(zeta**2 - 1.0, 0.0))
+    return float(rates.max())
 
 
 def _mean_modal_norm(modal: np.ndarray) -> np.ndarray:

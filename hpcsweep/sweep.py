@@ -27,6 +27,7 @@ from hpcsweep.orbit import orbit_period
 from hpcsweep.outcome import Outcome
 from hpcsweep.settings import SweepSettings
 from hpcsweep.solver import Solver, make_solver
+from hpcsweep.stability import largest_lyapunov_exponent
 from hpcsweep.structure import Structure
 
 SETTLED = 1e-10
@@ -76,6 +77,8 @@ class FrameSweep:
             if closed is not None:
                 self.skipped["linear"] += 1
                 self._store(result, row, index, amplitude, closed, 1, 0)
+                if "lyapunov" in result:
+                    result["lyapunov"][index] = self._linear.lyapunov_exponent
                 return closed.points[-1].copy()
         cycles = 0
         period = 0
@@ -111,7 +114,21 @@ class FrameSweep:
                 seen.points, settings.max_orbit_period, settings.period_tolerance
             )
         self._store(result, row, index, amplitude, seen, period, cycles)
+        if "lyapunov" in result:
+            result["lyapunov"][index] = self._exponent(z, seen, amplitude, period, poll)
         return seen.points[-1].copy()
+
+    def _exponent(self, z, seen, amplitude, period, poll):
+        """Largest Lyapunov exponent of the window from z: of the orbit if there is one."""
+        try:
+            if period:
+                return largest_lyapunov_exponent(
+                    self.solver, seen.points[-1], amplitude, period, True
+                )
+            window = len(seen.points)
+            return largest_lyapunov_exponent(self.solver, z, amplitude, window, False, poll)
+        except ArithmeticError:
+            return math.nan
 
     def _store(self, result, row, index, amplitude, seen: Observation, period, cycles):
         result["orbit_period"][index] = period

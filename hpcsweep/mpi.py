@@ -1,0 +1,147 @@
+"""Ranks: the only module that imports mpi4py, and only inside functions.
+
+A serial run is a communicator of size 1 that needs no MPI. Whether there is more than one rank
+is told by the launcher's environment, so that a program started alone never initialises MPI.
+"""
+
+import os
+from typing import Any
+
+LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "MV2_COMM_WORLD_SIZE")
+"""Variables in which launchers (MPICH's hydra, Open MPI, srun, MVAPICH) give the job's size."""
+
+
+class LauncherError(RuntimeError):
+    """The launcher and mpi4py's MPI do not fit together; the message is one line."""
+
+
+class Serial:
+    """A communicator of size 1."""
+
+    rank = 0
+    size = 1
+    raw: Any = None
+    library = "none (one rank)"
+
+    def bcast(self, value):
+        """Return the value rank 0 has."""
+        return value
+
+    def gather(self, value):
+        """Return every rank's value on rank 0, None elsewhere."""
+        return [value]
+
+    def barrier(self) -> None:
+        """Wait for all ranks."""
+
+    def node_rank(self) -> int:
+        """Return the rank within the node."""
+        return 0
+
+    def send(self, value, rank: int) -> None:
+        """Send a value to another rank."""
+        raise AssertionError("a serial run has nobody to send to")
+
+    def receive(self):
+        """Return (rank, value) of a waiting message, or None if there is none."""
+        return
+
+    def abort(self, code: int) -> None:
+        """End all ranks at once."""
+        raise SystemExit(code)
+
+
+class Ranks:
+    """The ranks of an MPI job; methods as `Serial`."""
+
+    def __init__(self, mpi, comm):
+        self._mpi = mpi
+        self.raw = comm
+        self.rank = comm.Get_rank()
+        self.size = comm.Get_size()
+        self.library = mpi.Get_library_version().strip().split("\n")[0].rstrip("\x00")
+
+    def bcast(self, value):
+        """Return the value rank 0 has."""
+        return self.raw.bcast(value, root=0)
+
+    def gather(self, value):
+        """Return every rank's value on rank 0, None elsewhere."""
+        return self.raw.gather(value, root=0)
+
+    def barrier(self) -> None:
+        """Wait for all ranks."""
+        self.raw.Barrier()
+
+    def node_rank(self) -> int:
+        """Return the rank within the node."""
+        node = self.raw.Split_type(self._mpi.COMM_TYPE_SHARED)
+        rank = node.Get_rank()
+        node.Free()
+        return rank
+
+    def send(self, value, rank: int) -> None:
+        """Send a (small) value to another rank."""
+        self.raw.send(value, dest=rank)
+
+    def receive(self):
+        """Return (rank, value) of a waiting message, or None if there is none."""
+        status = self._mpi.Status()
+        if not self.raw.iprobe(source=self._mpi.ANY_SOURCE, status=status):
+            return None
+        source = status.Get_source()
+        return source, self.raw.recv(source=source)
+
+    def abort(self, code: int) -> None:
+        """End all ranks at once."""
+        self.raw.Abort(code)
+
+
+def launched_size() -> int:
+    """Return the number of ranks the launcher says it started, 1 if there was none."""
+    for name in LAUNCHER_SIZES:
+        value = os.environ.get(name, "")
+        if value.isdigit():
+            return int(value)
+    return 1
+
+
+def world() -> Serial | Ranks:
+    """Return the communicator of all ranks.
+
+    Raises
+    ------
+    LauncherError
+        If the launcher started several processes that MPI does not see as ranks of one job:
+        each would believe to be alone and write the same file.
+    """
+    expected = launched_size()
+    if expected <= 1:
+        return Serial()
+    import mpi4py
+
+    mpi4py.rc.recv_mprobe = False
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise LauncherError(
+            f"the launcher started {expected} ranks but MPI cannot be loaded "
+            f"({' '.join(str(error).split())}); install an MPI that mpi4py finds, e.g. "
+            "pip install mpich"
+        ) from None
+    comm = MPI.COMM_WORLD
+    if comm.Get_size() != expected:
+        library = MPI.Get_library_version().split("\n")[0].strip().rstrip("\x00")
+        raise LauncherError(
+            f"the launcher started {expected} ranks but mpi4py's MPI ({library}) sees "
+            f"{comm.Get_size()}: start with the mpirun of that MPI, or under Slurm with "
+            "srun --mpi=pmi2 (MPICH) or srun --mpi=pmix (Open MPI)"
+        )
+    return Ranks(MPI, comm)
+
+
+def open_file(path):
+    """Open a file for MPI-IO by this rank alone, so that no call waits for another rank."""
+    from mpi4py import MPI
+
+    return MPI.File.Open(MPI.COMM_SELF, str(path), MPI.MODE_RDWR)

@@ -1,0 +1,121 @@
+"""Make the whole campaign file, once, by one process."""
+
+import contextlib
+import os
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from hpcsweep.job import Job
+from hpcsweep.store.layout import (
+    COMMIT,
+    FORMAT,
+    LAYOUT_VERSION,
+    StoreError,
+    Variable,
+    coordinates,
+    dimensions,
+    run_variables,
+)
+
+
+def file_size(job: Job) -> int:
+    """Give the bytes of a job's file, without its few kilobytes of metadata."""
+    size = dimensions(job)
+    total = 0
+    for variable in [*run_variables(job), COMMIT]:
+        total += _bytes(variable, size)
+    return total
+
+
+def _bytes(variable: Variable, size: dict[str, int]) -> int:
+    count = 1
+    for dim in variable.dims:
+        count *= size[dim]
+    return count * np.dtype(variable.dtype).itemsize
+
+
+def create(path: Path, job: Job, provenance: dict[str, str]) -> None:
+    """Create the file under a temporary name, flush it to disk and rename it into place.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist.
+    job : Job
+    provenance : dict of str to str
+        Stored as attributes.
+
+    Raises
+    ------
+    StoreError
+        If the folder cannot be written or has no room.
+    """
+    temporary = path.with_name(path.name + ".new")
+    try:
+        free = shutil.disk_usage(path.parent).free
+        need = file_size(job)
+        if need > free:
+            raise StoreError(
+                f"{path}: the results need {need / 1e9:.3g} GB, the file system has "
+                f"{free / 1e9:.3g} GB free"
+            )
+        with h5py.File(temporary, "w", libver=("v108", "v108")) as file:
+            _fill(file, job, provenance)
+        descriptor = os.open(temporary, os.O_RDWR)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        temporary.rename(path)
+    except (OSError, RuntimeError) as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise StoreError(f"{path}: cannot be created: {_reason(error)}") from None
+
+
+def _reason(error: Exception) -> str:
+    strerror = getattr(error, "strerror", None)
+    return strerror or " ".join(str(error).split())
+
+
+def _fill(file: h5py.File, job: Job, provenance: dict[str, str]) -> None:
+    size = dimensions(job)
+    for name, (values, units, long_name) in coordinates(job).items():
+        scale = _dataset(file, name, values.shape, values.dtype)
+        scale[...] = values
+        scale.make_scale(name)
+        scale.attrs["units"] = units
+        scale.attrs["long_name"] = long_name
+    omega = Variable("omega", ("frame",), "<f8", "omega_0", "forcing frequency Omega")
+    for variable in [omega, *run_variables(job), COMMIT]:
+        data = _dataset(
+            file, variable.name, tuple(size[dim] for dim in variable.dims), variable.dtype
+        )
+        for axis, dim in enumerate(variable.dims):
+            data.dims[axis].attach_scale(file[dim])
+        data.attrs["units"] = variable.units
+        data.attrs["long_name"] = variable.long_name
+    file["omega"][...] = job.omega
+    file["commit"][...] = 0
+    file.attrs["format"] = FORMAT
+    file.attrs["layout_version"] = LAYOUT_VERSION
+    file.attrs["fingerprint"] = job.fingerprint
+    file.attrs["name"] = job.name
+    file.attrs["job"] = job.text
+    for key, value in provenance.items():
+        file.attrs[key] = value
+
+
+def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:
+    """Create a contiguous dataset, allocated at once and not filled."""
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_layout(h5py.h5d.CONTIGUOUS)
+    plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    plist.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    plist.set_obj_track_times(False)
+    kind = h5py.h5t.py_create(np.dtype(dtype), logical=True)
+    space = h5py.h5s.create_simple(shape)
+    return h5py.Dataset(h5py.h5d.create(file.id, name.encode(), kind, space, plist))

@@ -1,0 +1,39 @@
+"""History beside the file: ``FILE.journal``, one JSON object a line.
+
+Sessions (host names, ranks, start, end) and the cost of each block in seconds. They differ from
+run to run, so they are kept out of the results, which do not. Losing the journal loses no result.
+"""
+
+import contextlib
+import json
+import os
+import time
+from pathlib import Path
+
+
+class Journal:
+    """Append-only; written by rank 0, read by anybody at any time."""
+
+    def __init__(self, path: Path):
+        self.path = path.with_name(path.name + ".journal")
+
+    def append(self, kind: str, **values) -> None:
+        """Append one record in a single write."""
+        line = json.dumps({"kind": kind, "time": time.time(), **values}) + "\n"
+        descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+        try:
+            os.write(descriptor, line.encode())
+        finally:
+            os.close(descriptor)
+
+    def read(self) -> list[dict]:
+        """Read all records; a line cut off by a crash is passed over."""
+        records = []
+        try:
+            lines = self.path.read_text().splitlines()
+        except FileNotFoundError:
+            return []
+        for line in lines:
+            with contextlib.suppress(json.JSONDecodeError):
+                records.append(json.loads(line))
+        return records

@@ -1,0 +1,140 @@
+"""Two ways for every rank to write into the shared file; the bytes are the same.
+
+``mpiio`` writes at the datasets' byte offsets through MPI-IO (through plain ``pwrite`` where there
+is one rank), which needs no parallel HDF5. ``mpio`` writes through h5py's driver of that name,
+where h5py was built with MPI. Each rank opens MPI-IO files on its own communicator, so that no
+call waits for another rank; ``sync`` flushes what this rank wrote to the disk.
+"""
+
+import os
+from pathlib import Path
+from typing import Protocol
+
+import h5py
+import numpy as np
+
+from hpcsweep.store.layout import StoreError
+from hpcsweep.store.offsets import Offsets
+
+ENVIRONMENT = "HPCSWEEP_TRANSPORT"
+
+
+class Transport(Protocol):
+    """What the commit protocol needs."""
+
+    name: str
+
+    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
+        """Write `rows` at index `start` of a variable; all later axes are whole."""
+        ...
+
+    def sync(self) -> None:
+        """Return once everything this rank wrote is on disk."""
+        ...
+
+    def close(self) -> None:
+        """Close (collective)."""
+        ...
+
+
+class PosixTransport:
+    """``pwrite`` at byte offsets: one rank."""
+
+    name = "pwrite"
+
+    def __init__(self, path: Path):
+        self._offsets = Offsets(path)
+        self._descriptor = os.open(path, os.O_RDWR)
+
+    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
+        """Write rows; see `Transport`."""
+        data = memoryview(np.ascontiguousarray(rows)).cast("B")
+        offset = self._offsets.at(variable, start)
+        while data:
+            written = os.pwrite(self._descriptor, data, offset)
+            data = data[written:]
+            offset += written
+
+    def sync(self) -> None:
+        """Flush to disk."""
+        os.fsync(self._descriptor)
+
+    def close(self) -> None:
+        """Close."""
+        os.close(self._descriptor)
+
+
+class MpiIoTransport:
+    """``MPI.File.Write_at`` at byte offsets: plain h5py, any MPI."""
+
+    name = "mpiio"
+
+    def __init__(self, path: Path):
+        from hpcsweep.mpi import open_file
+
+        self._offsets = Offsets(path)
+        self._file = open_file(path)
+
+    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
+        """Write rows; see `Transport`."""
+        data = np.ascontiguousarray(rows).view(np.uint8).reshape(-1)
+        self._file.Write_at(self._offsets.at(variable, start), data)
+
+    def sync(self) -> None:
+        """Flush to disk."""
+        self._file.Sync()
+
+    def close(self) -> None:
+        """Close."""
+        self._file.Close()
+
+
+class MpioTransport:
+    """h5py's ``mpio`` driver: needs h5py built with MPI."""
+
+    name = "mpio"
+
+    def __init__(self, path: Path, comm):
+        self._file = h5py.File(path, "r+", driver="mpio", comm=comm.raw)
+        self._descriptor = os.open(path, os.O_RDWR)
+
+    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
+        """Write rows; see `Transport`."""
+        data = self._file[variable]
+        if len(start) == len(data.shape) and rows.ndim == 0:
+            data[start] = rows
+        else:
+            data[(*start[:-1], slice(start[-1], start[-1] + rows.shape[0]))] = rows
+
+    def sync(self) -> None:
+        """Flush to disk: all of the file's pages of this node."""
+        os.fsync(self._descriptor)
+
+    def close(self) -> None:
+        """Close (collective)."""
+        os.close(self._descriptor)
+        self._file.close()
+
+
+def open_transport(path: Path, comm) -> Transport:
+    """Open the file for writing on every rank.
+
+    ``HPCSWEEP_TRANSPORT`` may ask for ``mpiio`` or ``mpio``; otherwise ``mpio`` is taken where
+    h5py has MPI and there is more than one rank.
+
+    Raises
+    ------
+    StoreError
+        If what was asked for is not to be had.
+    """
+    asked = os.environ.get(ENVIRONMENT, "")
+    able = h5py.get_config().mpi
+    if asked not in ("", "mpiio", "mpio"):
+        raise StoreError(f"{ENVIRONMENT} = {asked!r}: must be mpiio or mpio")
+    if asked == "mpio" and not able:
+        raise StoreError(f"{ENVIRONMENT} = 'mpio': this h5py was built without MPI")
+    if comm.size == 1:
+        return PosixTransport(path)
+    if asked == "mpio" or (able and not asked):
+        return MpioTransport(path, comm)
+    return MpiIoTransport(path)

@@ -145,3 +145,12 @@ def open_file(path):
     from mpi4py import MPI
 
     return MPI.File.Open(MPI.COMM_SELF, str(path), MPI.MODE_RDWR)
+
+
+def launched_rank() -> int:
+    """Return this process's rank as the launcher says, 0 if there was none."""
+    for name in ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID", "MV2_COMM_WORLD_RANK"):
+        value = os.environ.get(name, "")
+        if value.isdigit():
+            return int(value)
+    return 0

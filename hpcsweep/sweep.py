@@ -18,6 +18,8 @@ the last state that was reached.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -211,4 +213,20 @@ def sweep_block(
         The file's variables, first axis the k runs. The next block starts from
         ``final_state[-1]``, and gives exactly what one long block would have given.
     """
-    return FrameSweep(structure, omega, settings).block(amplitudes, state, poll)
+    return _frame_sweep(structure, omega, settings).block(amplitudes, state, poll)
+
+
+@lru_cache(maxsize=1)
+def _frame_sweep(structure: Structure, omega: float, settings: SweepSettings) -> FrameSweep:
+    """Keep the tables of the frame at hand from block to block."""
+    return FrameSweep(structure, omega, settings)
+
+
+def warm_up(settings: SweepSettings) -> None:
+    """Compile the kernels of a solver, or load them from the disk, by a run of a few periods."""
+    tiny = replace(
+        settings, transient_cycles=2, sampling_cycles=2, max_orbit_period=1, skip=frozenset()
+    )
+    structure = Structure(n_floors=1, stiffness_ratio=10.0)
+    for skip in (frozenset(), settings.skip - {"linear"}):
+        sweep_block(structure, 1.0, [1.0], np.zeros(2), replace(tiny, skip=skip))

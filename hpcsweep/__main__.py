@@ -1,0 +1,7 @@
+"""``python -m hpcsweep``."""
+
+import sys
+
+from hpcsweep.cli import main
+
+sys.exit(main())

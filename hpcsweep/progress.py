@@ -1,0 +1,73 @@
+"""Progress for people: a bar on a terminal, a line a minute in a log."""
+
+import sys
+import time
+
+LOG_INTERVAL = 60.0
+
+
+def make_progress(total: int, done: int):
+    """Make the display that suits standard error."""
+    return Bar(total, done) if sys.stderr.isatty() else Log(total, done)
+
+
+class Bar:
+    """A bar, drawn by tqdm."""
+
+    def __init__(self, total: int, done: int):
+        from tqdm import tqdm
+
+        self._bar = tqdm(total=total, initial=done, unit="run", smoothing=0.05, dynamic_ncols=True)
+
+    def advance(self, runs: int) -> None:
+        """Count finished runs."""
+        self._bar.update(runs)
+
+    def message(self, text: str) -> None:
+        """Say something without tearing the bar."""
+        self._bar.write(text, file=sys.stderr)
+
+    def close(self) -> None:
+        """Leave the last state of the bar standing."""
+        self._bar.close()
+
+
+class Log:
+    """A line at the start, at most one a minute, and one at the end."""
+
+    def __init__(self, total: int, done: int):
+        self._total, self._done, self._first = total, done, done
+        self._begun = self._last = time.monotonic()
+        resumed = f", {done} of them already in the file" if done else ""
+        self.message(f"{total} runs{resumed}")
+
+    def advance(self, runs: int) -> None:
+        """Count finished runs."""
+        self._done += runs
+        if time.monotonic() - self._last >= LOG_INTERVAL:
+            self._last = time.monotonic()
+            self.message(self._line())
+
+    def message(self, text: str) -> None:
+        """Write one line with the time of day."""
+        print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Write the last line."""
+        self.message(self._line())
+
+    def _line(self) -> str:
+        elapsed = time.monotonic() - self._begun
+        rate = (self._done - self._first) / elapsed if elapsed > 0 else 0.0
+        line = f"{self._done}/{self._total} runs ({100 * self._done / self._total:.1f} %)"
+        if rate > 0:
+            line += f", {rate:.3g} runs/s"
+            if self._done < self._total:
+                line += f", {_duration((self._total - self._done) / rate)} left"
+        return line
+
+
+def _duration(seconds: float) -> str:
+    minutes, seconds = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{seconds:02d}"

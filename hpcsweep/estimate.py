@@ -50,6 +50,7 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
     error = float(np.std(costs) / np.sqrt(len(costs)))
     total = mean * job.n_runs
     dearest = float(np.max(costs)) * n_amplitudes * len(job.directions)
+    dearest = min(dearest, total) if n_frames > 1 else total
     lines = [
         f"{job.name}: {n_frames} frames x {n_amplitudes} amplitudes x "
         f"{len(job.directions)} directions = {job.n_runs} runs, solver {job.settings.solver}",
@@ -58,8 +59,9 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
         f"in all:     {total / 3600:.3g} core-hours ({total:.3g} s)",
     ]
     for ranks in RANKS:
-        if ranks == 1 or ranks <= 2 * n_frames:
-            makespan = max(total / ranks, min(dearest, total) / max(1, min(n_frames, 4)))
-            makespan = max(total / min(ranks, n_frames), makespan if ranks >= n_frames else 0.0)
-            lines.append(f"on {ranks:4d} ranks: about {makespan:.3g} s")
+        # one frame is one task: no run is shorter than its dearest frame
+        lines.append(f"on {ranks:4d} ranks: about {max(total / ranks, dearest):.3g} s")
+        if total / ranks <= dearest:
+            lines.append(f"            more ranks do not help: the dearest frame takes {dearest:.3g} s")
+            break
     return "\n".join(lines)

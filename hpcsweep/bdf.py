@@ -9,7 +9,10 @@ A short contact inside a long step would be invisible to the error estimate, and
 release inside a contact. Before each step the step is therefore limited to the time in which the
 nearest floor could reach the stop from its side, but to no less than `BdfMap.least_limit`: a
 contact of duration d under an acceleration a gives the impulse beta a d^3 / 12, and the limit is
-the d at which that is the relative tolerance. What is shorter may be stepped over.
+the d at which that is the relative tolerance. What is shorter may be stepped over. The layer in
+which the sigmoid is neither 0 nor 1 is as invisible when it is thin: it changes v^2 / 2 by
+beta pi^2 / (6 rho^2) on the way in, and if that is more than the tolerance of v it is crossed in
+steps of its length scale 1 / rho.
 """
 
 import math
@@ -27,13 +30,16 @@ MAX_STEPS = 200_000
 """Cap of steps in one forcing period."""
 SMALLEST_RTOL = 1e-13
 """Smaller relative tolerances are raised to this one: scipy refuses those below 2.2e-14."""
+LAYER_HALF_WIDTH = 5.0
+"""Half-width of the contact layer, in units of 1 / rho."""
+FLATTEST = 1e-3
+"""Smaller rho are this one when steps are limited: such a layer is wider than any motion."""
 STEP_NODES = 9
 """Times at which the interpolant of a step is searched for extrema and crossings."""
 PANEL_NODES, PANEL_WEIGHTS = np.polynomial.legendre.leggauss(6)
 ABSOLUTE = 1.0
 """atol = rtol * ABSOLUTE: lengths are measured in gaps and near contact u is about 1, so the
 absolute tolerance is the relative one of a displacement of one gap."""
-TINY = 1e-300
 
 
 class BdfMap:
@@ -56,6 +62,9 @@ class BdfMap:
         self.period = 2 * math.pi / self.omega
         self._stiffness = structure.stiffness_matrix.copy()
         self._damping = np.ascontiguousarray(structure.damping_matrix)
+        beta, rho = structure.stiffness_ratio, structure.sharpness
+        self._layer = 1.0 / max(rho, FLATTEST)
+        self._layer_step = beta * (math.pi * self._layer) ** 2 / 6 if rho > FLATTEST else 0.0
         self.least_limit = (12 * self.rtol / (4.0 + structure.stiffness_ratio)) ** (1 / 3)
 
     def advance(
@@ -189,13 +198,18 @@ class BdfMap:
         return z, Outcome.STEP_LIMIT
 
     def _step_limit(self, tau, z, derivative):
-        """Time in which a floor could reach the stop at its present speed and acceleration."""
+        """Time in which a floor could reach its contact layer, or cross a part of it."""
         n = self.structure.n_floors
-        gap = np.abs(1.0 - z[:n])
-        speed = np.maximum(np.where(z[:n] < 1.0, z[n : 2 * n], -z[n : 2 * n]), 0.0)
+        past = z[:n] - 1.0
+        speed = z[n : 2 * n]
+        gap = np.maximum(np.abs(past) - LAYER_HALF_WIDTH * self._layer, 0.0)
+        # outside the layer only the motion towards it counts
+        speed = np.where(gap > 0.0, np.maximum(-np.sign(past) * speed, 0.0), np.abs(speed))
         push = np.abs(derivative(tau, z)[n : 2 * n]) + 1.0
-        time = 2.0 * gap / (speed + np.sqrt(speed**2 + 2.0 * push * gap) + TINY)
-        return max(float(time.min()), self.least_limit)
+        room = gap + self._layer
+        time = 2.0 * room / (speed + np.sqrt(speed**2 + 2.0 * push * room))
+        seen = self._layer_step > self.rtol * np.maximum(speed, self.rtol)
+        return float(np.where(seen, time, np.maximum(time, self.least_limit)).min())
 
 
 class _Tally:
@@ -247,9 +261,7 @@ class _Tally:
                 touch = left + (right - left) * gap[k] / (gap[k] - gap[k + 1])
                 left, right = (left, touch) if gap[k] > 0 else (touch, right)
             half = 0.5 * (right - left)
-            q = np.abs(
-                self._shapes.T @ interpolant(left + half * (PANEL_NODES + 1))[: self._n]
-            )
+            q = np.abs(self._shapes.T @ interpolant(left + half * (PANEL_NODES + 1))[: self._n])
             size = np.linalg.norm(q, axis=0)
             share = np.divide(q, size, out=np.zeros_like(q), where=size > 0)
             self._modal += half * (share @ PANEL_WEIGHTS)

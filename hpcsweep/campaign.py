@@ -172,16 +172,24 @@ def _farm_out(
     display = Silent()
     failures: list[tuple] = []
     if comm.rank == 0:
-        journal.append("start", ranks=comm.size, hosts=sorted(set(hosts)),
-                       transport=campaign.transport.name)
+        journal.append(
+            "start", ranks=comm.size, hosts=sorted(set(hosts)), transport=campaign.transport.name
+        )
         if progress is not None:
             display = progress(job.n_runs, done_runs)
 
     def on_report(rank, value) -> None:
         frame, direction, block, runs, seconds, failed = value
         failures.extend(failed)
-        journal.append("block", rank=rank, frame=frame, direction=direction, block=block,
-                       runs=runs, seconds=seconds)
+        journal.append(
+            "block",
+            rank=rank,
+            frame=frame,
+            direction=direction,
+            block=block,
+            runs=runs,
+            seconds=seconds,
+        )
         display.advance(runs)
 
     def compute(frame, poll, report) -> None:

@@ -46,9 +46,7 @@ class _Parser(argparse.ArgumentParser):
 def build_parser() -> argparse.ArgumentParser:
     """Build the parser of all commands."""
     raw = argparse.RawDescriptionHelpFormatter
-    parser = _Parser(
-        prog="hpcsweep", description=DESCRIPTION, epilog=EPILOG, formatter_class=raw
-    )
+    parser = _Parser(prog="hpcsweep", description=DESCRIPTION, epilog=EPILOG, formatter_class=raw)
     parser.add_argument(
         "--version", action="store_true", help="print the versions of hpcsweep and its libraries"
     )

@@ -62,6 +62,8 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
         # one frame is one task: no run is shorter than its dearest frame
         lines.append(f"on {ranks:4d} ranks: about {max(total / ranks, dearest):.3g} s")
         if total / ranks <= dearest:
-            lines.append(f"            more ranks do not help: the dearest frame takes {dearest:.3g} s")
+            lines.append(
+                f"            more ranks do not help: the dearest frame takes {dearest:.3g} s"
+            )
             break
     return "\n".join(lines)

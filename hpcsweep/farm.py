@@ -21,7 +21,7 @@ LEAST_SLEEP, MOST_SLEEP = 1e-4, 5e-3
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
-class Stop(Exception):  # noqa: N818  (an order, not an error)
+class Stop(Exception):
     """Raised out of a task to leave it in good order."""
 
 

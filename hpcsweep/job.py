@@ -246,7 +246,9 @@ class _Reader:
         if ascending and np.any(np.diff(values) <= 0):
             place = int(np.argmax(np.diff(values) <= 0))
             raise self._error(
-                key, given, f"must ascend, but {values[place]!r} is followed by {values[place + 1]!r}"
+                key,
+                given,
+                f"must ascend, but {values[place]!r} is followed by {values[place + 1]!r}",
             )
         if np.unique(values).size != values.size:
             raise self._error(key, given, "must not hold a value twice")

@@ -58,9 +58,7 @@ class LinearOrbit:
 
     def state(self, amplitude: float) -> np.ndarray:
         """Give the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
-        return amplitude * np.concatenate(
-            (self._response.imag, self._omega * self._response.real)
-        )
+        return amplitude * np.concatenate((self._response.imag, self._omega * self._response.real))
 
     def steady_window(
         self, state: np.ndarray, amplitude: float, settings: SweepSettings

@@ -5,6 +5,7 @@ is told by the launcher's environment, so that a program started alone never ini
 """
 
 import os
+import warnings
 from typing import Any
 
 LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "MV2_COMM_WORLD_SIZE")
@@ -122,7 +123,10 @@ def world() -> Serial | Ranks:
 
     mpi4py.rc.recv_mprobe = False
     try:
-        from mpi4py import MPI
+        with warnings.catch_warnings():
+            # mpi4py notices some mismatches too; ours below is one line and names the remedy
+            warnings.simplefilter("ignore", RuntimeWarning)
+            from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
         raise LauncherError(
             f"the launcher started {expected} ranks but MPI cannot be loaded "

@@ -112,9 +112,7 @@ def stroboscopic_points(
     """
     z = np.array(state, dtype=float)
     if z.shape != (2 * structure.n_floors,):
-        raise ValueError(
-            f"state must have shape ({2 * structure.n_floors},), has shape {z.shape}"
-        )
+        raise ValueError(f"state must have shape ({2 * structure.n_floors},), has shape {z.shape}")
     if not np.all(np.isfinite(z)):
         raise ValueError("state must be finite")
     if not np.isfinite(amplitude):

@@ -140,9 +140,7 @@ class Structure:
             At an undamped resonance, where there is no steady state.
         """
         denominator = (
-            self.frequencies**2
-            - omega**2
-            + 2j * self.damping_ratios * self.frequencies * omega
+            self.frequencies**2 - omega**2 + 2j * self.damping_ratios * self.frequencies * omega
         )
         if np.any(denominator == 0):
             raise ZeroDivisionError(f"undamped resonance at omega = {omega!r}: no steady state")

@@ -112,9 +112,7 @@ class FrameSweep:
             z = seen.points[-1].copy() if len(seen.points) else z
             return self._store_failure(result, row, index, z, cycles, seen.outcome)
         if not period:
-            period = orbit_period(
-                seen.points, settings.max_orbit_period, settings.period_tolerance
-            )
+            period = orbit_period(seen.points, settings.max_orbit_period, settings.period_tolerance)
         self._store(result, row, index, amplitude, seen, period, cycles)
         if "lyapunov" in result:
             result["lyapunov"][index] = self._exponent(z, seen, amplitude, period, poll)

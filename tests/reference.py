@@ -14,6 +14,7 @@ state with imaginary perturbation 1e-30 is the exact derivative (no cancellation
 written for mpmath at any precision and certifies `run` (`test_reference.py`).
 """
 
+import itertools
 import math
 
 import mpmath
@@ -144,7 +145,7 @@ def first_root(c, h):
                 continue
             for _ in range(200):
                 middle = 0.5 * (a + b)
-                if middle == a or middle == b:
+                if middle in (a, b):
                     break
                 fm = horner(p, middle)
                 if fm * fa > 0:
@@ -279,7 +280,7 @@ def reference_window(structure, amplitude, omega, state, n_periods, samples=17):
             if _largest(c[i], t) >= 0:
                 contact |= 1 << i
             drift = max(drift, _largest(between[i], t), _largest(-between[i], t))
-        for a, b in zip(t[:-1], t[1:], strict=True):
+        for a, b in itertools.pairwise(t):
             add, time = _free_part(c[:n], phi, a, b, 0)
             modal += add
             free += time

@@ -54,7 +54,7 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
     size = float(np.clip(14000 / max(amplitude.size, 1), 0.4, 7.0))
     groups = _groups(keys, color, n, frame)
     for floor, axis in zip(range(n)[::-1], axes, strict=True):
-        for key, label, colour in groups:
+        for key, _label, colour in groups:
             for direction, (_, marker) in DIRECTION_STYLE.items():
                 chosen = (floors == floor) & (directions == direction) & (keys == key)
                 if chosen.any():
@@ -118,7 +118,7 @@ def _groups(keys, color, n, frame) -> list[tuple[str, str, str]]:
         named = [(key, contact_name(int(key), n)) for key in order]
         named = [(key, "no contact" if name == "none" else name) for key, name in named]
     else:
-        periodic = sorted((int(key) for key in names if key != "0"))
+        periodic = sorted(int(key) for key in names if key != "0")
         named = [(str(p), f"P{p}") for p in periodic]
         if "0" in names:
             named.append(("0", "no period found"))
@@ -169,21 +169,35 @@ def _legend(figure, groups, color) -> None:
         hollow = color == "direction" and key == "down"
         handles.append(
             Line2D(
-                [], [], linestyle="none", marker=marker, label=label, markersize=5,
-                markerfacecolor="none" if hollow else colour, markeredgecolor=colour,
+                [],
+                [],
+                linestyle="none",
+                marker=marker,
+                label=label,
+                markersize=5,
+                markerfacecolor="none" if hollow else colour,
+                markeredgecolor=colour,
             )
         )
     if color != "direction":
         for direction, (_, marker) in DIRECTION_STYLE.items():
             handles.append(
                 Line2D(
-                    [], [], linestyle="none", marker=marker, label=f"sweep {direction}",
-                    markersize=5, markeredgecolor="0.3",
+                    [],
+                    [],
+                    linestyle="none",
+                    marker=marker,
+                    label=f"sweep {direction}",
+                    markersize=5,
+                    markeredgecolor="0.3",
                     markerfacecolor="0.3" if direction == "up" else "none",
                 )
             )
     figure.legend(
-        handles=handles, loc="outside lower center", ncols=min(len(handles), 6), fontsize=8,
+        handles=handles,
+        loc="outside lower center",
+        ncols=min(len(handles), 6),
+        fontsize=8,
         frameon=False,
     )
 

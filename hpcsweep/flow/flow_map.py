@@ -39,8 +39,22 @@ def layer_half_width(beta: float, rho: float) -> float:
 
 
 @jit
-def march(z, amplitude, n_periods, model, tables, tolerance, max_steps, tally, observing, work,
-          points, previous, stop_below, tangent):
+def march(
+    z,
+    amplitude,
+    n_periods,
+    model,
+    tables,
+    tolerance,
+    max_steps,
+    tally,
+    observing,
+    work,
+    points,
+    previous,
+    stop_below,
+    tangent,
+):
     """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
 
     Parameters
@@ -62,7 +76,15 @@ def march(z, amplitude, n_periods, model, tables, tolerance, max_steps, tally, o
         for k in range(z.shape[0]):
             previous[k] = z[k]
         outcome = march_period(
-            z, amplitude, model, tables, tolerance, max_steps, tally, observing, work,
+            z,
+            amplitude,
+            model,
+            tables,
+            tolerance,
+            max_steps,
+            tally,
+            observing,
+            work,
             tangent,
         )
         if outcome != 1:
@@ -82,8 +104,22 @@ def march(z, amplitude, n_periods, model, tables, tolerance, max_steps, tally, o
 
 
 @jit
-def settle(z, amplitude, n_periods, max_period, settled, same, model, tables, tolerance, max_steps,
-           tally, work, history, distance):
+def settle(
+    z,
+    amplitude,
+    n_periods,
+    max_period,
+    settled,
+    same,
+    model,
+    tables,
+    tolerance,
+    max_steps,
+    tally,
+    work,
+    history,
+    distance,
+):
     """Advance z until its orbit has closed on itself, for at most `n_periods`.
 
     Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and
@@ -112,7 +148,15 @@ def settle(z, amplitude, n_periods, max_period, settled, same, model, tables, to
     close = np.zeros(ring, np.int64)
     for period in range(1, n_periods + 1):
         outcome = march_period(
-            z, amplitude, model, tables, tolerance, max_steps, tally, False, work,
+            z,
+            amplitude,
+            model,
+            tables,
+            tolerance,
+            max_steps,
+            tally,
+            False,
+            work,
             no_tangent,
         )
         slot = period % ring
@@ -204,8 +248,9 @@ class FlowMap:
         if poll is not None:
             poll()
         z = np.array(state, dtype=float)
-        done, outcome = self._march(z, amplitude, n_periods, self._silent, False,
-                                    self._no_points, tol)
+        done, outcome = self._march(
+            z, amplitude, n_periods, self._silent, False, self._no_points, tol
+        )
         return Advance(z, done, Outcome(outcome))
 
     def settle(
@@ -231,9 +276,20 @@ class FlowMap:
         z = np.array(state, dtype=float)
         ring = max_period + 1
         done, period, outcome = settle(
-            z, float(amplitude), n_periods, max_period, settled, same, self._model, self._tables,
-            self._tolerance, MAX_STEPS, self._silent, self._work,
-            np.empty((ring, z.size)), np.empty((ring, ring)),
+            z,
+            float(amplitude),
+            n_periods,
+            max_period,
+            settled,
+            same,
+            self._model,
+            self._tables,
+            self._tolerance,
+            MAX_STEPS,
+            self._silent,
+            self._work,
+            np.empty((ring, z.size)),
+            np.empty((ring, ring)),
         )
         return Advance(z, done, Outcome(outcome)), period
 
@@ -271,7 +327,10 @@ class FlowMap:
         free = tally.free_time[0]
         norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
         return Observation(
-            points[:done], int(tally.contact[0]), float(tally.peak_drift[0]), norms,
+            points[:done],
+            int(tally.contact[0]),
+            float(tally.peak_drift[0]),
+            norms,
             Outcome(outcome),
         )
 
@@ -302,7 +361,18 @@ class FlowMap:
 
     def _march(self, z, amplitude, n_periods, tally, observing, points, tol, tangent=NO_TANGENT):
         return march(
-            z, float(amplitude), n_periods, self._model, self._tables, self._tolerance,
-            MAX_STEPS, tally, observing, self._work, points, self._previous, float(tol),
+            z,
+            float(amplitude),
+            n_periods,
+            self._model,
+            self._tables,
+            self._tolerance,
+            MAX_STEPS,
+            tally,
+            observing,
+            self._work,
+            points,
+            self._previous,
+            float(tol),
             tangent,
         )

@@ -95,8 +95,10 @@ def step_limit(z, a, model, tau_left):
             nearest = x + reach
         else:
             nearest = 0.0
-        hardest = max(hardest, contact_stiffness(min(nearest, 2.4 / max(model.rho, 1e-300)),
-                                                 model.beta, model.rho))
+        hardest = max(
+            hardest,
+            contact_stiffness(min(nearest, 2.4 / max(model.rho, 1e-300)), model.beta, model.rho),
+        )
     h = min(h, CONTRACTION / math.sqrt(stiffness + max(hardest, 0.0)))
     drag = 0.0
     for i in range(n):
@@ -216,7 +218,4 @@ def accelerations(tau, z, amplitude, model, out):
 @jit
 def inside_layer(z, half_width):
     """Tell whether any floor is within its contact layer (never, if that has no width)."""
-    for i in range(z.shape[0] // 2):
-        if abs(z[i] - 1.0) < half_width:
-            return True
-    return False
+    return any(abs(z[i] - 1.0) < half_width for i in range(z.shape[0] // 2))

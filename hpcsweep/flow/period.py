@@ -130,9 +130,7 @@ def contact_key(tau, z, amplitude, model, a):
 
 
 @jit
-def _first_event(
-    key, index, span, h, x, z_end, layer, bound4, poly, rows, expanded, stack
-):
+def _first_event(key, index, span, h, x, z_end, layer, bound4, poly, rows, expanded, stack):
     """Find the first floor that reaches the edge of its layer within `span` of a step.
 
     Returns
@@ -219,9 +217,7 @@ def _passes(floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega,
         nearest = abs(z[i] - 1.0) - (abs(z[n + i]) + abs(a[i]) * duration) * duration
         if i != floor and nearest <= layer:
             return False, jerk
-    impulse, first, second_free, second_contact = moments(
-        v, a[floor], jerk, beta, rho
-    )
+    impulse, first, second_free, second_contact = moments(v, a[floor], jerk, beta, rho)
     # sum_k (-1)^k/k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e)
     second = second_free + second_contact
     for i in range(n):
@@ -229,17 +225,16 @@ def _passes(floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega,
         for j in range(n):
             square += damping[i, j] * damping[j, floor]
         z[i] -= 0.5 * damping[i, floor] * second
-        z[n + i] += damping[i, floor] * first + 0.5 * second * (
-            square - stiffness[i, floor]
-        )
+        z[n + i] += damping[i, floor] * first + 0.5 * second * (square - stiffness[i, floor])
     z[floor] -= first
     z[n + floor] += impulse - 0.5 * beta * second_contact
     return True, jerk
 
 
 @jit
-def visit_layer(tau, end, z, amplitude, model, tolerance, tally, observing, steps_left, work,
-                tangent):
+def visit_layer(
+    tau, end, z, amplitude, model, tolerance, tally, observing, steps_left, work, tangent
+):
     """Integrate from tau until no floor is inside a layer, or until `end`.
 
     Returns
@@ -293,8 +288,9 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, tally, observing, step
 
 
 @jit
-def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, observing, work,
-                 tangent):
+def march_period(
+    z, amplitude, model, tables, tolerance, max_steps, tally, observing, work, tangent
+):
     """Advance z over one forcing period, in place.
 
     Parameters
@@ -350,8 +346,17 @@ def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, obser
             if inside_layer(z, layer):
                 counts[3] += 1
                 tau, outcome, used = visit_layer(
-                    tau, end, z, amplitude, model, tolerance, tally, observing,
-                    max_steps - steps, work, tangent,
+                    tau,
+                    end,
+                    z,
+                    amplitude,
+                    model,
+                    tolerance,
+                    tally,
+                    observing,
+                    max_steps - steps,
+                    work,
+                    tangent,
                 )
                 counts[2] += used
                 steps += used
@@ -395,8 +400,18 @@ def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, obser
             if not beyond and not math.isnan(at_stop) and tau + at_stop < end:
                 evaluate_rows(rows, h, at_stop, z)
                 passed, jerk = _passes(
-                    floor, key, tau + at_stop, z, amplitude, stiffness, damping, beta, rho,
-                    omega, layer, a,
+                    floor,
+                    key,
+                    tau + at_stop,
+                    z,
+                    amplitude,
+                    stiffness,
+                    damping,
+                    beta,
+                    rho,
+                    omega,
+                    layer,
+                    a,
                 )
             if passed:
                 if tangent.shape[0] > 0:
@@ -434,9 +449,7 @@ def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, obser
                 sine = x[2 * n]
                 cosine = x[2 * n + 1]
                 x[2 * n] = sine * rotation[index, 0] + cosine * rotation[index, 1]
-                x[2 * n + 1] = (
-                    cosine * rotation[index, 0] - sine * rotation[index, 1]
-                )
+                x[2 * n + 1] = cosine * rotation[index, 0] - sine * rotation[index, 1]
         elif beyond:
             set_forcing(x, tau, amplitude, omega)
             for i in range(2 * n):
@@ -455,8 +468,17 @@ def march_period(z, amplitude, model, tables, tolerance, max_steps, tally, obser
                 # at the edge of the layer, perhaps just outside it by rounding: integrate
                 counts[3] += 1
                 tau, outcome, used = visit_layer(
-                    tau, end, z, amplitude, model, tolerance, tally, observing,
-                    max_steps - steps, work, tangent,
+                    tau,
+                    end,
+                    z,
+                    amplitude,
+                    model,
+                    tolerance,
+                    tally,
+                    observing,
+                    max_steps - steps,
+                    work,
+                    tangent,
                 )
                 counts[2] += used
                 steps += used

@@ -144,9 +144,7 @@ def layer_tangent(h, stage_u, model, tangent):
                     for k in range(N_STAGES):
                         du += STAGES_SQUARED[j, k] * g[i, k]
                         dv += STAGES[j, k] * g[i, k]
-                    u[i, j] = tangent[i, column] + h * (
-                        NODES[j] * tangent[n + i, column] + h * du
-                    )
+                    u[i, j] = tangent[i, column] + h * (NODES[j] * tangent[n + i, column] + h * du)
                     v[i, j] = tangent[n + i, column] + h * dv
             change = 0.0
             largest = 0.0

@@ -87,17 +87,13 @@ class Blocks:
         """Read a block, rows in ascending amplitude."""
         low, high = self.rows(direction, block)
         return {
-            name: self._offsets.read(
-                self._descriptor, name, (direction, frame, low), high - low
-            )
+            name: self._offsets.read(self._descriptor, name, (direction, frame, low), high - low)
             for name in self.variables
         }
 
     def committed(self, direction: int, frame: int, block: int) -> int:
         """Read the stored checksum of a block, 0 if it has none."""
-        return int(
-            self._offsets.read(self._descriptor, "commit", (direction, frame, block), 1)[0]
-        )
+        return int(self._offsets.read(self._descriptor, "commit", (direction, frame, block), 1)[0])
 
     def checksum(self, direction, frame, block, start: np.ndarray, rows: dict) -> int:
         """Compute the checksum of a block that starts from state `start`; never 0."""

@@ -53,9 +53,17 @@ RUN_VARIABLES = (
     Variable("drift", RUN, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*RUN, "mode"), "<f8", "1", "mean modal norm free of contact"),
     Variable("lyapunov", RUN, "<f8", "omega_0", "largest Lyapunov exponent"),
-    Variable("final_state", (*RUN, "state"), "<f8", "gaps; " + SPEED, "state after the last period"),
+    Variable(
+        "final_state", (*RUN, "state"), "<f8", "gaps; " + SPEED, "state after the last period"
+    ),
     Variable("cycles", RUN, "<i4", "forcing periods", "forcing periods integrated"),
-    Variable("outcome", RUN, "<i1", "1", "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed"),
+    Variable(
+        "outcome",
+        RUN,
+        "<i1",
+        "1",
+        "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
+    ),
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome")
 COMMIT = Variable("commit", ("direction", "frame", "block"), "<u8", "1", "checksum of a block")

@@ -46,15 +46,11 @@ class Lock:
                 existed = self.path.exists()
                 self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
             except OSError as error:
-                raise StoreError(
-                    f"{self._results}: cannot be written: {error.strerror}"
-                ) from None
+                raise StoreError(f"{self._results}: cannot be written: {error.strerror}") from None
             if not self._take(MASTER_BYTE, existed):
                 holder = self._holder()
                 self._forget()
-                raise StoreError(
-                    f"{self._results}: another campaign is running on it ({holder})"
-                )
+                raise StoreError(f"{self._results}: another campaign is running on it ({holder})")
             if self._by_existence or self._still_there():
                 break
             self._forget()

@@ -60,8 +60,10 @@ def open_results(path: str | Path):
             values = data[...]
             if values.dtype.kind == "S":
                 values = values.astype(str)
-            dims = tuple(dim[0].name.lstrip("/") for dim in data.dims) if not data.is_scale else (
-                name,
+            dims = (
+                tuple(dim[0].name.lstrip("/") for dim in data.dims)
+                if not data.is_scale
+                else (name,)
             )
             notes = {key: data.attrs[key] for key in ("units", "long_name")}
             arrays[name] = (dims, values, notes)

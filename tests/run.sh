@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# All set-up, then the tests: tests/run.sh [pytest arguments]
+# Needs Python 3.11 or newer with venv; writes .venv.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+bash .ci/venv .venv mpich,test
+exec .venv/bin/python -m pytest -m "not slow and not mpio" "$@"

@@ -16,6 +16,7 @@ written for mpmath at any precision and certifies `run` (`test_reference.py`).
 
 import itertools
 import math
+from pathlib import Path
 
 import mpmath
 import numba
@@ -386,3 +387,58 @@ def _step_mp(x, v, rho, largest, order, dps):
             radius *= 0.9
         h = min(h, 0.2 * radius)
     return largest if h >= float(largest) else mpmath.mpf(h)
+
+
+CERTIFIED = Path(__file__).parent / "data" / "certified.npz"
+"""Rounded results of `points_mp`; `python tests/reference.py` makes the file, in minutes."""
+CASES = [(beta, a) for beta in (100.0, 1000.0) for a in (0.01, 0.06, 0.0987, 0.15, 0.25)]
+OMEGA = 0.445
+MATRIX_CASES = [(1000.0, 0.06), (1000.0, 0.0987)]
+
+
+def monodromy_mp(structure, amplitude, omega, state, columns, delta=1e-10, dps=36):
+    """Columns of d z(T) / d z(0) by central differences in extended precision.
+
+    The error is delta^2 times third derivatives, which reach (rho delta)^2 = 1e-12.
+    """
+    with mpmath.workdps(dps):
+        ends = []
+        for column in columns:
+            for sign in (1, -1):
+                z = [mpmath.mpf(a) for a in state]
+                z[column] += sign * mpmath.mpf(delta)
+                ends.append(points_mp(structure, amplitude, omega, z, 1, dps, 44)[0])
+        differences = [
+            [float((a - b) / (2 * mpmath.mpf(delta))) for a, b in zip(up, down, strict=True)]
+            for up, down in zip(ends[::2], ends[1::2], strict=True)
+        ]
+    return np.array(differences).T
+
+
+def write_certified(n_periods=20):
+    """Compute `CERTIFIED` and print how far `reference_points` is from it."""
+    from hpcsweep.structure import Structure
+
+    rest = np.zeros(6)
+    points = []
+    for beta, amplitude in CASES:
+        structure = Structure(3, beta, 1e4, 0.05)
+        exact = points_mp(structure, amplitude, OMEGA, rest, n_periods)
+        points.append(np.array(exact, dtype=float))
+        fast = reference_points(structure, amplitude, OMEGA, rest, n_periods)
+        error = np.abs(fast - points[-1]).max()
+        print(f"beta {beta:g} A {amplitude:g}: double - extended {error:.1e}", flush=True)
+    matrices = []
+    for beta, amplitude in MATRIX_CASES:
+        structure = Structure(3, beta, 1e4, 0.05)
+        state = points[CASES.index((beta, amplitude))][1]
+        matrices.append(monodromy_mp(structure, amplitude, OMEGA, state, range(6)))
+        fast = reference_monodromy(structure, amplitude, OMEGA, state, 1)[1]
+        error = np.abs(fast - matrices[-1]).max()
+        print(f"beta {beta:g} A {amplitude:g}: matrix {error:.1e}", flush=True)
+    CERTIFIED.parent.mkdir(exist_ok=True)
+    np.savez_compressed(CERTIFIED, points=np.array(points), matrices=np.array(matrices))
+
+
+if __name__ == "__main__":
+    write_certified()

@@ -68,7 +68,7 @@ def test_each_mistake_is_one_line_that_names_file_key_value_and_limit(old, new, 
 
 
 def test_missing_key_and_file_are_named(tmp_path):
-    with pytest.raises(JobError, match="sweep.omega is missing"):
+    with pytest.raises(JobError, match=r"sweep\.omega is missing"):
         job("[sweep]\namplitude = 0.1")
     with pytest.raises(JobError, match=r"absent\.toml: cannot be read"):
         load_job(tmp_path / "absent.toml")

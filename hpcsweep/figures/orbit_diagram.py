@@ -150,7 +150,7 @@ def _mark_regions(axes, frame, done, n) -> None:
             label,
             (0.5 * (left + right), 1.0),
             xycoords=("data", "axes fraction"),
-            xytext=(0, 3 if wide else 3),
+            xytext=(0, 3),
             textcoords="offset points",
             ha="center",
             va="bottom",

@@ -218,4 +218,7 @@ def accelerations(tau, z, amplitude, model, out):
 @jit
 def inside_layer(z, half_width):
     """Tell whether any floor is within its contact layer (never, if that has no width)."""
-    return any(abs(z[i] - 1.0) < half_width for i in range(z.shape[0] // 2))
+    for i in range(z.shape[0] // 2):
+        if abs(z[i] - 1.0) < half_width:
+            return True
+    return False

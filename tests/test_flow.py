@@ -1,0 +1,230 @@
+"""The flow map against independent references and closed forms; its parts by themselves."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hpcsweep.flow import FlowMap
+from hpcsweep.flow import crossing, layer, search, tables
+from hpcsweep.flow.flow_map import layer_half_width
+from hpcsweep.outcome import Outcome
+from hpcsweep.structure import Structure
+
+OMEGA = 0.445
+PERIOD = 2 * math.pi / OMEGA
+
+
+def on_the_attractor(structure, amplitude, omega=OMEGA, n_periods=40):
+    flow = FlowMap(structure, omega)
+    return flow, flow.advance(np.zeros(2 * structure.n_floors), amplitude, n_periods).state
+
+
+def test_gauss_rule_integrates_polynomials_against_the_fermi_weight():
+    # int_0^inf y^(k+1) / (1 + e^y) dy = (1 - 2^-(k+1)) Gamma(k + 2) zeta(k + 2)
+    zeta = {2: math.pi**2 / 6, 4: math.pi**4 / 90, 6: math.pi**6 / 945}
+    for k in (0, 2, 4):
+        exact = (1 - 2.0 ** -(k + 1)) * math.gamma(k + 2) * zeta[k + 2]
+        assert crossing.WEIGHTS @ crossing.NODES**k == pytest.approx(exact, rel=1e-13)
+    assert crossing.FULL_POTENTIAL == pytest.approx(crossing.WEIGHTS.sum(), rel=1e-13)
+
+
+def test_collocation_is_exact_for_the_polynomials_it_should_be():
+    for degree in range(layer.N_STAGES):
+        powers = layer.NODES**degree
+        assert layer.STAGES @ powers == pytest.approx(layer.NODES ** (degree + 1) / (degree + 1))
+    for degree in range(2 * layer.N_STAGES):
+        assert layer.WEIGHTS @ layer.NODES**degree == pytest.approx(1 / (degree + 1), rel=1e-13)
+
+
+@pytest.mark.parametrize("key", [0, 1, 5, 7])
+def test_tables_are_the_matrix_exponential(key):
+    from scipy.linalg import expm
+
+    structure = Structure(3, 1000.0, 1e4, (0.05, 0.3, 1.4))
+    flow = FlowMap(structure, OMEGA)
+    model, store = flow._model, flow._tables
+    index = tables.lookup(np.uint64(key), model, store)
+    assert tables.lookup(np.uint64(key), model, store) == index
+    n = 3
+    generator = np.zeros((2 * n + 3, 2 * n + 3))
+    touching = np.array([key >> i & 1 for i in range(n)], float)
+    generator[:n, n : 2 * n] = np.eye(n)
+    generator[n : 2 * n, :n] = -structure.stiffness_matrix - 1000.0 * np.diag(touching)
+    generator[n : 2 * n, n : 2 * n] = -structure.damping_matrix
+    generator[n : 2 * n, 2 * n] = -1.0
+    generator[n : 2 * n, 2 * n + 2] = 1000.0 * touching
+    generator[2 * n, 2 * n + 1], generator[2 * n + 1, 2 * n] = OMEGA, -OMEGA
+    h = store.h[index]
+    exact = expm(generator * h)[: 2 * n]
+    scale = np.abs(exact).max()
+    assert np.abs(store.step[index].T - exact).max() < 2e-13 * scale
+    for s in (0.0, 0.31 * h, h):
+        powers = (2 * s / h - 1) ** np.arange(tables.N_COEFFICIENTS)
+        assert np.abs(store.poly[index] @ powers - expm(generator * s)[: 2 * n]).max() < (
+            2e-13 * scale
+        )
+
+
+def test_fourth_derivative_bound_holds():
+    flow = FlowMap(Structure(), OMEGA)
+    index = tables.lookup(np.uint64(0), flow._model, flow._tables)
+    h = flow._tables.h[index]
+    rng = np.random.default_rng(3)
+    sigma = np.linspace(-1, 1, 401)
+    for _ in range(20):
+        x = rng.standard_normal(9)
+        rows = np.einsum("rkp,k->rp", flow._tables.poly[index], x)
+        for i in range(3):
+            fourth = np.polynomial.polynomial.polyder(rows[i], 4)
+            largest = np.abs(np.polynomial.polynomial.polyval(sigma, fourth)).max() * (2 / h) ** 4
+            assert flow._tables.bound4[index, i] @ np.abs(x) >= largest
+
+
+def test_first_passage_finds_the_first_root_and_proves_there_is_none():
+    rng = np.random.default_rng(5)
+    stack = np.zeros((search.MAX_DEPTH + 2, 3))
+    h, fine = 0.7, np.linspace(0, 0.7, 20001)
+    found = missed = 0
+    for _ in range(300):
+        rows = np.zeros((1, tables.N_COEFFICIENTS))
+        rows[0, :7] = rng.standard_normal(7) / np.arange(1, 8) ** 1.5
+        fourth = np.polynomial.polynomial.polyder(rows[0], 4)
+        bound = np.abs(fourth).sum() * (2 / h) ** 4
+        values = np.polynomial.polynomial.polyval(2 * fine / h - 1, rows[0])
+        level = values[0] + 10 ** rng.uniform(-6, 0.3)
+        time = search.first_passage(rows, 0, h, 0.0, h, level, 1.0, bound, stack)
+        above = np.flatnonzero(values >= level)
+        if above.size:
+            found += 1
+            assert fine[above[0] - 1] <= time <= fine[above[0]]
+        else:
+            missed += 1
+            # a touch between two of the fine samples is all that may be found
+            assert time < 0 or level - values.max() < 1e-6
+    assert min(found, missed) > 50
+
+
+def test_a_touch_just_over_the_level_is_found_however_short():
+    stack = np.zeros((search.MAX_DEPTH + 2, 3))
+    rows = np.zeros((1, tables.N_COEFFICIENTS))
+    for over in 10.0 ** np.arange(-15, -2):
+        peak = 0.2371
+        rows[0, :3] = over - peak**2, 2 * peak, -1.0  # over - (sigma - peak)^2
+        time = search.first_passage(rows, 0, 1.0, 0.0, 1.0, 0.0, 1.0, 1e-3, stack)
+        assert time == pytest.approx(0.5 * (1 + peak - math.sqrt(over)), abs=3e-8)
+        rows[0, 0] = -1e-12 - peak**2
+        assert search.first_passage(rows, 0, 1.0, 0.0, 1.0, 0.0, 1.0, 1e-3, stack) == -1
+
+
+def test_layer_width_leaves_out_only_a_negligible_force():
+    for beta, rho in [(1000.0, 1e4), (1e5, 1e2), (1e7, 1e8), (1.0, 1e6)]:
+        y = rho * layer_half_width(beta, rho)
+        assert beta / rho * y / (1 + math.exp(y)) < 2e-13
+    assert layer_half_width(1000.0, math.inf) == 0
+    assert layer_half_width(1000.0, 0.0) == math.inf
+
+
+@pytest.mark.parametrize("sharpness", [1e4, math.inf])
+def test_grazing_amplitude_is_the_closed_form(sharpness):
+    structure = Structure(sharpness=sharpness)
+    critical = structure.grazing_amplitude(OMEGA)
+    assert critical == pytest.approx(0.016230, abs=5e-7)
+    for factor, contact in ((1 - 1e-9, 0), (1 + 1e-9, 4)):
+        response = structure.linear_steady_state(OMEGA) * critical * factor
+        state = np.concatenate((response.imag, OMEGA * response.real))
+        seen = FlowMap(structure, OMEGA).observe(state, critical * factor, 1)
+        if sharpness == math.inf:
+            assert seen.contact == contact
+        else:  # the smooth spring already pushes inside its layer and pulls the floor in
+            assert seen.contact in (0, 4)
+
+
+def test_linear_steady_state_and_its_drift_are_exact():
+    structure = Structure()
+    amplitude = 0.012
+    response = amplitude * structure.linear_steady_state(OMEGA)
+    state = np.concatenate((response.imag, OMEGA * response.real))
+    seen = FlowMap(structure, OMEGA).observe(state, amplitude, 5, modal_norm=True)
+    assert np.abs(seen.points - state).max() < 1e-14
+    drift = np.abs(np.diff(response, prepend=0)).max()
+    assert seen.peak_drift == pytest.approx(drift, rel=1e-10)
+    assert seen.contact == 0
+
+
+@pytest.mark.parametrize("sharpness", [1e4, 1e3, 100.0, 10.0, 0.0, math.inf])
+@pytest.mark.parametrize("amplitude", [0.06, 0.25])
+def test_monodromy_has_the_determinant_of_the_damping(sharpness, amplitude):
+    structure = Structure(sharpness=sharpness)
+    flow, state = on_the_attractor(structure, amplitude, n_periods=6)
+    end, matrix = flow.monodromy(state, amplitude, 1)
+    assert np.array_equal(end, flow.advance(state, amplitude, 1).state)
+    exact = math.exp(-PERIOD * np.trace(structure.damping_matrix))
+    assert np.linalg.det(matrix) == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("amplitude", [0.01, 0.06, 0.0987, 0.25])
+def test_monodromy_is_the_derivative_of_the_map(amplitude):
+    flow, state = on_the_attractor(Structure(), amplitude)
+    _, matrix = flow.monodromy(state, amplitude, 1)
+    step = 1e-5
+    columns = []
+    for unit in np.eye(6):
+        ends = [flow.advance(state + k * step * unit, amplitude, 1).state for k in (-2, -1, 1, 2)]
+        columns.append((ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step))
+    assert np.abs(matrix - np.array(columns).T).max() < 2e-6
+
+
+def test_settle_finds_the_period_and_agrees_with_the_long_run():
+    flow = FlowMap(Structure(), OMEGA)
+    for amplitude, period in ((0.06, 1), (0.1, 2)):
+        settled, found = flow.settle(np.zeros(6), amplitude, 200, 16, 1e-10, 1e-6)
+        assert found == period
+        assert settled.n_periods < 100
+        further = flow.advance(settled.state, amplitude, 60 * period).state
+        assert np.abs(further - settled.state).max() < 1e-9
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 12])
+def test_more_floors_stay_bounded_and_keep_few_tables(n):
+    structure = Structure(n_floors=n)
+    flow = FlowMap(structure, structure.frequencies[0])
+    seen = flow.observe(np.zeros(2 * n), 0.2, 40)
+    assert seen.outcome is Outcome.COMPLETE
+    assert np.abs(seen.points).max() < 50
+    assert seen.contact != 0
+    assert flow._tables.count[0] <= min(2**n, 64)
+
+
+def test_a_run_beyond_double_precision_is_an_outcome():
+    structure = Structure(damping_ratio=0.0)
+    flow = FlowMap(structure, 0.445)
+    points, outcome = flow.points(np.full(6, 1e99), 0.1, 3)
+    assert outcome in (Outcome.NON_FINITE, Outcome.COMPLETE)
+    points, outcome = flow.points(np.full(6, 1e150), 0.1, 3)
+    assert outcome is Outcome.NON_FINITE
+    assert len(points) == 0
+
+
+@pytest.mark.parametrize("sharpness", [1e4, math.inf])
+def test_energy_is_kept_without_damping_and_forcing(sharpness):
+    structure = Structure(sharpness=sharpness, damping_ratio=0.0)
+    state = np.array([0.2, 0.5, 0.7, 0.1, 0.3, 0.6])
+
+    # the smooth spring's energy past its layer is the linear one's less the potential step
+    step = 0.0 if sharpness == math.inf else 1000.0 * math.pi**2 / (6 * sharpness**2)
+
+    def energy(z):
+        u, v = z[:3], z[3:]
+        x = np.maximum(u - 1, 0)
+        spring = 0.5 * 1000.0 * x @ x - step * np.count_nonzero(x)
+        return 0.5 * (v @ v + u @ structure.stiffness_matrix @ u) + spring
+
+    flow = FlowMap(structure, 0.7)
+    points, outcome = flow.points(state, 0.0, 200)
+    assert outcome is Outcome.COMPLETE
+    kept = [energy(z) for z in points if np.all(np.abs(z[:3] - 1) > 0.004)]
+    assert len(kept) > 150
+    assert flow._silent.counts[1] > 100  # it did hit the stop
+    drift = np.abs(np.array(kept) / kept[0] - 1).max()
+    assert drift < 1e-8

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hpcsweep.flow import FlowMap
-from hpcsweep.flow import crossing, layer, search, tables
+from hpcsweep.flow import FlowMap, crossing, layer, search, tables
 from hpcsweep.flow.flow_map import layer_half_width
 from hpcsweep.outcome import Outcome
 from hpcsweep.structure import Structure
@@ -26,7 +25,7 @@ def test_gauss_rule_integrates_polynomials_against_the_fermi_weight():
     for k in (0, 2, 4):
         exact = (1 - 2.0 ** -(k + 1)) * math.gamma(k + 2) * zeta[k + 2]
         assert crossing.WEIGHTS @ crossing.NODES**k == pytest.approx(exact, rel=1e-13)
-    assert crossing.FULL_POTENTIAL == pytest.approx(crossing.WEIGHTS.sum(), rel=1e-13)
+    assert pytest.approx(crossing.WEIGHTS.sum(), rel=1e-13) == crossing.FULL_POTENTIAL
 
 
 def test_collocation_is_exact_for_the_polynomials_it_should_be():

@@ -1,5 +1,6 @@
 """The references themselves: extended precision, a second method, closed forms."""
 
+import itertools
 import math
 
 import numpy as np
@@ -125,7 +126,7 @@ def test_steps_join_and_fill_the_period():
     structure = Structure(3, 1000.0, 1e4, 0.05)
     steps = list(reference_steps(structure, 0.06, OMEGA, np.zeros(6), 2))
     assert sum(h for h, _ in steps) == pytest.approx(4 * math.pi / OMEGA, rel=1e-13)
-    for (h, c), (_, following) in zip(steps[:-1], steps[1:], strict=True):
+    for (h, c), (_, following) in itertools.pairwise(steps):
         end = np.polynomial.polynomial.polyval(h, c.T)
         assert np.abs(end - following[:, 0]).max() < 1e-13
 

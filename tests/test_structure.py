@@ -69,8 +69,8 @@ def test_contact_begins_at_the_grazing_amplitude(factor, contact):
 
 def test_undamped_resonance_has_no_steady_state():
     structure = Structure(1, damping_ratio=0.0)
-    with pytest.raises(ZeroDivisionError, match="resonance at omega = 1.0"):
-        structure.linear_steady_state(structure.frequencies[0])
+    with pytest.raises(ZeroDivisionError, match="undamped resonance at omega"):
+        structure.linear_steady_state(float(structure.frequencies[0]))
 
 
 def test_equal_values_make_equal_structures():

@@ -30,7 +30,7 @@ import numpy as np
 from hpcsweep.jit import jit
 
 N_NODES = 8
-FAST = 0.6
+FAST = 0.2
 """Largest relative change of w^2 inside the layer for which the closed form is used."""
 
 

@@ -15,6 +15,9 @@ from hpcsweep.structure import Structure
 
 MAX_STEPS = 2_000_000
 """Cap of steps in one forcing period."""
+LAYER_TOLERANCE = 2e-5
+"""Error allowed a step inside a layer, per relative tolerance asked of a period (measured on
+random states: a period has up to some thousand such steps, and passages amplify errors)."""
 NEGLIGIBLE_FORCE = 1e-13
 """Contact force (gaps omega_0^2) at the edge of the layer that is neglected outside it."""
 ROUNDING = 2e-14
@@ -218,7 +221,7 @@ class FlowMap:
         )
         self._tables = empty_tables(structure)
         self._work: Work = empty_work(structure.n_floors)
-        self._tolerance = min(1e-3 * self.rtol, 1e-9)
+        self._tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         self._silent = empty_tally(structure.n_floors)
         self._no_points = np.empty((0, 2 * structure.n_floors))
         self._previous = np.empty(2 * structure.n_floors)

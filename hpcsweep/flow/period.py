@@ -396,8 +396,10 @@ def march_period(
             touching = (key >> np.uint64(floor)) & np.uint64(1)
             sign = -1.0 if touching else 1.0
             at_stop = _time_at_stop(rows, floor, h, time, sign)
+            inside = time <= at_stop <= EXTRAPOLATION * h
+            # a floor that reaches the stop after this step: try again from the layer's edge
             beyond = at_stop > EXTRAPOLATION * h and time > 0.0
-            if not beyond and not math.isnan(at_stop) and tau + at_stop < end:
+            if inside and tau + at_stop < end:
                 evaluate_rows(rows, h, at_stop, z)
                 passed, jerk = _passes(
                     floor,

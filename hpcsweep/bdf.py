@@ -53,7 +53,9 @@ class BdfMap:
         Forcing frequency Omega.
     rtol : float
         Relative tolerance a step; atol is the same number in gaps. The error after a period is
-        larger by a factor that grows with beta and with grazing: see the tests.
+        larger. Measured, in units of rtol: 8 to 700 at beta = 1000, 150 to 900 on a grazing
+        orbit, 770 to 16,500 at beta = 1e5; the monodromy matrix 90 to 380 at rho of 1e4 and
+        more, up to 7e5 for a soft contact.
     """
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-6):
@@ -189,7 +191,9 @@ class BdfMap:
                     if not np.all(np.isfinite(solver.y)):
                         return z, Outcome.NON_FINITE
                     if solver.status == "failed":
-                        return z, Outcome.SOLVER_FAILED
+                        slope = derivative(solver.t, solver.y)
+                        finite = np.all(np.isfinite(slope))
+                        return z, Outcome.SOLVER_FAILED if finite else Outcome.NON_FINITE
                     if on_step is not None:
                         on_step(solver.dense_output(), solver.t_old, solver.t)
                     if solver.status == "finished":

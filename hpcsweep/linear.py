@@ -21,8 +21,9 @@ from hpcsweep.outcome import Outcome
 from hpcsweep.settings import SweepSettings
 from hpcsweep.structure import Structure
 
-DECAYED = 1e-10
-"""Largest transient (gaps) left after `transient_cycles` for which the closed form is used."""
+DECAYED = 0.1
+"""Largest transient left after `transient_cycles`, in units of the period tolerance, for which the
+closed form is used."""
 NODES_PER_PART = 48
 """Gauss-Legendre nodes between two kinks of the modal norms."""
 
@@ -79,17 +80,24 @@ class LinearOrbit:
         rest = state - orbit
         q, p = phi.T @ rest[:n], phi.T @ rest[n:]
         reach = abs(amplitude) * np.abs(self._response)
-        reach = reach + np.abs(phi) @ np.sqrt(q**2 + (p / omega) ** 2)
+        reach = reach + np.abs(phi) @ np.hypot(q, p / omega)
         if not reach.max() < self._level:
             return None
-        left = 0.0
-        for j, decay in enumerate(self._decay):
-            final = np.linalg.matrix_power(decay, settings.transient_cycles) @ (q[j], p[j])
-            left += math.hypot(final[0], final[1] / omega[j])
-        if left > DECAYED:
+        cycles = (settings.transient_cycles, settings.transient_cycles + settings.sampling_cycles)
+        left, end = (
+            np.array(
+                [
+                    np.linalg.matrix_power(decay, count) @ (q[j], p[j])
+                    for j, decay in enumerate(self._decay)
+                ]
+            )
+            for count in cycles
+        )
+        if np.abs(phi).max() * np.abs(left).sum() > DECAYED * settings.period_tolerance:
             return None
+        end_state = orbit + np.concatenate((phi @ end[:, 0], phi @ end[:, 1]))
         return Observation(
-            orbit[None, :],
+            end_state[None, :],
             0,
             abs(amplitude) * self._drift,
             self._modal_norm if amplitude else np.full(n, math.nan),

@@ -111,12 +111,23 @@ class FrameSweep:
         if seen.outcome is not Outcome.COMPLETE:
             z = seen.points[-1].copy() if len(seen.points) else z
             return self._store_failure(result, row, index, z, cycles, seen.outcome)
-        if not period:
+        if period:
+            seen = self._at_the_plain_phase(seen, cycles, period)
+        else:
             period = orbit_period(seen.points, settings.max_orbit_period, settings.period_tolerance)
         self._store(result, row, index, amplitude, seen, period, cycles)
         if "lyapunov" in result:
             result["lyapunov"][index] = self._exponent(z, seen, amplitude, period, poll)
         return seen.points[-1].copy()
+
+    def _at_the_plain_phase(self, seen: Observation, cycles: int, period: int) -> Observation:
+        """Order the points of an orbit as the plain procedure's last ones would be.
+
+        Which of the p points of an orbit the next amplitude starts from can decide which
+        attractor it reaches, so a run that was cut short must not end at another one.
+        """
+        plain = self.settings.transient_cycles + self.settings.sampling_cycles
+        return replace(seen, points=np.roll(seen.points, -((plain - cycles) % period), axis=0))
 
     def _exponent(self, z, seen, amplitude, period, poll):
         """Largest Lyapunov exponent of the window from z: of the orbit if there is one."""

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from reference import OMEGA, reference_points, reference_window
 
 from hpcsweep import bdf
 from hpcsweep.bdf import BdfMap
 from hpcsweep.outcome import Outcome
+from hpcsweep.reference import OMEGA, reference_points, reference_window
 from hpcsweep.structure import Structure
 
 IMPACTING = Structure(3, 1000.0, 1e4, 0.05)
@@ -27,10 +27,21 @@ def test_error_falls_with_the_tolerance(amplitude):
 
 
 def test_a_thin_layer_is_not_stepped_over():
-    # crossing the layer without a step in it costs 5,000 times the tolerance in this case
+    # a step over the layer costs 5,000 times the tolerance here
     exact = reference_points(IMPACTING, 0.25, OMEGA, np.zeros(6), 1)
     points, _ = BdfMap(IMPACTING, OMEGA, 1e-9).points(np.zeros(6), 0.25, 1)
     assert np.abs(points - exact).max() < 1e-6
+
+
+def test_steps_inside_a_layer_have_its_length_scale():
+    def limit(rtol, u):
+        solver = BdfMap(Structure(1, 1000.0, 1e4, 0.0), 1.0, rtol)
+        return solver._step_limit(0.0, np.array([u, 0.3]), lambda _tau, z: np.array([z[1], 0.0]))
+
+    for u in (1 - 4e-4, 1.0, 1 + 4e-4):
+        assert limit(1e-6, u) == pytest.approx(1e-4 / 0.3, rel=1e-2)
+    # v changes by beta pi^2 / (6 rho^2) / 0.3 = 5e-5: no layer for a tolerance above that
+    assert limit(1e-3, 1.0) == BdfMap(Structure(1, 1000.0, 1e4, 0.0), 1.0, 1e-3).least_limit
 
 
 def test_steps_are_limited_near_the_stop_only():
@@ -53,14 +64,18 @@ def test_poll_is_called_every_period():
     assert len(calls) == 3
 
 
-def test_drift_and_contact_come_from_interpolants():
-    # at a loose tolerance step ends are far from the peaks: they must still be found
-    structure = Structure(1, 1000.0, math.inf, 0.0)
-    state = np.array([0.0, 0.99])
-    seen = BdfMap(structure, 1.0, 1e-6).observe(state, 0.0, 1)
-    assert seen.contact == 0
-    assert seen.peak_drift == pytest.approx(0.99, abs=1e-5)
-    assert BdfMap(structure, 1.0, 1e-6).observe(1.02 * state, 0.0, 1).contact == 1
+@pytest.mark.parametrize(("peak", "contact"), [(1 - 1e-9, 0), (1 + 1e-9, 1)])
+def test_drift_and_contact_come_from_extrema_between_step_ends(peak, contact):
+    tally = bdf._Tally(Structure(2), modal_norm=False)
+
+    def interpolant(t):
+        # the first floor swings, the second mirrors it: drift 2 |u_1| between them
+        u, v = peak * np.sin(t), peak * np.cos(t)
+        return np.array([u, -u, v, -v])
+
+    tally.add(interpolant, 0.3, 2.5)
+    assert tally.contact == contact
+    assert tally.peak_drift == pytest.approx(2 * peak, abs=1e-11)
 
 
 def test_modal_norms_converge():

@@ -88,7 +88,7 @@ def test_jacobian_is_the_derivative(rho, past):
     differences = np.empty((6, 6))
     for k in range(6):
         step = np.zeros(6)
-        step[k] = delta if k in (1, 2) else 1e-4
+        step[k] = delta if k < 3 else 1e-4
         up, down = field(structure, 0.0, z + step), field(structure, 0.0, z - step)
         # the difference of the arguments as rounded
         differences[:, k] = (up - down) / ((z + step)[k] - (z - step)[k])

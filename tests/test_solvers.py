@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from reference import CASES, OMEGA, reference_monodromy, reference_points, reference_window
 from scipy.linalg import expm
 
 from hpcsweep.outcome import Outcome
+from hpcsweep.reference import CASES, OMEGA, reference_monodromy, reference_points, reference_window
 from hpcsweep.solver import make_solver, stroboscopic_points
 from hpcsweep.structure import Structure
 
@@ -107,7 +107,8 @@ def test_other_numbers_of_floors(name, allowed, n):
 
 @pytest.mark.parametrize("rho", [0.5, 30.0, 1e3, 1e6, 1e8, math.inf])
 def test_sharpness(name, allowed, rho):
-    structure = Structure(3, 200.0, rho, 0.05)
+    # a soft sigmoid pulls with beta / 2 all the time: a weaker one keeps the motion moderate
+    structure = Structure(3, 200.0 if rho > 100 else 10.0, rho, 0.05)
     assert_near_reference(name, structure, 0.06, OMEGA, np.zeros(6), 2, allowed)
 
 
@@ -125,7 +126,7 @@ def test_states_at_rest_against_the_stop(name, allowed, past):
 
 
 def test_first_contact_inside_a_step_is_not_stepped_over(name):
-    # peaks that pass the stop by 1e-6 to 1e-2 gaps, at the lowest accuracy
+    # peaks that pass the stop by 1e-6 to 1e-2 gaps; unseen, 1e-4 alone would cost 2e-3
     structure = Structure(1, 1000.0, math.inf, 0.0)
     for past in (1e-6, 1e-4, 1e-2):
         peak = 1 + past
@@ -134,7 +135,7 @@ def test_first_contact_inside_a_step_is_not_stepped_over(name):
         seen = solver_for(name, structure, 1.0, rtol=1e-7).observe(state, 0.0, 1)
         assert seen.contact == 1, past
         exact = reference_points(structure, 0.0, 1.0, state, 1)
-        assert np.abs(seen.points - exact).max() < 1e-3 * 10 * past + 1e-6
+        assert np.abs(seen.points - exact).max() < 1e-4
 
 
 @pytest.mark.parametrize("rho", [1e4, math.inf])
@@ -162,7 +163,7 @@ def test_window_against_the_dense_reference(name, allowed, amplitude, rho):
     seen = solver_for(name, structure).observe(state, amplitude, 2, modal_norm=True)
     assert seen.contact == contact
     assert seen.peak_drift == pytest.approx(drift, abs=allowed)
-    assert seen.modal_norm == pytest.approx(modal, abs=3e-5)
+    assert seen.modal_norm == pytest.approx(modal, abs={"flow": 1e-7, "bdf": 3e-5}[name])
     plain = solver_for(name, structure).observe(state, amplitude, 2)
     assert np.all(np.isnan(plain.modal_norm))
     assert np.array_equal(plain.points, seen.points)

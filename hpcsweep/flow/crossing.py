@@ -30,8 +30,10 @@ import numpy as np
 from hpcsweep.jit import jit
 
 N_NODES = 8
-FAST = 0.2
+FAST = 0.3
 """Largest relative change of w^2 inside the layer for which the closed form is used."""
+NEGLECTED = 1e-11
+"""Largest error (gaps, gaps omega_0) of one passage by the closed form."""
 
 
 def _gauss_rule(n_nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -77,22 +79,40 @@ FULL_POTENTIAL = math.pi**2 / 12.0
 
 @jit
 def passage_is_fast(v, a, j, beta, rho, layer):
-    """Tell whether the closed form holds for a passage at velocity v (see the module)."""
+    """Tell whether the closed form holds for a passage at velocity v (see the module).
+
+    The relative change of w^2 inside the layer, on which the quadrature rests, must be below
+    `FAST`. What the expansion leaves out must be below `NEGLECTED`: with t = 1 / (rho |v|) and
+    the impulse J, the moment m_4 = 144 J t^4 of the terms k = 4, and in w^2 the fourth derivative
+    of u and the product of jerk and acceleration (at y = 3, where r has its centre of mass).
+    """
     if rho == math.inf:
         return v != 0.0
     speed = abs(v)
+    square = v * v
     change = (
         2.0 * abs(a) * layer
         + abs(j) * layer * layer / speed
         + beta * layer * layer
         + 4.0 * FULL_POTENTIAL * beta / (rho * rho)
     )
-    return change <= FAST * v * v
+    if not change <= FAST * square:
+        return False
+    impulse = 2.0 * FULL_POTENTIAL * beta / (rho * rho * speed)
+    time = 1.0 / (rho * speed)
+    stiffness = 4.0 + beta
+    fourth = 6.0 * impulse * (stiffness * time * time) ** 2
+    centre = 3.0 * time
+    bend = abs(j) * centre * centre / speed
+    tilt = abs(a) * centre / speed
+    snap = (2.0 * abs(j) + 4.0 * abs(a)) * centre**3 / (6.0 * speed)
+    left_out = impulse * (bend * (tilt + stiffness * centre * centre) + snap)
+    return fourth <= NEGLECTED and left_out <= NEGLECTED
 
 
 @jit
 def moments(v, a, j, beta, rho):
-    """Integrate s^k r ds, k = 0, 1, 2, over both halves of a fast passage.
+    """Integrate s^k r ds, k = 0 to 3, over both halves of a fast passage.
 
     Parameters
     ----------
@@ -104,8 +124,9 @@ def moments(v, a, j, beta, rho):
 
     Returns
     -------
-    impulse, first, second_free, second_contact : float
-        m_0 and m_1 of both halves together, m_2 of the half at x < 0 and of that at x > 0.
+    impulse, first, second_free, second_contact, third_free, third_contact : float
+        m_0 and m_1 of both halves together, m_2 and m_3 of the half at x < 0 and of that at
+        x > 0.
     """
     unit = beta / (rho * rho)
     sigma = 1.0 if v > 0.0 else -1.0
@@ -115,6 +136,8 @@ def moments(v, a, j, beta, rho):
     first = 0.0
     before_second = 0.0
     after_second = 0.0
+    before_third = 0.0
+    after_third = 0.0
     before_contact = 0.0 if v > 0.0 else beta
     after_contact = beta - before_contact
     for k in range(N_NODES):
@@ -132,6 +155,8 @@ def moments(v, a, j, beta, rho):
         first += share_after * t_after - share_before * t_before
         before_second += share_before * t_before * t_before
         after_second += share_after * t_after * t_after
+        before_third -= share_before * t_before**3
+        after_third += share_after * t_after**3
     if v > 0.0:
-        return impulse, first, before_second, after_second
-    return impulse, first, after_second, before_second
+        return impulse, first, before_second, after_second, before_third, after_third
+    return impulse, first, after_second, before_second, after_third, before_third

@@ -226,6 +226,11 @@ class FlowMap:
         self._no_points = np.empty((0, 2 * structure.n_floors))
         self._previous = np.empty(2 * structure.n_floors)
 
+    @property
+    def n_tables(self) -> int:
+        """Contact sets for which propagators are kept now."""
+        return int(self._tables.count[0])
+
     def advance(
         self,
         state: np.ndarray,

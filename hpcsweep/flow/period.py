@@ -217,16 +217,20 @@ def _passes(floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega,
         nearest = abs(z[i] - 1.0) - (abs(z[n + i]) + abs(a[i]) * duration) * duration
         if i != floor and nearest <= layer:
             return False, jerk
-    impulse, first, second_free, second_contact = moments(v, a[floor], jerk, beta, rho)
-    # sum_k (-1)^k/k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e)
+    impulse, first, second_free, second_contact, third_free, third_contact = moments(
+        v, a[floor], jerk, beta, rho
+    )
+    # sum_k (-1)^k/k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e) and
+    # of M^3 e its displacements, -(K + beta c) e + D^2 e
     second = second_free + second_contact
+    third = third_free + third_contact
     for i in range(n):
-        square = 0.0
+        square = -stiffness[i, floor]
         for j in range(n):
             square += damping[i, j] * damping[j, floor]
-        z[i] -= 0.5 * damping[i, floor] * second
-        z[n + i] += damping[i, floor] * first + 0.5 * second * (square - stiffness[i, floor])
-    z[floor] -= first
+        z[i] -= 0.5 * damping[i, floor] * second + square * third / 6.0
+        z[n + i] += damping[i, floor] * first + 0.5 * square * second
+    z[floor] -= first - beta * third_contact / 6.0
     z[n + floor] += impulse - 0.5 * beta * second_contact
     return True, jerk
 
@@ -252,6 +256,8 @@ def visit_layer(
     while True:
         left = end - tau
         h = step_limit(z, work.a, model, left)
+        if not tau + h > tau:
+            return tau, SOLVER_FAILED, steps
         while True:
             steps += 1
             if steps > steps_left:
@@ -334,6 +340,11 @@ def march_period(
     rho = model.rho
     omega = model.omega
     a = work.a
+    for i in range(2 * n):
+        if not abs(z[i]) < OVERFLOW:
+            return NON_FINITE
+    if not abs(amplitude) < OVERFLOW:
+        return NON_FINITE
     tau = 0.0
     steps = 0
     index = -1
@@ -398,7 +409,7 @@ def march_period(
             at_stop = _time_at_stop(rows, floor, h, time, sign)
             inside = time <= at_stop <= EXTRAPOLATION * h
             # a floor that reaches the stop after this step: try again from the layer's edge
-            beyond = at_stop > EXTRAPOLATION * h and time > 0.0
+            beyond = at_stop > EXTRAPOLATION * h and time > 0.01 * h
             if inside and tau + at_stop < end:
                 evaluate_rows(rows, h, at_stop, z)
                 passed, jerk = _passes(

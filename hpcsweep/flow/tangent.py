@@ -73,15 +73,17 @@ def passage_tangent(floor, key_after, z, a, jerk, model, tangent):
     n = stiffness.shape[0]
     v = z[n + floor]
     # k = basis m(v, a, j), see `period._passes`
-    basis = np.zeros((2 * n, 4))
+    basis = np.zeros((2 * n, 6))
     for i in range(n):
-        square = 0.0
+        square = -stiffness[i, floor]
         for j in range(n):
             square += damping[i, j] * damping[j, floor]
         basis[i, 2] = basis[i, 3] = -0.5 * damping[i, floor]
+        basis[i, 4] = basis[i, 5] = -square / 6.0
         basis[n + i, 1] = damping[i, floor]
-        basis[n + i, 2] = basis[n + i, 3] = 0.5 * (square - stiffness[i, floor])
+        basis[n + i, 2] = basis[n + i, 3] = 0.5 * square
     basis[floor, 1] -= 1.0
+    basis[floor, 5] += model.beta / 6.0
     basis[n + floor, 0] += 1.0
     basis[n + floor, 3] -= 0.5 * model.beta
     m = np.array(moments(v, a[floor], jerk, model.beta, model.rho))

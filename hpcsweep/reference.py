@@ -9,16 +9,14 @@ sum_k |x_k| R^k is less than the distance of rho x_0 from them, S is analytic in
 a fixed part of that R, so no layer, however thin, is stepped over. At rho = inf S is 0 or 1 and
 a step ends at the first root of any x, found with a bound on |x'| that excludes all others.
 
-`run` is compiled and in double precision. It also takes complex states: the imaginary part of a
-state with imaginary perturbation 1e-30 is the exact derivative (no cancellation). `run_mp` is
-written for mpmath at any precision and certifies `run` (`test_reference.py`).
+`period` is compiled and in double precision. It also takes complex states: the imaginary part of a
+state with imaginary perturbation 1e-30 is the exact derivative (no cancellation). It is certified
+by `extended`, by a Runge-Kutta method and by closed forms in `test_reference.py`.
 """
 
 import itertools
 import math
-from pathlib import Path
 
-import mpmath
 import numba
 import numpy as np
 
@@ -27,8 +25,12 @@ PART_OF_RADIUS = 0.3
 TRUNCATION = 1e-18
 IMAGINARY = 1e-30
 
+CASES = [(beta, a) for beta in (100.0, 1000.0) for a in (0.01, 0.06, 0.0987, 0.15, 0.25)]
+OMEGA = 0.445
+"""The cases (beta, A) whose accuracy is promised, at rho = 1e4, zeta = 0.05, from rest."""
 
-@numba.njit(error_model="numpy")
+
+@numba.njit(cache=True, error_model="numpy")
 def expand(z, tau, closed, amplitude, omega, beta, rho, stiffness, damping, x, v):
     """Fill x and v, shape (n, ORDER + 1), with the Taylor coefficients at tau."""
     n = stiffness.shape[0]
@@ -78,15 +80,16 @@ def expand(z, tau, closed, amplitude, omega, beta, rho, stiffness, damping, x, v
                 d[i, k + 1] = -s[i, k + 1]
 
 
-@numba.njit(error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def horner(c, t):
+    """Evaluate a polynomial with ascending coefficients c at t."""
     total = c[-1]
     for k in range(c.shape[0] - 2, -1, -1):
         total = total * t + c[k]
     return total
 
 
-@numba.njit(error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def majorant(c, t):
     """Bound |x(t) - x(0)|."""
     total = 0.0
@@ -95,7 +98,7 @@ def majorant(c, t):
     return total
 
 
-@numba.njit(error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def step_size(x, v, rho, part, largest):
     """Choose the step: truncation error, and a part of the radius of analyticity of S."""
     n = x.shape[0]
@@ -119,7 +122,7 @@ def step_size(x, v, rho, part, largest):
     return h
 
 
-@numba.njit(error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def first_root(c, h):
     """First root in (0, h] of a real polynomial, the root at 0 left out; inf if none."""
     start = 1 if c[0] == 0.0 else 0
@@ -161,12 +164,13 @@ def first_root(c, h):
     return np.inf
 
 
-@numba.njit(error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def is_closed(x, v):
+    """Tell (1.0 or 0.0) whether a floor touches a stop of infinite sharpness."""
     return 1.0 if x > 0 or (x == 0 and v > 0) else 0.0
 
 
-@numba.njit(error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def period(z, amplitude, omega, beta, rho, stiffness, damping, part, starts, sizes, series):
     """Integrate z over one period in place; record the steps where `starts` has room.
 
@@ -214,7 +218,8 @@ def period(z, amplitude, omega, beta, rho, stiffness, damping, part, starts, siz
 NO_RECORD = (np.empty(0), np.empty(0), np.empty((0, 0, ORDER + 1)))
 
 
-def _arguments(structure, amplitude, omega):
+def system(structure, amplitude, omega):
+    """Arguments of `period`: A, Omega, beta, rho, K and 2 gamma C, made from the definitions."""
     n = structure.n_floors
     stiffness = np.diag([2.0] * (n - 1) + [1.0]) - np.eye(n, k=1) - np.eye(n, k=-1)
     squares, phi = np.linalg.eigh(stiffness)
@@ -229,7 +234,7 @@ def _arguments(structure, amplitude, omega):
 def reference_points(structure, amplitude, omega, state, n_periods, part=PART_OF_RADIUS):
     """Stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n), in double precision."""
     z = np.array(state, dtype=float)
-    arguments = _arguments(structure, amplitude, omega)
+    arguments = system(structure, amplitude, omega)
     points = np.empty((n_periods, z.size))
     for k in range(n_periods):
         period(z, *arguments, part, *NO_RECORD)
@@ -240,7 +245,7 @@ def reference_points(structure, amplitude, omega, state, n_periods, part=PART_OF
 def reference_monodromy(structure, amplitude, omega, state, n_periods):
     """State and d z(n_periods T) / d z(0), shape (2n, 2n), by the complex step."""
     size = len(state)
-    arguments = _arguments(structure, amplitude, omega)
+    arguments = system(structure, amplitude, omega)
     matrix = np.empty((size, size))
     for column in range(size):
         z = np.array(state, dtype=complex)
@@ -254,7 +259,7 @@ def reference_monodromy(structure, amplitude, omega, state, n_periods):
 def reference_steps(structure, amplitude, omega, state, n_periods):
     """Yield (h, coefficients (2n, ORDER + 1) of x and v) of every step."""
     z = np.array(state, dtype=float)
-    arguments = _arguments(structure, amplitude, omega)
+    arguments = system(structure, amplitude, omega)
     for _ in range(n_periods):
         count = period(z.copy(), *arguments, PART_OF_RADIUS, *NO_RECORD)
         record = np.empty(count), np.empty(count), np.empty((count, z.size, ORDER + 1))
@@ -269,7 +274,7 @@ def _values(coefficients, t):
 def reference_window(structure, amplitude, omega, state, n_periods, samples=17):
     """Contact bits, peak drift, and mean modal norms over continuous time, from every step."""
     n = structure.n_floors
-    stiffness = _arguments(structure, amplitude, omega)[4]
+    stiffness = system(structure, amplitude, omega)[4]
     phi = np.linalg.eigh(stiffness)[1]
     contact, drift = 0, 0.0
     modal, free = np.zeros(n), 0.0
@@ -325,120 +330,3 @@ def _free_part(c, phi, a, b, depth):
     q = np.abs(phi.T @ (_values(c, a + half * (NODES + 1)) + 1.0))
     size = np.linalg.norm(q, axis=0)
     return half * (np.divide(q, size, out=np.zeros_like(q), where=size > 0) @ WEIGHTS), b - a
-
-
-def points_mp(structure, amplitude, omega, state, n_periods, dps=30, order=36):
-    """Stroboscopic points in extended precision, a list of lists of mpf; rho finite and > 0."""
-    with mpmath.workdps(dps):
-        mp = mpmath.mp
-        n = structure.n_floors
-        # the matrices and T of the double precision problem, so that only the method differs
-        _, _, beta, rho, stiffness, damping = _arguments(structure, amplitude, omega)
-        k_rows = [[mp.mpf(a) for a in row] for row in stiffness]
-        c_rows = [[mp.mpf(a) for a in row] for row in damping]
-        amplitude, omega, beta, rho = (mp.mpf(a) for a in (amplitude, omega, beta, rho))
-        end = mp.mpf(2 * math.pi / float(omega))
-        z = [mp.mpf(a) for a in state]
-        points = []
-        for _ in range(n_periods):
-            tau = mp.mpf(0)
-            while tau < end:
-                x = [[z[i] - 1] for i in range(n)]
-                v = [[z[n + i]] for i in range(n)]
-                s = [[1 / (1 + mp.exp(-rho * x[i][0]))] for i in range(n)]
-                d = [[1 / (1 + mp.exp(rho * x[i][0]))] for i in range(n)]
-                sd = [[] for _ in range(n)]
-                sine, cosine = amplitude * mp.sin(omega * tau), amplitude * mp.cos(omega * tau)
-                for k in range(order):
-                    for i in range(n):
-                        force = -sine - mp.fdot(k_rows[i], [a[k] for a in x])
-                        force -= mp.fdot(c_rows[i], [a[k] for a in v])
-                        if k == 0:
-                            force -= mp.fsum(k_rows[i])
-                        force -= beta * mp.fdot(s[i], x[i][::-1])
-                        sd[i].append(mp.fdot(s[i], d[i][::-1]))
-                        slope = rho * mp.fdot(v[i], sd[i][::-1]) / (k + 1)
-                        s[i].append(slope)
-                        d[i].append(-slope)
-                        x[i].append(v[i][k] / (k + 1))
-                        v[i].append(force / (k + 1))
-                        # the other floors still need order k: appended values are not used yet
-                    sine, cosine = (
-                        cosine * omega / (k + 1),
-                        -sine * omega / (k + 1),
-                    )
-                h = _step_mp(x, v, rho, end - tau, order, dps)
-                z = [1 + mp.polyval(c[::-1], h) for c in x] + [mp.polyval(c[::-1], h) for c in v]
-                tau += h
-            points.append(list(z))
-        return points
-
-
-def _step_mp(x, v, rho, largest, order, dps):
-    h = float(largest)
-    for c in (*x, *v):
-        last = max(abs(float(c[-1])), 1e-300)
-        h = min(h, (10.0 ** (2 - dps) / last) ** (1.0 / order))
-    for c in x:
-        sizes = np.abs(np.array([float(a) for a in c]))
-        distance = math.hypot(float(c[0]), math.pi / float(rho))
-        radius = 5.0 * h
-        while majorant(sizes, radius) > 0.9 * distance:
-            radius *= 0.9
-        h = min(h, 0.2 * radius)
-    return largest if h >= float(largest) else mpmath.mpf(h)
-
-
-CERTIFIED = Path(__file__).parent / "data" / "certified.npz"
-"""Rounded results of `points_mp`; `python tests/reference.py` makes the file, in minutes."""
-CASES = [(beta, a) for beta in (100.0, 1000.0) for a in (0.01, 0.06, 0.0987, 0.15, 0.25)]
-OMEGA = 0.445
-MATRIX_CASES = [(1000.0, 0.06), (1000.0, 0.0987)]
-
-
-def monodromy_mp(structure, amplitude, omega, state, columns, delta=1e-10, dps=36):
-    """Columns of d z(T) / d z(0) by central differences in extended precision.
-
-    The error is delta^2 times third derivatives, which reach (rho delta)^2 = 1e-12.
-    """
-    with mpmath.workdps(dps):
-        ends = []
-        for column in columns:
-            for sign in (1, -1):
-                z = [mpmath.mpf(a) for a in state]
-                z[column] += sign * mpmath.mpf(delta)
-                ends.append(points_mp(structure, amplitude, omega, z, 1, dps, 44)[0])
-        differences = [
-            [float((a - b) / (2 * mpmath.mpf(delta))) for a, b in zip(up, down, strict=True)]
-            for up, down in zip(ends[::2], ends[1::2], strict=True)
-        ]
-    return np.array(differences).T
-
-
-def write_certified(n_periods=20):
-    """Compute `CERTIFIED` and print how far `reference_points` is from it."""
-    from hpcsweep.structure import Structure
-
-    rest = np.zeros(6)
-    points = []
-    for beta, amplitude in CASES:
-        structure = Structure(3, beta, 1e4, 0.05)
-        exact = points_mp(structure, amplitude, OMEGA, rest, n_periods)
-        points.append(np.array(exact, dtype=float))
-        fast = reference_points(structure, amplitude, OMEGA, rest, n_periods)
-        error = np.abs(fast - points[-1]).max()
-        print(f"beta {beta:g} A {amplitude:g}: double - extended {error:.1e}", flush=True)
-    matrices = []
-    for beta, amplitude in MATRIX_CASES:
-        structure = Structure(3, beta, 1e4, 0.05)
-        state = points[CASES.index((beta, amplitude))][1]
-        matrices.append(monodromy_mp(structure, amplitude, OMEGA, state, range(6)))
-        fast = reference_monodromy(structure, amplitude, OMEGA, state, 1)[1]
-        error = np.abs(fast - matrices[-1]).max()
-        print(f"beta {beta:g} A {amplitude:g}: matrix {error:.1e}", flush=True)
-    CERTIFIED.parent.mkdir(exist_ok=True)
-    np.savez_compressed(CERTIFIED, points=np.array(points), matrices=np.array(matrices))
-
-
-if __name__ == "__main__":
-    write_certified()

@@ -22,6 +22,7 @@ h c_7^2 / max|c_k|, must stay below the tolerance, or the step is halved.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,25 +56,97 @@ def _collocation():
 
 
 NODES, WEIGHTS, STAGES, STAGES_SQUARED, LEGENDRE = _collocation()
+SPEED_ROWS = np.ascontiguousarray(STAGES.T)
+POSITION_ROWS = np.ascontiguousarray(STAGES_SQUARED.T)
 POSITION_WEIGHTS = WEIGHTS @ STAGES
 """b^T A: u_1 = u_0 + h v_0 + h^2 sum_k (b^T A)_k G_k."""
 
 
+class LayerRoom(NamedTuple):
+    """Stages of a step, and room.
+
+    Attributes
+    ----------
+    u, v, g : ndarray, shape (n, N_STAGES)
+        Displacements, velocities and accelerations at the stages.
+    fresh, ground, active : ndarray
+        Room.
+    """
+
+    u: np.ndarray
+    v: np.ndarray
+    g: np.ndarray
+    fresh: np.ndarray
+    ground: np.ndarray
+    active: np.ndarray
+
+
+def empty_room(n: int) -> LayerRoom:
+    """Allocate the stages of n floors."""
+    stages = (n, N_STAGES)
+    return LayerRoom(
+        np.zeros(stages),
+        np.zeros(stages),
+        np.zeros(stages),
+        np.zeros(stages),
+        np.zeros(N_STAGES),
+        np.zeros(n, np.int64),
+    )
+
+
+FAR = 45.0
+"""rho |u - 1| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
+
+
 @jit
-def _acceleration(tau, u, v, amplitude, model, stage, out):
-    """Evaluate G at one stage: `u`, `v`, `out` have shape (n, N_STAGES)."""
+def _stage_accelerations(u, v, ground, active, model, out):
+    """Evaluate G at all stages.
+
+    Parameters
+    ----------
+    u, v, out : ndarray, shape (n, N_STAGES)
+    ground : ndarray, shape (N_STAGES,)
+        Ground acceleration at the stages.
+    active : ndarray of int, shape (n,)
+        0 or 1 where the sigmoid is that on the whole step, 2 where it has to be evaluated.
+    """
     n = u.shape[0]
-    ground = amplitude * math.sin(model.omega * tau)
+    damping = model.damping
+    beta = model.beta
+    rho = model.rho
     for i in range(n):
-        x = u[i, stage] - 1.0
-        force = -ground - model.beta * switch(x, model.rho) * x
-        for j in range(n):
-            force -= model.damping[i, j] * v[j, stage]
-        left = u[i - 1, stage] if i > 0 else 0.0
-        force -= u[i, stage] - left
+        for j in range(N_STAGES):
+            out[i, j] = -ground[j] - u[i, j]
+        if i > 0:
+            for j in range(N_STAGES):
+                out[i, j] += u[i - 1, j]
         if i < n - 1:
-            force -= u[i, stage] - u[i + 1, stage]
-        out[i, stage] = force
+            for j in range(N_STAGES):
+                out[i, j] += u[i + 1, j] - u[i, j]
+        for k in range(n):
+            factor = damping[i, k]
+            for j in range(N_STAGES):
+                out[i, j] -= factor * v[k, j]
+        if active[i] == 1:
+            for j in range(N_STAGES):
+                out[i, j] -= beta * (u[i, j] - 1.0)
+        elif active[i] == 2:
+            for j in range(N_STAGES):
+                x = u[i, j] - 1.0
+                out[i, j] -= beta * switch(x, rho) * x
+
+
+@jit
+def _find_active(h, z, a, model, active):
+    """Tell for each floor whether its sigmoid is 0, 1 or neither within twice its possible way."""
+    n = a.shape[0]
+    for i in range(n):
+        x = z[i] - 1.0
+        way = 2.0 * h * (abs(z[n + i]) + abs(a[i]) * h)
+        if model.rho * (abs(x) - way) > FAR:
+            active[i] = 1 if x > 0.0 else 0
+        else:
+            active[i] = 2
 
 
 @jit
@@ -112,7 +185,7 @@ def step_limit(z, a, model, tau_left):
 
 
 @jit
-def collocate(tau, h, z, amplitude, model, u, v, g, fresh):
+def collocate(tau, h, z, a, amplitude, model, room):
     """Solve the collocation equations of one step.
 
     Parameters
@@ -121,33 +194,43 @@ def collocate(tau, h, z, amplitude, model, u, v, g, fresh):
         Start and length of the step.
     z : ndarray, shape (2n,)
         State at `tau`; not changed.
-    u, v, g : ndarray, shape (n, N_STAGES)
-        Stage values; `g` holds the first guess on entry (any finite values) and the solution on
-        return.
-    fresh : ndarray, shape (n, N_STAGES)
-        Room.
+    a : ndarray, shape (n,)
+        Accelerations at `tau`, the first guess.
+    room : LayerRoom
+        Receives the stages; see there.
 
     Returns
     -------
     bool
         Whether the iteration converged to rounding.
     """
-    n = g.shape[0]
+    u, v, g, fresh, ground, active = (room.u, room.v, room.g, room.fresh, room.ground, room.active)
+    n = a.shape[0]
+    speed = 0.0
+    for i in range(n):
+        speed = max(speed, abs(z[n + i]))
+        for j in range(N_STAGES):
+            g[i, j] = a[i]
+    for j in range(N_STAGES):
+        ground[j] = amplitude * math.sin(model.omega * (tau + NODES[j] * h))
+    _find_active(h, z, a, model, active)
     previous = math.inf
     for _ in range(MAX_ITERATIONS):
         for i in range(n):
             for j in range(N_STAGES):
-                du = 0.0
-                dv = 0.0
-                for k in range(N_STAGES):
-                    du += STAGES_SQUARED[j, k] * g[i, k]
-                    dv += STAGES[j, k] * g[i, k]
-                u[i, j] = z[i] + h * (NODES[j] * z[n + i] + h * du)
-                v[i, j] = z[n + i] + h * dv
+                u[i, j] = POSITION_ROWS[0, j] * g[i, 0]
+                v[i, j] = SPEED_ROWS[0, j] * g[i, 0]
+            for k in range(1, N_STAGES):
+                value = g[i, k]
+                for j in range(N_STAGES):
+                    u[i, j] += POSITION_ROWS[k, j] * value
+                    v[i, j] += SPEED_ROWS[k, j] * value
+            for j in range(N_STAGES):
+                u[i, j] = z[i] + h * (NODES[j] * z[n + i] + h * u[i, j])
+                v[i, j] = z[n + i] + h * v[i, j]
+        _stage_accelerations(u, v, ground, active, model, fresh)
         change = 0.0
         size = 0.0
-        for j in range(N_STAGES):
-            _acceleration(tau + NODES[j] * h, u, v, amplitude, model, j, fresh)
         for i in range(n):
             for j in range(N_STAGES):
                 change = max(change, abs(fresh[i, j] - g[i, j]))
@@ -155,9 +238,6 @@ def collocate(tau, h, z, amplitude, model, u, v, g, fresh):
                 g[i, j] = fresh[i, j]
         if not size < math.inf:
             return False
-        speed = 0.0
-        for i in range(n):
-            speed = max(speed, abs(z[n + i]))
         rounding = 4e-16 * (size + speed / h)
         if change <= rounding:
             return True

@@ -209,7 +209,7 @@ def observe_layer_step(h, z0, z1, model, tally, work):
     n = tally.modal.shape[0]
     touching = False
     for i in range(n):
-        highest = _highest(h, z0[i], z0[n + i], z1[i], z1[n + i], work.u[i], work.v[i])
+        highest = _highest(h, z0[i], z0[n + i], z1[i], z1[n + i], work.layer.u[i], work.layer.v[i])
         if highest >= 1.0:
             tally.contact[0] |= np.uint64(1) << np.uint64(i)
             touching = True
@@ -217,8 +217,8 @@ def observe_layer_step(h, z0, z1, model, tally, work):
         for i in range(n):
             below = i - 1
             for k in range(N_STAGES):
-                work.stage_u[k] = work.u[i, k] - (work.u[below, k] if i > 0 else 0.0)
-                work.stage_v[k] = work.v[i, k] - (work.v[below, k] if i > 0 else 0.0)
+                work.stage_u[k] = work.layer.u[i, k] - (work.layer.u[below, k] if i > 0 else 0.0)
+                work.stage_v[k] = work.layer.v[i, k] - (work.layer.v[below, k] if i > 0 else 0.0)
             d0 = z0[i] - (z0[below] if i > 0 else 0.0)
             v0 = z0[n + i] - (z0[n + below] if i > 0 else 0.0)
             d1 = z1[i] - (z1[below] if i > 0 else 0.0)
@@ -238,7 +238,7 @@ def observe_layer_step(h, z0, z1, model, tally, work):
                 for j in range(n):
                     q = 0.0
                     for i in range(n):
-                        q += model.shapes[i, j] * work.u[i, k]
+                        q += model.shapes[i, j] * work.layer.u[i, k]
                     work.modal_values[j] = abs(q)
                     square += q * q
                 if square > 0.0:

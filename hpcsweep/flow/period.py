@@ -18,11 +18,14 @@ import numpy as np
 from hpcsweep.flow.crossing import moments, passage_is_fast
 from hpcsweep.flow.layer import (
     COMPLETE,
+    N_STAGES,
     NON_FINITE,
     SOLVER_FAILED,
     STEP_LIMIT,
+    LayerRoom,
     accelerations,
     collocate,
+    empty_room,
     finish,
     inside_layer,
     quadrature_error,
@@ -62,17 +65,13 @@ class Work(NamedTuple):
     breaks: np.ndarray
     stack: np.ndarray
     a: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-    g: np.ndarray
-    fresh: np.ndarray
+    layer: LayerRoom
     stage_u: np.ndarray
     stage_v: np.ndarray
 
 
 def empty_work(n: int) -> Work:
     """Allocate the room for n floors."""
-    stages = (n, 8)
     return Work(
         x=np.zeros(2 * n + 3),
         z_end=np.zeros(2 * n),
@@ -84,12 +83,9 @@ def empty_work(n: int) -> Work:
         breaks=np.zeros(n + 1),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
-        u=np.zeros(stages),
-        v=np.zeros(stages),
-        g=np.zeros(stages),
-        fresh=np.zeros(stages),
-        stage_u=np.zeros(8),
-        stage_v=np.zeros(8),
+        layer=empty_room(n),
+        stage_u=np.zeros(N_STAGES),
+        stage_v=np.zeros(N_STAGES),
     )
 
 
@@ -249,9 +245,6 @@ def visit_layer(
         Steps taken.
     """
     accelerations(tau, z, amplitude, model, work.a)
-    for i in range(work.g.shape[0]):
-        for j in range(work.g.shape[1]):
-            work.g[i, j] = work.a[i]
     steps = 0
     while True:
         left = end - tau
@@ -262,9 +255,9 @@ def visit_layer(
             steps += 1
             if steps > steps_left:
                 return tau, STEP_LIMIT, steps
-            if collocate(tau, h, z, amplitude, model, work.u, work.v, work.g, work.fresh):
-                finish(h, z, work.g, work.z_end)
-                error = quadrature_error(h, work.g)
+            if collocate(tau, h, z, work.a, amplitude, model, work.layer):
+                finish(h, z, work.layer.g, work.z_end)
+                error = quadrature_error(h, work.layer.g)
                 speed = 1.0
                 for i in range(work.z_end.shape[0]):
                     speed = max(speed, abs(work.z_end[i]))
@@ -273,11 +266,8 @@ def visit_layer(
             h *= 0.5
             if not h > 1e-14 * left:
                 return tau, SOLVER_FAILED, steps
-            for i in range(work.g.shape[0]):
-                for j in range(work.g.shape[1]):
-                    work.g[i, j] = work.a[i]
         if tangent.shape[0] > 0:
-            layer_tangent(h, work.u, model, tangent)
+            layer_tangent(h, work.layer.u, model, tangent)
         if observing:
             observe_layer_step(h, z, work.z_end, model, tally, work)
         tau = end if h >= left else tau + h
@@ -286,9 +276,6 @@ def visit_layer(
             if not abs(z[i]) < OVERFLOW:
                 return tau, NON_FINITE, steps
         accelerations(tau, z, amplitude, model, work.a)
-        for i in range(work.g.shape[0]):
-            for j in range(work.g.shape[1]):
-                work.g[i, j] = work.a[i]
         if tau >= end or not inside_layer(z, model.layer):
             return tau, COMPLETE, steps
 

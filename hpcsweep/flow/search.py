@@ -20,6 +20,9 @@ HERMITE_SLOPE = 0.00802
 """sqrt(3) / 216, rounded up."""
 LEAST_ADVANCE = 1e-9
 """Part of a step after which a floor that starts at the level, leaving it, is looked at again."""
+EDGE_TOLERANCE = 1e-10
+"""Accuracy of a passage time, in steps: it is where a finer search for the stop, or the
+integration of the layer, begins."""
 MAX_DEPTH = 48
 """Halvings; below h 2^-48 a tangency is within rounding of the level."""
 
@@ -189,7 +192,7 @@ def _root(rows, row, h, a, ga, b, gb, level, sign):
         following = s + step
         if not a < following < b:
             following = 0.5 * (a + b)
-        if abs(following - s) <= 4e-16 * h:
+        if abs(following - s) <= EDGE_TOLERANCE * h:
             return following
         s = following
     return s

@@ -101,7 +101,14 @@ def test_one_two_and_three_ranks_give_equal_bytes_and_a_control_differs(tmp_path
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("victim", ["rank", "master", "mpirun"])
+@pytest.mark.parametrize(
+    "victim",
+    [
+        "rank",
+        pytest.param("master", marks=pytest.mark.slow),
+        pytest.param("mpirun", marks=pytest.mark.slow),
+    ],
+)
 def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(tmp_path, victim):
     job = tmp_path / "long.toml"
     job.write_text(LONG)

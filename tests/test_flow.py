@@ -224,6 +224,6 @@ def test_energy_is_kept_without_damping_and_forcing(sharpness):
     assert outcome is Outcome.COMPLETE
     kept = [energy(z) for z in points if np.all(np.abs(z[:3] - 1) > 0.004)]
     assert len(kept) > 150
-    assert flow._silent.counts[1] > 100  # it did hit the stop
+    assert flow._silent.counts[1] + flow._silent.counts[3] > 100  # it did hit the stop
     drift = np.abs(np.array(kept) / kept[0] - 1).max()
     assert drift < 1e-8

@@ -76,8 +76,13 @@ def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: s
 
 def datasets(path: Path) -> dict[str, np.ndarray]:
     """Every dataset of a file, as raw bytes."""
+    found = {}
     with h5py.File(path, "r", locking=False) as file:
-        return {name: np.frombuffer(data[...].tobytes(), np.uint8) for name, data in file.items()}
+        for name, data in file.items():
+            values = data[...]
+            raw = b"\0".join(values) if values.dtype == object else values.tobytes()
+            found[name] = np.frombuffer(raw, np.uint8)
+    return found
 
 
 def assert_same_datasets(left: Path, right: Path) -> None:

@@ -15,7 +15,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from hpcsweep.job import Job
@@ -27,7 +26,7 @@ from hpcsweep.store.layout import (
     n_blocks,
     run_variables,
 )
-from hpcsweep.store.offsets import Offsets
+from hpcsweep.store.offsets import Offsets, open_for_reading
 from hpcsweep.store.transport import Transport, open_transport
 
 SYNC_INTERVAL = 2.0
@@ -43,7 +42,7 @@ def check_file(path: Path) -> dict:
         If it is not a campaign file, or of a layout this version does not know.
     """
     try:
-        with h5py.File(path, "r", locking=False) as file:
+        with open_for_reading(path) as file:
             attributes = dict(file.attrs)
     except (OSError, RuntimeError) as error:
         if isinstance(error, PermissionError | FileNotFoundError | IsADirectoryError):

@@ -84,8 +84,11 @@ def _reason(error: Exception) -> str:
 def _fill(file: h5py.File, job: Job, provenance: dict[str, str]) -> None:
     size = dimensions(job)
     for name, (values, units, long_name) in coordinates(job).items():
-        scale = _dataset(file, name, values.shape, values.dtype)
-        scale[...] = values
+        if values.dtype == object:
+            scale = file.create_dataset(name, data=values, dtype=h5py.string_dtype())
+        else:
+            scale = _dataset(file, name, values.shape, values.dtype)
+            scale[...] = values
         scale.make_scale(name)
         scale.attrs["units"] = units
         scale.attrs["long_name"] = long_name

@@ -102,11 +102,11 @@ def coordinates(job: Job) -> dict[str, tuple[np.ndarray, str, str]]:
     size = dimensions(job)
     states = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
     return {
-        "direction": (np.array(job.directions, "S4"), "1", "direction of the amplitude sweep"),
+        "direction": (np.array(job.directions, object), "1", "direction of the amplitude sweep"),
         "frame": (np.arange(size["frame"], dtype="<i4"), "1", "frame"),
         "amplitude": (job.amplitude.astype("<f8"), "gaps omega_0^2", "forcing amplitude A"),
         "point": (np.arange(size["point"], dtype="<i4"), "1", "stroboscopic point"),
-        "state": (np.array(states, "S4"), "1", "state component"),
+        "state": (np.array(states, object), "1", "state component"),
         "mode": (np.arange(1, n + 1, dtype="<i4"), "1", "mode of the free structure"),
         "block": (np.arange(size["block"], dtype="<i4"), "1", "block of amplitudes"),
     }

@@ -9,13 +9,28 @@ import numpy as np
 from hpcsweep.store.layout import StoreError
 
 
+def open_for_reading(path: Path) -> h5py.File:
+    """Open a file that others may be writing, or that this process has open already.
+
+    Reading needs no lock, and HDF5 refuses a file it already has open with other lock settings.
+    """
+    try:
+        return h5py.File(path, "r", locking=False)
+    except OSError as error:
+        if "lock" not in str(error):
+            raise
+        return h5py.File(path, "r")
+
+
 class Offsets:
     """Byte offset, shape and type of every dataset of a file."""
 
     def __init__(self, path: Path):
         self._of: dict[str, tuple[int, tuple[int, ...], np.dtype]] = {}
-        with h5py.File(path, "r", locking=False) as file:
+        with open_for_reading(path) as file:
             for name, data in file.items():
+                if data.is_scale:
+                    continue
                 offset = data.id.get_offset()
                 if offset is None:
                     raise StoreError(f"{path}: variable {name} has no place in the file")

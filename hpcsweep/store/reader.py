@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from hpcsweep.job import Job, parse_job
@@ -10,6 +9,7 @@ from hpcsweep.outcome import Outcome
 from hpcsweep.store.commit import Blocks, check_file, path_blocks
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import StoreError
+from hpcsweep.store.offsets import open_for_reading
 
 MISSING = {"n_points": 0, "orbit_period": 0, "contact": 0, "cycles": 0, "outcome": 0}
 """What stands where nothing is committed; NaN in the other variables."""
@@ -55,11 +55,11 @@ def open_results(path: str | Path):
     path = Path(path)
     job = job_of(path)
     arrays, attributes = {}, {}
-    with h5py.File(path, "r", locking=False) as file:
+    with open_for_reading(path) as file:
         for name, data in file.items():
             values = data[...]
-            if values.dtype.kind == "S":
-                values = values.astype(str)
+            if values.dtype == object:
+                values = np.array(data.asstr()[...], dtype=str)
             dims = (
                 tuple(dim[0].name.lstrip("/") for dim in data.dims)
                 if not data.is_scale
@@ -101,7 +101,7 @@ def status(path: str | Path) -> dict:
     path = Path(path)
     job = job_of(path)
     attributes = check_file(path)
-    with h5py.File(path, "r", locking=False) as file:
+    with open_for_reading(path) as file:
         commit = file["commit"][...]
         outcome = file["outcome"][...]
         cycles = file["cycles"][...]

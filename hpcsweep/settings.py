@@ -5,7 +5,7 @@ from dataclasses import dataclass
 METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov")
 """Results a job may ask for; the final state, period, cycles and outcome are always kept."""
 
-SKIP_RULES = ("linear", "converged")
+SKIP_RULES = ("linear", "converged", "newton")
 """Rules by which periods are not integrated because their result is known; see `sweep`."""
 
 

@@ -8,6 +8,13 @@ import numpy as np
 CHUNK = 8
 """Forcing periods between renormalisations of the tangent vector."""
 
+NEWTON_STEPS = 4
+NEWTON_REACH = 0.01
+"""Longest jump (gaps, gaps omega_0)."""
+NEWTON_RESIDUAL = 1e-11
+NEWTON_STABLE = 0.9999
+NEWTON_LINEAR = 0.05
+
 
 def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
     """Return the eigenvalues of a monodromy matrix, largest modulus first, shape (2n,).
@@ -17,6 +24,52 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
     """
     multipliers = np.linalg.eigvals(matrix)
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+
+def newton_orbit(
+    solver, state: np.ndarray, amplitude: float, period: int
+) -> tuple[np.ndarray, int] | None:
+    """Jump from an approaching state to the orbit it approaches, if that is proved.
+
+    Newton's method on F(z) = z, F the period map over `period` forcing periods with tangent M.
+    The orbit z* is accepted if
+
+    - it is a fixed point to `NEWTON_RESIDUAL`;
+    - it attracts: the spectral radius of M(z*) is below `NEWTON_STABLE`;
+    - F is linear between the present state and it: F(z) - z* differs from M(z*) (z - z*) by
+      no more than `NEWTON_LINEAR` of itself. The present state is then attracted as the linear
+      map says, to z* and to nothing else.
+
+    Returns
+    -------
+    (state, n_periods) or None
+        z*, shape (2n,), and the forcing periods integrated; None if any test fails.
+    """
+    unit = np.eye(len(state))
+    point = state
+    image, matrix = solver.monodromy(point, amplitude, period)
+    first_image = image
+    periods = period
+    for _ in range(NEWTON_STEPS):
+        try:
+            point = point - np.linalg.solve(matrix - unit, image - point)
+        except np.linalg.LinAlgError:
+            return None
+        if not np.abs(point - state).max() <= NEWTON_REACH:
+            return None
+        image, matrix = solver.monodromy(point, amplitude, period)
+        periods += period
+        if np.abs(image - point).max() <= NEWTON_RESIDUAL:
+            break
+    else:
+        return None
+    if abs(floquet_multipliers(matrix)[0]) > NEWTON_STABLE:
+        return None
+    left = first_image - point
+    curved = np.abs(left - matrix @ (state - point)).max()
+    if curved > NEWTON_LINEAR * np.abs(left).max() + NEWTON_RESIDUAL:
+        return None
+    return image, periods
 
 
 def largest_lyapunov_exponent(

@@ -11,6 +11,11 @@ more are the steady-state window. Rules that spare periods whose result is known
     e_k the distance between points p periods apart and r = e_k / e_(k-p) their ratio, the
     distance still to go is e r / (1 - r), which must be below `SETTLED` over two orbits in a
     row. The window is then one orbit, p forcing periods, which is all it holds.
+``newton``
+    While the orbit is still approached, from `NEAR` on, Newton's method with the exact tangent map
+    jumps to it, if it is proved that the present state goes there (`stability.newton_orbit`).
+    Orbits whose multipliers are close to the unit circle, which the plain procedure leaves
+    unsettled, are then decided.
 
 A run that fails is data: its results are NaN, its outcome says why, and the next run starts from
 the last state that was reached.
@@ -29,11 +34,15 @@ from hpcsweep.orbit import orbit_period
 from hpcsweep.outcome import Outcome
 from hpcsweep.settings import SweepSettings
 from hpcsweep.solver import Solver, make_solver
-from hpcsweep.stability import largest_lyapunov_exponent
+from hpcsweep.stability import largest_lyapunov_exponent, newton_orbit
 from hpcsweep.structure import Structure
 
 SETTLED = 1e-10
 """Largest estimated distance (gaps, gaps omega_0) from the orbit at which a transient ends."""
+NEAR = 1e-3
+"""Distance between points a period apart from which on a jump is tried."""
+NEARER = 0.03
+"""Factor of that distance after a jump that was not proved."""
 
 
 class FrameSweep:
@@ -82,28 +91,10 @@ class FrameSweep:
                 if "lyapunov" in result:
                     result["lyapunov"][index] = self._linear.lyapunov_exponent
                 return closed.points[-1].copy()
-        cycles = 0
-        period = 0
-        if "converged" in settings.skip and hasattr(self.solver, "settle"):
-            settled, period = self.solver.settle(
-                z,
-                amplitude,
-                settings.transient_cycles,
-                settings.max_orbit_period,
-                SETTLED,
-                settings.period_tolerance,
-                poll,
-            )
-            transient = settled
-        else:
-            transient = self.solver.advance(z, amplitude, settings.transient_cycles, poll=poll)
-        cycles += transient.n_periods
-        z = transient.state
-        if transient.outcome is not Outcome.COMPLETE:
-            return self._store_failure(result, row, index, z, cycles, transient.outcome)
+        z, phase, cycles, period, outcome = self._transient(z, amplitude, poll)
+        if outcome is not Outcome.COMPLETE:
+            return self._store_failure(result, row, index, z, cycles, outcome)
         window = period or settings.sampling_cycles
-        if period:
-            self.skipped["converged"] += 1
         seen = self.solver.observe(
             z, amplitude, window, "modal_norm" in settings.metrics, poll=poll
         )
@@ -112,7 +103,7 @@ class FrameSweep:
             z = seen.points[-1].copy() if len(seen.points) else z
             return self._store_failure(result, row, index, z, cycles, seen.outcome)
         if period:
-            seen = self._at_the_plain_phase(seen, cycles, period)
+            seen, period = self._as_the_plain_end(seen, phase, settings.period_tolerance)
         else:
             period = orbit_period(seen.points, settings.max_orbit_period, settings.period_tolerance)
         self._store(result, row, index, amplitude, seen, period, cycles)
@@ -120,14 +111,75 @@ class FrameSweep:
             result["lyapunov"][index] = self._exponent(z, seen, amplitude, period, poll)
         return seen.points[-1].copy()
 
-    def _at_the_plain_phase(self, seen: Observation, cycles: int, period: int) -> Observation:
-        """Order the points of an orbit as the plain procedure's last ones would be.
+    def _transient(self, z, amplitude, poll):
+        """Integrate the transient, or what of it is needed.
+
+        Returns
+        -------
+        state : ndarray, shape (2n,)
+        phase : int
+            Forcing periods since the start of the run at which the motion is at `state`.
+        cycles : int
+            Forcing periods really integrated.
+        period : int
+            Orbit period if the orbit is known to be reached, else 0.
+        outcome : Outcome
+        """
+        settings = self.settings
+        if "converged" not in settings.skip or not hasattr(self.solver, "settle"):
+            done = self.solver.advance(z, amplitude, settings.transient_cycles, poll=poll)
+            return done.state, done.n_periods, done.n_periods, 0, done.outcome
+        near = NEAR if "newton" in settings.skip else 0.0
+        phase = cycles = 0
+        while True:
+            done, period = self.solver.settle(
+                z,
+                amplitude,
+                settings.transient_cycles - phase,
+                settings.max_orbit_period,
+                SETTLED,
+                settings.period_tolerance,
+                near,
+                poll,
+            )
+            z = done.state
+            phase += done.n_periods
+            cycles += done.n_periods
+            if period >= 0:
+                self.skipped["converged"] += period > 0
+                return z, phase, cycles, period, done.outcome
+            try:
+                jump = newton_orbit(self.solver, z, amplitude, -period)
+            except ArithmeticError:
+                jump = None
+            if jump is not None:
+                self.skipped["newton"] += 1
+                return jump[0], phase, cycles + jump[1], -period, done.outcome
+            near *= NEARER
+
+    def _as_the_plain_end(self, seen: Observation, phase: int, same: float):
+        """Give the points of an orbit in the order of the plain procedure's last ones.
 
         Which of the p points of an orbit the next amplitude starts from can decide which
         attractor it reaches, so a run that was cut short must not end at another one.
+
+        Returns
+        -------
+        seen : Observation
+        period : int
+            The smallest period of the points.
         """
+        points = seen.points
+        period = len(points)
+        for divisor in range(1, period):
+            if period % divisor == 0:
+                again = np.roll(points, divisor, axis=0)
+                if np.abs(points - again).max() <= same:
+                    period = divisor
+                    break
         plain = self.settings.transient_cycles + self.settings.sampling_cycles
-        return replace(seen, points=np.roll(seen.points, -((plain - cycles) % period), axis=0))
+        shift = (plain - phase - len(points)) % len(points)
+        return replace(seen, points=np.roll(points, -shift, axis=0)), period
 
     def _exponent(self, z, seen, amplitude, period, poll):
         """Largest Lyapunov exponent of the window from z: of the orbit if there is one."""

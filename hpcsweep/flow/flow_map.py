@@ -114,6 +114,7 @@ def settle(
     max_period,
     settled,
     same,
+    near,
     model,
     tables,
     tolerance,
@@ -131,6 +132,9 @@ def settle(
     and may be seen to do so earlier: the answer is the smallest divisor of p for which the last
     two points are the `same`.
 
+    Before that, once e_k(p) is at most `near` and has fallen at every point of two orbits in a
+    row, the orbit is approached: the period is returned with a minus sign.
+
     Parameters
     ----------
     history : ndarray, shape (max_period + 1, 2n)
@@ -141,7 +145,7 @@ def settle(
     Returns
     -------
     n_done, period, outcome : int
-        `period` is 0 if the orbit has not closed.
+        `period` is 0 if the orbit has not closed, negative if it is only approached.
     """
     no_tangent = np.empty((0, 0))
     size = z.shape[0]
@@ -149,6 +153,7 @@ def settle(
     for k in range(size):
         history[0, k] = z[k]
     close = np.zeros(ring, np.int64)
+    falling = np.zeros(ring, np.int64)
     for period in range(1, n_periods + 1):
         outcome = march_period(
             z,
@@ -175,8 +180,10 @@ def settle(
             for k in range(size):
                 e = max(e, abs(z[k] - history[past, k]))
             to_go = math.inf
+            approached = False
             if period >= 2 * p:
                 before = distance[p, past]
+                approached = e <= near and e < before
                 if e <= ROUNDING * (1.0 + np.abs(z).max()):
                     to_go = 0.0
                 elif e < before:
@@ -188,6 +195,9 @@ def settle(
                     if p % divisor == 0 and distance[divisor, slot] <= same:
                         return period, divisor, 1
                 return period, p, 1
+            falling[p] = falling[p] + 1 if approached else 0
+            if falling[p] >= 2 * p + 1:
+                return period, -p, 1
     return n_periods, 0, 1
 
 
@@ -269,6 +279,7 @@ class FlowMap:
         max_period: int,
         settled: float,
         same: float,
+        near: float = 0.0,
         poll: Callable[[], None] | None = None,
     ) -> tuple[Advance, int]:
         """Advance until the orbit has closed on itself, for at most `n_periods`; see `settle`.
@@ -277,7 +288,7 @@ class FlowMap:
         -------
         advance : Advance
         period : int
-            Orbit period, 0 if the orbit has not closed.
+            Orbit period, 0 if the orbit has not closed, negative if it is only approached.
         """
         if poll is not None:
             poll()
@@ -290,6 +301,7 @@ class FlowMap:
             max_period,
             settled,
             same,
+            near,
             self._model,
             self._tables,
             self._tolerance,

@@ -72,9 +72,9 @@ def drift_on_segment(index, x, z_end, s, tables, tally, work):
         tally.peak_drift[0] = peak
         bound4 = 0.0
         for k in range(x.shape[0]):
-            row = tables.bound4[index, i, k]
+            row = tables.bound4[index, k, i]
             if i > 0:
-                row += tables.bound4[index, below, k]
+                row += tables.bound4[index, k, below]
             bound4 += row * abs(x[k])
         peak *= 1.0 + SAME_PEAK
         if may_reach(s, d0 - peak, v0, d1 - peak, v1, bound4) or may_reach(

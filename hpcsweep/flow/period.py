@@ -33,6 +33,7 @@ from hpcsweep.flow.layer import (
 )
 from hpcsweep.flow.metrics import drift_on_segment, modal_norm_on_segment, observe_layer_step
 from hpcsweep.flow.search import (
+    HERMITE_VALUE,
     MAX_DEPTH,
     evaluate_rows,
     expand_row,
@@ -41,7 +42,7 @@ from hpcsweep.flow.search import (
     may_reach,
     value_and_slope,
 )
-from hpcsweep.flow.tables import N_COEFFICIENTS, lookup
+from hpcsweep.flow.tables import LANES, N_COEFFICIENTS, lookup, padded
 from hpcsweep.flow.tangent import layer_tangent, linear_tangent, passage_tangent
 from hpcsweep.jit import jit
 
@@ -56,6 +57,10 @@ class Work(NamedTuple):
 
     x: np.ndarray
     z_end: np.ndarray
+    wide: np.ndarray
+    """Padded 2n: the end of a step."""
+    bounds: np.ndarray
+    """Padded n: bounds of the fourth derivatives on a step."""
     rows: np.ndarray
     """(2n, N_COEFFICIENTS): polynomials of the present step, valid where `expanded`."""
     expanded: np.ndarray
@@ -75,6 +80,8 @@ def empty_work(n: int) -> Work:
     return Work(
         x=np.zeros(2 * n + 3),
         z_end=np.zeros(2 * n),
+        wide=np.zeros(padded(2 * n)),
+        bounds=np.zeros(padded(n)),
         rows=np.zeros((2 * n, N_COEFFICIENTS)),
         expanded=np.zeros(2 * n, np.bool_),
         drift_rows=np.zeros((1, N_COEFFICIENTS)),
@@ -126,7 +133,74 @@ def contact_key(tau, z, amplitude, model, a):
 
 
 @jit
-def _first_event(key, index, span, h, x, z_end, layer, bound4, poly, rows, expanded, stack):
+def _product(table, index, x, out):
+    """Multiply the columns ``table[index]`` by x into `out`, whose length is padded to `LANES`."""
+    for first in range(0, out.shape[0], LANES):
+        factor = x[0]
+        for lane in range(LANES):
+            out[first + lane] = table[index, 0, first + lane] * factor
+        for k in range(1, x.shape[0]):
+            factor = x[k]
+            for lane in range(LANES):
+                out[first + lane] += table[index, k, first + lane] * factor
+
+
+@jit
+def _product_of_moduli(table, index, x, out):
+    """Multiply as `_product`, by the moduli |x|."""
+    for first in range(0, out.shape[0], LANES):
+        factor = abs(x[0])
+        for lane in range(LANES):
+            out[first + lane] = table[index, 0, first + lane] * factor
+        for k in range(1, x.shape[0]):
+            factor = abs(x[k])
+            for lane in range(LANES):
+                out[first + lane] += table[index, k, first + lane] * factor
+
+
+@jit
+def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, bounds):
+    """Take linear steps while no floor can reach the edge of its layer (proved) and time is left.
+
+    Returns
+    -------
+    tau : float
+    n_steps : int
+        `x` holds the augmented state there.
+    """
+    n = (x.shape[0] - 3) // 2
+    third = h / 3.0
+    margin = HERMITE_VALUE * h**4
+    n_steps = 0
+    while tau + h < end:
+        _product(step, index, x, wide)
+        _product_of_moduli(bound4, index, x, bounds)
+        reaches = False
+        for i in range(n):
+            g0 = x[i] - 1.0
+            g1 = wide[i] - 1.0
+            d0 = third * x[n + i]
+            d1 = third * wide[n + i]
+            if (key >> np.uint64(i)) & np.uint64(1):
+                g0, g1, d0, d1 = -g0, -g1, -d0, -d1
+            top = max(max(g0, g1), max(g0 + d0, g1 - d1))
+            if top + layer + margin * bounds[i] >= 0.0:
+                reaches = True
+        if reaches:
+            break
+        for row in range(2 * n):
+            x[row] = wide[row]
+        ground = x[2 * n]
+        quadrature = x[2 * n + 1]
+        x[2 * n] = ground * cosine + quadrature * sine
+        x[2 * n + 1] = quadrature * cosine - ground * sine
+        tau += h
+        n_steps += 1
+    return tau, n_steps
+
+
+@jit
+def _first_event(key, index, span, h, x, z_end, layer, bounds, poly, rows, expanded, stack):
     """Find the first floor that reaches the edge of its layer within `span` of a step.
 
     Returns
@@ -146,9 +220,7 @@ def _first_event(key, index, span, h, x, z_end, layer, bound4, poly, rows, expan
         else:
             sign = 1.0
             level = 1.0 - layer
-        bound = 0.0
-        for k in range(2 * n + 3):
-            bound += bound4[index, i, k] * abs(x[k])
+        bound = bounds[i]
         g0 = sign * (x[i] - level)
         g1 = sign * (z_end[i] - level)
         if may_reach(span, g0, sign * x[n + i], g1, sign * z_end[n + i], bound):
@@ -314,6 +386,8 @@ def march_period(
     expanded = work.expanded
     stack = work.stack
     step = tables.step
+    wide = work.wide
+    bounds = work.bounds
     poly = tables.poly
     bound4 = tables.bound4
     lengths = tables.h
@@ -332,6 +406,7 @@ def march_period(
             return NON_FINITE
     if not abs(amplitude) < OVERFLOW:
         return NON_FINITE
+    watched = observing or tangent.shape[0] > 0
     tau = 0.0
     steps = 0
     index = -1
@@ -368,26 +443,42 @@ def march_period(
             for i in range(2 * n):
                 x[i] = z[i]
             set_forcing(x, tau, amplitude, omega)
-        counts[0] += 1
         h = lengths[index]
+        if not watched:
+            tau, coasted = _coast(
+                key,
+                h,
+                tau,
+                end,
+                layer,
+                step,
+                bound4,
+                index,
+                rotation[index, 0],
+                rotation[index, 1],
+                x,
+                wide,
+                bounds,
+            )
+            counts[0] += coasted
+            steps += coasted
+        counts[0] += 1
         for row in range(2 * n):
             expanded[row] = False
         span = h
         if tau + h < end:
+            _product(step, index, x, wide)
             for row in range(2 * n):
-                z_end[row] = 0.0
-            for k in range(2 * n + 3):
-                factor = x[k]
-                for row in range(2 * n):
-                    z_end[row] += step[index, k, row] * factor
+                z_end[row] = wide[row]
         else:
             span = end - tau
             expand_rows(poly, index, x, rows, expanded)
             evaluate_rows(rows, h, span, z_end)
         passed = False
         beyond = False
+        _product_of_moduli(bound4, index, x, bounds)
         floor, time = _first_event(
-            key, index, span, h, x, z_end, layer, bound4, poly, rows, expanded, stack
+            key, index, span, h, x, z_end, layer, bounds, poly, rows, expanded, stack
         )
         if floor >= 0:
             expand_rows(poly, index, x, rows, expanded)

@@ -38,6 +38,8 @@ THETA_FREE = 2.2
 MAX_TABLES = 64
 """Tables kept; when more contact sets occur the table store is emptied and filled anew."""
 N_BOUND_SAMPLES = 65
+LANES = 8
+"""Rows worked on together: what a vector register of 64 bytes holds."""
 
 
 def _economisation() -> np.ndarray:
@@ -73,13 +75,19 @@ class Tables(NamedTuple):
     keys: np.ndarray
     h: np.ndarray
     step: np.ndarray
-    """(MAX_TABLES, N, 2n): column k of exp(M h), its first 2n rows, contiguous."""
+    """(MAX_TABLES, N, padded 2n): column k of exp(M h), its first 2n rows, contiguous; rows are
+    padded with zeros to a multiple of `LANES`."""
     poly: np.ndarray
     """(MAX_TABLES, 2n, N, N_COEFFICIENTS)"""
     bound4: np.ndarray
-    """(MAX_TABLES, n, N)"""
+    """(MAX_TABLES, N, padded n): column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray
     """(MAX_TABLES, 2): cos and sin of Omega h."""
+
+
+def padded(n: int) -> int:
+    """Round a number of rows up to a multiple of `LANES`."""
+    return -(-n // LANES) * LANES
 
 
 def empty_tables(structure: Structure) -> Tables:
@@ -91,9 +99,9 @@ def empty_tables(structure: Structure) -> Tables:
         count=np.zeros(1, dtype=np.int64),
         keys=np.zeros(capacity, dtype=np.uint64),
         h=np.zeros(capacity),
-        step=np.empty((capacity, size, 2 * n)),
+        step=np.zeros((capacity, size, padded(2 * n))),
         poly=np.empty((capacity, 2 * n, size, N_COEFFICIENTS)),
-        bound4=np.empty((capacity, n, size)),
+        bound4=np.zeros((capacity, size, padded(n))),
         rotation=np.empty((capacity, 2)),
     )
 
@@ -179,7 +187,7 @@ def _build(key, model, tables, index):
                     poly[row, column, p] += ECONOMISATION[p, k] * entry
     for row in range(n):
         for column in range(size):
-            tables.bound4[index, row, column] = _max_fourth_derivative(poly[row, column], h)
+            tables.bound4[index, column, row] = _max_fourth_derivative(poly[row, column], h)
 
 
 @jit

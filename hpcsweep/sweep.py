@@ -31,7 +31,7 @@ import numpy as np
 from hpcsweep.linear import LinearOrbit
 from hpcsweep.observation import Observation
 from hpcsweep.orbit import orbit_period
-from hpcsweep.outcome import Outcome
+from hpcsweep.outcome import Outcome, Shortcut
 from hpcsweep.settings import SweepSettings
 from hpcsweep.solver import Solver, make_solver
 from hpcsweep.stability import largest_lyapunov_exponent, newton_orbit
@@ -61,7 +61,6 @@ class FrameSweep:
         self.solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
         self._drift_scale = omega**2
         self._linear = LinearOrbit(structure, omega) if "linear" in settings.skip else None
-        self.skipped = dict.fromkeys(settings.skip, 0)
 
     def block(
         self,
@@ -86,12 +85,13 @@ class FrameSweep:
         if self._linear is not None:
             closed = self._linear.steady_window(z, amplitude, settings)
             if closed is not None:
-                self.skipped["linear"] += 1
                 self._store(result, row, index, amplitude, closed, 1, 0)
+                result["shortcut"][index] = Shortcut.LINEAR
                 if "lyapunov" in result:
                     result["lyapunov"][index] = self._linear.lyapunov_exponent
                 return closed.points[-1].copy()
-        z, phase, cycles, period, outcome = self._transient(z, amplitude, poll)
+        z, phase, cycles, period, shortcut, outcome = self._transient(z, amplitude, poll)
+        result["shortcut"][index] = shortcut
         if outcome is not Outcome.COMPLETE:
             return self._store_failure(result, row, index, z, cycles, outcome)
         window = period or settings.sampling_cycles
@@ -123,12 +123,13 @@ class FrameSweep:
             Forcing periods really integrated.
         period : int
             Orbit period if the orbit is known to be reached, else 0.
+        shortcut : Shortcut
         outcome : Outcome
         """
         settings = self.settings
         if "converged" not in settings.skip or not hasattr(self.solver, "settle"):
             done = self.solver.advance(z, amplitude, settings.transient_cycles, poll=poll)
-            return done.state, done.n_periods, done.n_periods, 0, done.outcome
+            return done.state, done.n_periods, done.n_periods, 0, Shortcut.NONE, done.outcome
         near = NEAR if "newton" in settings.skip else 0.0
         phase = cycles = 0
         while True:
@@ -146,15 +147,15 @@ class FrameSweep:
             phase += done.n_periods
             cycles += done.n_periods
             if period >= 0:
-                self.skipped["converged"] += period > 0
-                return z, phase, cycles, period, done.outcome
+                shortcut = Shortcut.CONVERGED if period else Shortcut.NONE
+                return z, phase, cycles, period, shortcut, done.outcome
             try:
                 jump = newton_orbit(self.solver, z, amplitude, -period)
             except ArithmeticError:
                 jump = None
             if jump is not None:
-                self.skipped["newton"] += 1
-                return jump[0], phase, cycles + jump[1], -period, done.outcome
+                cycles += jump[1]
+                return jump[0], phase, cycles, -period, Shortcut.NEWTON, done.outcome
             near *= NEARER
 
     def _as_the_plain_end(self, seen: Observation, phase: int, same: float):
@@ -231,6 +232,7 @@ def empty_block(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.nd
         "final_state": np.full((n_runs, 2 * n), nan),
         "cycles": np.zeros(n_runs, np.int32),
         "outcome": np.zeros(n_runs, np.int8),
+        "shortcut": np.zeros(n_runs, np.int8),
     }
     if "poincare" in settings.metrics:
         arrays["poincare"] = np.full((n_runs, settings.sampling_cycles, 2 * n), nan)

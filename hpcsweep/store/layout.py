@@ -64,8 +64,11 @@ RUN_VARIABLES = (
         "1",
         "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
     ),
+    Variable(
+        "shortcut", RUN, "<i1", "1", "rule that spared periods: 1 linear, 2 converged, 3 newton"
+    ),
 )
-ALWAYS = ("orbit_period", "final_state", "cycles", "outcome")
+ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "shortcut")
 COMMIT = Variable("commit", ("direction", "frame", "block"), "<u8", "1", "checksum of a block")
 
 

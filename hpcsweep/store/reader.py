@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.job import Job, parse_job
-from hpcsweep.outcome import Outcome
+from hpcsweep.outcome import Outcome, Shortcut
 from hpcsweep.store.commit import Blocks, check_file, path_blocks
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import StoreError
 from hpcsweep.store.offsets import open_for_reading
 
-MISSING = {"n_points": 0, "orbit_period": 0, "contact": 0, "cycles": 0, "outcome": 0}
+MISSING = {"n_points": 0, "orbit_period": 0, "contact": 0, "cycles": 0, "outcome": 0, "shortcut": 0}
 """What stands where nothing is committed; NaN in the other variables."""
 
 
@@ -106,6 +106,7 @@ def status(path: str | Path) -> dict:
         outcome = file["outcome"][...]
         cycles = file["cycles"][...]
         period = file["orbit_period"][...]
+        shortcut = file["shortcut"][...]
     done = np.zeros(outcome.shape, bool)
     blocks = Blocks(path, job)
     for direction, block in path_blocks(job):
@@ -139,8 +140,9 @@ def status(path: str | Path) -> dict:
         "periods_per_run": float(cycles[done].mean()) if n_done else None,
         "periods_per_run_plain": plain,
         "runs_spared": {
-            "closed form": int((done & (cycles == 0)).sum()),
-            "converged early": int((done & (cycles > 0) & (cycles < plain)).sum()),
+            rule.name.lower(): int((done & (shortcut == rule)).sum())
+            for rule in Shortcut
+            if rule is not Shortcut.NONE
         },
         "no_period_found": int((done & (period == 0) & (outcome == Outcome.COMPLETE)).sum()),
         "n_failed": len(failed),

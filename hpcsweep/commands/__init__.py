@@ -1,0 +1,27 @@
+"""The commands of `hpcsweep.cli`, one module each.
+
+Every module has ``add_to(commands)``, which adds its parser, and a function that does the work and
+returns the exit code. What is slow to import is imported when it is used.
+"""
+
+import argparse
+import sys
+
+USER_ERROR, FAILURE = 2, 1
+RAW = argparse.RawDescriptionHelpFormatter
+
+
+def complain(message: str, rank: int | None = None) -> None:
+    """Say on one line, from one rank, what was wrong."""
+    from hpcsweep.mpi import launched_rank
+
+    if (launched_rank() if rank is None else rank) == 0:
+        print(f"hpcsweep: error: {message}", file=sys.stderr, flush=True)
+
+
+def positive(text: str) -> float:
+    """Convert an argument that must be a finite number greater than 0."""
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be greater than 0, is {text}")
+    return value

@@ -1,0 +1,92 @@
+"""`hpcsweep run`: run a job, or go on with it."""
+
+import sys
+import traceback
+from pathlib import Path
+
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
+from hpcsweep.progress import make_progress
+
+RUN_HELP = """\
+Run a job. If its results file exists already, the run goes on where it stopped, on any number
+of ranks, and the results equal those of an uninterrupted run bit for bit.
+
+SIGTERM, SIGINT and SIGUSR1 stop it in good order (exit code 75)."""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    run = commands.add_parser(
+        "run", help="run a job, or go on with it", description=RUN_HELP, formatter_class=RAW
+    )
+    run.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
+    run.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="results (default: the job's name + .h5)"
+    )
+    run.add_argument(
+        "--max-hours",
+        type=positive,
+        metavar="H",
+        help="stop in good order shortly before H hours have passed",
+    )
+    run.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="compute nothing: tell the runs, bytes, core-hours and time on N ranks",
+    )
+    run.set_defaults(function=_run)
+
+
+def _run(options) -> int:
+    """Run a job on all ranks."""
+    from hpcsweep.job import JobError, load_job
+    from hpcsweep.mpi import LauncherError, world
+    from hpcsweep.store import StoreError
+
+    try:
+        comm = world()
+    except LauncherError as error:
+        complain(str(error))
+        return USER_ERROR
+    try:
+        job, problem = None, None
+        if comm.rank == 0:
+            try:
+                job = load_job(options.job)
+            except JobError as error:
+                problem = str(error)
+        job, problem = comm.bcast((job, problem))
+        if problem is None:
+            output = options.output or Path(f"{job.name}.h5")
+            try:
+                if options.dry_run:
+                    return _dry_run(job, output, comm)
+                from hpcsweep import campaign
+
+                code = campaign.run(
+                    job, output, comm, max_hours=options.max_hours, progress=make_progress
+                )
+                if comm.rank == 0:
+                    hint = "complete" if code == 0 else "stopped in good order; run again to go on"
+                    print(f"{output}: {hint}", file=sys.stderr)
+                return code
+            except StoreError as error:
+                problem = str(error)
+        complain(problem, comm.rank)
+        return USER_ERROR
+    except Exception:
+        text = traceback.format_exc()
+        where = f" on rank {comm.rank}" if comm.size > 1 else ""
+        print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
+        comm.abort(FAILURE)
+        return FAILURE
+
+
+def _dry_run(job, output: Path, comm) -> int:
+    """Tell what a job will cost."""
+    if comm.rank != 0:
+        return 0
+    from hpcsweep.estimate import estimate
+
+    print(estimate(job, output))
+    return 0

@@ -1,0 +1,69 @@
+"""`hpcsweep status`: tell what is done in a results file."""
+
+import json
+import time
+from pathlib import Path
+
+from hpcsweep.commands import USER_ERROR, complain
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    status = commands.add_parser(
+        "status",
+        help="tell what is done in a results file, live or not",
+        description="Tell what is done in a results file; it may be in use by a running campaign.",
+    )
+    status.add_argument("file", type=Path, metavar="FILE")
+    status.add_argument("--json", action="store_true", help="machine-readable")
+    status.set_defaults(function=_status)
+
+
+def _status(options) -> int:
+    from hpcsweep.store import StoreError, status
+
+    try:
+        state = status(options.file)
+    except StoreError as error:
+        complain(str(error))
+        return USER_ERROR
+    if options.json:
+        print(json.dumps(state, indent=1))
+        return 0
+    print(_describe(state))
+    return 0
+
+
+def _describe(state: dict) -> str:
+    """Write a status as a person reads it."""
+    done, total = state["runs_done"], state["runs_total"]
+    lines = [
+        f"{state['file']}: {'complete' if state['complete'] else 'not complete'}",
+        f"  runs      {done} of {total} ({100 * done / total:.1f} %), frames "
+        f"{state['frames_done']} of {state['frames_total']}, solver {state['solver']}",
+    ]
+    if state["runs_per_core_second"]:
+        lines.append(
+            f"  cost      {state['core_seconds']:.3g} core seconds, "
+            f"{state['runs_per_core_second']:.3g} runs per core second, about "
+            f"{state['core_seconds_remaining']:.3g} core seconds left"
+        )
+    if state["periods_per_run"] is not None:
+        spared = ", ".join(f"{name} {count}" for name, count in state["runs_spared"].items())
+        lines.append(
+            f"  periods   {state['periods_per_run']:.3g} integrated a run, of "
+            f"{state['periods_per_run_plain']}; runs spared: {spared}"
+        )
+    lines.append(f"  no period found in {state['no_period_found']} runs")
+    lines.append(f"  failures  {state['n_failed']}")
+    lines += [
+        f"    Omega = {f['omega']:.6g}, A = {f['amplitude']:.6g}, {f['direction']}: {f['outcome']}"
+        for f in state["failures"]
+    ]
+    for session in state["sessions"]:
+        started = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(session["started"]))
+        lines.append(
+            f"  session   {started}, {session['ranks']} ranks on {' '.join(session['hosts'])}, "
+            f"{session['transport']}: {session['ended'] or 'running or killed'}"
+        )
+    return "\n".join(lines)

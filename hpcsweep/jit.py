@@ -38,7 +38,10 @@ def _cache_folder() -> Path:
 
 _numba_config.CACHE_DIR = str(_cache_folder())
 
-jit = functools.partial(
-    numba.njit, cache=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"}
-)
-"""Compile a kernel: cached, IEEE division, products and sums fused where the CPU can."""
+jit = functools.partial(numba.njit, cache=True, error_model="numpy")
+"""Compile a kernel: cached, IEEE arithmetic.
+
+No fast-math flag is set. With ``contract`` LLVM fuses products and sums where it happens to inline
+them, and a kernel that has just been compiled then differs in the last bit from the same kernel
+loaded from the cache.
+"""

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numba
 from numba.core import config as _numba_config
+from numba.core import types
+from numba.extending import intrinsic
 
 
 def _source_hash() -> str:
@@ -43,5 +45,18 @@ jit = functools.partial(numba.njit, cache=True, error_model="numpy")
 
 No fast-math flag is set. With ``contract`` LLVM fuses products and sums where it happens to inline
 them, and a kernel that has just been compiled then differs in the last bit from the same kernel
-loaded from the cache.
+loaded from the cache. Where a fused operation pays, the kernels ask for it: `fma`.
 """
+
+
+@intrinsic
+def fma(typingctx, a, b, c):
+    """Evaluate a b + c with one rounding (kernels only), one instruction since Haswell and Zen."""
+    del typingctx, a, b, c
+    signature = types.float64(types.float64, types.float64, types.float64)
+
+    def generate(context, builder, signature, arguments):
+        del context, signature
+        return builder.fma(*arguments)
+
+    return signature, generate

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.equations import contact_stiffness, switch
-from hpcsweep.jit import jit
+from hpcsweep.jit import fma, jit
 from hpcsweep.outcome import Outcome
 
 N_STAGES = 8
@@ -126,7 +126,7 @@ def _stage_accelerations(u, v, ground, active, model, out):
         for k in range(n):
             factor = damping[i, k]
             for j in range(N_STAGES):
-                out[i, j] -= factor * v[k, j]
+                out[i, j] = fma(-factor, v[k, j], out[i, j])
         if active[i] == 1:
             for j in range(N_STAGES):
                 out[i, j] -= beta * (u[i, j] - 1.0)
@@ -223,11 +223,11 @@ def collocate(tau, h, z, a, amplitude, model, room):
             for k in range(1, N_STAGES):
                 value = g[i, k]
                 for j in range(N_STAGES):
-                    u[i, j] += POSITION_ROWS[k, j] * value
-                    v[i, j] += SPEED_ROWS[k, j] * value
+                    u[i, j] = fma(POSITION_ROWS[k, j], value, u[i, j])
+                    v[i, j] = fma(SPEED_ROWS[k, j], value, v[i, j])
             for j in range(N_STAGES):
-                u[i, j] = z[i] + h * (NODES[j] * z[n + i] + h * u[i, j])
-                v[i, j] = z[n + i] + h * v[i, j]
+                u[i, j] = fma(h, fma(NODES[j], z[n + i], h * u[i, j]), z[i])
+                v[i, j] = fma(h, v[i, j], z[n + i])
         _stage_accelerations(u, v, ground, active, model, fresh)
         change = 0.0
         size = 0.0
@@ -259,7 +259,7 @@ def quadrature_error(h, g):
         for k in range(N_STAGES):
             coefficient = 0.0
             for j in range(N_STAGES):
-                coefficient += LEGENDRE[k, j] * g[i, j]
+                coefficient = fma(LEGENDRE[k, j], g[i, j], coefficient)
             largest = max(largest, abs(coefficient))
             if k >= N_STAGES - 2:
                 last = max(last, abs(coefficient))
@@ -276,10 +276,10 @@ def finish(h, z, g, out):
         du = 0.0
         dv = 0.0
         for k in range(N_STAGES):
-            du += POSITION_WEIGHTS[k] * g[i, k]
-            dv += WEIGHTS[k] * g[i, k]
-        out[i] = z[i] + h * (z[n + i] + h * du)
-        out[n + i] = z[n + i] + h * dv
+            du = fma(POSITION_WEIGHTS[k], g[i, k], du)
+            dv = fma(WEIGHTS[k], g[i, k], dv)
+        out[i] = fma(h, fma(h, du, z[n + i]), z[i])
+        out[n + i] = fma(h, dv, z[n + i])
 
 
 @jit

@@ -44,7 +44,7 @@ from hpcsweep.flow.search import (
 )
 from hpcsweep.flow.tables import LANES, N_COEFFICIENTS, lookup, padded
 from hpcsweep.flow.tangent import layer_tangent, linear_tangent, passage_tangent
-from hpcsweep.jit import jit
+from hpcsweep.jit import fma, jit
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -142,7 +142,7 @@ def _product(table, index, x, out):
         for k in range(1, x.shape[0]):
             factor = x[k]
             for lane in range(LANES):
-                out[first + lane] += table[index, k, first + lane] * factor
+                out[first + lane] = fma(table[index, k, first + lane], factor, out[first + lane])
 
 
 @jit
@@ -155,7 +155,7 @@ def _product_of_moduli(table, index, x, out):
         for k in range(1, x.shape[0]):
             factor = abs(x[k])
             for lane in range(LANES):
-                out[first + lane] += table[index, k, first + lane] * factor
+                out[first + lane] = fma(table[index, k, first + lane], factor, out[first + lane])
 
 
 @jit
@@ -192,8 +192,8 @@ def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, 
             x[row] = wide[row]
         ground = x[2 * n]
         quadrature = x[2 * n + 1]
-        x[2 * n] = ground * cosine + quadrature * sine
-        x[2 * n + 1] = quadrature * cosine - ground * sine
+        x[2 * n] = fma(ground, cosine, quadrature * sine)
+        x[2 * n + 1] = fma(quadrature, cosine, -ground * sine)
         tau += h
         n_steps += 1
     return tau, n_steps

@@ -13,7 +13,7 @@ part has exactly one root because the slope, bounded likewise from below, is pos
 """
 
 from hpcsweep.flow.tables import N_COEFFICIENTS
-from hpcsweep.jit import jit
+from hpcsweep.jit import fma, jit
 
 HERMITE_VALUE = 1.0 / 384.0
 HERMITE_SLOPE = 0.00802
@@ -53,7 +53,7 @@ def expand_row(poly, index, row, x, rows):
     for k in range(1, x.shape[0]):
         factor = x[k]
         for p in range(N_COEFFICIENTS):
-            rows[row, p] += poly[index, row, k, p] * factor
+            rows[row, p] = fma(poly[index, row, k, p], factor, rows[row, p])
 
 
 @jit
@@ -63,7 +63,7 @@ def evaluate_rows(rows, h, s, out):
     for row in range(out.shape[0]):
         value = rows[row, N_COEFFICIENTS - 1]
         for p in range(N_COEFFICIENTS - 2, -1, -1):
-            value = value * sigma + rows[row, p]
+            value = fma(value, sigma, rows[row, p])
         out[row] = value
 
 
@@ -80,8 +80,8 @@ def value_and_slope(rows, row, h, s):
     value = rows[row, N_COEFFICIENTS - 1]
     slope = 0.0
     for p in range(N_COEFFICIENTS - 2, -1, -1):
-        slope = slope * sigma + value
-        value = value * sigma + rows[row, p]
+        slope = fma(slope, sigma, value)
+        value = fma(value, sigma, rows[row, p])
     return value, slope * (2.0 / h)
 
 

@@ -10,15 +10,22 @@ step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
 Ordinary Differential Equations I, II.7), solved by fixed-point iteration from the polynomial of
 the step before. The step has two limits.
 
-- The sigmoid has poles at rho x = +-i pi (2 m + 1). If y = rho x moves by at most `REACH` times
-  the distance d = sqrt(pi^2 + y^2) of the nearest one, the path stays inside a Bernstein ellipse
-  about the step with parameter kappa, and Gauss quadrature converges as kappa^-16. This limit
-  also keeps a floor that is still far away from stepping over its layer.
+- The sigmoid has poles at y = rho x = +-i pi (2 m + 1). On a step on which y moves by L, Gauss
+  quadrature converges as kappa^-16, kappa the parameter of the Bernstein ellipse about the step
+  on which the nearest poles lie: |i pi - y| + |i pi - y - L| = `ELLIPSE` L / 2 with `ELLIPSE` =
+  kappa + 1 / kappa. Hence, y negative on the way to the stop::
+
+      L = (ELLIPSE sqrt(pi^2 + y^2) + 2 y) / (ELLIPSE^2 / 4 - 1).
+
+  The force has the size beta / rho there, so that kappa^-16 = 2e-12 leaves a velocity error of
+  about 1e-14 on a step of h = 1e-3 to 1e-2. The limit also keeps a floor that is still far away
+  from stepping over its layer.
 - The iteration contracts as h^2 |dG/du| / 2, so h <= `CONTRACTION` / sqrt(|dG/du|), and likewise
   for damping and forcing.
 
-The last Legendre coefficient c_7 of G measures kappa; the error of the velocity, about
-h c_7^2 / max|c_k|, must stay below the tolerance, or the step is halved.
+The Legendre coefficients c_k of G fall as kappa^-k; the error of the velocity, about
+h c_8^2 / max|c_k| with c_8 extrapolated from c_4..c_7, must stay below the tolerance, or the step
+is halved (rare).
 """
 
 import math
@@ -31,7 +38,8 @@ from hpcsweep.jit import fma, jit
 from hpcsweep.outcome import Outcome
 
 N_STAGES = 8
-REACH = 1.1
+ELLIPSE = 5.5
+"""kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 0.6
 MAX_ITERATIONS = 40
 COMPLETE = int(Outcome.COMPLETE)
@@ -150,6 +158,12 @@ def _find_active(h, z, a, model, active):
 
 
 @jit
+def _reach(y):
+    """Choose how far y may move on a step from y (negative: towards the stop); see the module."""
+    return (ELLIPSE * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ELLIPSE**2 - 1.0)
+
+
+@jit
 def step_limit(z, a, model, tau_left):
     """Choose the length of a step from state z and accelerations a; see the module."""
     n = a.shape[0]
@@ -158,10 +172,14 @@ def step_limit(z, a, model, tau_left):
     hardest = 0.0
     for i in range(n):
         x = z[i] - 1.0
-        v = abs(z[n + i])
+        v = z[n + i]
         if model.rho > 0.0:
             y = model.rho * x
-            reach = REACH * math.sqrt(math.pi**2 + y * y) / model.rho
+            along = y if v >= 0.0 else -y
+            reach = _reach(along) / model.rho
+            if v * a[i] <= 0.0 and v * v < 2.0 * abs(a[i]) * reach:
+                reach = min(reach, _reach(-along) / model.rho)
+            v = abs(v)
             root = math.sqrt(v * v + 2.0 * abs(a[i]) * reach)
             if root > 0.0:
                 h = min(h, 2.0 * reach / (v + root))
@@ -256,15 +274,20 @@ def quadrature_error(h, g):
     for i in range(g.shape[0]):
         largest = 0.0
         last = 0.0
+        before = 0.0
         for k in range(N_STAGES):
             coefficient = 0.0
             for j in range(N_STAGES):
                 coefficient = fma(LEGENDRE[k, j], g[i, j], coefficient)
-            largest = max(largest, abs(coefficient))
+            coefficient = abs(coefficient)
+            largest = max(largest, coefficient)
             if k >= N_STAGES - 2:
-                last = max(last, abs(coefficient))
+                last = max(last, coefficient)
+            elif k >= N_STAGES - 4:
+                before = max(before, coefficient)
         if largest > 0.0:
-            worst = max(worst, h * last * last / largest)
+            following = last * min(1.0, last / before) if before > 0.0 else last
+            worst = max(worst, h * following * following / largest)
     return worst
 
 

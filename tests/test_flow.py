@@ -8,6 +8,7 @@ import pytest
 from hpcsweep.flow import FlowMap, crossing, layer, search, tables
 from hpcsweep.flow.flow_map import layer_half_width
 from hpcsweep.outcome import Outcome
+from hpcsweep.reference import reference_points
 from hpcsweep.structure import Structure
 
 OMEGA = 0.445
@@ -227,3 +228,25 @@ def test_energy_is_kept_without_damping_and_forcing(sharpness):
     assert flow._silent.counts[1] + flow._silent.counts[3] > 100  # it did hit the stop
     drift = np.abs(np.array(kept) / kept[0] - 1).max()
     assert drift < 1e-8
+
+
+def test_floors_that_pass_their_layers_together_do_so_as_the_reference_says():
+    # offsets from far inside one layer (half-width 3e-3) to beyond it, both orders, both speeds
+    rng = np.random.default_rng(3)
+    structure = Structure(3, 1000.0, 1e4, 0.05)
+    flow = FlowMap(structure, 0.8)
+    worst, together = 0.0, 0
+    for _ in range(40):
+        speed = rng.uniform(0.4, 1.5, 3)
+        start = 0.97 + rng.uniform(-1, 1, 3) * 10.0 ** rng.uniform(-5, -2)
+        start[rng.integers(3)] = rng.uniform(0.2, 0.9)
+        state = np.concatenate((start, speed))
+        fast, steps = flow._silent.counts[1:3].copy()
+        found, outcome = flow.points(state, 0.3, 1)
+        assert outcome is Outcome.COMPLETE
+        together += flow._silent.counts[1] - fast >= 4 and flow._silent.counts[2] == steps
+        exact = reference_points(structure, 0.3, 0.8, state, 1)
+        _, tangent = flow.monodromy(state, 0.3, 1)
+        worst = max(worst, np.abs(found - exact).max() / max(1.0, np.linalg.norm(tangent, 2)))
+    assert worst < 1e-11
+    assert together >= 5

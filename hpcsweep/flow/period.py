@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.flow.crossing import moments, passage_is_fast
+from hpcsweep.flow.crossing import FULL_POTENTIAL, NEGLECTED, moments, passage_is_fast
 from hpcsweep.flow.layer import (
     COMPLETE,
     N_STAGES,
@@ -106,6 +106,16 @@ def set_forcing(x, tau, amplitude, omega):
 
 
 @jit
+def _rotate(x, cosine, sine):
+    """Take the forcing part of the augmented state over one step."""
+    size = x.shape[0]
+    ground = x[size - 3]
+    quadrature = x[size - 2]
+    x[size - 3] = fma(ground, cosine, quadrature * sine)
+    x[size - 2] = fma(quadrature, cosine, -ground * sine)
+
+
+@jit
 def _known(key, keys, count):
     """Return the index of a contact set's table, -1 if there is none yet."""
     for index in range(count[0]):
@@ -190,10 +200,7 @@ def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, 
             break
         for row in range(2 * n):
             x[row] = wide[row]
-        ground = x[2 * n]
-        quadrature = x[2 * n + 1]
-        x[2 * n] = fma(ground, cosine, quadrature * sine)
-        x[2 * n + 1] = fma(quadrature, cosine, -ground * sine)
+        _rotate(x, cosine, sine)
         tau += h
         n_steps += 1
     return tau, n_steps
@@ -249,7 +256,86 @@ def _time_at_stop(rows, floor, h, s, sign):
 
 
 @jit
-def _passes(floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega, layer, a):
+def _first_at_stop(floor, at_stop, key, rows, h, n):
+    """Choose the floor that is first at the stop, not after `at_stop`.
+
+    The floor that is first at the edge of its layer may be overtaken inside by a faster one.
+    """
+    for i in range(n):
+        if i != floor and at_stop <= h * EXTRAPOLATION:
+            sign = -1.0 if (key >> np.uint64(i)) & np.uint64(1) else 1.0
+            value, slope = value_and_slope(rows, i, h, at_stop)
+            if sign * (value - 1.0) > 0.0 and sign * slope > 0.0:
+                earlier = _time_at_stop(rows, i, h, at_stop, sign)
+                if earlier < at_stop:
+                    floor = i
+                    at_stop = earlier
+    return floor, at_stop
+
+
+@jit
+def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rho, omega, layer):
+    """Tell whether floor `floor`, at the stop, may pass its layer apart from all other floors.
+
+    That holds where no other floor comes near its layer meanwhile, and also where those that do
+    will pass as fast. While two floors are inside their layers the contact force of one moves the
+    other only through the coupling D_12 + K_12 t of the floors, t the time both take: it changes
+    the speed of the second by J_1 coupling t and hence its impulse J_2 by J_1 J_2 coupling t / v,
+    which must be negligible.
+
+    Returns
+    -------
+    bool
+    promised : uint64
+        The floors on their way to the stop that were found to pass fast. They may be inside their
+        layers already, so that they have to be taken through in closed form, too.
+    """
+    n = stiffness.shape[0]
+    end = 2.0 * math.pi / omega
+    energy = 2.0 * FULL_POTENTIAL * beta / (rho * rho)
+    least = abs(z[n + floor])
+    span = 2.0 * layer / least
+    promised = np.uint64(0)
+    found = np.uint64(1) << np.uint64(floor)
+    searching = True
+    while searching:
+        searching = False
+        if tau - span < 0.0 or tau + span > end:
+            return False, promised
+        for i in range(n):
+            bit = np.uint64(1) << np.uint64(i)
+            x = abs(z[i] - 1.0)
+            w = abs(z[n + i])
+            if found & bit or x - (w + abs(a[i]) * span) * span > layer:
+                continue
+            way = 2.0 * layer + x
+            square = w * w - 2.0 * (abs(a[i]) + beta * way) * way
+            if not square > 0.25 * w * w:
+                return False, promised
+            slowest = math.sqrt(square)
+            span = max(span, way / slowest)
+            least = min(least, slowest)
+            coupling = 0.0
+            jerk = omega * abs(amplitude)
+            for j in range(n):
+                jerk += abs(stiffness[i, j] * z[n + j]) + abs(damping[i, j] * a[j])
+                if j != i:
+                    coupling = max(coupling, abs(damping[i, j]) + abs(stiffness[i, j]) * span)
+            if not energy * energy * coupling * span <= NEGLECTED * least**3:
+                return False, promised
+            if not passage_is_fast(slowest, abs(a[i]), jerk, beta, rho, layer):
+                return False, promised
+            found |= bit
+            if (z[n + i] < 0.0) == (key & bit != np.uint64(0)):
+                promised |= bit
+            searching = True
+    return True, promised
+
+
+@jit
+def _passes(
+    floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega, layer, a, promised
+):
     """Take floor `floor`, at the stop in state z, through its layer if that is fast.
 
     Returns
@@ -259,6 +345,8 @@ def _passes(floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega,
         the accelerations at the stop without the contact force of the floor.
     float
         Jerk of the floor, likewise.
+    promised : uint64
+        Floors whose next passage has to be in closed form, see `_passes_apart`; brought up to date.
     """
     n = stiffness.shape[0]
     v = z[n + floor]
@@ -275,16 +363,16 @@ def _passes(floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega,
     for j in range(n):
         jerk -= stiffness[floor, j] * z[n + j] + damping[floor, j] * a[j]
     if not passage_is_fast(v, a[floor], jerk, beta, rho, layer):
-        return False, jerk
+        return False, jerk, promised
     if rho == math.inf:
-        return True, jerk
-    duration = 2.0 * layer / abs(v)
-    if tau - duration < 0.0 or tau + duration > 2.0 * math.pi / omega:
-        return False, jerk
-    for i in range(n):
-        nearest = abs(z[i] - 1.0) - (abs(z[n + i]) + abs(a[i]) * duration) * duration
-        if i != floor and nearest <= layer:
-            return False, jerk
+        return True, jerk, promised
+    if promised & (np.uint64(1) << np.uint64(floor)) == np.uint64(0):
+        apart, more = _passes_apart(
+            floor, key, tau, z, a, amplitude, stiffness, damping, beta, rho, omega, layer
+        )
+        if not apart:
+            return False, jerk, promised
+        promised |= more
     impulse, first, second_free, second_contact, third_free, third_contact = moments(
         v, a[floor], jerk, beta, rho
     )
@@ -300,7 +388,7 @@ def _passes(floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega,
         z[n + i] += damping[i, floor] * first + 0.5 * square * second
     z[floor] -= first - beta * third_contact / 6.0
     z[n + floor] += impulse - 0.5 * beta * second_contact
-    return True, jerk
+    return True, jerk, promised & ~(np.uint64(1) << np.uint64(floor))
 
 
 @jit
@@ -411,6 +499,7 @@ def march_period(
     steps = 0
     index = -1
     key = np.uint64(0)
+    promised = np.uint64(0)
     while tau < end:
         steps += 1
         if steps > max_steps:
@@ -485,12 +574,13 @@ def march_period(
             touching = (key >> np.uint64(floor)) & np.uint64(1)
             sign = -1.0 if touching else 1.0
             at_stop = _time_at_stop(rows, floor, h, time, sign)
+            floor, at_stop = _first_at_stop(floor, at_stop, key, rows, h, n)
             inside = time <= at_stop <= EXTRAPOLATION * h
             # a floor that reaches the stop after this step: try again from the layer's edge
             beyond = at_stop > EXTRAPOLATION * h and time > 0.01 * h
             if inside and tau + at_stop < end:
                 evaluate_rows(rows, h, at_stop, z)
-                passed, jerk = _passes(
+                passed, jerk, promised = _passes(
                     floor,
                     key,
                     tau + at_stop,
@@ -503,6 +593,7 @@ def march_period(
                     omega,
                     layer,
                     a,
+                    promised,
                 )
             if passed:
                 if tangent.shape[0] > 0:
@@ -537,10 +628,7 @@ def march_period(
             for i in range(2 * n):
                 x[i] = z[i]
             if span == h:
-                sine = x[2 * n]
-                cosine = x[2 * n + 1]
-                x[2 * n] = sine * rotation[index, 0] + cosine * rotation[index, 1]
-                x[2 * n + 1] = cosine * rotation[index, 0] - sine * rotation[index, 1]
+                _rotate(x, rotation[index, 0], rotation[index, 1])
         elif beyond:
             set_forcing(x, tau, amplitude, omega)
             for i in range(2 * n):

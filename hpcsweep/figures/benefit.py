@@ -4,17 +4,17 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.classify import MotionClass, class_shares, classify
-from hpcsweep.figures.mesh import by_frequency, draw_grazing, draw_mesh
+from hpcsweep.classify import MotionClass, classify
+from hpcsweep.figures.mesh import by_frequency, draw_grazing, draw_mesh, grazing_key
 from hpcsweep.figures.style import (
     caption,
     direction_index,
+    foot,
     job_of,
     need,
     new_grid,
     percent,
     save,
-    shares_text,
 )
 
 LEVELS = (0.8, 1.0, 1.25)
@@ -22,10 +22,10 @@ LEVELS = (0.8, 1.0, 1.25)
 SHADES = (
     ("no contact", "#ffffff"),
     ("other motion", "#ececec"),
-    (r"beneficial, ratio $\leq$ 0.8", "#9fd0f0"),
-    ("beneficial, 0.8 to 1", "#4a90c8"),
-    ("adverse, 1 to 1.25", "#b5651d"),
-    (r"adverse, $>$ 1.25", "#5c1a0a"),
+    (r"beneficial, $r \leq$ 0.8", "#9fd0f0"),
+    (r"beneficial, 0.8 < $r \leq$ 1", "#4a90c8"),
+    (r"adverse, 1 < $r \leq$ 1.25", "#b5651d"),
+    (r"adverse, $r$ > 1.25", "#5c1a0a"),
 )
 """(name, colour), light to dark, blue against brown: apart in grey and to the colour-blind."""
 
@@ -52,18 +52,21 @@ def draw(results, path: Path, direction: str | None = None) -> None:
     for axis, (name, chosen) in zip(axes[0], panels, strict=True):
         _panel(axis, results, classes[0], chosen, ratio, name)
     axes[0, 1].set_ylabel("")
-    _legend(figure)
+    _legend(figure, results, classes)
     swept = str(results["direction"].values[0])
-    figure.suptitle(f"{caption(results)},  sweep {swept}", fontsize=9)
-    figure.supxlabel(shares_text(class_shares(results, classes)), fontsize=7, color="0.25")
+    figure.suptitle(
+        f"{caption(results)},  sweep {swept}\n"
+        r"$r$ = drift with the stop / drift without it",
+        fontsize=9,
+    )
     save(figure, path)
 
 
 def free_drift(structure, omega: float) -> float:
     """Give the normalised drift (18) of the steady state without stop, in A/Omega^2.
 
-    Closed form: Omega^2 max_i |U_i - U_(i-1)|, U of `Structure.linear_steady_state`, U_0 = 0; NaN at
-    an undamped resonance.
+    Closed form: Omega^2 max_i |U_i - U_(i-1)|, U of `Structure.linear_steady_state`, U_0 = 0; NaN
+    at an undamped resonance.
     """
     try:
         response = structure.linear_steady_state(omega)
@@ -103,21 +106,12 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
     axis.set_title(f"{name}\n{told}", fontsize=9)
 
 
-def _legend(figure) -> None:
-    from matplotlib.lines import Line2D
+def _legend(figure, results, classes) -> None:
     from matplotlib.patches import Patch
 
     handles = [
         Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=name)
         for name, colour in (*SHADES[2:], *SHADES[:2])
     ]
-    handles.append(Line2D([], [], color="#b00000", linewidth=1.2, label="grazing, closed form"))
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=4,
-        fontsize=8,
-        frameon=False,
-        title="drift with the stop / drift without it",
-        title_fontsize=8,
-    )
+    handles.append(grazing_key())
+    foot(figure, handles, results, classes, 4)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.classify import MotionClass, class_shares, classify
+from hpcsweep.classify import MotionClass, classify
 from hpcsweep.figures.style import (
     AMPLITUDE,
     PALETTE,
@@ -12,10 +12,10 @@ from hpcsweep.figures.style import (
     PlotError,
     caption,
     direction_index,
+    foot,
     need,
     new_grid,
     save,
-    shares_text,
 )
 
 MOST_FRAMES = 12
@@ -69,9 +69,7 @@ def draw(
     classes = classify(results)
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
-    figure, axes = new_grid(
-        rows, columns, (2.4 * columns, 1.75 * rows + 1.0), sharex=True, sharey=True
-    )
+    figure, axes = new_grid(rows, columns, (2.4 * columns, 1.75 * rows + 1.0), sharex=True)
     for place, axis in enumerate(axes.flat):
         if place >= count:
             axis.set_visible(False)
@@ -82,11 +80,10 @@ def draw(
         last = max(place for place in range(count) if place % columns == column)
         axes.flat[last].set_xlabel("$A$" if columns > 1 else AMPLITUDE, fontsize=9)
         axes.flat[last].tick_params(labelbottom=True)
-    _legend(figure, classes)
+    _legend(figure, results, classes)
     swept = str(results["direction"].values[0])
     unit = r"$A$ in gaps $\cdot\,\omega_0^2$, $\Omega$ in $\omega_0$"
     figure.suptitle(f"{caption(results)},  sweep {swept};  {unit}", fontsize=8.5)
-    figure.supxlabel(shares_text(class_shares(results, classes)), fontsize=7, color="0.25")
     save(figure, path)
 
 
@@ -113,7 +110,7 @@ def _panel(axis, frame, classes, floor: int) -> None:
     axis.set_xlim(amplitude[0], amplitude[-1] if amplitude.size > 1 else amplitude[0] + 1e-9)
 
 
-def _legend(figure, classes) -> None:
+def _legend(figure, results, classes) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
@@ -123,10 +120,4 @@ def _legend(figure, classes) -> None:
     ]
     if (classes == MotionClass.FAILED).any():
         handles.append(Line2D([], [], linestyle="none", color=UNDECIDED, label="failed: blank"))
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=len(handles) or 1,
-        fontsize=8,
-        frameon=False,
-    )
+    foot(figure, handles, results, classes)

@@ -4,6 +4,9 @@ import numpy as np
 
 from hpcsweep.figures.style import AMPLITUDE, OMEGA, PlotError
 
+GRAZING = "#b00000"
+"""Colour of the grazing curve."""
+
 
 def by_frequency(results):
     """Sort the frames by frequency and refuse what is no map.
@@ -50,9 +53,16 @@ def draw_grazing(axis, results, structure) -> None:
     with np.errstate(divide="ignore"):
         amplitude = [_grazing(structure, value) for value in omega]
     limits = axis.get_xlim(), axis.get_ylim()
-    axis.plot(amplitude, omega, color="white", linewidth=2.2)
-    axis.plot(amplitude, omega, color="#b00000", linewidth=1.0, label="grazing, closed form")
+    axis.plot(amplitude, omega, color="white", linewidth=1.6)
+    axis.plot(amplitude, omega, color=GRAZING, linewidth=0.9)
     axis.set(xlim=limits[0], ylim=limits[1])
+
+
+def grazing_key():
+    """Make the legend's key of that curve."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")
 
 
 def _grazing(structure, omega: float) -> float:

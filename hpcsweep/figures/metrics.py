@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.classify import MotionClass, class_shares, classify
+from hpcsweep.classify import MotionClass, classify
 from hpcsweep.figures.benefit import free_drift
 from hpcsweep.figures.style import (
     AMPLITUDE,
@@ -13,16 +13,18 @@ from hpcsweep.figures.style import (
     PALETTE,
     PlotError,
     caption,
+    foot,
     job_of,
     nearest_frame,
     need,
     new_figure,
     save,
-    shares_text,
 )
 from hpcsweep.linear import LinearOrbit
 from hpcsweep.outcome import Outcome
 
+CHAOS = ("#000000", "#882255")
+"""Colours of the chaotic runs, up and down."""
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 
 
@@ -49,17 +51,10 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     for axis, letter in zip(axes, "ab", strict=True):
         axis.set_title(f"({letter})", loc="left", fontsize=9)
-        axis.set_ylim(bottom=0)
-        axis.legend(
-            fontsize=8,
-            frameon=False,
-            ncols=1 if len(axis.get_legend_handles_labels()[0]) < 8 else 2,
-            loc="center left",
-            bbox_to_anchor=(1.01, 0.5),
-            markerscale=2,
-        )
     figure.suptitle(caption(results, value), fontsize=10)
-    figure.supxlabel(shares_text(class_shares(results, classes)), fontsize=7, color="0.25")
+    axes[0].legend(fontsize=8, markerscale=1.5)
+    handles = axes[1].get_legend_handles_labels()[0]
+    foot(figure, handles, results, classes, 3)
     save(figure, path)
 
 
@@ -84,20 +79,22 @@ def _drift(axis, frame, classes, free: float) -> None:
     for d, direction in enumerate(frame["direction"].values):
         name = str(direction)
         chaos = classes[d] == MotionClass.CHAOTIC
-        for chosen, filled in ((~chaos, False), (chaos, True)):
+        for chosen, colour, label in (
+            (~chaos, PALETTE[d], name),
+            (chaos, CHAOS[d], f"{name}, chaotic"),
+        ):
             if not chosen.any():
                 continue
-            colour = PALETTE[d]
             axis.plot(
                 amplitude[chosen],
                 frame["drift"].values[d][chosen],
                 linestyle="none",
                 marker=MARKERS[name],
-                markersize=3.2 if filled else 2.4,
+                markersize=2.4,
                 color=colour,
-                markerfacecolor=colour if filled else "none",
-                markeredgewidth=0.6,
-                label=f"{name}, chaotic" if filled else f"{name}",
+                markerfacecolor=colour if name == "up" else "none",
+                markeredgewidth=0.5,
+                label=label,
             )
     axis.axhline(free, color="black", linewidth=1.1, linestyle=DASHES[0], label="without stop")
     axis.set_ylabel(r"normalised drift $\delta$  [$A/\Omega^2$]")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.classify import class_shares, classify
+from hpcsweep.classify import classify
 from hpcsweep.figures.regions import coexistence, contact_regions
 from hpcsweep.figures.style import (
     AMPLITUDE,
@@ -13,12 +13,12 @@ from hpcsweep.figures.style import (
     PlotError,
     caption,
     contact_name,
+    foot,
     nearest_frame,
     need,
     new_figure,
     roman,
     save,
-    shares_text,
 )
 from hpcsweep.outcome import Outcome
 
@@ -84,9 +84,8 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
     axes[-1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     if "contact" in frame:
         _mark_regions(axes, frame, done, n, coexistence(frame, classes[:, 0]))
-    _legend(figure, groups, color)
+    _legend(figure, groups, color, results, classes)
     figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
-    figure.supxlabel(shares_text(class_shares(results, classes)), fontsize=7, color="0.25")
     save(figure, path)
 
 
@@ -176,7 +175,7 @@ def _mark_regions(axes, frame, done, n, coexisting) -> None:
         )
 
 
-def _legend(figure, groups, color) -> None:
+def _legend(figure, groups, color, results, classes) -> None:
     from matplotlib.lines import Line2D
 
     handles = []
@@ -209,10 +208,4 @@ def _legend(figure, groups, color) -> None:
                     markerfacecolor="0.3" if direction == "up" else "none",
                 )
             )
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(len(handles), 6),
-        fontsize=8,
-        frameon=False,
-    )
+    foot(figure, handles, results, classes, min(len(handles), 6))

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.classify import MotionClass, classify
-from hpcsweep.figures.mesh import by_frequency, draw_grazing, draw_mesh
+from hpcsweep.figures.mesh import by_frequency, draw_grazing, draw_mesh, grazing_key
 from hpcsweep.figures.shades import BLANK, SHADES, shade_index, shade_shares
 from hpcsweep.figures.style import (
     PALETTE,
@@ -13,6 +13,7 @@ from hpcsweep.figures.style import (
     caption,
     contact_name,
     direction_index,
+    foot,
     job_of,
     need,
     new_grid,
@@ -60,6 +61,8 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
         "lyapunov": _exponent,
         "modal_norm": _modal_norms,
     }[value](figure, axes, results)
+    if value != "period":
+        foot(figure, [grazing_key()], results, classify(results))
     for axis in axes.flat[:panels]:
         draw_grazing(axis, results, job_of(results).structure)
         axis.label_outer()
@@ -77,7 +80,7 @@ def _classes(figure, axes, results) -> None:
     entries = shade_shares(index, classes)
     lost = float((classes == MotionClass.FAILED).mean())
     missing = float((classes == MotionClass.NOT_COMPUTED).mean())
-    _legend(figure, entries, lost + missing)
+    _legend(figure, entries, lost + missing, grazing=True)
 
 
 def _contact_sets(figure, axes, results) -> None:
@@ -125,7 +128,7 @@ def _exponent(figure, axes, results) -> None:
     inside = exponent.compressed()
     low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
     norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
-    mesh = draw_mesh(axes[0, 0], results, exponent, cmap="PuOr_r", norm=norm)
+    mesh = draw_mesh(axes[0, 0], results, exponent, cmap="cividis", norm=norm)
     figure.colorbar(
         mesh, ax=axes, extend="both", label=r"largest Lyapunov exponent $\lambda$  [$\omega_0$]"
     )
@@ -152,8 +155,9 @@ def _discrete(axis, results, index: np.ndarray, colours: list[str]) -> None:
     )
 
 
-def _legend(figure, entries: list[tuple[str, str, float]], blank: float) -> None:
-    from matplotlib.lines import Line2D
+def _legend(
+    figure, entries: list[tuple[str, str, float]], blank: float, grazing: bool = False
+) -> None:
     from matplotlib.patches import Patch
 
     handles = [
@@ -170,10 +174,11 @@ def _legend(figure, entries: list[tuple[str, str, float]], blank: float) -> None
                 label=f"{BLANK}  {percent(blank)}",
             )
         )
-    handles.append(Line2D([], [], color="#b00000", linewidth=1.2, label="grazing, closed form"))
+    if grazing:
+        handles.append(grazing_key())
     figure.legend(
         handles=handles,
-        loc="outside right upper",
+        loc="outside right center",
         fontsize=8,
         frameon=False,
         title="share of runs",

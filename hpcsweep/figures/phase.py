@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.classify import CLASS_NAMES, MotionClass, class_shares, classify
+from hpcsweep.classify import CLASS_NAMES, MotionClass, classify
 from hpcsweep.figures.style import (
     PALETTE,
     PlotError,
     caption,
     contact_name,
     direction_index,
+    foot,
     job_of,
     nearest_frame,
     need,
     new_grid,
     save,
-    shares_text,
 )
 from hpcsweep.outcome import Outcome
 from hpcsweep.trajectory import trajectory
@@ -73,17 +73,14 @@ def draw(
     motions += [find_period(frame, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.amplitude, m.direction))
     n = results.sizes["state"] // 2
-    figure, axes = new_grid(len(motions), n, (2.4 * n, 1.75 * len(motions) + 0.9), sharex="col")
+    figure, axes = new_grid(len(motions), n, (2.4 * n, 1.5 * len(motions) + 1.0), sharex="col")
     structure = job_of(results).structure
     for row, motion in enumerate(motions):
         _row(axes[row], frame, motion, classes, structure, row)
     for floor, axis in enumerate(axes[-1], 1):
         axis.set_xlabel(rf"$u_{{{floor}}}$  [gaps]", fontsize=9)
-    for floor, axis in enumerate(axes[0], 1):
-        axis.set_title(f"floor {floor}", fontsize=9)
-    _legend(figure)
+    _legend(figure, results, classes)
     figure.suptitle(caption(results, float(frame["omega"])), fontsize=9)
-    figure.supxlabel(shares_text(class_shares(results, classes)), fontsize=7, color="0.25")
     save(figure, path)
 
 
@@ -199,7 +196,7 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
         axis.grid(True, color="0.92", linewidth=0.6)
         axis.set_axisbelow(True)
         axis.tick_params(labelsize=8)
-        axis.set_ylabel(rf"$v_{{{floor + 1}}}$", fontsize=9)
+        axis.set_ylabel(rf"$v_{{{floor + 1}}}$  [gaps $\omega_0$]", fontsize=8)
     axes[0].annotate(
         _label(frame, motion, classes, n, row),
         (0, 1),
@@ -227,12 +224,13 @@ def _label(frame, motion: Motion, classes, n: int, row: int) -> str:
     return f"({letter}) A = {amplitude:.5g}, {direction}: {name}"
 
 
-def _legend(figure) -> None:
+def _legend(figure, results, classes) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    figure.legend(
-        handles=[
+    foot(
+        figure,
+        [
             Line2D([], [], color=PALETTE[0], label="motion"),
             Line2D(
                 [],
@@ -246,8 +244,6 @@ def _legend(figure) -> None:
             ),
             Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop"),
         ],
-        loc="outside lower center",
-        ncols=3,
-        fontsize=8,
-        frameon=False,
+        results,
+        classes,
     )

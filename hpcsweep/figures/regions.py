@@ -12,7 +12,7 @@ from hpcsweep.classify import MotionClass
 
 APART = 0.02
 """Distance (gaps, gaps omega_0) between the points of two orbits above which they are two."""
-LEAST_COEXISTENCE = 0.03
+LEAST_COEXISTENCE = 0.02
 """Part of the amplitudes over which two solutions of one contact set must last to be a region:
 hysteresis at the ends of a periodic window is shorter and belongs to the window."""
 

@@ -1,7 +1,7 @@
 """Discrete colours of the motion classes in maps.
 
-Every shade has a lightness of its own, in steps of about 9 of 100 (CIE L*), so that the classes stay
-apart in grey print and for every kind of colour blindness; hues tell neighbours apart besides.
+Every shade has a lightness of its own, in steps of about 9 of 100 (CIE L*), so that the classes
+stay apart in grey print and for every kind of colour blindness; hues tell neighbours apart besides.
 """
 
 import numpy as np

@@ -169,13 +169,27 @@ def percent(share: float) -> str:
     return f"{value:.2f} %" if value < 1 else f"{value:.1f} %"
 
 
-def shares_text(shares: dict) -> str:
+def shares_text(results, classes: np.ndarray) -> str:
     """Write the shares of the motion classes on one line, always with the undecided ones."""
-    from hpcsweep.classify import CLASS_NAMES, MotionClass
+    from hpcsweep.classify import CLASS_NAMES, MotionClass, class_shares
 
     parts = [
         f"{CLASS_NAMES[kind]} {percent(share)}"
-        for kind, share in shares.items()
+        for kind, share in class_shares(results, classes).items()
         if share > 0 or kind is MotionClass.UNDECIDED
     ]
-    return "Runs: " + ", ".join(parts)
+    hint = "" if "lyapunov" in results else "; chaos is not told: the file holds no lyapunov"
+    return "Runs: " + ", ".join(parts) + hint
+
+
+def foot(figure, handles: list, results, classes: np.ndarray, n_columns: int | None = None) -> None:
+    """Put the shares of the motion classes and a legend below the panels."""
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=n_columns or max(len(handles), 1),
+        fontsize=8,
+        frameon=False,
+        title=shares_text(results, classes),
+        title_fontsize=7.5,
+    )

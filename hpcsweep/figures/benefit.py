@@ -22,10 +22,10 @@ LEVELS = (0.8, 1.0, 1.25)
 SHADES = (
     ("no contact", "#ffffff"),
     ("other motion", "#ececec"),
-    (r"beneficial, $r \leq$ 0.8", "#9fd0f0"),
-    (r"beneficial, 0.8 < $r \leq$ 1", "#4a90c8"),
-    (r"adverse, 1 < $r \leq$ 1.25", "#b5651d"),
-    (r"adverse, $r$ > 1.25", "#5c1a0a"),
+    (r"beneficial, $r \leq$ 0.8", "#b5dcf5"),
+    (r"beneficial, 0.8 < $r \leq$ 1", "#62a6d6"),
+    (r"adverse, 1 < $r \leq$ 1.25", "#a3510f"),
+    (r"adverse, $r$ > 1.25", "#4a1206"),
 )
 """(name, colour), light to dark, blue against brown: apart in grey and to the colour-blind."""
 

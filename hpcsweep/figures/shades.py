@@ -1,6 +1,6 @@
 """Discrete colours of the motion classes in maps.
 
-Every shade has a lightness of its own, in steps of about 9 of 100 (CIE L*), so that the classes
+Every shade has a lightness of its own, 6 to 17 of 100 apart (CIE L*), so that the classes
 stay apart in grey print and for every kind of colour blindness; hues tell neighbours apart besides.
 """
 
@@ -14,11 +14,11 @@ SHADES = (
     ("P2", "#ffc642"),
     ("P3", "#75beeb"),
     ("P4", "#4fb080"),
-    ("P5–P8", "#d7652b"),
-    ("P9 and longer", "#1e6dc7"),
-    ("undecided", "#8a377c"),
-    ("quasi-periodic", "#074933"),
-    ("chaotic", "#15152a"),
+    ("P5–P8", "#c4531f"),
+    ("P9 and longer", "#1a5fb4"),
+    ("undecided", "#6e2363"),
+    ("quasi-periodic", "#04362a"),
+    ("chaotic", "#08080f"),
 )
 """(name, colour), light to dark."""
 NAMES = tuple(name for name, _ in SHADES)

@@ -50,8 +50,10 @@ the curve, in its diameters; on a circle 0.02 at 20 points, and falling with the
 CURVE_DRIFT = 0.1
 """Relative change of a curve's mean radius between the two halves of the window above which the
 motion is on its way to somewhere."""
-PEAKS, NEAR_PEAK = 4, 40
+PEAKS, NEAR_PEAK = 3, 10
 """Spectral peaks tried as rotation number, and values tried on either side of each."""
+PEAK_WIDTH = 0.12
+"""Half width of what is tried, in 1 / N: twice the error of a peak read off the padded spectrum."""
 
 
 class MotionClass(IntEnum):
@@ -196,7 +198,7 @@ def _rotation_numbers(points: np.ndarray) -> np.ndarray:
     inner = power[1:-1]
     peaks = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
     peaks = peaks[np.argsort(-power[peaks], kind="stable")][:PEAKS]
-    near = np.linspace(-0.5, 0.5, 2 * NEAR_PEAK + 1) / count
+    near = np.linspace(-PEAK_WIDTH, PEAK_WIDTH, 2 * NEAR_PEAK + 1) / count
     return (peaks[:, None] / (8 * count) + near).ravel()
 
 

@@ -393,3 +393,41 @@ def test_modal_norms_without_stop_are_the_mean_over_a_period():
     q = np.abs(np.imag(modal[:, None] * np.exp(1j * phase)))
     mean = (q / np.linalg.norm(q, axis=0)).mean(axis=1)
     assert np.allclose(metrics.free_modal_norms(structure, omega), mean, rtol=0, atol=1e-6)
+
+
+def test_every_figure_of_the_paper_has_its_jobs_and_each_its_command():
+    from conftest import JOBS
+
+    from hpcsweep.cli import build_parser
+    from hpcsweep.commands.plot import KINDS
+
+    names = {f"figure{k}" for k in range(2, 9)} | {"figure6-beta100"}
+    names |= {f"{name}-described" for name in names}
+    assert names == {path.stem for path in JOBS.glob("figure*.toml")}
+    for name in names:
+        lines = (JOBS / f"{name}.toml").read_text().splitlines()
+        draw = [line for line in lines if line.startswith("# Draw: hpcsweep plot ")]
+        assert len(draw) == 1, name
+        options = build_parser().parse_args(draw[0].removeprefix("# Draw: hpcsweep ").split())
+        assert options.file.name == f"{name}.h5"
+        given = {key for keys in KINDS.values() for key in keys if getattr(options, key)}
+        assert given <= set(KINDS[options.kind])
+
+
+def test_jobs_as_described_differ_from_those_as_printed_by_the_damping_alone():
+    from dataclasses import replace
+
+    from conftest import JOBS
+
+    from hpcsweep.job import load_job
+
+    for path in sorted(JOBS.glob("figure[678]*-described.toml")):
+        described = load_job(path)
+        printed = load_job(path.with_name(path.name.replace("-described", "")))
+        w = described.structure.frequencies
+        assert np.allclose(described.structure.damping_ratios, 0.05 / (2 * w**2), rtol=1e-12)
+        assert np.all(printed.structure.damping_ratios == 0.05)
+        assert replace(described.structure, damping_ratio=0.05) == printed.structure
+        assert np.array_equal(described.omega, printed.omega)
+        assert np.array_equal(described.amplitude, printed.amplitude)
+        assert described.settings == printed.settings

@@ -4,13 +4,18 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.figures.regions import contact_regions
+from hpcsweep.classify import classify
+from hpcsweep.figures.regions import coexistence, contact_regions
 from hpcsweep.figures.style import (
+    AMPLITUDE,
     PALETTE,
     UNDECIDED,
     PlotError,
+    caption,
     contact_name,
+    foot,
     nearest_frame,
+    need,
     new_figure,
     roman,
     save,
@@ -20,6 +25,8 @@ from hpcsweep.outcome import Outcome
 DIRECTION_STYLE = {"up": (PALETTE[0], "o"), "down": (PALETTE[1], "v")}
 MOST_CLASSES = 10
 """Contact sets or periods that have a colour of their own; rarer ones share grey."""
+LEAST_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
+"""Parts of the panel's width: least region whose label names its sets; room the labels take."""
 
 
 def draw(results, path: Path, omega: float | None = None, color: str = "direction") -> None:
@@ -41,14 +48,14 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
     PlotError
         If the file does not hold what is to be drawn.
     """
-    for name in ("poincare", *(("contact",) if color == "contact" else ())):
-        if name not in results:
-            raise PlotError(f"the results hold no {name}: set output.{name} = true in the job")
-    frame = results.isel(frame=nearest_frame(results["omega"].values, omega))
+    need(results, "poincare", *(("contact",) if color == "contact" else ()))
+    results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
+    frame = results.isel(frame=0)
     n = results.sizes["state"] // 2
     done = frame["outcome"].values == Outcome.COMPLETE
     if not done.any():
         raise PlotError("no run of this frame is complete yet")
+    classes = classify(results)
     figure, axes = new_figure(n, 1.2 + 1.75 * n)
     amplitude, points, floors, directions, keys = _scatter(frame, done, n, color)
     size = float(np.clip(14000 / max(amplitude.size, 1), 0.4, 7.0))
@@ -72,13 +79,13 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
                     )
         axis.set_ylabel(rf"$u_{{{floor + 1}}}(jT)$  [gaps]")
         axis.margins(y=0.08)
-    axes[-1].set_xlabel(r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]")
+    axes[-1].set_xlabel(AMPLITUDE)
     span = frame["amplitude"].values
     axes[-1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     if "contact" in frame:
-        _mark_regions(axes, frame, done, n)
-    _legend(figure, groups, color)
-    figure.suptitle(_title(results, float(frame["omega"])), fontsize=10)
+        _mark_regions(axes, frame, done, n, coexistence(frame, classes[:, 0]))
+    _legend(figure, groups, color, results, classes)
+    figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 
 
@@ -129,28 +136,36 @@ def _groups(keys, color, n, frame) -> list[tuple[str, str, str]]:
     return groups
 
 
-def _mark_regions(axes, frame, done, n) -> None:
+def _mark_regions(axes, frame, done, n, coexisting) -> None:
     """Mark the contact regions along the top, as in Figure 3 of the paper."""
     amplitude = frame["amplitude"].values
-    regions = contact_regions(frame["contact"].values, done, max(3, amplitude.size // 100))
+    least = max(3, amplitude.size // 100)
+    regions = contact_regions(frame["contact"].values, done, least, coexisting)
     edges = np.concatenate(
         ([amplitude[0]], 0.5 * (amplitude[1:] + amplitude[:-1]), [amplitude[-1]])
     )
     total = edges[-1] - edges[0]
     top = axes[0]
+    taken: list[float] = []
     for number, region in enumerate(regions, 1):
         left, right = edges[region.first], edges[region.last + 1]
         if region.first > 0:
             for axis in axes:
                 axis.axvline(left, color="0.45", linewidth=0.6, linestyle=(0, (4, 3)), zorder=1)
         sets = "\n".join(contact_name(c, n).replace("none", "–") for c in region.contacts)
-        wide = total > 0 and (right - left) / total > 0.035
+        wide = total > 0 and (right - left) / total > LEAST_WIDTH
         label = f"({roman(number)})\n{sets}" if wide else f"({roman(number)})"
+        middle = 0.5 * (left + right)
+        half = 0.5 * (WIDE_LABEL if wide else NARROW_LABEL) * total
+        level = 0
+        while level < len(taken) and middle - half < taken[level]:
+            level += 1
+        taken[level:] = [middle + half]
         top.annotate(
             label,
-            (0.5 * (left + right), 1.0),
+            (middle, 1.0),
             xycoords=("data", "axes fraction"),
-            xytext=(0, 3),
+            xytext=(0, 3 + 30 * level),
             textcoords="offset points",
             ha="center",
             va="bottom",
@@ -160,7 +175,7 @@ def _mark_regions(axes, frame, done, n) -> None:
         )
 
 
-def _legend(figure, groups, color) -> None:
+def _legend(figure, groups, color, results, classes) -> None:
     from matplotlib.lines import Line2D
 
     handles = []
@@ -193,27 +208,4 @@ def _legend(figure, groups, color) -> None:
                     markerfacecolor="0.3" if direction == "up" else "none",
                 )
             )
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(len(handles), 6),
-        fontsize=8,
-        frameon=False,
-    )
-
-
-def _title(results, omega: float) -> str:
-    from hpcsweep.job import parse_job
-
-    job = parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
-    structure = job.structure
-    ratios = structure.damping_ratios
-    if np.all(ratios == ratios[0]):
-        damping = rf"$\zeta$ = {ratios[0]:.4g}"
-    else:
-        damping = r"$\zeta_i$ = " + ", ".join(f"{value:.4g}" for value in ratios[:4])
-        damping += ", ..." if ratios.size > 4 else ""
-    return (
-        rf"$n$ = {structure.n_floors},  $\beta$ = {structure.stiffness_ratio:g},  "
-        rf"$\rho$ = {structure.sharpness:g},  {damping},  $\Omega$ = {omega:.6g}"
-    )
+    foot(figure, handles, results, classes, min(len(handles), 6))

@@ -19,6 +19,9 @@ PALETTE = (
 """Okabe and Ito's colours, then Tol's."""
 UNDECIDED = "#8c8c8c"
 DPI = 200
+AMPLITUDE = r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]"
+OMEGA = r"forcing frequency $\Omega$  [$\omega_0$]"
+MARKERS = {"up": "o", "down": "v"}
 
 
 class PlotError(ValueError):
@@ -54,6 +57,28 @@ def new_figure(n_rows: int, height: float, width: float = 7.2):
     return figure, list(axes[:, 0])
 
 
+def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
+    """Make a figure of equal panels.
+
+    Parameters
+    ----------
+    size : tuple of float
+        Width and height in inches.
+
+    Returns
+    -------
+    figure, ndarray of axes, shape (n_rows, n_columns)
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    return pyplot.subplots(
+        n_rows, n_columns, figsize=size, squeeze=False, layout="constrained", **shared
+    )
+
+
 def save(figure, path: Path) -> None:
     """Write a figure to disk and free it."""
     from matplotlib import pyplot
@@ -84,3 +109,87 @@ def nearest_frame(omegas: np.ndarray, omega: float | None) -> int:
     if not np.isfinite(omega):
         raise PlotError(f"--omega {omega}: must be finite")
     return int(np.argmin(np.abs(omegas - omega)))
+
+
+def need(results, *names: str) -> None:
+    """Refuse results that do not hold what is to be drawn.
+
+    Raises
+    ------
+    PlotError
+        Naming the first variable that is missing and the job's key for it.
+    """
+    for name in names:
+        if name not in results:
+            raise PlotError(f"the results hold no {name}: set output.{name} = true in the job")
+
+
+def direction_index(results, direction: str | None) -> int:
+    """Return the place of a sweep direction, of the first one if none is asked for."""
+    there = [str(name) for name in results["direction"].values]
+    if direction is None:
+        return 0
+    if direction not in there:
+        raise PlotError(f"--direction {direction}: the results hold {' and '.join(there)} only")
+    return there.index(direction)
+
+
+def job_of(results):
+    """Read the job the results were made for."""
+    from hpcsweep.job import parse_job
+
+    return parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
+
+
+def caption(results, omega: float | None = None) -> str:
+    """Write the parameters of a campaign, of one frame if `omega` is given, on one line."""
+    structure = job_of(results).structure
+    ratios = structure.damping_ratios
+    if np.all(ratios == ratios[0]):
+        damping = rf"$\zeta$ = {ratios[0]:.4g}"
+    else:
+        damping = r"$\zeta_i$ = " + ", ".join(f"{value:.4g}" for value in ratios[:4])
+        damping += ", ..." if ratios.size > 4 else ""
+    frame = "" if omega is None else rf",  $\Omega$ = {omega:.6g}"
+    return (
+        rf"$n$ = {structure.n_floors},  $\beta$ = {structure.stiffness_ratio:g},  "
+        rf"$\rho$ = {structure.sharpness:g},  {damping}{frame}"
+    )
+
+
+def percent(share: float) -> str:
+    """Write a share with two significant digits where it is small, never as a false 0 or 100 %."""
+    value = 100 * share
+    if value == 0 or value == 100:
+        return f"{value:.0f} %"
+    if value < 0.01:
+        return "< 0.01 %"
+    if value > 99.95:
+        return "> 99.9 %"
+    return f"{value:.2f} %" if value < 1 else f"{value:.1f} %"
+
+
+def shares_text(results, classes: np.ndarray) -> str:
+    """Write the shares of the motion classes on one line, always with the undecided ones."""
+    from hpcsweep.classify import CLASS_NAMES, MotionClass, class_shares
+
+    parts = [
+        f"{CLASS_NAMES[kind]} {percent(share)}"
+        for kind, share in class_shares(results, classes).items()
+        if share > 0 or kind is MotionClass.UNDECIDED
+    ]
+    hint = "" if "lyapunov" in results else "; chaos is not told: the file holds no lyapunov"
+    return "Runs: " + ", ".join(parts) + hint
+
+
+def foot(figure, handles: list, results, classes: np.ndarray, n_columns: int | None = None) -> None:
+    """Put the shares of the motion classes and a legend below the panels."""
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=n_columns or max(len(handles), 1),
+        fontsize=8,
+        frameon=False,
+        title=shares_text(results, classes),
+        title_fontsize=7.5,
+    )

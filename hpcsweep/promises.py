@@ -76,7 +76,7 @@ def _of_the_run(job: Job, rows: dict) -> dict[str, np.ndarray]:
 
 
 def _of_failures(rows: dict) -> dict[str, np.ndarray]:
-    """A failed run has no results but the state it reached."""
+    """See to it that a failed run has no results but the state it reached."""
     failed = rows["outcome"] != Outcome.COMPLETE
     broken = {}
     for name in ("orbit_period", "n_points", "contact"):

@@ -90,8 +90,8 @@ def _describe(report) -> str:
         counts = Counter(run.whole_run for run in report.sample)
         periodic = sum(run.orbit_period > 0 for run in report.sample)
         lines.append(
-            f"  whole     {len(report.sample)} runs, {periodic} of them periodic, from their stored "
-            f"start by flow: {counts['equal']} equal to the last bit, {counts['same']} the same "
+            f"  whole     {len(report.sample)} runs, {periodic} of them periodic, from their "
+            f"stored start by flow: {counts['equal']} equal to the last bit, {counts['same']} the same "
             f"within tolerance, {counts['other']} others"
         )
     lines += [f"  problem   {problem}" for problem in report.problems]

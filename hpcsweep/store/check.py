@@ -1,5 +1,6 @@
 """Whether a file keeps what the layout promises, apart from what is in its blocks."""
 
+import itertools
 from pathlib import Path
 
 import h5py
@@ -111,7 +112,7 @@ def _storage_problems(file, names: list[str], path: Path) -> list[str]:
     places.sort()
     problems = [
         f"{left[2]}, {right[2]}: overlap in the file"
-        for left, right in zip(places[:-1], places[1:], strict=True)
+        for left, right in itertools.pairwise(places)
         if left[1] > right[0]
     ]
     if places[-1][1] > path.stat().st_size:

@@ -36,9 +36,9 @@ ERROR = {"bdf": 3e3, "flow": 1e3}
 of norm 1: some three times the largest measured (`hpcsweep.bdf.BdfMap`)."""
 ERROR_GROWTH = 0.7
 """Power of beta / 1000 with which that error grows beyond beta = 1000."""
-MODAL_FACTOR = 100.0
-"""Difference allowed a modal norm, a mean over a time that ends at contacts, in units of that
-allowed a point."""
+MODAL_ALLOWED = 2e-3
+"""Difference allowed a modal norm: a mean of |q_j| / ||q||, which turns within a short time where
+the largest q_j changes sign. The two solvers' quadratures were seen to differ by 4e-4 there."""
 LEAST_ALLOWED = 1e-7
 """Smallest difference allowed; closed forms and integrators meet no closer."""
 
@@ -200,7 +200,7 @@ def _judge_metrics(job: Job, again: RunAgain, seen, run: dict, equal: bool) -> N
             )
     if "modal_norm" in run and equal:
         difference = np.abs(seen.modal_norm - run["modal_norm"])
-        if np.nanmax(difference, initial=0.0) > MODAL_FACTOR * allowed or np.any(
+        if np.nanmax(difference, initial=0.0) > MODAL_ALLOWED or np.any(
             np.isnan(seen.modal_norm) != np.isnan(run["modal_norm"])
         ):
             again.problem = (

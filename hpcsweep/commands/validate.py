@@ -90,9 +90,9 @@ def _describe(report) -> str:
         counts = Counter(run.whole_run for run in report.sample)
         periodic = sum(run.orbit_period > 0 for run in report.sample)
         lines.append(
-            f"  whole     {len(report.sample)} runs, {periodic} of them periodic, from their "
-            f"stored start by flow: {counts['equal']} equal to the last bit, {counts['same']} the same "
-            f"within tolerance, {counts['other']} others"
+            f"  whole     {len(report.sample)} runs ({periodic} periodic) from their stored start "
+            f"by flow: {counts['equal']} equal to the last bit, {counts['same']} within tolerance, "
+            f"{counts['other']} others"
         )
     lines += [f"  problem   {problem}" for problem in report.problems]
     if report.n_problems > len(report.problems):

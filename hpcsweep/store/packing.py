@@ -22,6 +22,8 @@ CHUNK_BYTES = 2**18
 """Size of a chunk before compression: whole rows, then amplitudes, then frames are gathered."""
 COMPRESSION = 4
 """Level of gzip, which every HDF5 library can read."""
+LIBRARY = ("v110", "v110")
+"""Oldest HDF5 that can read a packed file: its chunk indices take less room than those before."""
 COPY_BYTES = 2**25
 """Most that is held in memory at once."""
 
@@ -110,7 +112,7 @@ def _copy(path: Path, temporary: Path) -> None:
     """Write the packed copy and bring it to disk."""
     with (
         open_for_reading(path) as source,
-        h5py.File(temporary, "w", libver=("v108", "v108")) as copy,
+        h5py.File(temporary, "w", libver=LIBRARY) as copy,
     ):
         for name, data in source.items():
             if data.is_scale:

@@ -198,14 +198,17 @@ def _judge_metrics(job: Job, again: RunAgain, seen, run: dict, equal: bool) -> N
                 f"{again.solver} finds a peak drift of {seen.peak_drift:.9g} gaps, stored is "
                 f"{stored:.9g}"
             )
-    if "modal_norm" in run and equal:
-        difference = np.abs(seen.modal_norm - run["modal_norm"])
-        if np.nanmax(difference, initial=0.0) > MODAL_ALLOWED or np.any(
-            np.isnan(seen.modal_norm) != np.isnan(run["modal_norm"])
-        ):
+    if "modal_norm" in run and equal and again.amplitude:
+        stored = run["modal_norm"]
+        if not np.allclose(seen.modal_norm, stored, rtol=0, atol=MODAL_ALLOWED, equal_nan=True):
             again.problem = (
-                f"{again.solver} finds modal norms that differ by {difference.max():.2g}"
+                f"{again.solver} finds modal norms {_short(seen.modal_norm)}, stored are "
+                f"{_short(stored)}"
             )
+
+
+def _short(values: np.ndarray) -> str:
+    return " ".join(f"{value:.4g}" for value in values)
 
 
 def _compare_whole(job: Job, again: RunAgain, run: dict, start: np.ndarray) -> None:

@@ -10,6 +10,7 @@ data are flushed once and all waiting checksums are written. A kill loses at mos
 """
 
 import hashlib
+import os
 import re
 import time
 from collections.abc import Iterator
@@ -49,7 +50,8 @@ def check_file(path: Path) -> dict:
             attributes = dict(file.attrs)
     except (OSError, RuntimeError) as error:
         if isinstance(error, PermissionError | FileNotFoundError | IsADirectoryError):
-            raise StoreError(f"{path}: cannot be read: {error.strerror}") from None
+            # what h5py says of it is long, and may take several lines
+            raise StoreError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
         cut = re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error))
         if cut:
             raise DamagedError(

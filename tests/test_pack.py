@@ -77,7 +77,7 @@ def test_a_file_that_is_not_complete_is_packed_only_into_a_copy(copy, tmp_path):
     with h5py.File(copy, "r+") as file:
         file["commit"][1, 3] = 0
     before = copy.read_bytes()
-    with pytest.raises(StoreError, match="not complete \\(3 of 24 blocks are missing\\).* -o"):
+    with pytest.raises(StoreError, match=r"not complete \(3 of 24 blocks are missing\).* -o"):
         pack(copy)
     assert copy.read_bytes() == before
     packed = tmp_path / "packed.h5"

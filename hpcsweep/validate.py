@@ -123,7 +123,7 @@ def _place(job: Job, direction: int, frame: int) -> str:
 def _check_blocks(blocks: Blocks, report: Report) -> list[tuple[int, int, int]]:
     """Verify every committed block; return the places of the sound ones."""
     job, valid = blocks.job, []
-    deadline = time.monotonic() + LOCATING_SECONDS
+    time_left = LOCATING_SECONDS
     for frame in range(job.omega.size):
         start = job.initial_state
         for direction, block in path_blocks(job):
@@ -143,9 +143,11 @@ def _check_blocks(blocks: Blocks, report: Report) -> list[tuple[int, int, int]]:
                 if stored == blocks.checksum(direction, frame, block, start, rows):
                     valid.append((direction, frame, block))
                 else:
+                    begun = time.monotonic()
                     rows = _describe_damage(
-                        blocks, direction, frame, block, start, rows, report, deadline
+                        blocks, direction, frame, block, start, rows, report, begun + time_left
                     )
+                    time_left -= time.monotonic() - begun
                 for row, problem in broken_promises(job, job.amplitude[low:high], rows):
                     report.add(
                         f"{_place(job, direction, frame)}, A = {job.amplitude[low + row]:.6g}: "

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from hpcsweep.job import Job
+from hpcsweep.store.check import layout_problems
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.create import reason
 from hpcsweep.store.journal import Journal
@@ -54,6 +55,9 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     path = Path(path)
     target = path if output is None else Path(output)
     job = job_of(path)
+    problems = layout_problems(path, job)
+    if problems:
+        raise StoreError(f"{path}: damaged ({problems[0]}); it is left as it is")
     if is_packed(path):
         raise StoreError(f"{path}: is packed already")
     if output is not None and target.exists():

@@ -15,6 +15,9 @@ MISSING = {"n_points": 0, "orbit_period": 0, "contact": 0, "cycles": 0, "outcome
 """What stands where nothing is committed; NaN in the other variables."""
 
 
+OUTCOMES = {int(outcome): outcome.name for outcome in Outcome}
+
+
 def job_of(path: str | Path) -> Job:
     """Give the job a campaign file was made for.
 
@@ -155,7 +158,7 @@ def status(path: str | Path) -> dict:
                 "direction": job.directions[d],
                 "omega": float(job.omega[f]),
                 "amplitude": float(job.amplitude[a]),
-                "outcome": Outcome(int(outcome[d, f, a])).name,
+                "outcome": OUTCOMES.get(int(outcome[d, f, a]), "damaged; see validate"),
             }
             for d, f, a in failed[:20]
         ],

@@ -7,6 +7,7 @@ call waits for another rank; ``sync`` flushes what this rank wrote to the disk.
 """
 
 import contextlib
+import errno
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +20,14 @@ from hpcsweep.store.layout import StoreError, WriteError
 from hpcsweep.store.offsets import Offsets
 
 ENVIRONMENT = "HPCSWEEP_TRANSPORT"
+DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
+
+
+def _reason(error: Exception) -> str:
+    """Say in the system's words why a write failed; MPI hides them in an error stack."""
+    text = " ".join(str(error).split())
+    causes = [os.strerror(code) for code in DISK_ERRORS]
+    return next((cause for cause in causes if cause in text), text)
 
 
 @contextlib.contextmanager
@@ -32,9 +41,8 @@ def _failures_named(path: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         raise WriteError(
-            f"{path}: cannot be written: {reason}; what is committed is safe: make room and run "
+            f"{path}: cannot be written: {_reason(error)}; what is committed is safe: make room and run "
             "again to go on"
         ) from None
 

@@ -26,6 +26,8 @@ from hpcsweep.store.commit import Blocks, path_blocks
 
 LISTED = 20
 """Problems that are described one by one; the rest is counted."""
+MOST_DRAWS = 10_000
+"""Runs drawn in search of complete ones."""
 LOCATING_SECONDS = 60.0
 """Time given to computing damaged blocks again, to tell which bytes are damaged."""
 
@@ -238,13 +240,13 @@ def _choose(blocks: Blocks, valid, samples: int, rng):
     sizes = np.array([np.diff(blocks.rows(d, b))[0] for d, _, b in valid], int)
     total = int(sizes.sum())
     ends = np.cumsum(sizes)
-    order = (
-        rng.permutation(total) if total <= 10_000_000 else rng.integers(total, size=20 * samples)
-    )
+    seen: set[int] = set()
     chosen = 0
-    for number in order:
-        if chosen == samples:
-            return
+    while chosen < samples and len(seen) < min(total, MOST_DRAWS):
+        number = int(rng.integers(total))
+        if number in seen:
+            continue
+        seen.add(number)
         which = int(np.searchsorted(ends, number, side="right"))
         direction, frame, block = valid[which]
         row = int(number - (ends[which] - sizes[which]))

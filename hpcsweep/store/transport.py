@@ -42,8 +42,8 @@ def _failures_named(path: Path) -> Iterator[None]:
         yield
     except (OSError, RuntimeError) as error:
         raise WriteError(
-            f"{path}: cannot be written: {_reason(error)}; what is committed is safe: make room and run "
-            "again to go on"
+            f"{path}: cannot be written: {_reason(error)}; what is committed is safe: make room "
+            "and run again to go on"
         ) from None
 
 

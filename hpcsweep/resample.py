@@ -123,6 +123,11 @@ def _allowed(job: Job, other: str, growth: float) -> float:
     return max(error * stiff, LEAST_ALLOWED) * max(growth, 1.0)
 
 
+def _norm(tangent: np.ndarray) -> float:
+    """Give the growth of a tangent map; 1 if it is not known, which allows the least."""
+    return float(np.linalg.norm(tangent, 2)) if np.all(np.isfinite(tangent)) else 1.0
+
+
 def _observe(solver, z, amplitude: float, n_periods: int, name: str):
     seen = solver.observe(z, amplitude, n_periods, True)
     if seen.outcome is not Outcome.COMPLETE:
@@ -140,7 +145,7 @@ def _compare_orbit(job: Job, again: RunAgain, solver, tangent, run: dict) -> Non
     for _ in range(period):
         z, step = tangent.monodromy(z, amplitude, 1)
         product = step @ product
-        growth = max(growth, float(np.linalg.norm(product, 2)))
+        growth = max(growth, _norm(product))
     again.compared = f"{len(stored)} points once round the orbit"
     again.difference = float(np.abs(seen.points[-len(stored) :] - stored).max())
     again.allowed = _allowed(job, again.solver, growth)
@@ -163,7 +168,7 @@ def _compare_steps(job: Job, again: RunAgain, solver, tangent, run: dict) -> Non
         seen = _observe(solver, points[place], again.amplitude, 1, again.solver)
         _, step = tangent.monodromy(points[place], again.amplitude, 1)
         difference = float(np.abs(seen.points[0] - points[place + 1]).max())
-        allowed = _allowed(job, again.solver, float(np.linalg.norm(step, 2)))
+        allowed = _allowed(job, again.solver, _norm(step))
         if difference / allowed > worst:
             worst = difference / allowed
             again.difference, again.allowed = difference, allowed

@@ -10,8 +10,8 @@ import numpy as np
 from hpcsweep import farm, provenance, sweep
 from hpcsweep.job import Job
 from hpcsweep.outcome import Outcome
-from hpcsweep.store import Journal, Lock, StoreError, create, open_campaign
-from hpcsweep.store.commit import Blocks, check_file
+from hpcsweep.store import Journal, Lock, StoreError, WriteError, create, open_campaign
+from hpcsweep.store.commit import Blocks, check_file, check_writable
 
 COMPLETE, STOPPED = 0, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to go on)."""
@@ -66,6 +66,8 @@ def run(
     ------
     StoreError
         On every rank, if the file cannot be used. Nothing has been changed then.
+    WriteError
+        On one rank, if the disk does not take the results; what is committed is intact.
     """
     begun = time.time()
     deadline = None if max_hours is None else begun + max_hours * 3600 - STOP_MARGIN
@@ -83,7 +85,8 @@ def run(
             )
     except BaseException:
         # no other rank is waited for: the caller ends them all
-        campaign.flush()
+        with contextlib.suppress(WriteError):
+            campaign.flush()
         raise
     campaign.close()
     comm.barrier()
@@ -129,6 +132,7 @@ def _prepare(job: Job, output: Path, lock: Lock, comm, hosts: list[str]) -> None
 
 def _check_same_job(job: Job, output: Path) -> None:
     attributes = check_file(output)
+    check_writable(output)
     if attributes["fingerprint"] != job.fingerprint:
         raise StoreError(
             f"{output}: holds the results of another job (named {attributes['name']!r}); give "
@@ -169,6 +173,7 @@ def _farm_out(
 ) -> bool:
     """Compute the unfinished frames on all ranks."""
     journal = Journal(output)
+    begun = time.perf_counter()
     display = Silent()
     failures: list[tuple] = []
     if comm.rank == 0:
@@ -197,10 +202,16 @@ def _farm_out(
 
     finished = farm.run(comm, todo, compute, flag, on_report)
     campaign.flush()
-    comm.barrier()
+    traffic = comm.gather((campaign.written_bytes, campaign.write_seconds))
     if comm.rank == 0:
         reason = "complete" if finished else (flag.reason or "stopped")
-        journal.append("end", reason=reason)
+        journal.append(
+            "end",
+            reason=reason,
+            written_bytes=sum(size for size, _ in traffic),
+            write_seconds=round(sum(seconds for _, seconds in traffic), 6),
+            rank_seconds=round(comm.size * (time.perf_counter() - begun), 6),
+        )
         display.close()
         _list_failures(display, failures)
     return finished

@@ -2,9 +2,9 @@
 
 import argparse
 
-from hpcsweep.commands import RAW, USER_ERROR, bench, complain, plot, run, status
+from hpcsweep.commands import RAW, USER_ERROR, bench, complain, pack, plot, run, status, validate
 
-COMMANDS = (run, status, plot, bench)
+COMMANDS = (run, status, validate, pack, plot, bench)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.
@@ -15,6 +15,7 @@ EPILOG = """\
 examples:
   mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or go on with, figure3.h5
   hpcsweep status figure3.h5                    what is done, live
+  hpcsweep validate figure3.h5                  is it sound? checksums, values, a sample recomputed
   hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
 
 exit codes:

@@ -41,7 +41,7 @@ def _run(options) -> int:
     """Run a job on all ranks."""
     from hpcsweep.job import JobError, load_job
     from hpcsweep.mpi import LauncherError, world
-    from hpcsweep.store import StoreError
+    from hpcsweep.store import StoreError, WriteError
 
     try:
         comm = world()
@@ -74,6 +74,10 @@ def _run(options) -> int:
                 problem = str(error)
         complain(problem, comm.rank)
         return USER_ERROR
+    except WriteError as error:
+        complain(str(error), 0)
+        comm.abort(FAILURE)
+        return FAILURE
     except Exception:
         text = traceback.format_exc()
         where = f" on rank {comm.rank}" if comm.size > 1 else ""

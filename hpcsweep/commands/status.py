@@ -1,6 +1,7 @@
 """`hpcsweep status`: tell what is done in a results file."""
 
 import json
+import sys
 import time
 from pathlib import Path
 
@@ -15,14 +16,24 @@ def add_to(commands) -> None:
         description="Tell what is done in a results file; it may be in use by a running campaign.",
     )
     status.add_argument("file", type=Path, metavar="FILE")
-    status.add_argument("--json", action="store_true", help="machine-readable")
+    form = status.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="machine-readable")
+    form.add_argument(
+        "--job",
+        action="store_true",
+        help="print the job the file was made for, as TOML; run on it gives equal data",
+    )
     status.set_defaults(function=_status)
 
 
 def _status(options) -> int:
-    from hpcsweep.store import StoreError, status
+    from hpcsweep.store import StoreError, job_of, status
 
     try:
+        if options.job:
+            sys.stdout.buffer.write(job_of(options.file).text.encode())
+            sys.stdout.flush()
+            return 0
         state = status(options.file)
     except StoreError as error:
         complain(str(error))
@@ -66,4 +77,10 @@ def _describe(state: dict) -> str:
             f"  session   {started}, {session['ranks']} ranks on {' '.join(session['hosts'])}, "
             f"{session['transport']}: {session['ended'] or 'running or killed'}"
         )
+        if session["write_bytes_per_second"]:
+            lines.append(
+                f"    wrote   {session['written_bytes'] / 1e6:.4g} MB at "
+                f"{session['write_bytes_per_second'] / 1e6:.3g} MB/s, "
+                f"{100 * session['write_share']:.2g} % of the ranks' time"
+            )
     return "\n".join(lines)

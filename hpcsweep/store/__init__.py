@@ -1,25 +1,35 @@
 """The campaign file: the only package that knows its layout and that imports h5py.
 
 `layout` names its variables, `create` makes it, `transport` writes into it from every rank,
-`commit` says what of it is believed, `reader` opens it for people, `lock` keeps a second campaign
-out, `journal` keeps the history beside it.
+`commit` says what of it is believed, `reader` opens it for people, `check` compares it with the
+layout, `packing` compresses it, `lock` keeps a second campaign out, `journal` keeps the history
+beside it.
 """
 
+from hpcsweep.store.check import layout_problems
 from hpcsweep.store.commit import Campaign, open_campaign
 from hpcsweep.store.create import create, file_size
 from hpcsweep.store.journal import Journal
-from hpcsweep.store.layout import StoreError
+from hpcsweep.store.layout import DamagedError, StoreError, WriteError
 from hpcsweep.store.lock import Lock
-from hpcsweep.store.reader import open_results, status
+from hpcsweep.store.offsets import is_packed
+from hpcsweep.store.packing import pack
+from hpcsweep.store.reader import job_of, open_results, status
 
 __all__ = [
     "Campaign",
+    "DamagedError",
     "Journal",
     "Lock",
     "StoreError",
+    "WriteError",
     "create",
     "file_size",
+    "is_packed",
+    "job_of",
+    "layout_problems",
     "open_campaign",
     "open_results",
+    "pack",
     "status",
 ]

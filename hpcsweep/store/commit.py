@@ -11,6 +11,7 @@ data are flushed once and all waiting checksums are written. A kill loses at mos
 
 import hashlib
 import os
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,12 +22,13 @@ from hpcsweep.job import Job
 from hpcsweep.store.layout import (
     FORMAT,
     LAYOUT_VERSION,
+    DamagedError,
     StoreError,
     block_rows,
     n_blocks,
     run_variables,
 )
-from hpcsweep.store.offsets import Offsets, open_for_reading
+from hpcsweep.store.offsets import is_packed, open_for_reading, open_rows
 from hpcsweep.store.transport import Transport, open_transport
 
 SYNC_INTERVAL = 2.0
@@ -39,14 +41,23 @@ def check_file(path: Path) -> dict:
     Raises
     ------
     StoreError
-        If it is not a campaign file, or of a layout this version does not know.
+        If it is not a campaign file, or of a layout this version does not know. A `DamagedError`
+        if it has been cut short: it is not lengthened again, because ``commit`` is at its end,
+        so that nothing of the rest could be believed.
     """
     try:
         with open_for_reading(path) as file:
             attributes = dict(file.attrs)
     except (OSError, RuntimeError) as error:
         if isinstance(error, PermissionError | FileNotFoundError | IsADirectoryError):
-            raise StoreError(f"{path}: cannot be read: {error.strerror}") from None
+            # what h5py says of it is long, and may take several lines
+            raise StoreError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
+        cut = re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error))
+        if cut:
+            raise DamagedError(
+                f"{path}: cut short, {cut[1]} of {cut[2]} bytes are left, without their checksums; "
+                "put a whole copy in its place, or move it away and run the job again"
+            ) from None
         raise StoreError(f"{path}: not an HDF5 file, or damaged; it is left as it is") from None
     if attributes.get("format") != FORMAT:
         raise StoreError(f"{path}: an HDF5 file, but no results of hpcsweep; it is left as it is")
@@ -56,6 +67,21 @@ def check_file(path: Path) -> dict:
             f"{path}: has layout version {version}, this program reads version {LAYOUT_VERSION}"
         )
     return attributes
+
+
+def check_writable(path: Path) -> None:
+    """Make sure that a campaign file can be gone on with.
+
+    Raises
+    ------
+    StoreError
+        If it is packed.
+    """
+    if is_packed(path):
+        raise StoreError(
+            f"{path}: is packed, and a packed file cannot be gone on with; give another file with "
+            "-o (hpcsweep status tells what is in this one)"
+        )
 
 
 def path_blocks(job: Job) -> list[tuple[int, int]]:
@@ -71,12 +97,11 @@ class Blocks:
         self.job = job
         self.variables = [variable.name for variable in run_variables(job)]
         self._seed = bytes.fromhex(job.fingerprint)
-        self._offsets = Offsets(path)
-        self._descriptor = os.open(path, os.O_RDONLY)
+        self._rows = open_rows(path)
 
     def close(self) -> None:
         """Close the file."""
-        os.close(self._descriptor)
+        self._rows.close()
 
     def rows(self, direction: int, block: int) -> tuple[int, int]:
         """Return the amplitude indices of a block; see `layout.block_rows`."""
@@ -86,13 +111,30 @@ class Blocks:
         """Read a block, rows in ascending amplitude."""
         low, high = self.rows(direction, block)
         return {
-            name: self._offsets.read(self._descriptor, name, (direction, frame, low), high - low)
+            name: self._rows.read(name, (direction, frame, low), high - low)
             for name in self.variables
+        }
+
+    def places(self, direction: int, frame: int, block: int) -> dict[str, tuple[int, int]]:
+        """Give the first byte and the number of bytes of a block in each variable of the file.
+
+        Empty if the file is packed.
+        """
+        if self._rows.offsets is None:
+            return {}
+        low, high = self.rows(direction, block)
+        start = (direction, frame, low)
+        return {
+            name: self._rows.offsets.extent(name, start, high - low)[:2] for name in self.variables
         }
 
     def committed(self, direction: int, frame: int, block: int) -> int:
         """Read the stored checksum of a block, 0 if it has none."""
-        return int(self._offsets.read(self._descriptor, "commit", (direction, frame, block), 1)[0])
+        return int(self._rows.read("commit", (direction, frame, block), 1)[0])
+
+    def final_state(self, direction: int, frame: int, index: int) -> np.ndarray:
+        """Read the state at the end of one run, shape (2n,)."""
+        return self._rows.read("final_state", (direction, frame, index), 1)[0]
 
     def checksum(self, direction, frame, block, start: np.ndarray, rows: dict) -> int:
         """Compute the checksum of a block that starts from state `start`; never 0."""
@@ -146,6 +188,8 @@ class Campaign:
     def __init__(self, path: Path, job: Job, transport: Transport):
         self.blocks = Blocks(path, job)
         self.transport = transport
+        self.written_bytes = 0
+        self.write_seconds = 0.0
         self._pending: list[tuple[tuple[int, int, int], int]] = []
         self._last_sync = time.monotonic()
 
@@ -167,8 +211,11 @@ class Campaign:
         low, _ = self.blocks.rows(direction, block)
         order = slice(None) if direction == 0 else slice(None, None, -1)
         rows = {name: np.ascontiguousarray(result[name][order]) for name in self.blocks.variables}
+        begun = time.perf_counter()
         for name, values in rows.items():
             self.transport.write(name, (direction, frame, low), values)
+            self.written_bytes += values.nbytes
+        self.write_seconds += time.perf_counter() - begun
         checksum = self.blocks.checksum(direction, frame, block, start, rows)
         self._pending.append(((direction, frame, block), checksum))
         if time.monotonic() - self._last_sync >= SYNC_INTERVAL:
@@ -176,13 +223,23 @@ class Campaign:
         return np.array(result["final_state"][-1])
 
     def flush(self) -> None:
-        """Bring the data to disk, then the checksums that waited for them."""
-        if self._pending:
+        """Bring the data to disk, then the checksums that waited for them.
+
+        Raises
+        ------
+        WriteError
+            If the disk does not take them. They are not tried again: a system that has reported
+            lost data once may call the next flush a success.
+        """
+        pending, self._pending = self._pending, []
+        if pending:
+            begun = time.perf_counter()
             self.transport.sync()
-            for place, checksum in self._pending:
+            for place, checksum in pending:
                 self.transport.write("commit", place, np.array([checksum], "<u8"))
+                self.written_bytes += 8
             self.transport.sync()
-            self._pending.clear()
+            self.write_seconds += time.perf_counter() - begun
         self._last_sync = time.monotonic()
 
     def close(self) -> None:

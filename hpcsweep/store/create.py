@@ -13,6 +13,7 @@ from hpcsweep.store.layout import (
     COMMIT,
     FORMAT,
     LAYOUT_VERSION,
+    OMEGA,
     StoreError,
     Variable,
     coordinates,
@@ -73,10 +74,11 @@ def create(path: Path, job: Job, provenance: dict[str, str]) -> None:
     except (OSError, RuntimeError) as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
-        raise StoreError(f"{path}: cannot be created: {_reason(error)}") from None
+        raise StoreError(f"{path}: cannot be created: {reason(error)}") from None
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
+    """Say what the system, or HDF5, says of an error, on one line."""
     strerror = getattr(error, "strerror", None)
     return strerror or " ".join(str(error).split())
 
@@ -92,8 +94,7 @@ def _fill(file: h5py.File, job: Job, provenance: dict[str, str]) -> None:
         scale.make_scale(name)
         scale.attrs["units"] = units
         scale.attrs["long_name"] = long_name
-    omega = Variable("omega", ("frame",), "<f8", "omega_0", "forcing frequency Omega")
-    for variable in [omega, *run_variables(job), COMMIT]:
+    for variable in [OMEGA, *run_variables(job), COMMIT]:
         data = _dataset(
             file, variable.name, tuple(size[dim] for dim in variable.dims), variable.dtype
         )

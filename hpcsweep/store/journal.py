@@ -10,6 +10,8 @@ import os
 import time
 from pathlib import Path
 
+from hpcsweep.store.layout import WriteError
+
 
 class Journal:
     """Append-only; written by rank 0, read by anybody at any time."""
@@ -18,13 +20,25 @@ class Journal:
         self.path = path.with_name(path.name + ".journal")
 
     def append(self, kind: str, **values) -> None:
-        """Append one record in a single write."""
+        """Append one record in a single write.
+
+        Raises
+        ------
+        WriteError
+            If the disk does not take it.
+        """
         line = json.dumps({"kind": kind, "time": time.time(), **values}) + "\n"
-        descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
         try:
-            os.write(descriptor, line.encode())
-        finally:
-            os.close(descriptor)
+            descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+            try:
+                os.write(descriptor, line.encode())
+            finally:
+                os.close(descriptor)
+        except OSError as error:
+            raise WriteError(
+                f"{self.path}: cannot be written: {error.strerror}; what is committed is safe: "
+                "make room and run again to go on"
+            ) from None
 
     def read(self) -> list[dict]:
         """Read all records; a line cut off by a crash is passed over."""

@@ -7,6 +7,19 @@ frame and direction is one run of bytes in each variable, at an offset known bef
 ``commit(direction, frame, block)`` is what is believed: 0, or the checksum of one block (see
 `hpcsweep.store.commit`). Block b of the up sweep holds amplitudes b B to (b + 1) B - 1, of the
 down sweep it holds as many counted from the top; rows are always in ascending amplitude.
+
+Versions
+--------
+``layout_version`` is 1. What a version-1 file means is fixed: every later program opens, lists,
+validates and draws it (``tests/data/layout1.h5`` is kept for that), even if it writes another
+layout. A change that a reader of today would misread gets a new number, and a reader for each old
+number stays. Two things outside this module are part of version 1, because every file holds them:
+the job's text, which must go on being accepted by `hpcsweep.job`, and its fingerprint, which is the
+seed of all checksums; where `hpcsweep.job.MEANING_VERSION` is raised, the formula of the old number
+stays for old files. Files of a newer version are refused with both numbers.
+
+A file may be packed (`hpcsweep.store.packing`): the same datasets, chunked and compressed, with the
+same values, attributes and checksums. It is read like any other and written never again.
 """
 
 from dataclasses import dataclass
@@ -22,6 +35,14 @@ SPEED = "gaps omega_0"
 
 class StoreError(ValueError):
     """A file that cannot be used; the message is one line for the user."""
+
+
+class DamagedError(StoreError):
+    """A campaign file that has been damaged: cut short, or not what it says it is."""
+
+
+class WriteError(RuntimeError):
+    """A write that failed on one rank, on a full disk say; the message is one line for the user."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +90,7 @@ RUN_VARIABLES = (
     ),
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "shortcut")
+OMEGA = Variable("omega", ("frame",), "<f8", "omega_0", "forcing frequency Omega")
 COMMIT = Variable("commit", ("direction", "frame", "block"), "<u8", "1", "checksum of a block")
 
 

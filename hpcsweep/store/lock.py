@@ -74,8 +74,12 @@ class Lock:
                 "since": time.strftime("%Y-%m-%d %H:%M:%S"),
             }
         )
-        os.ftruncate(self._descriptor, 0)
-        os.pwrite(self._descriptor, text.encode(), 0)
+        try:
+            os.ftruncate(self._descriptor, 0)
+            os.pwrite(self._descriptor, text.encode(), 0)
+        except OSError as error:
+            self.release(remove=True)
+            raise StoreError(f"{self.path}: cannot be written: {error.strerror}") from None
 
     def join(self) -> None:
         """Hold the lock of a rank; after `acquire`, on every rank."""

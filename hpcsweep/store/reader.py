@@ -4,15 +4,18 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.job import Job, parse_job
+from hpcsweep.job import Job, JobError, parse_job
 from hpcsweep.outcome import Outcome, Shortcut
 from hpcsweep.store.commit import Blocks, check_file, path_blocks
 from hpcsweep.store.journal import Journal
-from hpcsweep.store.layout import StoreError
+from hpcsweep.store.layout import DamagedError
 from hpcsweep.store.offsets import open_for_reading
 
 MISSING = {"n_points": 0, "orbit_period": 0, "contact": 0, "cycles": 0, "outcome": 0, "shortcut": 0}
 """What stands where nothing is committed; NaN in the other variables."""
+
+
+OUTCOMES = {int(outcome): outcome.name for outcome in Outcome}
 
 
 def job_of(path: str | Path) -> Job:
@@ -21,13 +24,16 @@ def job_of(path: str | Path) -> Job:
     Raises
     ------
     StoreError
-        If the file is not a campaign file.
+        If the file is not a campaign file. A `DamagedError` if its job is not the one it says.
     """
     path = Path(path)
     attributes = check_file(path)
-    job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
-    if job.fingerprint != attributes["fingerprint"]:
-        raise StoreError(f"{path}: its job and its fingerprint do not agree")
+    try:
+        job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
+    except (KeyError, JobError) as error:
+        raise DamagedError(f"{path}: its job cannot be read: {error}") from None
+    if job.fingerprint != attributes.get("fingerprint"):
+        raise DamagedError(f"{path}: its job and its fingerprint do not agree")
     return job
 
 
@@ -57,7 +63,10 @@ def open_results(path: str | Path):
     arrays, attributes = {}, {}
     with open_for_reading(path) as file:
         for name, data in file.items():
-            values = data[...]
+            try:
+                values = data[...]
+            except OSError:
+                raise DamagedError(f"{path}: variable {name} cannot be unpacked") from None
             if values.dtype == object:
                 values = np.array(data.asstr()[...], dtype=str)
             dims = (
@@ -118,8 +127,6 @@ def status(path: str | Path) -> dict:
     costs = [r for r in records if r["kind"] == "block"]
     seconds = sum(r["seconds"] for r in costs)
     runs_timed = sum(r["runs"] for r in costs)
-    sessions = [r for r in records if r["kind"] == "start"]
-    ends = [r for r in records if r["kind"] == "end"]
     n_done = int(done.sum())
     plain = job.settings.transient_cycles + job.settings.sampling_cycles
     return {
@@ -151,18 +158,37 @@ def status(path: str | Path) -> dict:
                 "direction": job.directions[d],
                 "omega": float(job.omega[f]),
                 "amplitude": float(job.amplitude[a]),
-                "outcome": Outcome(int(outcome[d, f, a])).name,
+                "outcome": OUTCOMES.get(int(outcome[d, f, a]), "damaged; see validate"),
             }
             for d, f, a in failed[:20]
         ],
-        "sessions": [
-            {
-                "started": r["time"],
-                "ranks": r["ranks"],
-                "hosts": r["hosts"],
-                "transport": r.get("transport"),
-                "ended": ends[i]["reason"] if i < len(ends) else None,
-            }
-            for i, r in enumerate(sessions)
-        ],
+        "sessions": _sessions(records),
     }
+
+
+def _sessions(records: list[dict]) -> list[dict]:
+    """Pair every start with the end that follows it; a killed session has none."""
+    sessions = []
+    for record in records:
+        if record["kind"] == "start":
+            sessions.append(
+                {
+                    "started": record["time"],
+                    "ranks": record["ranks"],
+                    "hosts": record["hosts"],
+                    "transport": record.get("transport"),
+                    "ended": None,
+                    "written_bytes": None,
+                    "write_bytes_per_second": None,
+                    "write_share": None,
+                }
+            )
+        elif record["kind"] == "end" and sessions:
+            last = sessions[-1]
+            last["ended"] = record["reason"]
+            written, seconds = record.get("written_bytes"), record.get("write_seconds")
+            if written:
+                last["written_bytes"] = written
+                last["write_bytes_per_second"] = written / seconds if seconds else None
+                last["write_share"] = seconds / record["rank_seconds"]
+    return sessions

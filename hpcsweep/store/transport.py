@@ -6,21 +6,49 @@ where h5py was built with MPI. Each rank opens MPI-IO files on its own communica
 call waits for another rank; ``sync`` flushes what this rank wrote to the disk.
 """
 
+import contextlib
+import errno
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
 import h5py
 import numpy as np
 
-from hpcsweep.store.layout import StoreError
+from hpcsweep.store.layout import StoreError, WriteError
 from hpcsweep.store.offsets import Offsets
 
 ENVIRONMENT = "HPCSWEEP_TRANSPORT"
+DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
+
+
+def _reason(error: Exception) -> str:
+    """Say in the system's words why a write failed; MPI hides them in an error stack."""
+    text = " ".join(str(error).split())
+    causes = [os.strerror(code) for code in DISK_ERRORS]
+    return next((cause for cause in causes if cause in text), text)
+
+
+@contextlib.contextmanager
+def _failures_named(path: Path) -> Iterator[None]:
+    """Turn what the system says of a failed write (MPI's errors are RuntimeErrors) into one line.
+
+    Raises
+    ------
+    WriteError
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        raise WriteError(
+            f"{path}: cannot be written: {_reason(error)}; what is committed is safe: make room "
+            "and run again to go on"
+        ) from None
 
 
 class Transport(Protocol):
-    """What the commit protocol needs."""
+    """What the commit protocol needs; `WriteError` is raised where the disk does not take it."""
 
     name: str
 
@@ -43,6 +71,7 @@ class PosixTransport:
     name = "pwrite"
 
     def __init__(self, path: Path):
+        self._path = path
         self._offsets = Offsets(path)
         self._descriptor = os.open(path, os.O_RDWR)
 
@@ -50,14 +79,16 @@ class PosixTransport:
         """Write rows; see `Transport`."""
         data = memoryview(np.ascontiguousarray(rows)).cast("B")
         offset = self._offsets.at(variable, start)
-        while data:
-            written = os.pwrite(self._descriptor, data, offset)
-            data = data[written:]
-            offset += written
+        with _failures_named(self._path):
+            while data:
+                written = os.pwrite(self._descriptor, data, offset)
+                data = data[written:]
+                offset += written
 
     def sync(self) -> None:
         """Flush to disk."""
-        os.fsync(self._descriptor)
+        with _failures_named(self._path):
+            os.fsync(self._descriptor)
 
     def close(self) -> None:
         """Close."""
@@ -72,17 +103,20 @@ class MpiIoTransport:
     def __init__(self, path: Path):
         from hpcsweep.mpi import open_file
 
+        self._path = path
         self._offsets = Offsets(path)
         self._file = open_file(path)
 
     def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
         """Write rows; see `Transport`."""
         data = np.ascontiguousarray(rows).view(np.uint8).reshape(-1)
-        self._file.Write_at(self._offsets.at(variable, start), data)
+        with _failures_named(self._path):
+            self._file.Write_at(self._offsets.at(variable, start), data)
 
     def sync(self) -> None:
         """Flush to disk."""
-        self._file.Sync()
+        with _failures_named(self._path):
+            self._file.Sync()
 
     def close(self) -> None:
         """Close."""
@@ -95,20 +129,23 @@ class MpioTransport:
     name = "mpio"
 
     def __init__(self, path: Path, comm):
+        self._path = path
         self._file = h5py.File(path, "r+", driver="mpio", comm=comm.raw)
         self._descriptor = os.open(path, os.O_RDWR)
 
     def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
         """Write rows; see `Transport`."""
         data = self._file[variable]
-        if len(start) == len(data.shape) and rows.ndim == 0:
-            data[start] = rows
-        else:
-            data[(*start[:-1], slice(start[-1], start[-1] + rows.shape[0]))] = rows
+        with _failures_named(self._path):
+            if len(start) == len(data.shape) and rows.ndim == 0:
+                data[start] = rows
+            else:
+                data[(*start[:-1], slice(start[-1], start[-1] + rows.shape[0]))] = rows
 
     def sync(self) -> None:
         """Flush to disk: all of the file's pages of this node."""
-        os.fsync(self._descriptor)
+        with _failures_named(self._path):
+            os.fsync(self._descriptor)
 
     def close(self) -> None:
         """Close (collective)."""

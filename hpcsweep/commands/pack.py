@@ -1,0 +1,41 @@
+"""`hpcsweep pack`: compress a results file."""
+
+from pathlib import Path
+
+from hpcsweep.commands import RAW, USER_ERROR, complain
+
+PACK_HELP = """\
+Compress a results file. The copy is compared with the original, dataset by dataset and checksum by
+checksum, before it takes its place. It reads the same everywhere, but `run` cannot go on with it:
+a file that is not complete is packed only into a copy (-o)."""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    pack = commands.add_parser(
+        "pack", help="compress a results file", description=PACK_HELP, formatter_class=RAW
+    )
+    pack.add_argument("file", type=Path, metavar="FILE")
+    pack.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="OUT",
+        help="packed file, must not exist (default: FILE itself is replaced)",
+    )
+    pack.set_defaults(function=_pack)
+
+
+def _pack(options) -> int:
+    from hpcsweep.store import StoreError, pack
+
+    try:
+        before, after = pack(options.file, options.output)
+    except StoreError as error:
+        complain(str(error))
+        return USER_ERROR
+    print(
+        f"{options.output or options.file}: {after / 1e6:.4g} MB, "
+        f"{before / 1e6:.4g} MB before packing; equal in every dataset and checksum"
+    )
+    return 0

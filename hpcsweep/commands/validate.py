@@ -1,0 +1,100 @@
+"""`hpcsweep validate`: tell whether a results file is sound."""
+
+import argparse
+import dataclasses
+import json
+from collections import Counter
+from pathlib import Path
+
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
+
+VALIDATE_HELP = """\
+Tell whether a results file is sound; it may be in use by a running campaign. Checked are the
+layout, the checksum of every committed block, what the numbers of every run promise of each other,
+and a random sample of runs computed again: periodic ones once round their orbit by the other solver
+(flow for bdf, bdf for flow), aperiodic ones over single forcing periods, and each of them whole, by
+flow, from the stored state it started from. Blocks that are not committed are not there yet: no
+fault."""
+
+EXIT_CODES = """\
+exit codes:
+  0   sound
+  1   not sound: every line says what is wrong and where
+  2   a mistake in what was asked: no such file, no HDF5, not a file of hpcsweep"""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    validate = commands.add_parser(
+        "validate",
+        help="tell whether a results file is sound",
+        description=VALIDATE_HELP,
+        epilog=EXIT_CODES,
+        formatter_class=RAW,
+    )
+    validate.add_argument("file", type=Path, metavar="FILE")
+    validate.add_argument(
+        "--samples",
+        type=_count,
+        default=20,
+        metavar="K",
+        help="runs to compute again (default: %(default)s)",
+    )
+    validate.add_argument(
+        "--seed", type=_count, default=0, help="of the choice of these runs (default: %(default)s)"
+    )
+    validate.add_argument("--json", action="store_true", help="machine-readable")
+    validate.set_defaults(function=_validate)
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"must be at least 0, is {text}")
+    return value
+
+
+def _validate(options) -> int:
+    from hpcsweep.store import StoreError
+    from hpcsweep.validate import validate
+
+    try:
+        report = validate(options.file, options.samples, options.seed)
+    except StoreError as error:
+        complain(str(error))
+        return USER_ERROR
+    if options.json:
+        print(json.dumps({**dataclasses.asdict(report), "sound": report.sound}, indent=1))
+    else:
+        print(_describe(report))
+    return 0 if report.sound else FAILURE
+
+
+def _describe(report) -> str:
+    """Write a report as a person reads it."""
+    lines = [
+        f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}",
+        f"  blocks    {report.committed} of {report.blocks} committed"
+        f"{', packed' if report.packed else ''}",
+    ]
+    compared = [run for run in report.sample if run.difference is not None]
+    if compared:
+        worst = max(compared, key=lambda run: run.difference / run.allowed)
+        lines.append(
+            f"  sample    {len(compared)} of {len(report.sample)} runs compared with "
+            f"{worst.solver}: the largest difference is {worst.difference:.2g} gaps, "
+            f"{worst.allowed:.2g} allowed (Omega = {worst.omega:.6g}, A = {worst.amplitude:.6g}, "
+            f"{worst.direction}; {worst.compared})"
+        )
+    if report.sample:
+        counts = Counter(run.whole_run for run in report.sample)
+        periodic = sum(run.orbit_period > 0 for run in report.sample)
+        lines.append(
+            f"  whole     {len(report.sample)} runs ({periodic} periodic) from their stored start "
+            f"by flow: {counts['equal']} equal to the last bit, {counts['same']} within tolerance, "
+            f"{counts['other']} others"
+        )
+    lines += [f"  problem   {problem}" for problem in report.problems]
+    if report.n_problems > len(report.problems):
+        lines.append(f"            and {report.n_problems - len(report.problems)} more")
+    return "\n".join(lines)

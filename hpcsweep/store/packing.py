@@ -1,0 +1,229 @@
+"""Pack a campaign file: the same datasets, chunked and compressed, proved equal before use."""
+
+import contextlib
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from hpcsweep.job import Job
+from hpcsweep.store.check import layout_problems
+from hpcsweep.store.commit import Blocks
+from hpcsweep.store.create import reason
+from hpcsweep.store.journal import Journal
+from hpcsweep.store.layout import StoreError
+from hpcsweep.store.lock import Lock
+from hpcsweep.store.offsets import is_packed, open_for_reading
+from hpcsweep.store.reader import job_of
+
+CHUNK_BYTES = 2**18
+"""Size of a chunk before compression: whole rows, then amplitudes, then frames are gathered."""
+COMPRESSION = 4
+"""Level of gzip, which every HDF5 library can read."""
+LIBRARY = ("v110", "v110")
+"""Oldest HDF5 that can read a packed file: its chunk indices take less room than those before."""
+COPY_BYTES = 2**25
+"""Most that is held in memory at once."""
+
+
+def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
+    """Write a packed copy of a campaign file, verify it, and only then put it in its place.
+
+    Every dataset is read back and compared byte by byte, every attribute is compared, and the
+    checksums of all committed blocks are computed again from the copy.
+
+    Parameters
+    ----------
+    path : str or Path
+    output : str or Path, optional
+        Must not exist. Without it the packed file takes the place of `path`, whose job must be
+        complete, because a packed file cannot be gone on with.
+
+    Returns
+    -------
+    before, after : int
+        Bytes of the two files.
+
+    Raises
+    ------
+    StoreError
+        If there is nothing sound to pack or no place to write to; `path` is as before.
+    """
+    path = Path(path)
+    target = path if output is None else Path(output)
+    job = job_of(path)
+    problems = layout_problems(path, job)
+    if problems:
+        raise StoreError(f"{path}: damaged ({problems[0]}); it is left as it is")
+    if is_packed(path):
+        raise StoreError(f"{path}: is packed already")
+    if output is not None and target.exists():
+        raise StoreError(f"{target}: exists already; it is left as it is")
+    if not target.parent.is_dir():
+        raise StoreError(f"{target}: folder {target.parent} does not exist")
+    lock = Lock(path)
+    lock.acquire(1)
+    try:
+        committed = _check_blocks(path, job, whole=output is None)
+        temporary = target.with_name(target.name + ".packing")
+        try:
+            _copy(path, temporary)
+            _verify(path, temporary, job, committed)
+            before, after = path.stat().st_size, temporary.stat().st_size
+            if output is not None and Journal(path).path.exists():
+                shutil.copyfile(Journal(path).path, Journal(target).path)
+            temporary.replace(target)
+            _sync(target.parent)
+        except OSError as error:
+            raise StoreError(f"{target}: cannot be written: {reason(error)}") from None
+        finally:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+    finally:
+        lock.release(remove=True)
+    return before, after
+
+
+def _check_blocks(path: Path, job: Job, whole: bool) -> list[tuple[int, int, int]]:
+    """List the committed blocks, all of whose checksums hold."""
+    committed, waiting = [], 0
+    blocks = Blocks(path, job)
+    try:
+        for frame in range(job.omega.size):
+            for (direction, block), good in blocks.valid(frame).items():
+                if good:
+                    committed.append((direction, frame, block))
+                elif blocks.committed(direction, frame, block):
+                    raise StoreError(
+                        f"{path}: damaged (see hpcsweep validate); run its job again, then pack it"
+                    )
+                else:
+                    waiting += 1
+    finally:
+        blocks.close()
+    if waiting and whole:
+        raise StoreError(
+            f"{path}: not complete ({waiting} of {waiting + len(committed)} blocks are missing), "
+            "and a packed file cannot be gone on with; run it to its end, or pack a copy with -o"
+        )
+    return committed
+
+
+def _copy(path: Path, temporary: Path) -> None:
+    """Write the packed copy and bring it to disk."""
+    with (
+        open_for_reading(path) as source,
+        h5py.File(temporary, "w", libver=LIBRARY) as copy,
+    ):
+        for name, data in source.items():
+            if data.is_scale:
+                _copy_scale(copy, name, data)
+        for name, data in source.items():
+            if data.is_scale:
+                continue
+            packed = copy.create_dataset(
+                name,
+                data.shape,
+                data.dtype,
+                chunks=_chunks(data.shape, data.dtype.itemsize),
+                compression="gzip",
+                compression_opts=COMPRESSION,
+                shuffle=True,
+            )
+            for axis, dim in enumerate(data.dims):
+                packed.dims[axis].attach_scale(copy[dim[0].name])
+            _copy_notes(data, packed)
+            for part in _parts(packed):
+                packed[part] = data[part]
+        for key, value in source.attrs.items():
+            copy.attrs[key] = value
+    _sync(temporary)
+
+
+def _copy_scale(copy: h5py.File, name: str, data: h5py.Dataset) -> None:
+    if h5py.check_string_dtype(data.dtype) is not None:
+        scale = copy.create_dataset(name, data=data.asstr()[...], dtype=h5py.string_dtype())
+    else:
+        scale = copy.create_dataset(name, data=data[...], dtype=data.dtype)
+    scale.make_scale(name)
+    _copy_notes(data, scale)
+
+
+def _copy_notes(data: h5py.Dataset, packed: h5py.Dataset) -> None:
+    for key in ("units", "long_name"):
+        packed.attrs[key] = data.attrs[key]
+
+
+def _chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
+    """Choose chunks of about `CHUNK_BYTES`: whole later axes first."""
+    room = max(CHUNK_BYTES // itemsize, 1)
+    chunks = []
+    for length in reversed(shape):
+        chunks.append(max(min(length, room), 1))
+        room //= chunks[-1]
+    return tuple(reversed(chunks))
+
+
+def _parts(data: h5py.Dataset) -> Iterator[tuple[slice, ...]]:
+    """Cut a packed dataset into whole chunks, at most about `COPY_BYTES` together."""
+    axes = min(data.ndim, 3)
+    size = [*data.chunks[:axes]]
+    room = COPY_BYTES // CHUNK_BYTES
+    for axis in reversed(range(axes)):
+        most = -(-data.shape[axis] // size[axis])
+        taken = max(min(room, most), 1)
+        size[axis] *= taken
+        room //= taken
+    counts = [-(-data.shape[axis] // size[axis]) for axis in range(axes)]
+    for place in np.ndindex(*counts):
+        yield tuple(
+            slice(i * step, min((i + 1) * step, data.shape[axis]))
+            for axis, (i, step) in enumerate(zip(place, size, strict=True))
+        )
+
+
+def _verify(path: Path, temporary: Path, job: Job, committed) -> None:
+    """Compare the copy with the file.
+
+    Raises
+    ------
+    StoreError
+        If anything differs.
+    """
+    with open_for_reading(path) as source, open_for_reading(temporary) as copy:
+        different = [] if source.keys() == copy.keys() else ["the names of the datasets"]
+        if dict(source.attrs) != dict(copy.attrs):
+            different.append("the attributes")
+        for name, data in source.items():
+            packed = copy[name]
+            parts = [()] if data.is_scale else _parts(packed)
+            if data.dtype != packed.dtype or any(
+                _bytes(data[part]) != _bytes(packed[part]) for part in parts
+            ):
+                different.append(name)
+    copied = Blocks(temporary, job)
+    try:
+        frames = sorted({frame for _, frame, _ in committed})
+        good = [(d, f, b) for f in frames for (d, b), ok in copied.valid(f).items() if ok]
+        if sorted(good) != sorted(committed):
+            different.append("the checksums")
+    finally:
+        copied.close()
+    if different:
+        raise StoreError(f"{path}: the packed copy differs in {', '.join(different)}; not packed")
+
+
+def _bytes(values: np.ndarray) -> bytes:
+    return b"\0".join(values) if values.dtype == object else values.tobytes()
+
+
+def _sync(path: Path) -> None:
+    """Bring a file or a folder to disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

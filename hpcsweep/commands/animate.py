@@ -52,7 +52,7 @@ def add_to(commands) -> None:
         type=_count,
         default=0,
         metavar="PIXELS",
-        help="even (default: 1280, GIF 800); the height follows from the number of floors",
+        help="even (default: 1280, GIF 960); the height follows from the number of floors",
     )
     animate.add_argument(
         "--processes",

@@ -34,7 +34,7 @@ from hpcsweep.store import Frames
 
 PIECE = 40
 """Frames of one segment."""
-GIF_WIDTH = 800
+GIF_WIDTH = 960
 LEAST_WIDTH, MOST_WIDTH = 320, 3840
 VARIABLES = ("poincare", "orbit_period", "outcome")
 

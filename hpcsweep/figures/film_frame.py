@@ -300,7 +300,7 @@ class Painter:
             figure.add_artist(Line2D(xs, ys, **style))
 
         line((left, right), (y, y), color="0.6", linewidth=2)
-        for value, name in ((low, f"{low:g}"), (high, f"{high:g}"), *self.scene.marks):
+        for value, name in ((low, f"{low:.4g}"), (high, f"{high:.4g}"), *self.scene.marks):
             x = left + (value - low) / (high - low or 1.0) * (right - left)
             line((x, x), (y - 7 * s, y + 7 * s), color="0.4", linewidth=1)
             above = name.startswith("$")
@@ -314,6 +314,8 @@ class Painter:
         scene = self.scene
         if scene.color == "direction":
             entries = [(DIRECTION_COLOUR[name], f"sweep {name}") for name in scene.directions]
+            if len(entries) == 2:
+                entries[1] = (entries[1][0], entries[1][1] + " (beneath)")
         elif scene.color == "period":
             entries = [period_class(p) for p in sorted(scene.periods, key=lambda p: p or 10**6)]
         else:

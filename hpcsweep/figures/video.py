@@ -21,11 +21,12 @@ MOST_GIF_RATE = 50.0
 """Frames per second above which browsers slow a GIF down."""
 GIF_COLOURS = 255
 
-_TO_YUV = "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p"
-_MP4 = (
-    *("-vf", _TO_YUV, "-c:v", "libx264", "-preset", "fast", "-crf", QUALITY),
-    *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
+_TO_YUV = (
+    "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p,"
+    "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709"
 )
+"""The colours that players assume of films of this height."""
+_MP4 = (*("-vf", _TO_YUV, "-c:v", "libx264", "-preset", "veryfast", "-crf", QUALITY),)
 _LOSSLESS = ("-c:v", "libx264rgb", "-preset", "ultrafast", "-qp", "0")
 
 

@@ -2,9 +2,9 @@
 
 import argparse
 
-from hpcsweep.commands import RAW, USER_ERROR, animate, bench, complain, plot, run, status
+from hpcsweep.commands import RAW, USER_ERROR, animate, bench, claims, complain, plot, run, status
 
-COMMANDS = (run, status, plot, animate, bench)
+COMMANDS = (run, status, plot, animate, claims, bench)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.

@@ -34,7 +34,7 @@ RTOL = 1e-9
 FINE_RUNS = 40
 """Runs between two of a sweep, where its steps are too coarse."""
 LATE_RUNS = 120
-LONG_TRANSIENT = 400
+LONG_TRANSIENT = 200
 """Forcing periods of transient and window near grazing, where transients are long."""
 LONG_WINDOW = 1000
 """Forcing periods of the steady window at the amplitude called chaotic."""

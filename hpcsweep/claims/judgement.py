@@ -16,8 +16,8 @@ WINDOWS = (9, 8, 7, 6, 4)
 LATE_PERIOD = 5
 SAME = 1e-2
 """Attractors farther apart (gaps, gaps omega_0) are two."""
-FOLD = 0.95
-"""Real Floquet multiplier at the end of a branch from which on the end is called a fold."""
+AT_CIRCLE = 0.95
+"""Modulus of a Floquet multiplier at the end of a branch from which on it is why it ends."""
 SIMPLER = 0.5
 """Share of chaos at beta = 100 against beta = 1000 up to which it is called much simpler."""
 HIGH_PROBABILITY = 0.75
@@ -77,10 +77,9 @@ def first_grazing(sweep: Sweep, fine: Sweep | None) -> Claim:
         periods = sorted(set(fine.period[0][touching].tolist()))
         seen = ", ".join(f"P{p}" if p else "no period found" for p in periods)
         return Claim("1", text, Verdict.NO, f"no chaos at grazing ({seen}); {then}")
-    finding = (
-        f"chaos in {chaos.size} of {fine.amplitude.size} runs, A = {chaos[0]:.5g} to "
-        f"{chaos[-1]:.5g}; {then}"
-    )
+    where = f"A = {chaos[0]:.5g}" + (f" to {chaos[-1]:.5g}" if chaos.size > 1 else "")
+    touching = int((fine.contact[0] != 0).sum())
+    finding = f"chaos in {chaos.size} of {touching} runs after grazing, {where}; {then}"
     return Claim("1", text, Verdict.YES, finding)
 
 
@@ -238,11 +237,9 @@ def coexisting_regions(sweep: Sweep, end: BranchEnd | None) -> list[Claim]:
     elif end is None:
         claims.append(Claim("5c", texts["5c"], Verdict.NO, "no P1 C23 on the way up"))
     else:
-        first = complex(end.multipliers[0])
-        real = abs(first.imag) < 1e-9
-        shown = f"{first.real:.4f}" if real else f"{first.real:.4f} +- {abs(first.imag):.4f}i"
-        finding = f"P1 C23 ends at A = {end.amplitude:.7g}, largest multiplier {shown}"
-        claims.append(Claim("5c", texts["5c"], _yes(real and first.real > FOLD), finding))
+        bifurcation, shown = kind_of_end(end.multipliers)
+        finding = f"P1 C23 ends at A = {end.amplitude:.7g}: {bifurcation}, largest {shown}"
+        claims.append(Claim("5c", texts["5c"], _yes(bifurcation == "fold"), finding))
     alone = full & ~two
     tail = len(a) - int(np.argmin(alone[::-1])) if not alone.all() else 0
     if tail < len(a):
@@ -254,6 +251,28 @@ def coexisting_regions(sweep: Sweep, end: BranchEnd | None) -> list[Claim]:
         finding += f"; no other contact set from {_a(sweep, c123[-1][0])}"
     claims.append(Claim("5d", texts["5d"], _yes(tail < len(a)), finding))
     return claims
+
+
+def kind_of_end(multipliers: np.ndarray) -> tuple[str, str]:
+    """Tell by its multipliers how a branch ends, and write the largest one.
+
+    Returns
+    -------
+    bifurcation : str
+        'fold' (+1), 'period doubling' (-1), 'Neimark-Sacker' (a pair on the unit circle), or
+        'no multiplier at the unit circle' (a border: the contact set changes).
+    multiplier : str
+    """
+    first = complex(multipliers[0])
+    pair = abs(first.imag) > 1e-9
+    shown = f"multiplier {first.real:.4f}"
+    if pair:
+        shown += f" +- {abs(first.imag):.4f}i, modulus {abs(first):.4f}"
+    if abs(first) < AT_CIRCLE:
+        return "no multiplier at the unit circle", shown
+    if pair:
+        return "Neimark-Sacker", shown
+    return ("fold" if first.real > 0 else "period doubling"), shown
 
 
 def different_attractors(sweep: Sweep) -> np.ndarray:

@@ -11,7 +11,7 @@ import pytest
 from conftest import SMALL, hpcsweep
 
 from hpcsweep import campaign, cli, open_results
-from hpcsweep.figures import film, film_frame, video
+from hpcsweep.figures import film, film_frame, pixels, video
 from hpcsweep.figures.style import PALETTE, PlotError
 from hpcsweep.job import parse_job
 from hpcsweep.mpi import Serial
@@ -153,15 +153,20 @@ def test_bands_tell_the_contact_sets(made):
             x = min(
                 max(painter.column(data["amplitude"].values[a]), painter.panels[0][2] + 6), 10**6
             )
-            wanted = rgb(film_frame.tint(film_frame.contact_colour(contacts, int(contact))))
+            wanted = rgb(pixels.tint(film_frame.contact_colour(contacts, int(contact))))
             assert picture[top, x, :3] == pytest.approx(wanted, abs=1)
 
 
-def test_poster_is_the_frame_with_most_points(made):
+def test_poster_is_the_frame_with_most_kinds_of_motion(made):
     from PIL import Image
 
     data = open_results(made.file)
-    richest = int(data["n_points"].values.sum(axis=(0, 2)).argmax())
+    kinds = [
+        len(np.unique(np.stack((frame["orbit_period"], frame["contact"])).reshape(2, -1), axis=1).T)
+        for frame in (data.isel(frame=k) for k in range(4))
+    ]
+    points = data["n_points"].values.sum(axis=(0, 2))
+    richest = max(range(4), key=lambda k: (kinds[k], points[k]))
     pictures, _ = decode(made.output)
     with Image.open(made.poster) as poster:
         pixels = np.asarray(poster.convert("RGB")).astype(int)
@@ -225,6 +230,16 @@ def test_ranks_and_processes_make_the_same_film(made, monkeypatch):
     assert (folder / "ranks.mp4").read_bytes() == made.output.read_bytes()
     assert len(decode(pieces.output)[0]) == 4
     assert not [p for p in folder.iterdir() if p.name.startswith(".")]
+
+
+@pytest.mark.mpi
+def test_a_failing_encoder_ends_all_ranks(results, tmp_path):
+    """No rank waits for ever, nothing is left behind."""
+    out = tmp_path / "o.mp4"
+    done = hpcsweep(2, "animate", results, "-o", out, IMAGEIO_FFMPEG_EXE="/bin/false")
+    assert done.returncode != 0
+    assert "ffmpeg ended with code 1" in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_single_frames_are_read_as_the_whole_file_is(results, tmp_path):

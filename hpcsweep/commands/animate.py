@@ -27,7 +27,7 @@ def add_to(commands) -> None:
         "-o", "--output", type=Path, metavar="OUT", help="film, .mp4 or .gif (default: FILE.mp4)"
     )
     animate.add_argument(
-        "--poster", type=Path, metavar="PNG", help="also write the frame that has most points"
+        "--poster", type=Path, metavar="PNG", help="also write the frame with most kinds of motion"
     )
     animate.add_argument(
         "--fps", type=positive, default=25.0, help="frames per second (default: %(default)g)"
@@ -119,8 +119,6 @@ def _make(options, comm) -> int:
             n_frames = film.make(request, comm, processes)
         except PlotError as error:
             problem = str(error)
-        except PermissionError as error:
-            problem = f"{error.filename}: cannot be written: {error.strerror}"
     if problem is not None:
         complain(problem, comm.rank)
         return USER_ERROR

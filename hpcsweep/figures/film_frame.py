@@ -6,21 +6,29 @@ its points, its contact bands and its frequency. Positions are pixels from the t
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
+from hpcsweep.figures.pixels import (
+    WHITE,
+    blend,
+    disc,
+    look_up,
+    packed_colour,
+    square,
+    text_mask,
+    tint,
+)
 from hpcsweep.figures.style import PALETTE, UNDECIDED, contact_name
 
 WIDTH = 1280
 """Width (pixels) for which the sizes below are meant; other widths scale them."""
 LEFT, RIGHT, HEADER, BAND, GAP, FOOTER = 92, 28, 92, 20, 12, 112
+OTHERS = "#333333"
+"""Colour of classes beyond the palette."""
 ALL_PANELS, LEAST_PANEL, MOST_PANEL = 720, 56, 240
 """Height of all panels together, and bounds of one."""
-TINT = 0.42
-"""Share of a contact set's colour in its band; the rest is white."""
 MARGIN = 0.06
-INK = 0x222222
 
 
 @dataclass(frozen=True)
@@ -73,16 +81,19 @@ def period_class(period: int) -> tuple[str, str]:
     if period == 0:
         return UNDECIDED, "no period found"
     if period > len(PALETTE):
-        return "#333333", f"P{len(PALETTE) + 1} and longer"
+        return OTHERS, f"P{len(PALETTE) + 1} and longer"
     return PALETTE[period - 1], f"P{period}"
 
 
 def contact_colour(contacts: tuple[int, ...], contact: int) -> str:
     """Give the colour of a contact set: by its place among those that are not empty."""
     if contact == 0:
-        return "#d0d0d0"
+        return "#8c8c8c"
     place = [c for c in contacts if c].index(contact)
-    return PALETTE[place] if place < len(PALETTE) else UNDECIDED
+    return PALETTE[place] if place < len(PALETTE) else OTHERS
+
+
+DIRECTION_COLOUR = {"up": PALETTE[0], "down": PALETTE[1]}
 
 
 class Painter:
@@ -190,7 +201,7 @@ class Painter:
         # points of chaos are fine, those of orbits are large; the first direction is on top
         for d in reversed(range(len(points))):
             there = np.isfinite(points[d, :, :, 0])
-            for few, stamp in ((False, _square(self._radius)), (True, _disc(self._radius))):
+            for few, stamp in ((False, square(self._radius)), (True, disc(self._radius))):
                 run, point = np.nonzero(there & (settled[d] == few)[:, None])
                 for floor in range(self.scene.n_floors if run.size else 0):
                     top, bottom, left, right = self.panels[floor]
@@ -206,25 +217,25 @@ class Painter:
         scene = self.scene
         if scene.color == "direction":
             shape = frame["orbit_period"].shape
-            own = [_packed(DIRECTION_COLOUR[name]) for name in scene.directions]
+            own = [packed_colour(DIRECTION_COLOUR[name]) for name in scene.directions]
             return np.broadcast_to(np.array(own, np.uint32)[:, None], shape)
         if scene.color == "period":
-            of = {p: _packed(period_class(p)[0]) for p in scene.periods}
-            return _look_up(frame["orbit_period"], of)
-        of = {c: _packed(contact_colour(scene.contacts, c)) for c in scene.contacts}
-        return _look_up(frame["contact"], of)
+            of = {p: packed_colour(period_class(p)[0]) for p in scene.periods}
+            return look_up(frame["orbit_period"], of)
+        of = {c: packed_colour(contact_colour(scene.contacts, c)) for c in scene.contacts}
+        return look_up(frame["contact"], of)
 
     def _paint_bands(self, canvas: np.ndarray, frame: Mapping[str, np.ndarray]) -> None:
         """Paint which floors touch, a band for each direction, named where there is room."""
         if not self.bands:
             return
         scene = self.scene
-        tints = {c: _packed(tint(contact_colour(scene.contacts, c))) for c in scene.contacts}
-        colours = _look_up(frame["contact"], tints)
+        tints = {c: packed_colour(tint(contact_colour(scene.contacts, c))) for c in scene.contacts}
+        colours = look_up(frame["contact"], tints)
         for d, (top, bottom) in enumerate(self.bands):
             done = frame["outcome"][d] == 1
-            colours[d][~done] = 0xFFFFFFFF
-            chosen = np.append(colours[d], np.uint32(0xFFFFFFFF))[self._nearest]
+            colours[d][~done] = WHITE
+            chosen = np.append(colours[d], np.uint32(WHITE))[self._nearest]
             canvas[top:bottom, self._left : self._right] = chosen
             sets = np.where(done, frame["contact"][d].astype(np.int64), -1)
             at = np.append(sets, -1)[self._nearest]
@@ -233,21 +244,21 @@ class Painter:
                 if at[start] < 0:
                     continue
                 name = contact_name(int(at[start]), scene.n_floors).replace("none", "no contact")
-                mask = _text(name, max(9, round(13 * self._scale)))
+                mask = text_mask(name, max(9, round(13 * self._scale)))
                 if mask.shape[1] + 6 <= end - start:
                     x = self._left + (start + end - mask.shape[1]) // 2
-                    _blend(canvas, mask, (top + bottom - mask.shape[0]) // 2, x)
+                    blend(canvas, mask, (top + bottom - mask.shape[0]) // 2, x)
 
     def _paint_omega(self, canvas: np.ndarray, omega: float) -> None:
         s = self._scale
-        mask = _text(f"Ω = {omega:.4f}", max(12, round(30 * s)))
-        _blend(canvas, mask, int(46 * s), self._left)
+        mask = text_mask(f"Ω = {omega:.4f}", max(12, round(30 * s)))
+        blend(canvas, mask, int(46 * s), self._left)
         low, high = self.scene.omega
         share = (omega - low) / (high - low) if high > low else 0.5
         left, right, y = self._scale_of_omega()
         x = round(left + share * (right - left))
-        for dy, dx in _disc(6 * s):
-            canvas[y + dy, x + dx] = _packed("#222222")
+        for dy, dx in disc(6 * s):
+            canvas[y + dy, x + dx] = packed_colour("#222222")
 
     def _scale_of_omega(self) -> tuple[int, int, int]:
         """Left, right and row of the scale of frequencies."""
@@ -361,73 +372,3 @@ class Painter:
 
     def _label(self, figure, x, y, text, **style) -> None:
         figure.text(x / self.width, 1 - y / self.height, text, va="center", **style)
-
-
-DIRECTION_COLOUR = {"up": PALETTE[0], "down": PALETTE[1]}
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Split '#rrggbb'."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
-
-
-def tint(colour: str) -> str:
-    """Lighten a colour for bands on which text is set."""
-    return "#" + "".join(f"{round(255 - TINT * (255 - part)):02x}" for part in rgb(colour))
-
-
-def _packed(colour: str) -> int:
-    red, green, blue = rgb(colour)
-    return red | green << 8 | blue << 16 | 255 << 24
-
-
-def _look_up(values: np.ndarray, colours: dict[int, int]) -> np.ndarray:
-    """Give each value's packed colour; white for values that have none."""
-    if not colours:
-        return np.full(values.shape, 0xFFFFFFFF, np.uint32)
-    keys = np.array(sorted(colours), values.dtype)
-    packed = np.array([colours[int(key)] for key in keys], np.uint32)
-    place = np.minimum(np.searchsorted(keys, values), keys.size - 1)
-    return np.where(keys[place] == values, packed[place], np.uint32(0xFFFFFFFF))
-
-
-@lru_cache(maxsize=32)
-def _disc(radius: float) -> tuple[tuple[int, int], ...]:
-    """Offsets (rows, columns) of the pixels of a disc; from radius 1 on at least 3 x 3."""
-    reach = int(radius)
-    near = max(radius * radius, 2.0) + 0.3
-    steps = range(-reach, reach + 1)
-    return tuple((dy, dx) for dy in steps for dx in steps if dy * dy + dx * dx <= near)
-
-
-@lru_cache(maxsize=32)
-def _square(radius: float) -> tuple[tuple[int, int], ...]:
-    """Offsets of the pixels of a fine point, 2 x 2 or, where points are large, 3 x 3."""
-    steps = range(0, 2) if radius < 2 else range(-1, 2)
-    return tuple((dy, dx) for dy in steps for dx in steps)
-
-
-@lru_cache(maxsize=1024)
-def _text(text: str, size: int) -> np.ndarray:
-    """Draw text; coverage from 0 to 1, shape (rows, columns)."""
-    from matplotlib import font_manager
-    from PIL import Image, ImageDraw, ImageFont
-
-    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size)
-    left, top, right, bottom = font.getbbox(text)
-    picture = Image.new("L", (int(right - left), int(bottom - top)))
-    ImageDraw.Draw(picture).text((-left, -top), text, fill=255, font=font)
-    return np.asarray(picture, np.float32) / 255
-
-
-def _blend(canvas: np.ndarray, mask: np.ndarray, row: int, column: int) -> None:
-    """Set text in dark ink onto packed colours."""
-    height, width = mask.shape
-    there = canvas[row : row + height, column : column + width]
-    mask = mask[: there.shape[0], : there.shape[1]]
-    result = np.full(there.shape, 0xFF000000, np.uint32)
-    for shift in (0, 8, 16):
-        old = ((there >> np.uint32(shift)) & np.uint32(255)).astype(np.float32)
-        new = old + (((INK >> shift) & 255) - old) * mask
-        result |= new.round().astype(np.uint32) << np.uint32(shift)
-    canvas[row : row + height, column : column + width] = result

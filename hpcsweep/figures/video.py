@@ -5,6 +5,7 @@ again (MP4), or from lossless segments with one palette (GIF). One thread encode
 that its bytes do not depend on the machine's cores.
 """
 
+import contextlib
 import subprocess
 import tempfile
 from collections.abc import Iterable
@@ -89,7 +90,8 @@ def encode(pictures: Iterable[np.ndarray], path: Path, fps: float, lossless: boo
                 break
         if process is None:
             raise ValueError("no picture to encode")
-        process.stdin.close()
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
         _check(process.wait(), said)
 
 

@@ -16,6 +16,8 @@ examples:
   mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or go on with, figure3.h5
   hpcsweep status figure3.h5                    what is done, live
   hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
+  mpirun -n 4 hpcsweep animate map.h5 -o m.mp4  film the orbit diagrams over Omega
+  hpcsweep claims figure3.h5                    answer the paper's claims
 
 exit codes:
   0   complete

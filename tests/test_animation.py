@@ -301,3 +301,32 @@ def test_what_is_not_there_is_refused(results, tmp_path):
     assert len(decode(request.output)[0]) == 4
     with pytest.raises(RuntimeError, match="ffmpeg ended with code"):
         video.join([tmp_path / "none.mp4"], tmp_path / "x.mp4")
+
+
+def test_legends_keep_to_the_picture():
+    """A dozen floors have long names of contact sets: what has no room is left out."""
+    contacts = tuple((1 << 12) - (1 << k) for k in range(12))
+    scene = film_frame.Scene(
+        title="",
+        amplitude=np.array([0.1, 0.2]),
+        omega=(1.0, 2.0),
+        marks=(),
+        low=np.full(12, -1.0),
+        high=np.ones(12),
+        directions=("up", "down"),
+        color="contact",
+        periods=(1,),
+        contacts=contacts,
+        width=WIDTH,
+    )
+    painter = film_frame.Painter(scene)
+    bottom = painter.panels[0][1]
+    nothing = {
+        "poincare": np.full((2, 2, 1, 12), np.nan),
+        "orbit_period": np.ones((2, 2), int),
+        "contact": np.zeros((2, 2), np.uint64),
+        "outcome": np.zeros((2, 2), int),
+    }
+    legend = painter.paint(1.0, nothing)[bottom + 20 :, :, :3].astype(int)
+    assert legend.min() < 100
+    assert legend[:, -6:].min() > 250

@@ -72,14 +72,17 @@ def first_grazing(sweep: Sweep, fine: Sweep | None) -> Claim:
     first, last = max(found, key=lambda pair: pair[1] - pair[0])
     chaos = fine.amplitude[fine.chaotic[0]]
     then = f"P1 C3 from A = {_a(sweep, first)} to {_a(sweep, last)}"
+    touching = fine.contact[0] != 0
     if not chaos.size:
-        touching = fine.contact[0] != 0
-        periods = sorted(set(fine.period[0][touching].tolist()))
-        seen = ", ".join(f"P{p}" if p else "no period found" for p in periods)
-        return Claim("1", text, Verdict.NO, f"no chaos at grazing ({seen}); {then}")
+        undecided = int((touching & (fine.period[0] == 0)).sum())
+        periods = sorted(set(fine.period[0][touching].tolist()) - {0})
+        finding = (
+            f"none of {touching.sum()} runs after grazing is chaotic: "
+            f"{', '.join(f'P{p}' for p in periods)}, {undecided} undecided; {then}"
+        )
+        return Claim("1", text, Verdict.NO, finding)
     where = f"A = {chaos[0]:.5g}" + (f" to {chaos[-1]:.5g}" if chaos.size > 1 else "")
-    touching = int((fine.contact[0] != 0).sum())
-    finding = f"chaos in {chaos.size} of {touching} runs after grazing, {where}; {then}"
+    finding = f"chaos in {chaos.size} of {touching.sum()} runs after grazing, {where}; {then}"
     return Claim("1", text, Verdict.YES, finding)
 
 

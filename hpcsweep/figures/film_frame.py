@@ -13,9 +13,9 @@ from hpcsweep.figures.pixels import (
     WHITE,
     blend,
     disc,
+    fine_point,
     look_up,
     packed_colour,
-    square,
     text_mask,
     tint,
 )
@@ -24,6 +24,8 @@ from hpcsweep.figures.style import PALETTE, UNDECIDED, contact_name
 WIDTH = 1280
 """Width (pixels) for which the sizes below are meant; other widths scale them."""
 LEFT, RIGHT, HEADER, BAND, GAP, FOOTER = 92, 28, 92, 20, 12, 112
+LETTER, SWATCH, LEGEND = 7.2, 44, WIDTH - 180
+"""Widths of a letter and of a swatch with its gaps in a legend, and of all of it."""
 OTHERS = "#333333"
 """Colour of classes beyond the palette."""
 ALL_PANELS, LEAST_PANEL, MOST_PANEL = 720, 56, 240
@@ -201,7 +203,7 @@ class Painter:
         # points of chaos are fine, those of orbits are large; the first direction is on top
         for d in reversed(range(len(points))):
             there = np.isfinite(points[d, :, :, 0])
-            for few, stamp in ((False, square(self._radius)), (True, disc(self._radius))):
+            for few, stamp in ((False, fine_point(self._radius)), (True, disc(self._radius))):
                 run, point = np.nonzero(there & (settled[d] == few)[:, None])
                 for floor in range(self.scene.n_floors if run.size else 0):
                     top, bottom, left, right = self.panels[floor]
@@ -341,6 +343,7 @@ class Painter:
             for c in scene.contacts[: len(PALETTE) + 1]
         ]
         for row, (title, handles) in enumerate((("points", points), ("contact bands", bands))):
+            handles = _that_fit([handle.get_label() for handle in handles], handles)
             if not handles:
                 continue
             y = 1 - (self._bottom + (66 + 28 * row) * self._scale) / self.height
@@ -372,3 +375,9 @@ class Painter:
 
     def _label(self, figure, x, y, text, **style) -> None:
         figure.text(x / self.width, 1 - y / self.height, text, va="center", **style)
+
+
+def _that_fit(labels: list[str], handles: list) -> list:
+    """Keep the first entries of a legend, as many as there is room for on one line."""
+    widths = np.cumsum([LETTER * len(label) + SWATCH for label in labels])
+    return [handle for handle, end in zip(handles, widths, strict=True) if end < LEGEND]

@@ -50,8 +50,13 @@ def disc(radius: float) -> tuple[tuple[int, int], ...]:
 
 
 @lru_cache(maxsize=32)
-def square(radius: float) -> tuple[tuple[int, int], ...]:
-    """Offsets of the pixels of a fine point, 2 x 2 or, where points are large, 3 x 3."""
+def fine_point(radius: float) -> tuple[tuple[int, int], ...]:
+    """Offsets of the pixels of a point of chaos, smaller than `disc` of the same radius.
+
+    Two pixels wide, as colours have half the resolution in a film.
+    """
+    if radius < 1.5:
+        return ((0, 0), (0, 1))
     steps = range(0, 2) if radius < 2 else range(-1, 2)
     return tuple((dy, dx) for dy in steps for dx in steps)
 

@@ -2,9 +2,21 @@
 
 import argparse
 
-from hpcsweep.commands import RAW, USER_ERROR, bench, complain, pack, plot, run, status, validate
+from hpcsweep.commands import (
+    RAW,
+    USER_ERROR,
+    animate,
+    bench,
+    claims,
+    complain,
+    pack,
+    plot,
+    run,
+    status,
+    validate,
+)
 
-COMMANDS = (run, status, validate, pack, plot, bench)
+COMMANDS = (run, status, validate, pack, plot, animate, claims, bench)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.
@@ -17,6 +29,8 @@ examples:
   hpcsweep status figure3.h5                    what is done, live
   hpcsweep validate figure3.h5                  is it sound? checksums, values, a sample recomputed
   hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
+  mpirun -n 4 hpcsweep animate map.h5 -o m.mp4  film the orbit diagrams over Omega
+  hpcsweep claims figure3.h5                    answer the paper's claims
 
 exit codes:
   0   complete

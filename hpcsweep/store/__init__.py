@@ -1,14 +1,15 @@
 """The campaign file: the only package that knows its layout and that imports h5py.
 
 `layout` names its variables, `create` makes it, `transport` writes into it from every rank,
-`commit` says what of it is believed, `reader` opens it for people, `check` compares it with the
-layout, `packing` compresses it, `lock` keeps a second campaign out, `journal` keeps the history
-beside it.
+`commit` says what of it is believed, `reader` opens it for people, `frames` one frame at a time,
+`check` compares it with the layout, `packing` compresses it, `lock` keeps a second campaign out,
+`journal` keeps the history beside it.
 """
 
 from hpcsweep.store.check import layout_problems
 from hpcsweep.store.commit import Campaign, open_campaign
 from hpcsweep.store.create import create, file_size
+from hpcsweep.store.frames import Frames
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import DamagedError, StoreError, WriteError
 from hpcsweep.store.lock import Lock
@@ -19,6 +20,7 @@ from hpcsweep.store.reader import job_of, open_results, status
 __all__ = [
     "Campaign",
     "DamagedError",
+    "Frames",
     "Journal",
     "Lock",
     "StoreError",

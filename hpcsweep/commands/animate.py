@@ -1,0 +1,130 @@
+"""`hpcsweep animate`: a film of the orbit diagrams over the forcing frequency."""
+
+import argparse
+import os
+import sys
+import traceback
+from pathlib import Path
+
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
+
+HELP = """\
+Make a film of the orbit diagrams, one frame a forcing frequency, with fixed axes: MP4 or, by the
+ending of OUT, GIF. Start it under mpirun to use many ranks; alone it uses several processes. The
+film is the same for any number. Needs the extra 'video' (imageio-ffmpeg)."""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    animate = commands.add_parser(
+        "animate",
+        help="make a film of the orbit diagrams over Omega",
+        description=HELP,
+        formatter_class=RAW,
+    )
+    animate.add_argument("file", type=Path, metavar="FILE")
+    animate.add_argument(
+        "-o", "--output", type=Path, metavar="OUT", help="film, .mp4 or .gif (default: FILE.mp4)"
+    )
+    animate.add_argument(
+        "--poster", type=Path, metavar="PNG", help="also write the frame with most kinds of motion"
+    )
+    animate.add_argument(
+        "--fps", type=positive, default=25.0, help="frames per second (default: %(default)g)"
+    )
+    animate.add_argument(
+        "--every", type=_count, default=1, metavar="K", help="take every Kth frame"
+    )
+    animate.add_argument(
+        "--direction",
+        choices=("up", "down", "both"),
+        default="both",
+        help="sweeps that are drawn (default: %(default)s)",
+    )
+    animate.add_argument(
+        "--color",
+        choices=("direction", "contact", "period"),
+        default="direction",
+        help="what the colours tell (default: %(default)s)",
+    )
+    animate.add_argument(
+        "--width",
+        type=_count,
+        default=0,
+        metavar="PIXELS",
+        help="even (default: 1280, GIF 960); the height follows from the number of floors",
+    )
+    animate.add_argument(
+        "--processes",
+        type=_count,
+        default=0,
+        metavar="N",
+        help="processes, where there is one rank (default: the cores)",
+    )
+    animate.set_defaults(function=_animate)
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, is {text}")
+    return value
+
+
+def _animate(options) -> int:
+    """Make the film on all ranks."""
+    from hpcsweep.mpi import LauncherError, world
+
+    try:
+        comm = world()
+    except LauncherError as error:
+        complain(str(error))
+        return USER_ERROR
+    try:
+        return _make(options, comm)
+    except Exception:
+        where = f" on rank {comm.rank}" if comm.size > 1 else ""
+        text = traceback.format_exc()
+        print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
+        comm.abort(FAILURE)
+        return FAILURE
+
+
+def _make(options, comm) -> int:
+    from hpcsweep.figures import film
+    from hpcsweep.figures.style import PlotError
+    from hpcsweep.store import StoreError
+
+    request = film.Request(
+        file=options.file,
+        output=options.output or options.file.with_suffix(".mp4"),
+        poster=options.poster,
+        fps=options.fps,
+        every=options.every,
+        direction=options.direction,
+        color=options.color,
+        width=options.width,
+    )
+    problem = None
+    if comm.rank == 0:
+        try:
+            film.check(request)
+        except (PlotError, StoreError) as error:
+            problem = str(error)
+    problem = comm.bcast(problem)
+    n_frames = None
+    if problem is None:
+        try:
+            processes = options.processes or len(os.sched_getaffinity(0))
+            n_frames = film.make(request, comm, processes)
+        except PlotError as error:
+            problem = str(error)
+    if problem is not None:
+        complain(problem, comm.rank)
+        return USER_ERROR
+    if n_frames is None:
+        complain("stopped by a signal; no film was written", comm.rank)
+        return FAILURE
+    if comm.rank == 0:
+        print(f"{request.output}: {n_frames} frames")
+    return 0

@@ -1,0 +1,87 @@
+"""Colours packed into 32 bits, stamps and text for pictures painted pixel by pixel.
+
+A packed colour is red + 256 green + 65,536 blue + 255 * 2^24, so that a little-endian array of
+them is an array of (red, green, blue, 255).
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+INK = 0x222222
+WHITE = 0xFFFFFFFF
+TINT = 0.42
+"""Share of a colour in its tint; the rest is white."""
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Split '#rrggbb'."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def tint(colour: str) -> str:
+    """Lighten a colour for bands on which text is set."""
+    return "#" + "".join(f"{round(255 - TINT * (255 - part)):02x}" for part in rgb(colour))
+
+
+def packed_colour(colour: str) -> int:
+    """Pack '#rrggbb'."""
+    red, green, blue = rgb(colour)
+    return red | green << 8 | blue << 16 | 255 << 24
+
+
+def look_up(values: np.ndarray, colours: dict[int, int]) -> np.ndarray:
+    """Give each value's packed colour; white for values that have none."""
+    if not colours:
+        return np.full(values.shape, WHITE, np.uint32)
+    keys = np.array(sorted(colours), values.dtype)
+    values_of = np.array([colours[int(key)] for key in keys], np.uint32)
+    place = np.minimum(np.searchsorted(keys, values), keys.size - 1)
+    return np.where(keys[place] == values, values_of[place], np.uint32(WHITE))
+
+
+@lru_cache(maxsize=32)
+def disc(radius: float) -> tuple[tuple[int, int], ...]:
+    """Offsets (rows, columns) of the pixels of a disc; from radius 1 on at least 3 x 3."""
+    reach = int(radius)
+    near = max(radius * radius, 2.0) + 0.3
+    steps = range(-reach, reach + 1)
+    return tuple((dy, dx) for dy in steps for dx in steps if dy * dy + dx * dx <= near)
+
+
+@lru_cache(maxsize=32)
+def fine_point(radius: float) -> tuple[tuple[int, int], ...]:
+    """Offsets of the pixels of a point of chaos, smaller than `disc` of the same radius.
+
+    Two pixels wide, as colours have half the resolution in a film.
+    """
+    if radius < 1.5:
+        return ((0, 0), (0, 1))
+    steps = range(0, 2) if radius < 2 else range(-1, 2)
+    return tuple((dy, dx) for dy in steps for dx in steps)
+
+
+@lru_cache(maxsize=1024)
+def text_mask(text: str, size: int) -> np.ndarray:
+    """Draw text; coverage from 0 to 1, shape (rows, columns)."""
+    from matplotlib import font_manager
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size)
+    left, top, right, bottom = font.getbbox(text)
+    picture = Image.new("L", (int(right - left), int(bottom - top)))
+    ImageDraw.Draw(picture).text((-left, -top), text, fill=255, font=font)
+    return np.asarray(picture, np.float32) / 255
+
+
+def blend(canvas: np.ndarray, mask: np.ndarray, row: int, column: int) -> None:
+    """Set text in dark ink onto packed colours."""
+    height, width = mask.shape
+    there = canvas[row : row + height, column : column + width]
+    mask = mask[: there.shape[0], : there.shape[1]]
+    result = np.full(there.shape, 0xFF000000, np.uint32)
+    for shift in (0, 8, 16):
+        old = ((there >> np.uint32(shift)) & np.uint32(255)).astype(np.float32)
+        new = old + (((INK >> shift) & 255) - old) * mask
+        result |= new.round().astype(np.uint32) << np.uint32(shift)
+    canvas[row : row + height, column : column + width] = result

@@ -1,0 +1,153 @@
+"""Encode pictures as MP4 and GIF, with the ffmpeg that comes with the wheel imageio-ffmpeg.
+
+A film is encoded in segments, which can be made at the same time, and joined without encoding
+again (MP4), or from lossless segments with one palette (GIF). One thread encodes a segment, so
+that its bytes do not depend on the machine's cores.
+"""
+
+import contextlib
+import subprocess
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.figures.style import PlotError
+
+ENDINGS = (".mp4", ".gif")
+QUALITY = "20"
+"""Constant rate factor of x264: thin lines and points stay clean."""
+MOST_GIF_RATE = 50.0
+"""Frames per second above which browsers slow a GIF down."""
+GIF_COLOURS = 255
+
+_TO_YUV = (
+    "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p,"
+    "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709"
+)
+"""The colours that players assume of films of this height."""
+_MP4 = (*("-vf", _TO_YUV, "-c:v", "libx264", "-preset", "veryfast", "-crf", QUALITY),)
+_LOSSLESS = ("-c:v", "libx264rgb", "-preset", "ultrafast", "-qp", "0")
+
+
+def find_ffmpeg() -> str:
+    """Return the path of ffmpeg.
+
+    Raises
+    ------
+    PlotError
+        If imageio-ffmpeg is not installed, or has no ffmpeg for this machine.
+    """
+    try:
+        import imageio_ffmpeg
+
+        return imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        raise PlotError(
+            "no ffmpeg: install the extra 'video' (pip install 'hpcsweep[video]', that is "
+            "imageio-ffmpeg)"
+        ) from None
+
+
+def encode(pictures: Iterable[np.ndarray], path: Path, fps: float, lossless: bool) -> None:
+    """Encode pictures as one segment.
+
+    Parameters
+    ----------
+    pictures : iterable of ndarray of uint8, shape (height, width, 4)
+        Red, green, blue, unused; even height and width.
+    path : Path
+        Ends in .mp4.
+    fps : float
+        Pictures per second.
+    lossless : bool
+        Keep every pixel's colour (for a GIF).
+
+    Raises
+    ------
+    RuntimeError
+        If ffmpeg fails; with what it said.
+    """
+    process = None
+    with tempfile.TemporaryFile() as said:
+        for picture in pictures:
+            if process is None:
+                height, width = picture.shape[:2]
+                given = ("-f", "rawvideo", "-pix_fmt", "rgb0", "-s", f"{width}x{height}")
+                how = _LOSSLESS if lossless else _MP4
+                command = [
+                    *_call(),
+                    *given,
+                    *("-r", f"{fps:g}", "-i", "-", "-threads", "1"),
+                    *how,
+                    str(path),
+                ]
+                process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said)
+            try:
+                process.stdin.write(picture.data)
+            except BrokenPipeError:
+                break
+        if process is None:
+            raise ValueError("no picture to encode")
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
+        _check(process.wait(), said)
+
+
+def join(segments: list[Path], path: Path, palette: np.ndarray | None = None) -> None:
+    """Join segments, in order, to one film that starts to play before it is loaded whole.
+
+    Parameters
+    ----------
+    segments : list of Path
+        In one folder, in which a list of them is written.
+    path : Path
+        Its ending tells MP4 or GIF.
+    palette : ndarray of uint8, shape (k, 3)
+        Colours of the GIF, at most `GIF_COLOURS`.
+    """
+    listed = segments[0].with_name("segments.txt")
+    listed.write_text("".join(f"file '{segment.name}'\n" for segment in segments))
+    given = ["-f", "concat", "-i", str(listed)]
+    if path.suffix.lower() == ".gif":
+        from PIL import Image
+
+        colours = np.zeros((256, 4), np.uint8)
+        colours[: len(palette), :3] = palette
+        colours[: len(palette), 3] = 255
+        table = segments[0].with_name("palette.png")
+        Image.fromarray(colours.reshape(16, 16, 4), "RGBA").save(table)
+        use = "[0:v][1:v]paletteuse=dither=none:diff_mode=rectangle"
+        how = ["-i", str(table), "-filter_complex", use, "-f", "gif", "-loop", "0"]
+    else:
+        how = ["-c", "copy", "-movflags", "+faststart", "-f", "mp4"]
+    with tempfile.TemporaryFile() as said:
+        done = subprocess.run([*_call(), *given, *how, str(path)], stderr=said, check=False)
+        _check(done.returncode, said)
+
+
+def palette_of(pictures: Iterable[np.ndarray], wanted: Iterable[tuple[int, int, int]]):
+    """Choose the colours of a GIF: those wanted, then the commonest of some pictures.
+
+    Returns
+    -------
+    ndarray of uint8, shape (k, 3)
+    """
+    packed = np.concatenate([np.ascontiguousarray(p).view("<u4").ravel() for p in pictures])
+    values, counts = np.unique(packed & 0xFFFFFF, return_counts=True)
+    common = values[np.argsort(-counts, kind="stable")]
+    first = [r | g << 8 | b << 16 for r, g, b in wanted]
+    chosen = list(dict.fromkeys([*first, *common.tolist()]))[:GIF_COLOURS]
+    return np.array([[c & 255, c >> 8 & 255, c >> 16 & 255] for c in chosen], np.uint8)
+
+
+def _call() -> list[str]:
+    return [find_ffmpeg(), "-nostdin", "-hide_banner", "-loglevel", "error", "-y"]
+
+
+def _check(code: int, said) -> None:
+    if code != 0:
+        said.seek(0)
+        text = " ".join(said.read().decode(errors="replace").split())
+        raise RuntimeError(f"ffmpeg ended with code {code}: {text[-500:]}")

@@ -1,0 +1,71 @@
+"""One frame at a time: for files that do not fit in memory."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.store.commit import Blocks
+from hpcsweep.store.layout import StoreError, run_variables
+from hpcsweep.store.reader import MISSING, job_of
+
+
+class Frames:
+    """Reads single frames of a campaign file, believing only blocks whose checksum holds.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Attributes
+    ----------
+    job : Job
+        The job the file was made for.
+
+    Raises
+    ------
+    StoreError
+        If it is not a campaign file.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self.job = job_of(self.path)
+        self._variables = {variable.name for variable in run_variables(self.job)}
+        self._blocks = Blocks(self.path, self.job)
+
+    def __contains__(self, variable: str) -> bool:
+        return variable in self._variables
+
+    def close(self) -> None:
+        """Close the file."""
+        self._blocks.close()
+
+    def read(self, frame: int, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+        """Read variables of one frame, first axes (direction, amplitude).
+
+        Runs without valid commit hold what `open_results` gives them: 0 or NaN.
+
+        Raises
+        ------
+        StoreError
+            If the file does not hold one of the variables.
+        """
+        for name in names:
+            if name not in self:
+                raise StoreError(
+                    f"{self.path}: holds no {name}: set output.{name} = true in the job"
+                )
+        job = self.job
+        found: dict[str, np.ndarray] = {}
+        for direction, block, _start, valid, _end in self._blocks.chain(frame):
+            rows = self._blocks.read(direction, frame, block) if valid or not found else None
+            if not found:
+                shape = (len(job.directions), job.amplitude.size)
+                for name in names:
+                    empty = MISSING.get(name, np.nan)
+                    found[name] = np.full((*shape, *rows[name].shape[1:]), empty, rows[name].dtype)
+            if valid:
+                low, high = self._blocks.rows(direction, block)
+                for name in names:
+                    found[name][direction, low:high] = rows[name]
+        return found

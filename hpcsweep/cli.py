@@ -2,9 +2,9 @@
 
 import argparse
 
-from hpcsweep.commands import RAW, USER_ERROR, bench, complain, plot, run, status
+from hpcsweep.commands import RAW, USER_ERROR, bench, complain, explore, plot, run, status
 
-COMMANDS = (run, status, plot, bench)
+COMMANDS = (run, status, plot, explore, bench)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.
@@ -16,6 +16,7 @@ examples:
   mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or go on with, figure3.h5
   hpcsweep status figure3.h5                    what is done, live
   hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
+  hpcsweep explore figure3.h5 -o figure3.html   explore it in a browser
 
 exit codes:
   0   complete

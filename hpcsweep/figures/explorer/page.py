@@ -162,9 +162,7 @@ def _add_points(study: Study, bits: int, add) -> dict[str, float]:
     if not per_frame.any():
         return {}
     steps = {}
-    frame_of = np.repeat(np.arange(n_frames), per_frame)
-    low, high = _frame_ranges(study.points, per_frame)
-    codes = quantise(study.points, low[frame_of], high[frame_of], bits).T
+    low, high, codes = _quantise_frames(study.points, per_frame, bits)
     ranges = np.stack([low, high], axis=-1)
     add("points", predict_points(codes, sweeps), ranges=ranges.tolist())
     steps["points"] = float(resolution(low, high, bits).max())
@@ -179,20 +177,31 @@ def _add_points(study: Study, bits: int, add) -> dict[str, float]:
     return steps
 
 
-def _frame_ranges(points: np.ndarray, per_frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give least and largest value of each component in each frame, 0 where there is none."""
-    low = np.zeros((per_frame.size, points.shape[1]))
-    high = np.zeros_like(low)
+def _quantise_frames(points: np.ndarray, per_frame: np.ndarray, bits: int):
+    """Quantise each frame's points on their own range.
+
+    Returns
+    -------
+    low, high : ndarray, shape (n_frames, n)
+        0 in frames without points.
+    codes : ndarray of uint16, shape (n, n_points)
+    """
+    n = points.shape[1]
+    low, high = np.zeros((2, per_frame.size, n))
+    codes = np.empty((n, len(points)), np.uint16)
     ends = np.cumsum(per_frame)
     for frame, (end, count) in enumerate(zip(ends, per_frame, strict=True)):
         if count:
-            own = points[end - count : end]
-            low[frame], high[frame] = own.min(axis=0), own.max(axis=0)
-    return low, high
+            own = points[end - count : end].T
+            low[frame], high[frame] = own.min(axis=1), own.max(axis=1)
+            codes[:, end - count : end] = quantise(
+                own, low[frame, :, None], high[frame, :, None], bits
+            )
+    return low, high, codes
 
 
 def _contact_index(contact: np.ndarray | None) -> tuple[list[int], np.ndarray | None]:
-    """Number the contact sets by how often they are seen."""
+    """Rank the contact sets by how often they are seen."""
     if contact is None:
         return [], None
     sets, index, count = np.unique(contact, return_inverse=True, return_counts=True)

@@ -19,11 +19,16 @@ function shortNumber(x, digits = 4) {
 function quantities(study) {
   const list = [motionQuantity(study)];
   if (study.data.contact) list.push(contactQuantity(study));
-  const labels = { drift: "drift δ [A/Ω²]", lyapunov: "Lyapunov exponent λ [ω₀]" };
+  const labels = {
+    drift: ["drift δ [A/Ω²]", "drift δ [A/Ω²]"],
+    lyapunov: ["Lyapunov exponent λ [ω₀]", "Lyapunov λ [ω₀]"],
+  };
   for (const name of Object.keys(study.arrays)) {
     const norm = name.match(/^modal_norm_(\d+)$/);
-    const label = norm ? `mean modal norm η, mode ${norm[1]}` : labels[name];
-    if (label) list.push(valueQuantity(study, name, label));
+    const [label, short] = norm
+      ? [`mean modal norm η, mode ${norm[1]}`, `modal norm η${subscript(norm[1])}`]
+      : labels[name] || [];
+    if (label) list.push({ ...valueQuantity(study, name, label), short });
   }
   return list;
 }

@@ -33,7 +33,7 @@ class OrbitDiagrams {
     this.study = study;
     this.events = events;
     this.range = null;
-    this.frame = 0;
+    Object.assign(this, { frame: 0, direction: 0, amplitude: 0 });
     this.panels = [];
     this.edges = cellEdges(study.amplitude);
     this.everyFrame = null;
@@ -163,10 +163,11 @@ class OrbitDiagrams {
     const base = (to - low) * scale + step;
     const offset = floor * study.nPoints;
     const shared = Math.round(window.devicePixelRatio || 1);
+    const sparse = width / study.nAmplitudes > 3 * shared ? 1 : 0;
     const order = study.directions.map((_, d) => d).filter((d) => d !== this.direction);
     for (const direction of [...order, this.direction]) {
       const colour = pixel(DIRECTION_COLOURS[direction]);
-      const side = (direction === this.direction ? 2 : 3) * shared;
+      const side = ((direction === this.direction ? 2 : 3) + sparse) * shared;
       const half = side >> 1;
       const first = study.run(frame, direction, 0);
       for (let a = 0; a < study.nAmplitudes; a++) {

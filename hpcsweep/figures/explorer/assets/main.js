@@ -110,7 +110,7 @@ class Explorer {
       const run = study.run(frame, d, amplitude);
       const about = this.quantities
         .filter((q) => q.id === "motion" || q.id === "contact" || q === this.quantity)
-        .map((q) => (q.id === "motion" || q.id === "contact" ? "" : `${q.label} `) + q.name(run));
+        .map((q) => (q.id === "motion" || q.id === "contact" ? "" : `${q.short} `) + q.name(run));
       return `${name}: ${about.join(", ")}`;
     });
     byId("readout").textContent =
@@ -155,7 +155,7 @@ class Explorer {
       ["sweep", study.directions[this.direction]],
     ];
     for (const q of this.quantities) {
-      rows.push([q.label.replace("mean modal norm η, mode", "modal norm η, mode"), q.name(run)]);
+      rows.push([q.short || q.label, q.name(run)]);
     }
     rows.push(["outcome", study.outcomes[study.data.outcome[run]]]);
     rows.push(["periods integrated", String(study.data.cycles[run])]);

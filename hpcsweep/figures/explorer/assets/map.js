@@ -31,7 +31,13 @@ function cellsOfPixels(edges, from, to, n) {
   return cells;
 }
 
-const AXIS = { stroke: "#1a1a1a", grid: { show: false }, ticks: { size: 4 }, font: "12px sans-serif" };
+const AXIS = {
+  stroke: "#1a1a1a",
+  grid: { show: false },
+  ticks: { size: 4, stroke: "#999", width: 1 },
+  border: { show: true, stroke: "#999", width: 1 },
+  font: "12px sans-serif",
+};
 
 class RunMap {
   // `events`: point(frame, amplitude), leave(), choose(frame, amplitude), view(a, w)

@@ -35,8 +35,8 @@ class Portraits {
       legend: { show: false },
       cursor: { show: false },
       axes: [
-        { ...small, label: `u${i} [gaps]`, size: 22, space: 34 },
-        { ...small, label: `v${i} [gaps ω₀]`, size: 36, space: 24 },
+        { ...small, label: `u${i} [gaps]`, size: 22, space: 40 },
+        { ...small, label: `v${i} [gaps ω₀]`, size: 44, space: 24 },
       ],
       hooks: { draw: [(u) => this.draw(u, panel)] },
     };

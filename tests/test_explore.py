@@ -35,7 +35,24 @@ lyapunov = true
 """
 LAPTOP = {"width": 1366, "height": 768}
 SLOWEST_MEDIAN, SLOWEST_TENTH = 50.0, 120.0
-"""Bounds of a frame's drawing time in ms: fluid, on a machine without a graphics card."""
+"""Bounds of the time between frames in ms: fluid, on a machine without a graphics card."""
+MOVE_AND_TIME = """async () => {
+    const { over } = window.explorer.map.plot;
+    const box = over.getBoundingClientRect();
+    const titles = new Set();
+    const times = [];
+    for (let i = 0; i < 120; i++) {
+        const share = 0.05 + 0.0075 * i;
+        over.dispatchEvent(new PointerEvent("pointermove", {
+            bubbles: true,
+            clientX: box.left + share * box.width,
+            clientY: box.bottom - share * box.height,
+        }));
+        times.push(await new Promise((resume) => requestAnimationFrame(resume)));
+        titles.add(document.getElementById("diagram-title").textContent);
+    }
+    return [titles.size, times.slice(1).map((t, i) => t - times[i])];
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -132,8 +149,10 @@ def map_pixel(page, frame: int, amplitude: int) -> str:
             const box = window.explorer.map.plot.over.getBoundingClientRect();
             const canvas = window.explorer.map.canvas;
             const at = [(x - box.left) / box.width, (y - box.top) / box.height];
-            const [r, g, b] = canvas.getContext("2d")
-                .getImageData(at[0] * canvas.width, at[1] * canvas.height, 1, 1).data;
+            const copy = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+            copy.drawImage(canvas, -Math.floor(at[0] * canvas.width),
+                -Math.floor(at[1] * canvas.height));
+            const [r, g, b] = copy.getImageData(0, 0, 1, 1).data;
             return "#" + [r, g, b].map((v) => v.toString(16).padStart(2, "0")).join("");
         }""",
         [x, y],
@@ -300,25 +319,17 @@ def test_five_million_runs_are_fluid(browser, tmp_path):
     text, sizes = build_page(full_size_study())
     write_page(text, tmp_path / "full.html")
     page = open_page(browser, tmp_path / "full.html")
-    box = page.evaluate(
-        """() => {
-            const b = window.explorer.map.plot.over.getBoundingClientRect();
-            return [b.left, b.top, b.width, b.height];
-        }"""
-    )
-    page.evaluate("() => { window.explorer.drawTimes.length = 0; }")
-    titles = set()
-    for step in range(120):
-        share = step / 119
-        page.mouse.move(
-            box[0] + box[2] * (0.05 + 0.9 * share), box[1] + box[3] * (0.95 - 0.9 * share)
-        )
-        if step % 20 == 0:
-            settle(page)
-            titles.add(page.inner_text("#diagram-title"))
+    page.mouse.move(*place(page, 20, 20))
     settle(page)
-    times = np.array(page.evaluate("() => window.explorer.drawTimes"))
-    median, tenth = np.percentile(times, [50, 90])
+    first = page.inner_text("#diagram-title"), pixels(page, "#diagrams")
+    page.mouse.move(*place(page, 900, 600))
+    settle(page)
+    assert "(frame 9" in page.inner_text("#diagram-title")
+    assert pixels(page, "#diagrams") != first[1]
+    # a move before each of the browser's frames: the time from one to the next holds everything,
+    # JavaScript, canvases and compositing
+    shown, intervals = page.evaluate(MOVE_AND_TIME)
+    median, tenth = np.percentile(intervals, [50, 90])
     paint = page.evaluate(
         """() => {
             const start = performance.now();
@@ -330,12 +341,11 @@ def test_five_million_runs_are_fluid(browser, tmp_path):
     pictures.mkdir(exist_ok=True)
     page.screenshot(path=pictures / "explorer.png")
     print(
-        f"\n{sum(sizes.values()) / 1e6:.1f} MB; a frame is drawn in {median:.1f} ms (median of "
-        f"{times.size}), {tenth:.1f} ms (9 of 10); the map in {paint:.1f} ms"
+        f"\n{sum(sizes.values()) / 1e6:.1f} MB; from frame to frame {median:.1f} ms (median of "
+        f"{len(intervals)}), {tenth:.1f} ms (9 of 10); the map recoloured in {paint:.1f} ms"
     )
     assert page.complaints == []
-    assert len(titles) >= 6
-    assert times.size >= 40
+    assert shown > 0.9 * len(intervals)
     assert median < SLOWEST_MEDIAN
     assert tenth < SLOWEST_TENTH
     assert paint < 4 * SLOWEST_TENTH

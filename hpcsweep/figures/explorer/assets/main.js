@@ -17,7 +17,6 @@ class Explorer {
     this.here = null; // pointed at
     this.pin = null; // selected
     this.pending = false;
-    this.drawTimes = [];
     this.portraitCount = 0;
     this.diagrams = new OrbitDiagrams(byId("diagrams"), study, {
       choose: (amplitude) => this.choose(this.shown().frame, amplitude),
@@ -86,14 +85,7 @@ class Explorer {
     this.pending = true;
     requestAnimationFrame(() => {
       this.pending = false;
-      const start = performance.now();
       this.showFrame();
-      // uPlot draws in a microtask: the time is read after it
-      queueMicrotask(() =>
-        queueMicrotask(() => {
-          this.drawTimes.push(performance.now() - start);
-          if (this.drawTimes.length > 1000) this.drawTimes.shift();
-        }));
     });
   }
 
@@ -102,10 +94,9 @@ class Explorer {
     this.diagrams.show(frame, this.direction, amplitude, this.hold);
     this.map.mark(this.here, this.pin);
     const { study } = this;
-    const up = study.directions.map((d, i) => `${d} ${["blue", "orange"][i]}`).join(", ");
     byId("diagram-title").textContent =
-      `Orbit diagram at Ω = ${shortNumber(study.omega[frame], 6)} (frame ${frame + 1} of ` +
-      `${study.nFrames}); sweep ${up}; stop dashed`;
+      `Orbit diagram at Ω = ${shortNumber(study.omega[frame], 6)} ` +
+      `(frame ${frame + 1} of ${study.nFrames})`;
     const words = study.directions.map((name, d) => {
       const run = study.run(frame, d, amplitude);
       const about = this.quantities
@@ -247,6 +238,12 @@ class Explorer {
       `n = ${s.floors}, β = ${s.beta}, ρ = ${s.rho === null ? "∞" : s.rho}, ζ = ` +
       `${zeta.map((z) => shortNumber(z, 3)).join(", ")}${s.zeta.length > 5 ? ", …" : ""}; ` +
       `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} directions`;
+    byId("diagram-legend").replaceChildren(
+      ...study.directions.map((name, i) => {
+        const entry = document.createElement("span");
+        entry.append(chip(DIRECTION_COLOURS[i]), `sweep ${name}`);
+        return entry;
+      }), "stop dashed");
     const t = study.thinned;
     const notes = [
       "Point at the map: orbit diagram of that frame. Click: phase portrait and numbers of that " +

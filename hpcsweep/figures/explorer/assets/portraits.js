@@ -36,7 +36,7 @@ class Portraits {
       cursor: { show: false },
       axes: [
         { ...small, label: `u${i} [gaps]`, size: 22, space: 40 },
-        { ...small, label: `v${i} [gaps ω₀]`, size: 44, space: 24 },
+        { ...small, label: `v${i} [gaps ω₀]`, size: 50, space: 24 },
       ],
       hooks: { draw: [(u) => this.draw(u, panel)] },
     };

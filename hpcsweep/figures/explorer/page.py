@@ -141,7 +141,12 @@ def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
         "resolution": worst,
         "thinned": study.thinned,
         "motions": [
-            {"name": MOTION_NAMES[m], "colour": MOTION_COLOURS.get(m), "periodic": m is m.PERIODIC}
+            {
+                "name": MOTION_NAMES[m],
+                "colour": MOTION_COLOURS.get(m),
+                "periodic": m is Motion.PERIODIC,
+                "done": m not in (Motion.NOT_COMPUTED, Motion.FAILED),
+            }
             for m in Motion
         ],
         "outcomes": [o.name.lower().replace("_", " ") for o in Outcome],

@@ -71,6 +71,7 @@ function motionQuantity(study) {
 function contactQuantity(study) {
   const { contact, motion } = study.data;
   const notDone = study.contacts.length;
+  const key = (run) => (study.motions[motion[run]].done ? contact[run] : notDone);
   const own = study.palette.length;
   const label = (name) => (name === "none" ? "no contact" : name);
   const classes = study.contacts
@@ -81,13 +82,15 @@ function contactQuantity(study) {
     const keys = rare.map((_, i) => own + i);
     classes.push({ keys, label: `${rare.length} rarer sets`, colour: study.rareContact });
   }
-  classes.push({ keys: [notDone], label: "no result", colour: "#ffffff" });
+  if (motion.some((code) => !study.motions[code].done)) {
+    classes.push({ keys: [notDone], label: "no result", colour: "#ffffff" });
+  }
   return {
     id: "contact",
     label: "contact set C",
-    key: (run) => (motion[run] < 2 ? notDone : contact[run]),
+    key,
     classes,
-    name: (run) => (motion[run] < 2 ? "–" : label(study.contacts[contact[run]])),
+    name: (run) => (key(run) === notDone ? "–" : label(study.contacts[contact[run]])),
   };
 }
 

@@ -44,7 +44,7 @@ class OrbitDiagrams {
     for (const panel of this.panels) panel.plot.destroy();
     this.element.replaceChildren();
     this.panels = [...floors].reverse().map((floor, place) => {
-      const panel = { floor, place, y: [0, 1], canvas: document.createElement("canvas") };
+      const panel = { floor, y: [0, 1], canvas: document.createElement("canvas") };
       panel.plot = new uPlot(
         this.options(panel, place === floors.length - 1, floors.length),
         [this.range, [null, null]], this.element);
@@ -129,8 +129,6 @@ class OrbitDiagrams {
     if (study.data.points) {
       this.paint(u, panel);
       u.ctx.drawImage(panel.canvas, u.bbox.left, u.bbox.top);
-    } else if (panel.place === 0) {
-      u.ctx.fillText("the results hold no stroboscopic points", u.bbox.left + 20, u.bbox.top + 30);
     }
     const a = study.amplitude[amplitude];
     if (a >= range[0] && a <= range[1]) {

@@ -243,7 +243,8 @@ class Explorer {
         const entry = document.createElement("span");
         entry.append(chip(DIRECTION_COLOURS[i]), `sweep ${name}`);
         return entry;
-      }), "stop dashed");
+      }),
+      study.data.points ? "stop dashed" : "the results hold no stroboscopic points");
     const t = study.thinned;
     const notes = [
       "Point at the map: orbit diagram of that frame. Click: phase portrait and numbers of that " +

@@ -37,6 +37,10 @@ const AXIS = {
   ticks: { size: 4, stroke: "#999", width: 1 },
   border: { show: true, stroke: "#999", width: 1 },
   font: "12px sans-serif",
+  values: (u, splits, axis, space, step) => {
+    const digits = Math.min(12, Math.max(0, Math.ceil(1 - Math.log10(step))));
+    return splits.map((value) => String(+value.toFixed(digits) || 0).replace("-", "−"));
+  },
 };
 
 class RunMap {

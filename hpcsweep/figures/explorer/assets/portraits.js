@@ -35,7 +35,7 @@ class Portraits {
       legend: { show: false },
       cursor: { show: false },
       axes: [
-        { ...small, label: `u${i} [gaps]`, size: 22, space: 40 },
+        { ...small, label: `u${i} [gaps]`, size: 22, space: 26 },
         { ...small, label: `v${i} [gaps ω₀]`, size: 50, space: 24 },
       ],
       hooks: { draw: [(u) => this.draw(u, panel)] },

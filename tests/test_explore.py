@@ -34,16 +34,19 @@ max_orbit_period = 8
 lyapunov = true
 """
 LAPTOP = {"width": 1366, "height": 768}
-SLOWEST_MEDIAN, SLOWEST_TENTH = 50.0, 120.0
-"""Bounds of the time between frames in ms: fluid, on a machine without a graphics card."""
-MOVE_AND_TIME = """async () => {
+SLOWEST_MEDIAN, SLOWEST_TENTH, IDLE = 50.0, 150.0, 18.0
+"""Bounds of the time between frames in ms: fluid, on a machine without a graphics card. On one
+that is busy with other things, where even the frames of an idle page are later than `IDLE`, they
+are so much longer.
+"""
+MOVE_AND_TIME = """async (moving) => {
     const { over } = window.explorer.map.plot;
     const box = over.getBoundingClientRect();
     const titles = new Set();
     const times = [];
     for (let i = 0; i < 120; i++) {
         const share = 0.05 + 0.0075 * i;
-        over.dispatchEvent(new PointerEvent("pointermove", {
+        if (moving) over.dispatchEvent(new PointerEvent("pointermove", {
             bubbles: true,
             clientX: box.left + share * box.width,
             clientY: box.bottom - share * box.height,
@@ -328,8 +331,10 @@ def test_five_million_runs_are_fluid(browser, tmp_path):
     assert pixels(page, "#diagrams") != first[1]
     # a move before each of the browser's frames: the time from one to the next holds everything,
     # JavaScript, canvases and compositing
-    shown, intervals = page.evaluate(MOVE_AND_TIME)
+    _, idle = page.evaluate(MOVE_AND_TIME, False)
+    shown, intervals = page.evaluate(MOVE_AND_TIME, True)
     median, tenth = np.percentile(intervals, [50, 90])
+    busy = max(1.0, np.median(idle) / IDLE)
     paint = page.evaluate(
         """() => {
             const start = performance.now();
@@ -342,13 +347,14 @@ def test_five_million_runs_are_fluid(browser, tmp_path):
     page.screenshot(path=pictures / "explorer.png")
     print(
         f"\n{sum(sizes.values()) / 1e6:.1f} MB; from frame to frame {median:.1f} ms (median of "
-        f"{len(intervals)}), {tenth:.1f} ms (9 of 10); the map recoloured in {paint:.1f} ms"
+        f"{len(intervals)}), {tenth:.1f} ms (9 of 10), idle {np.median(idle):.1f} ms; "
+        f"the map recoloured in {paint:.1f} ms"
     )
     assert page.complaints == []
     assert shown > 0.9 * len(intervals)
-    assert median < SLOWEST_MEDIAN
-    assert tenth < SLOWEST_TENTH
-    assert paint < 4 * SLOWEST_TENTH
+    assert median < SLOWEST_MEDIAN * busy
+    assert tenth < SLOWEST_TENTH * busy
+    assert paint < SLOWEST_TENTH * busy
     page.close()
 
 

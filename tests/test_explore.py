@@ -198,7 +198,8 @@ def test_clicking_shows_the_numbers_and_the_orbit_of_the_run(page, results_file)
     shown = numbers(page)
     assert float(shown["A [gaps · ω₀²]"]) == pytest.approx(float(run["amplitude"]), rel=1e-6)
     assert float(shown["Ω [ω₀]"]) == pytest.approx(float(run["omega"]), rel=1e-6)
-    assert shown["orbit period"] == f"P{int(run['orbit_period'])}"
+    assert int(run["contact"]) > 0
+    assert shown["motion"] == f"P{int(run['orbit_period'])}"
     assert int(shown["periods integrated"]) == int(run["cycles"])
     assert float(shown["drift δ [A/Ω²]"]) == pytest.approx(float(run["drift"]), rel=1e-3)
     assert float(shown["modal norm η₂"]) == pytest.approx(float(run["modal_norm"][1]), abs=1e-3)
@@ -240,20 +241,21 @@ def test_the_map_shows_what_is_chosen(page, results_file):
     assert len(set(seen)) == 6
     page.select_option("#quantity", "motion")
     period = results["orbit_period"].values
-    two = np.argwhere((period[0] == 2) & (period[1] == 1))
-    one = np.argwhere((period[0] == 1) & (period[1] == 2))
-    assert len(two) + len(one) > 0
-    for place_, names in ((two, ("P2", "P1")), (one, ("P1", "P2"))):
-        for frame, amplitude in place_[:3]:
-            for direction, name in zip(("0", "1"), names, strict=True):
-                page.select_option("#direction", direction)
-                settle(page)
-                colour = {"P1": "#0072b2", "P2": "#d55e00"}[name]
-                assert map_pixel(page, int(frame), int(amplitude)) == colour
-    page.click("#legend button:has-text('P1')")
-    assert map_pixel(page, 0, 0) == "#0072b2"
+    colours = np.array(["", "#0072b2", "#d55e00", "#e3ecf2"])
+    kind = np.where((period == 1) | (period == 2), period, 0)
+    kind[results["contact"].values == 0] = 3
+    differ = np.argwhere((kind[0] != kind[1]) & (kind > 0).all(axis=0))
+    assert len(differ) > 0
+    for frame, amplitude in differ[:6]:
+        for direction in (0, 1):
+            page.select_option("#direction", str(direction))
+            settle(page)
+            expected = colours[kind[direction, frame, amplitude]]
+            assert map_pixel(page, int(frame), int(amplitude)) == expected
+    page.click("#legend button:has-text('no contact')")
+    assert map_pixel(page, 0, 0) == "#e3ecf2"
     page.click("#legend button:has-text('P2')")
-    assert map_pixel(page, 0, 0) != "#0072b2"
+    assert map_pixel(page, 0, 0) == "#ffffff"
 
 
 def test_the_keyboard_alone(page):

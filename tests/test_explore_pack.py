@@ -117,13 +117,20 @@ def test_motion_is_chaos_only_where_the_exponent_says_so(results_file):
     results = open_results(results_file)
     shape = results["outcome"].shape
     changed = results.copy(deep=True)
-    changed["orbit_period"][:] = 0
+    changed["orbit_period"][:], changed["contact"][:] = 0, 1
     changed["orbit_period"][0, 0, 0] = 3
     changed["lyapunov"][:] = 2 * CHAOTIC
     changed["lyapunov"][0, 0, 2] = 0.5 * CHAOTIC
     changed["outcome"][0, 0, 3], changed["outcome"][0, 0, 4] = 2, 0
+    changed["contact"][0, 0, 5] = 0
     expected = np.full(shape, Motion.CHAOTIC)
-    expected[0, 0, [0, 2, 3, 4]] = [2, 4, 1, 0]
+    expected[0, 0, [0, 2, 3, 4, 5]] = [
+        Motion.PERIODIC,
+        Motion.UNDECIDED,
+        Motion.FAILED,
+        Motion.NOT_COMPUTED,
+        Motion.NO_CONTACT,
+    ]
     assert np.array_equal(motion_of(changed), expected)
     assert not (motion_of(changed.drop_vars("lyapunov")) == Motion.CHAOTIC).any()
 

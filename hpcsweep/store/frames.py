@@ -25,7 +25,8 @@ def read_frames(path: str | Path, job: Job, frames: np.ndarray) -> Iterator:
     Yields
     ------
     xarray.Dataset
-        As of `open_results`, with dimension `frame` of size 1 and no attributes.
+        As of `open_results`, with dimension `frame` of size 1; of the attributes only
+        `job` and `name`.
     """
     import xarray
 
@@ -53,6 +54,7 @@ def read_frames(path: str | Path, job: Job, frames: np.ndarray) -> Iterator:
                     "frame": [frame],
                     "amplitude": job.amplitude,
                 },
+                attrs={"job": job.text, "name": job.name},
             )
     finally:
         blocks.close()

@@ -16,7 +16,7 @@ from hpcsweep.figures.explorer.pack import (
     resolution,
     to_text,
 )
-from hpcsweep.figures.explorer.study import MOTION_NAMES, Motion, Study
+from hpcsweep.figures.explorer.study import Motion, Study
 from hpcsweep.figures.style import PALETTE, UNDECIDED, contact_name
 from hpcsweep.outcome import Outcome
 
@@ -34,13 +34,16 @@ VALUE_BITS = {"drift": 16, "lyapunov": 16}
 NORM_BITS = 12
 OWN_COLOURS = len(PALETTE)
 """Periods from 1, and contact sets by frequency, with a colour of their own."""
+LONG_PERIOD = "#dcc9a3"
 MOTION_COLOURS = {
     Motion.NOT_COMPUTED: "#ffffff",
-    Motion.FAILED: "#f0e442",
+    Motion.NO_CONTACT: "#e3ecf2",
+    Motion.LONG_PERIOD: LONG_PERIOD,
+    Motion.QUASI_PERIODIC: "#f5a3a3",
     Motion.CHAOTIC: "#1a1a1a",
     Motion.UNDECIDED: UNDECIDED,
+    Motion.FAILED: "#f0e442",
 }
-LONG_PERIOD = "#dcc9a3"
 RARE_CONTACT = "#bdbdbd"
 
 
@@ -142,7 +145,7 @@ def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
         "thinned": study.thinned,
         "motions": [
             {
-                "name": MOTION_NAMES[m],
+                "name": m.name.lower().replace("_", " "),
                 "colour": MOTION_COLOURS.get(m),
                 "periodic": m is Motion.PERIODIC,
                 "done": m not in (Motion.NOT_COMPUTED, Motion.FAILED),

@@ -20,23 +20,17 @@ class Motion(IntEnum):
     """Kinds of motion the page tells apart."""
 
     NOT_COMPUTED = 0
-    FAILED = 1
+    NO_CONTACT = 1
     PERIODIC = 2
-    CHAOTIC = 3
-    UNDECIDED = 4
-
-
-MOTION_NAMES = {
-    Motion.NOT_COMPUTED: "not computed",
-    Motion.FAILED: "failed",
-    Motion.PERIODIC: "periodic",
-    Motion.CHAOTIC: "chaos",
-    Motion.UNDECIDED: "undecided",
-}
+    LONG_PERIOD = 3
+    QUASI_PERIODIC = 4
+    CHAOTIC = 5
+    UNDECIDED = 6
+    FAILED = 7
 
 
 def motion_of(results) -> np.ndarray:
-    """Tell the kind of motion of each run.
+    """Tell the kind of motion of each run by its orbit period and exponent alone.
 
     Parameters
     ----------
@@ -46,14 +40,16 @@ def motion_of(results) -> np.ndarray:
     Returns
     -------
     ndarray of uint8, shape (direction, frame, amplitude)
-        `Motion`. Without a period a run is chaotic if its largest Lyapunov exponent is known and
-        above `CHAOTIC`, else undecided.
+        `Motion`, never LONG_PERIOD or QUASI_PERIODIC. Without a period a run is chaotic if its
+        largest Lyapunov exponent is known and above `CHAOTIC`, else undecided.
     """
     outcome, period = results["outcome"].values, results["orbit_period"].values
     motion = np.full(outcome.shape, Motion.UNDECIDED, np.uint8)
     if "lyapunov" in results:
         motion[results["lyapunov"].values > CHAOTIC] = Motion.CHAOTIC
     motion[period > 0] = Motion.PERIODIC
+    if "contact" in results:
+        motion[results["contact"].values == 0] = Motion.NO_CONTACT
     motion[outcome != Outcome.COMPLETE] = Motion.FAILED
     motion[outcome == Outcome.NOT_COMPUTED] = Motion.NOT_COMPUTED
     return motion

@@ -1,7 +1,7 @@
 // What the map can show, the colour of every code, and the legend.
 
 const NO_VALUE = "#d9d9d9";
-const DIMMED = "#efefef";
+const DIMMED = "#ffffff";
 
 function pixel(hex) {
   const v = parseInt(hex.slice(1), 16);
@@ -61,7 +61,8 @@ function motionQuantity(study) {
   });
   return {
     id: "motion",
-    label: "orbit period",
+    label: "motion: orbit period P, or kind",
+    short: "motion",
     key,
     classes,
     name: (run) => (motion[run] === periodic ? `P${period[run]}` : study.motions[motion[run]].name),
@@ -146,7 +147,7 @@ function drawLegend(element, quantity, only, choose) {
       text(`≥ ${shortNumber(high, 3)}`), none, text("no value"));
     return;
   }
-  element.append(text(`${quantity.label}:`));
+  element.append(text(`${quantity.short || quantity.label}:`));
   for (const c of quantity.classes) {
     const button = document.createElement("button");
     button.type = "button";

@@ -9,6 +9,7 @@ from hpcsweep.commands import (
     bench,
     claims,
     complain,
+    explore,
     pack,
     plot,
     run,
@@ -16,7 +17,7 @@ from hpcsweep.commands import (
     validate,
 )
 
-COMMANDS = (run, status, validate, pack, plot, animate, claims, bench)
+COMMANDS = (run, status, validate, pack, plot, animate, explore, claims, bench)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.
@@ -31,6 +32,7 @@ examples:
   hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
   mpirun -n 4 hpcsweep animate map.h5 -o m.mp4  film the orbit diagrams over Omega
   hpcsweep claims figure3.h5                    answer the paper's claims
+  hpcsweep explore figure3.h5 -o figure3.html   explore it in a browser
 
 exit codes:
   0   complete

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.layout import StoreError, run_variables
+from hpcsweep.store.layout import RUN, StoreError, run_variables
 from hpcsweep.store.reader import MISSING, job_of
 
 
@@ -57,7 +57,7 @@ class Frames:
                 )
         job = self.job
         found: dict[str, np.ndarray] = {}
-        for direction, block, _start, valid, _end in self._blocks.chain(frame):
+        for (direction, block), valid in self._blocks.valid(frame).items():
             rows = self._blocks.read(direction, frame, block) if valid or not found else None
             if not found:
                 shape = (len(job.directions), job.amplitude.size)
@@ -69,3 +69,32 @@ class Frames:
                 for name in names:
                     found[name][direction, low:high] = rows[name]
         return found
+
+    def dataset(self, frame: int):
+        """Read one frame as an xarray.Dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            As of `open_results`, with dimension `frame` of size 1; of the attributes only
+            `job` and `name`.
+        """
+        import xarray
+
+        job = self.job
+        variables = run_variables(job)
+        found = self.read(frame, tuple(variable.name for variable in variables))
+        return xarray.Dataset(
+            {
+                "omega": (("frame",), job.omega[[frame]]),
+                **{
+                    v.name: ((*RUN, *v.dims[len(RUN) :]), found[v.name][:, None]) for v in variables
+                },
+            },
+            coords={
+                "direction": list(job.directions),
+                "frame": [frame],
+                "amplitude": job.amplitude,
+            },
+            attrs={"job": job.text, "name": job.name},
+        )

@@ -1,0 +1,193 @@
+// The orbit diagrams of one frame: stroboscopic displacement of some floors against A.
+
+const DIRECTION_COLOURS = ["#0072b2", "#d55e00"];
+const STOP = 1; // gaps
+const STOP_STYLE = "#7a7a7a";
+
+function subscript(number) {
+  return String(number).replace(/\d/g, (d) => "₀₁₂₃₄₅₆₇₈₉"[d]);
+}
+
+function padded(low, high, share = 0.07) {
+  const margin = share * (high - low) || 0.05 * Math.abs(high) || 0.05;
+  return [low - margin, high + margin];
+}
+
+function horizontalLine(u, y) {
+  if (y < u.scales.y.min || y > u.scales.y.max) return;
+  const at = u.valToPos(y, "y", true);
+  u.ctx.save();
+  u.ctx.strokeStyle = STOP_STYLE;
+  u.ctx.setLineDash([6, 4]);
+  u.ctx.beginPath();
+  u.ctx.moveTo(u.bbox.left, at);
+  u.ctx.lineTo(u.bbox.left + u.bbox.width, at);
+  u.ctx.stroke();
+  u.ctx.restore();
+}
+
+class OrbitDiagrams {
+  // `events`: choose(amplitude index), zoom(range of A or null)
+  constructor(element, study, events) {
+    this.element = element;
+    this.study = study;
+    this.events = events;
+    this.range = null;
+    Object.assign(this, { frame: 0, direction: 0, amplitude: 0 });
+    this.panels = [];
+    this.edges = cellEdges(study.amplitude);
+    this.everyFrame = null;
+  }
+
+  // Make a panel for each of the floors (indices from 0), the top one first.
+  layout(floors) {
+    for (const panel of this.panels) panel.plot.destroy();
+    this.element.replaceChildren();
+    this.panels = [...floors].reverse().map((floor, place) => {
+      const panel = { floor, y: [0, 1], canvas: document.createElement("canvas") };
+      panel.plot = new uPlot(
+        this.options(panel, place === floors.length - 1, floors.length),
+        [this.range, [null, null]], this.element);
+      panel.plot.over.addEventListener("click", (event) => this.click(panel, event));
+      panel.plot.over.addEventListener("pointerdown", (e) => (panel.down = e.clientX));
+      panel.plot.over.addEventListener("dblclick", () => this.events.zoom(null));
+      return panel;
+    });
+  }
+
+  size(last, count) {
+    const room = Math.max(240, 0.44 * window.innerHeight);
+    const width = Math.max(320, this.element.clientWidth);
+    return { width, height: Math.round(room / count) + (last ? 36 : 0) };
+  }
+
+  options(panel, last, count) {
+    const size = this.size(last, count);
+    const name = `u${subscript(panel.floor + 1)}(jT) [gaps]`;
+    return {
+      ...size,
+      padding: [5, 12, last ? 0 : 3, 0],
+      scales: { x: { time: false, range: () => this.range }, y: { range: () => panel.y } },
+      series: [{}, { show: false }],
+      legend: { show: false },
+      cursor: {
+        points: { show: false }, y: false,
+        drag: { x: true, y: false, setScale: false }, sync: { key: "diagrams" },
+      },
+      axes: [
+        last
+          ? { ...AXIS, label: "forcing amplitude A [gaps · ω₀²]", labelSize: 18, labelFont: AXIS.font, size: 24 }
+          : { ...AXIS, size: 4, values: () => [] },
+        { ...AXIS, label: name, labelSize: 18, labelFont: AXIS.font, size: 48, space: 24 },
+      ],
+      hooks: {
+        draw: [(u) => this.draw(u, panel)],
+        setSelect: [(u) => this.zoomToSelection(u)],
+      },
+    };
+  }
+
+  click(panel, event) {
+    if (Math.abs(event.clientX - panel.down) > 4) return;
+    const box = panel.plot.over.getBoundingClientRect();
+    const share = (event.clientX - box.left) / box.width;
+    const cell = cellOf(this.edges, this.range[0] + share * (this.range[1] - this.range[0]));
+    if (cell >= 0) this.events.choose(cell);
+  }
+
+  zoomToSelection(u) {
+    if (u.select.width < 6) return;
+    const at = (left) => u.posToVal(left, "x");
+    const range = [at(u.select.left), at(u.select.left + u.select.width)];
+    u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.events.zoom(range);
+  }
+
+  // Show a frame; `direction` is drawn on top, `amplitude` is marked.
+  show(frame, direction, amplitude, hold) {
+    Object.assign(this, { frame, direction, amplitude });
+    for (const panel of this.panels) {
+      panel.y = this.verticalRange(panel.floor, hold);
+      panel.plot.setData([this.range, [null, null]], true);
+    }
+  }
+
+  verticalRange(floor, hold) {
+    if (!this.study.data.points) return [0, 1];
+    const ranges = this.study.arrays.points.ranges;
+    if (!hold) return padded(...ranges[this.frame][floor]);
+    if (!this.everyFrame) {
+      this.everyFrame = ranges[0].map((_, i) => [
+        Math.min(...ranges.map((r) => r[i][0])), Math.max(...ranges.map((r) => r[i][1]))]);
+    }
+    return padded(...this.everyFrame[floor]);
+  }
+
+  draw(u, panel) {
+    const { amplitude, range, study } = this;
+    horizontalLine(u, STOP);
+    if (study.data.points) {
+      this.paint(u, panel);
+      u.ctx.drawImage(panel.canvas, u.bbox.left, u.bbox.top);
+    }
+    const a = study.amplitude[amplitude];
+    if (a >= range[0] && a <= range[1]) {
+      const at = u.valToPos(a, "x", true);
+      u.ctx.fillStyle = "rgba(0, 0, 0, 0.45)";
+      u.ctx.fillRect(at - 0.5, u.bbox.top, 1, u.bbox.height);
+    }
+  }
+
+  paint(u, panel) {
+    const { canvas, floor } = panel;
+    const { study, frame } = this;
+    const width = Math.max(1, Math.round(u.bbox.width));
+    const height = Math.max(1, Math.round(u.bbox.height));
+    if (canvas.width !== width || canvas.height !== height) {
+      canvas.width = width;
+      canvas.height = height;
+    }
+    const context = canvas.getContext("2d");
+    if (!panel.image || panel.image.width !== width || panel.image.height !== height) {
+      panel.image = context.createImageData(width, height);
+      panel.pixels = new Uint32Array(panel.image.data.buffer);
+    }
+    const pixels = panel.pixels.fill(0);
+    const { points, counts } = study.data;
+    const [low, high] = study.arrays.points.ranges[frame][floor];
+    const [from, to] = [u.scales.y.min, u.scales.y.max];
+    const scale = height / (to - from);
+    const step = (scale * (high - low)) / (2 ** study.bits - 2);
+    const base = (to - low) * scale + step;
+    const offset = floor * study.nPoints;
+    const shared = Math.round(window.devicePixelRatio || 1);
+    const sparse = width / study.nAmplitudes > 3 * shared ? 1 : 0;
+    const order = study.directions.map((_, d) => d).filter((d) => d !== this.direction);
+    for (const direction of [...order, this.direction]) {
+      const colour = pixel(DIRECTION_COLOURS[direction]);
+      const side = ((direction === this.direction ? 2 : 3) + sparse) * shared;
+      const half = side >> 1;
+      const first = study.run(frame, direction, 0);
+      for (let a = 0; a < study.nAmplitudes; a++) {
+        const share = (study.amplitude[a] - this.range[0]) / (this.range[1] - this.range[0]);
+        const x = Math.round(share * width) - half;
+        if (x < 0 || x + side > width) continue;
+        const start = offset + study.starts[first + a];
+        const end = start + counts[first + a];
+        for (let i = start; i < end; i++) {
+          const y = Math.round(base - points[i] * step) - half;
+          if (y < 0 || y + side > height) continue;
+          for (let dy = 0, at = y * width + x; dy < side; dy++, at += width) {
+            for (let dx = 0; dx < side; dx++) pixels[at + dx] = colour;
+          }
+        }
+      }
+    }
+    context.putImageData(panel.image, 0, 0);
+  }
+
+  resize() {
+    const count = this.panels.length;
+    this.panels.forEach((p, i) => p.plot.setSize(this.size(i === count - 1, count)));
+  }
+}

@@ -1,0 +1,362 @@
+// The page: what is pointed at, what is selected, and everything that follows from them.
+
+const FLOORS_AT_ONCE = 3;
+const BIG_STEP = 20;
+
+const byId = (id) => document.getElementById(id);
+
+class Explorer {
+  constructor(study) {
+    this.study = study;
+    this.quantities = quantities(study);
+    this.quantity = this.quantities[0];
+    this.only = null;
+    this.hold = false;
+    this.direction = 0;
+    this.floors = [];
+    this.here = null; // pointed at
+    this.pin = null; // selected
+    this.pending = false;
+    this.portraitCount = 0;
+    this.diagrams = new OrbitDiagrams(byId("diagrams"), study, {
+      choose: (amplitude) => this.choose(this.shown().frame, amplitude),
+      zoom: (a) => this.map.setView({ ...this.map.view, a: a || this.map.whole().a }),
+    });
+    this.portraits = new Portraits(byId("portraits"), study);
+    this.describe();
+    this.map = new RunMap(byId("map"), study, {
+      point: (frame, amplitude) => this.point(frame, amplitude),
+      leave: () => this.leave(),
+      choose: (frame, amplitude) => this.choose(frame, amplitude),
+      view: (view) => this.showView(view),
+    });
+    this.diagrams.range = this.map.view.a;
+    this.fillControls();
+    this.listen();
+    this.setFloors(0);
+    this.recolour();
+    this.choose(...this.firstRun());
+  }
+
+  shown() {
+    return this.here || this.pin;
+  }
+
+  // A run worth a look at first: of the longest period, in the middle of its kind.
+  firstRun() {
+    const { motion, period } = this.study.data;
+    const { nFrames, nAmplitudes } = this.study;
+    const periodic = this.study.motions.findIndex((m) => m.periodic);
+    let best = -1;
+    let most = 0;
+    for (let frame = 0; frame < nFrames; frame++) {
+      for (let a = 0; a < nAmplitudes; a++) {
+        const run = this.study.run(frame, 0, a);
+        if (motion[run] === periodic && period[run] > most && period[run] <= 6) {
+          most = period[run];
+          best = frame * nAmplitudes + a;
+        }
+      }
+    }
+    return best < 0 ? [nFrames >> 1, nAmplitudes >> 1] : [Math.floor(best / nAmplitudes), best % nAmplitudes];
+  }
+
+  point(frame, amplitude) {
+    if (this.here && this.here.frame === frame && this.here.amplitude === amplitude) return;
+    this.here = { frame, amplitude };
+    this.later();
+  }
+
+  leave() {
+    this.here = null;
+    this.later();
+  }
+
+  choose(frame, amplitude) {
+    this.pin = { frame, amplitude };
+    this.later();
+    this.showNumbers();
+    this.showPortrait();
+  }
+
+  // Draw at the browser's next frame, once for all events until then.
+  later() {
+    if (this.pending) return;
+    this.pending = true;
+    requestAnimationFrame(() => {
+      this.pending = false;
+      this.showFrame();
+    });
+  }
+
+  showFrame() {
+    const { frame, amplitude } = this.shown();
+    this.diagrams.show(frame, this.direction, amplitude, this.hold);
+    this.map.mark(this.here, this.pin);
+    const { study } = this;
+    byId("diagram-title").textContent =
+      `Orbit diagram at Ω = ${shortNumber(study.omega[frame], 6)} ` +
+      `(frame ${frame + 1} of ${study.nFrames})`;
+    const words = study.directions.map((name, d) => {
+      const run = study.run(frame, d, amplitude);
+      const about = this.quantities
+        .filter((q) => q.id === "motion" || q.id === "contact" || q === this.quantity)
+        .map((q) => (q.id === "motion" || q.id === "contact" ? "" : `${q.short} `) + q.name(run));
+      return `${name}: ${about.join(", ")}`;
+    });
+    byId("readout").textContent =
+      `A = ${shortNumber(study.amplitude[amplitude], 6)}, ` +
+      `Ω = ${shortNumber(study.omega[frame], 6)}; ${words.join("; ")}`;
+  }
+
+  showView(view) {
+    this.diagrams.range = view.a;
+    this.later();
+  }
+
+  recolour() {
+    this.map.colour(this.direction, this.quantity.key, colourTable(this.quantity, this.only));
+    drawLegend(byId("legend"), this.quantity, this.only, (only) => {
+      this.only = only;
+      this.recolour();
+    });
+  }
+
+  setFloors(first) {
+    const { nFloors } = this.study;
+    const last = Math.min(first + FLOORS_AT_ONCE, nFloors);
+    this.floors = Array.from({ length: last - first }, (_, i) => first + i);
+    this.diagrams.layout(this.floors);
+    this.portraits.layout(this.floors);
+  }
+
+  setDirection(direction) {
+    this.direction = direction;
+    byId("direction").value = direction;
+    this.recolour();
+    this.choose(this.pin.frame, this.pin.amplitude);
+  }
+
+  numbers(run) {
+    const { study } = this;
+    const { frame, amplitude } = this.pin;
+    const rows = [
+      ["A [gaps · ω₀²]", shortNumber(study.amplitude[amplitude], 7)],
+      ["Ω [ω₀]", shortNumber(study.omega[frame], 7)],
+      ["sweep", study.directions[this.direction]],
+    ];
+    for (const q of this.quantities) {
+      rows.push([q.short || q.label, q.name(run)]);
+    }
+    rows.push(["outcome", study.outcomes[study.data.outcome[run]]]);
+    rows.push(["periods integrated", String(study.data.cycles[run])]);
+    return rows;
+  }
+
+  showNumbers() {
+    const run = this.study.run(this.pin.frame, this.direction, this.pin.amplitude);
+    const body = byId("numbers").tBodies[0];
+    body.replaceChildren(
+      ...this.numbers(run).map(([name, value]) => {
+        const row = document.createElement("tr");
+        const head = document.createElement("th");
+        head.scope = "row";
+        head.textContent = name;
+        const cell = document.createElement("td");
+        cell.textContent = value;
+        row.append(head, cell);
+        return row;
+      }));
+  }
+
+  async showPortrait() {
+    const { study, direction } = this;
+    const { frame, amplitude } = this.pin;
+    const ticket = ++this.portraitCount;
+    const run = study.run(frame, direction, amplitude);
+    const note = byId("portrait-note");
+    byId("portrait-title").textContent =
+      `Phase portrait at A = ${shortNumber(study.amplitude[amplitude], 6)}, ` +
+      `Ω = ${shortNumber(study.omega[frame], 6)}, sweep ${study.directions[direction]}`;
+    if (!study.data.points || !study.data.counts[run]) {
+      this.portraits.show(null);
+      note.textContent = "No stroboscopic points of this run are in the page.";
+      return;
+    }
+    const start = this.storedState(frame, run);
+    const period = study.data.period[run];
+    note.textContent = "Integrating …";
+    const orbit = await orbitFrom(
+      study.structure, study.amplitude[amplitude], study.omega[frame], start, period,
+      () => ticket !== this.portraitCount);
+    if (!orbit) return;
+    orbit.periodic = period > 0;
+    orbit.colour = DIRECTION_COLOURS[direction];
+    this.portraits.show(orbit);
+    this.orbit = orbit;
+    note.textContent = this.portraitNote(orbit, frame, run, period);
+  }
+
+  storedState(frame, run) {
+    const { study } = this;
+    const n = study.nFloors;
+    return Float64Array.from({ length: 2 * n }, (_, i) =>
+      i < n ? study.displacement(frame, i, study.starts[run]) : study.velocity(frame, i - n, run));
+  }
+
+  portraitNote(orbit, frame, run, period) {
+    const { study } = this;
+    const made =
+      "Line and points are integrated in this page (Dormand–Prince 5(4)) from one stored point";
+    if (orbit.failed) return `${made}; the integration failed.`;
+    if (!period) {
+      return `${made}: ${orbit.points.length} periods of the same motion, not the same history ` +
+        `(the stored point is rounded to ${shortNumber(study.resolution.points, 2)} gaps).`;
+    }
+    let off = 0;
+    const kept = Math.min(study.data.counts[run], period);
+    for (let j = 0; j < kept; j++) {
+      for (let i = 0; i < study.nFloors; i++) {
+        const stored = study.displacement(frame, i, study.starts[run] + j);
+        off = Math.max(off, Math.abs(stored - orbit.points[j][i]));
+      }
+    }
+    const warned = off > 3 * study.resolution.points + 1e-4;
+    const settled = orbit.settling ? ` after ${orbit.settling} periods` : "";
+    const judged = warned ? " Beware: this is another orbit than the stored one." : "";
+    return `${made}${settled}; it closes to ${shortNumber(orbit.closed, 2)} and is at most ` +
+      `${shortNumber(off, 2)} gaps off the stored points ` +
+      `(rounded to ${shortNumber(study.resolution.points, 2)}).${judged}`;
+  }
+
+  describe() {
+    const { study } = this;
+    const s = study.structure;
+    const zeta = s.zeta.every((z) => z === s.zeta[0]) ? [s.zeta[0]] : s.zeta.slice(0, 5);
+    byId("title").textContent = study.name;
+    byId("structure").textContent =
+      `n = ${s.floors}, β = ${s.beta}, ρ = ${s.rho === null ? "∞" : s.rho}, ζ = ` +
+      `${zeta.map((z) => shortNumber(z, 3)).join(", ")}${s.zeta.length > 5 ? ", …" : ""}; ` +
+      `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} directions`;
+    byId("diagram-legend").replaceChildren(
+      ...study.directions.map((name, i) => {
+        const entry = document.createElement("span");
+        entry.append(chip(DIRECTION_COLOURS[i]), `sweep ${name}`);
+        return entry;
+      }),
+      study.data.points ? "stop dashed" : "the results hold no stroboscopic points");
+    const t = study.thinned;
+    const notes = [
+      "Point at the map: orbit diagram of that frame. Click: phase portrait and numbers of that " +
+        "run. Click into the orbit diagram: another amplitude. Drag a box or turn the wheel: zoom; " +
+        "double click: whole map. A legend entry shows its class alone.",
+      "Keys on the map: arrows move the pointed run (with Shift by 20), Enter selects it, " +
+        "Escape returns to the selected one, + − 0 zoom, D changes the direction.",
+      "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. The map shows the run " +
+        "nearest to each pixel; colours of numbers span 1 % to 99 % of them.",
+      `Numbers are rounded to: ${Object.entries(study.arrays)
+        .filter(([, spec]) => "step" in spec)
+        .map(([name, spec]) => `${name.replaceAll("_", " ")} ${shortNumber(spec.step, 2)}`)
+        .join(", ")}.`,
+    ];
+    if (study.resolution.points) {
+      notes.push(
+        `Stroboscopic points are rounded to 1/${2 ** study.bits} of their range in the frame, at ` +
+          `worst ${shortNumber(study.resolution.points, 2)} gaps and ` +
+          `${shortNumber(study.resolution.speed, 2)} gaps ω₀; ` +
+          `at most ${t.points} of the ${t.of_points} of a run are here.`);
+    }
+    if (t.frame_step > 1 || t.amplitude_step > 1) {
+      notes.push(`Thinned: every ${t.frame_step}. frame, every ${t.amplitude_step}. amplitude.`);
+    }
+    byId("notes").replaceChildren(
+      ...notes.map((words) => {
+        const p = document.createElement("p");
+        p.textContent = words;
+        return p;
+      }));
+  }
+
+  fillControls() {
+    const { study } = this;
+    const fill = (id, entries) =>
+      byId(id).replaceChildren(...entries.map(([value, label]) => new Option(label, value)));
+    fill("quantity", this.quantities.map((q) => [q.id, q.label]));
+    fill("direction", study.directions.map((d, i) => [i, d]));
+    const groups = [];
+    for (let first = 0; first < study.nFloors; first += FLOORS_AT_ONCE) {
+      const last = Math.min(first + FLOORS_AT_ONCE, study.nFloors);
+      groups.push([first, last - first > 1 ? `${first + 1}–${last}` : String(last)]);
+    }
+    fill("floors", groups);
+    byId("floors").disabled = groups.length < 2;
+    byId("direction").disabled = study.nDirections < 2;
+  }
+
+  listen() {
+    byId("quantity").addEventListener("change", (event) => {
+      this.quantity = this.quantities.find((q) => q.id === event.target.value);
+      this.only = null;
+      this.recolour();
+      this.later();
+    });
+    byId("direction").addEventListener("change", (e) => this.setDirection(Number(e.target.value)));
+    byId("floors").addEventListener("change", (event) => {
+      this.setFloors(Number(event.target.value));
+      this.later();
+      this.portraits.show(this.orbit || null);
+    });
+    byId("hold").addEventListener("change", (event) => {
+      this.hold = event.target.checked;
+      this.later();
+    });
+    byId("zoom-in").addEventListener("click", () => this.map.zoom(0.6));
+    byId("zoom-out").addEventListener("click", () => this.map.zoom(1 / 0.6));
+    byId("zoom-reset").addEventListener("click", () => this.map.setView(this.map.whole()));
+    byId("map").addEventListener("keydown", (event) => this.key(event));
+    window.addEventListener("resize", () => {
+      this.map.resize();
+      this.diagrams.resize();
+      this.portraits.resize();
+      this.later();
+    });
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const { nFrames, nAmplitudes, nDirections } = this.study;
+    const step = event.shiftKey ? BIG_STEP : 1;
+    const moves = {
+      ArrowLeft: [0, -step], ArrowRight: [0, step], ArrowUp: [step, 0], ArrowDown: [-step, 0],
+    };
+    const within = (i, n) => Math.min(n - 1, Math.max(0, i));
+    if (moves[event.key]) {
+      const { frame, amplitude } = this.shown();
+      const [df, da] = moves[event.key];
+      this.point(within(frame + df, nFrames), within(amplitude + da, nAmplitudes));
+    } else if (event.key === "Enter" || event.key === " ") {
+      const { frame, amplitude } = this.shown();
+      this.choose(frame, amplitude);
+    } else if (event.key === "Escape") this.leave();
+    else if (event.key === "+" || event.key === "=") this.map.zoom(0.6);
+    else if (event.key === "-") this.map.zoom(1 / 0.6);
+    else if (event.key === "0") this.map.setView(this.map.whole());
+    else if (event.key.toLowerCase() === "d") {
+      this.setDirection((this.direction + 1) % nDirections);
+    } else return;
+    event.preventDefault();
+  }
+}
+
+(async () => {
+  const loading = byId("loading");
+  try {
+    const study = await decodeStudy(JSON.parse(byId("meta").textContent));
+    window.explorer = new Explorer(study);
+    loading.hidden = true;
+    document.body.dataset.ready = "true";
+  } catch (error) {
+    loading.textContent = `This page cannot be shown: ${error.message}`;
+    throw error;
+  }
+})();

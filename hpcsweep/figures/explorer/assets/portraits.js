@@ -1,0 +1,107 @@
+// Phase portraits of the selected run: (u, v) of some floors, orbit and stroboscopic points.
+
+class Portraits {
+  constructor(element, study) {
+    this.element = element;
+    this.study = study;
+    this.panels = [];
+    this.orbit = null;
+  }
+
+  layout(floors) {
+    for (const panel of this.panels) panel.plot.destroy();
+    this.element.replaceChildren();
+    this.panels = floors.map((floor) => {
+      const panel = { floor, x: [0, 1], y: [0, 1] };
+      panel.plot = new uPlot(this.options(panel, floors.length), [[0, 1], [null, null]], this.element);
+      return panel;
+    });
+  }
+
+  size(count) {
+    const side = Math.floor((this.element.parentElement.clientWidth - 2 * count) / count);
+    const height = Math.max(150, Math.min(230, 0.26 * window.innerHeight));
+    return { width: Math.max(110, Math.min(side, 280)), height };
+  }
+
+  options(panel, count) {
+    const i = subscript(panel.floor + 1);
+    const small = { ...AXIS, font: "11px sans-serif", labelFont: "11px sans-serif", labelSize: 15 };
+    return {
+      ...this.size(count),
+      padding: [5, 6, 0, 0],
+      scales: { x: { time: false, range: () => panel.x }, y: { range: () => panel.y } },
+      series: [{}, { show: false }],
+      legend: { show: false },
+      cursor: { show: false },
+      axes: [
+        { ...small, label: `u${i} [gaps]`, size: 22, space: 26 },
+        { ...small, label: `v${i} [gaps ω₀]`, size: 50, space: 24 },
+      ],
+      hooks: { draw: [(u) => this.draw(u, panel)] },
+    };
+  }
+
+  // Show an orbit {line, points} of states, or nothing.
+  show(orbit) {
+    this.orbit = orbit;
+    const n = this.study.nFloors;
+    for (const panel of this.panels) {
+      const states = orbit ? [...orbit.line, ...orbit.points] : [];
+      panel.x = this.range(states, panel.floor);
+      panel.y = this.range(states, n + panel.floor);
+      panel.plot.setData([panel.x, [null, null]], true);
+    }
+  }
+
+  range(states, component) {
+    let low = Infinity;
+    let high = -Infinity;
+    for (const z of states) {
+      low = Math.min(low, z[component]);
+      high = Math.max(high, z[component]);
+    }
+    return low <= high ? padded(low, high) : [0, 1];
+  }
+
+  draw(u, panel) {
+    if (!this.orbit) return;
+    const { ctx, bbox } = u;
+    const n = this.study.nFloors;
+    const x = (z) => u.valToPos(z[panel.floor], "x", true);
+    const y = (z) => u.valToPos(z[n + panel.floor], "y", true);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    if (STOP >= panel.x[0] && STOP <= panel.x[1]) {
+      const at = u.valToPos(STOP, "x", true);
+      ctx.strokeStyle = STOP_STYLE;
+      ctx.setLineDash([6, 4]);
+      ctx.beginPath();
+      ctx.moveTo(at, bbox.top);
+      ctx.lineTo(at, bbox.top + bbox.height);
+      ctx.stroke();
+      ctx.setLineDash([]);
+    }
+    ctx.strokeStyle = this.orbit.colour;
+    ctx.globalAlpha = this.orbit.periodic ? 1 : 0.45;
+    ctx.lineWidth = this.orbit.periodic ? 1.2 : 0.7;
+    ctx.beginPath();
+    this.orbit.line.forEach((z, i) => (i ? ctx.lineTo(x(z), y(z)) : ctx.moveTo(x(z), y(z))));
+    ctx.stroke();
+    ctx.globalAlpha = 1;
+    ctx.fillStyle = "#000";
+    const radius = this.orbit.periodic ? 3 : 2;
+    for (const z of this.orbit.points) {
+      ctx.beginPath();
+      ctx.arc(x(z), y(z), radius, 0, 2 * Math.PI);
+      ctx.fill();
+    }
+    ctx.restore();
+  }
+
+  resize() {
+    for (const panel of this.panels) panel.plot.setSize(this.size(this.panels.length));
+  }
+}

@@ -1,0 +1,255 @@
+"""Put a study into one self-contained page."""
+
+import html
+import json
+import math
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.classify import MotionClass
+from hpcsweep.figures.explorer.pack import (
+    predict_points,
+    predict_rows,
+    quantise,
+    resolution,
+    to_text,
+)
+from hpcsweep.figures.explorer.study import Study
+from hpcsweep.figures.style import PALETTE, UNDECIDED, contact_name
+from hpcsweep.outcome import Outcome
+
+SCRIPTS = (
+    "codec.js",
+    "integrate.js",
+    "colours.js",
+    "map.js",
+    "diagrams.js",
+    "portraits.js",
+    "main.js",
+)
+DEFAULT_BITS = 12
+VALUE_BITS = {"drift": 16, "lyapunov": 16}
+NORM_BITS = 12
+OWN_COLOURS = len(PALETTE)
+"""Periods from 1, and contact sets by frequency, with a colour of their own."""
+LONG_PERIOD = "#dcc9a3"
+MOTION_COLOURS = {
+    MotionClass.NOT_COMPUTED: "#ffffff",
+    MotionClass.NO_CONTACT: "#e3ecf2",
+    MotionClass.LONG_PERIOD: LONG_PERIOD,
+    MotionClass.QUASI_PERIODIC: "#f5a3a3",
+    MotionClass.CHAOTIC: "#1a1a1a",
+    MotionClass.UNDECIDED: UNDECIDED,
+    MotionClass.FAILED: "#f0e442",
+}
+RARE_CONTACT = "#bdbdbd"
+
+
+class PageTooLarge(ValueError):
+    """The page would be larger than allowed; the message is one line for the user."""
+
+
+def build_page(study: Study, bits: int = DEFAULT_BITS) -> tuple[str, dict[str, int]]:
+    """Write the page of a study as text.
+
+    Parameters
+    ----------
+    study : Study
+    bits : int
+        Of the quantised displacements and velocities, 6 to 16.
+
+    Returns
+    -------
+    page : str
+    sizes : dict of str to int
+        Bytes of each part.
+    """
+    meta, texts = _pack(study, bits)
+    assets = files(__package__) / "assets"
+    vendor = files(__package__) / "vendor"
+    parts = {
+        "TITLE": html.escape(f"{study.name}: explorer"),
+        "STYLE": (vendor / "uPlot.min.css").read_text() + (assets / "explorer.css").read_text(),
+        "LICENCE": (vendor / "uPlot.LICENSE").read_text(),
+        "LIBRARY": (vendor / "uPlot.iife.min.js").read_text(),
+        "PROGRAM": "\n".join((assets / name).read_text() for name in SCRIPTS),
+        "META": json.dumps(meta, allow_nan=False).replace("<", "\\u003c"),
+        "DATA": "\n".join(
+            f'<script type="text/plain" id="data-{name}">{text}</script>'
+            for name, text in texts.items()
+        ),
+    }
+    template = (assets / "page.html").read_text()
+    page = re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], template)
+    sizes = {name: len(text) for name, text in texts.items()}
+    return page, {"program": len(page) - sum(sizes.values()), **sizes}
+
+
+def write_page(page: str, path: Path) -> None:
+    """Write the page in one piece: the old file or the new one, never half of it."""
+    temporary = path.with_name(path.name + ".new")
+    try:
+        temporary.write_text(page, encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def check_size(sizes: dict[str, int], limit: float) -> None:
+    """Refuse a page larger than `limit` bytes.
+
+    Raises
+    ------
+    PageTooLarge
+    """
+    total = sum(sizes.values())
+    if total > limit:
+        raise PageTooLarge(
+            f"the page would have {total / 1e6:.3g} MB, the limit is {limit / 1e6:.3g} MB: use "
+            "fewer --points or --bits, a --frame-step or --amplitude-step, or raise --max-mb"
+        )
+
+
+def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
+    """Make the page's description of the study and the text of its arrays."""
+    texts: dict[str, str] = {}
+    arrays: dict[str, dict] = {}
+
+    def add(name: str, codes: np.ndarray, row: int = 0, **notes) -> None:
+        texts[name] = to_text(predict_rows(codes) if row else codes)
+        arrays[name] = {"bytes": codes.dtype.itemsize, "length": codes.size, "row": row, **notes}
+
+    n_amplitudes = study.amplitude.size
+    sets, contact = _contact_index(study.codes.get("contact"))
+    for name, codes in study.codes.items():
+        add(name, contact if name == "contact" else _narrow(codes))
+    for name, values in study.values.items():
+        low, high = _range(values)
+        own = VALUE_BITS.get(name, NORM_BITS)
+        colour = _range(values, 1.0)
+        codes = quantise(values, low, high, own)
+        step = float(resolution(low, high, own))
+        add(name, codes, n_amplitudes, low=low, high=high, step=step, colour=colour)
+    worst = _add_points(study, bits, add)
+    return {
+        "name": study.name,
+        "structure": _structure(study.structure),
+        "omega": study.omega.tolist(),
+        "amplitude": study.amplitude.tolist(),
+        "directions": list(study.directions),
+        "arrays": arrays,
+        "bits": bits,
+        "resolution": worst,
+        "thinned": study.thinned,
+        "motions": [
+            {
+                "name": m.name.lower().replace("_", " "),
+                "colour": MOTION_COLOURS.get(m),
+                "periodic": m is MotionClass.PERIODIC,
+                "done": m not in (MotionClass.NOT_COMPUTED, MotionClass.FAILED),
+            }
+            for m in MotionClass
+        ],
+        "outcomes": [o.name.lower().replace("_", " ") for o in Outcome],
+        "contacts": [contact_name(s, study.structure.n_floors) for s in sets],
+        "palette": list(PALETTE),
+        "longPeriod": LONG_PERIOD,
+        "rareContact": RARE_CONTACT,
+        "maps": _colour_maps(),
+    }, texts
+
+
+def _add_points(study: Study, bits: int, add) -> dict[str, float]:
+    """Add the points, each frame and component on its own range; give the worst steps."""
+    n_frames = study.omega.size
+    sweeps = study.counts.reshape(-1, study.amplitude.size)
+    per_frame = study.counts.reshape(n_frames, -1).sum(axis=1)
+    add("counts", _narrow(study.counts))
+    if not per_frame.any():
+        return {}
+    steps = {}
+    low, high, codes = _quantise_frames(study.points, per_frame, bits)
+    ranges = np.stack([low, high], axis=-1)
+    add("points", predict_points(codes, sweeps), ranges=ranges.tolist())
+    steps["points"] = float(resolution(low, high, bits).max())
+    speed = np.moveaxis(study.speed, -1, 0)
+    with np.errstate(invalid="ignore"):
+        low = np.nan_to_num(np.fmin.reduce(speed, axis=(2, 3)).T).astype(float)
+        high = np.nan_to_num(np.fmax.reduce(speed, axis=(2, 3)).T).astype(float)
+    codes = quantise(speed, low.T[:, :, None, None], high.T[:, :, None, None], bits)
+    ranges = np.stack([low, high], axis=-1)
+    add("speed", codes, study.amplitude.size, ranges=ranges.tolist())
+    steps["speed"] = float(resolution(low, high, bits).max())
+    return steps
+
+
+def _quantise_frames(points: np.ndarray, per_frame: np.ndarray, bits: int):
+    """Quantise each frame's points on their own range.
+
+    Returns
+    -------
+    low, high : ndarray, shape (n_frames, n)
+        0 in frames without points.
+    codes : ndarray of uint16, shape (n, n_points)
+    """
+    n = points.shape[1]
+    low, high = np.zeros((2, per_frame.size, n))
+    codes = np.empty((n, len(points)), np.uint16)
+    ends = np.cumsum(per_frame)
+    for frame, (end, count) in enumerate(zip(ends, per_frame, strict=True)):
+        if count:
+            own = points[end - count : end].T
+            low[frame], high[frame] = own.min(axis=1), own.max(axis=1)
+            codes[:, end - count : end] = quantise(
+                own, low[frame, :, None], high[frame, :, None], bits
+            )
+    return low, high, codes
+
+
+def _contact_index(contact: np.ndarray | None) -> tuple[list[int], np.ndarray | None]:
+    """Rank the contact sets by how often they are seen."""
+    if contact is None:
+        return [], None
+    sets, index, count = np.unique(contact, return_inverse=True, return_counts=True)
+    order = np.argsort(-count, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    return [int(s) for s in sets[order]], _narrow(rank[index].reshape(contact.shape))
+
+
+def _narrow(codes: np.ndarray) -> np.ndarray:
+    """Use the smallest unsigned integer type that holds all values."""
+    return codes.astype(np.min_scalar_type(int(codes.max(initial=0))))
+
+
+def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
+    """Give the range of the finite values, without `percent` of them at either end."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return [0.0, 0.0]
+    return [float(q) for q in np.percentile(finite, [percent, 100.0 - percent])]
+
+
+def _structure(structure) -> dict:
+    finite = math.isfinite(structure.sharpness)
+    return {
+        "floors": structure.n_floors,
+        "beta": structure.stiffness_ratio,
+        "rho": structure.sharpness if finite else None,
+        "zeta": structure.damping_ratios.tolist(),
+        "stiffness": structure.stiffness_matrix.tolist(),
+        "damping": structure.damping_matrix.tolist(),
+    }
+
+
+def _colour_maps() -> dict[str, list[str]]:
+    """Give colour-blind-safe colour maps as lists of 256 colours."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    names = {"sequential": "viridis", "diverging": "PuOr_r"}
+    places = np.linspace(0, 1, 256)
+    return {kind: [to_hex(c) for c in colormaps[name](places)] for kind, name in names.items()}

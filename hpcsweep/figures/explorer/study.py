@@ -1,0 +1,183 @@
+"""Gather what the explorer shows from a results file, a frame at a time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.classify import classify
+from hpcsweep.structure import Structure
+
+POINT_BUDGET = 30_000_000
+"""Displacements of the orbit diagrams that a page holds unless told how many points a run has."""
+
+
+@dataclass
+class Study:
+    """What a page shows. A run has index (frame, direction, amplitude); frames ascend in Omega.
+
+    Attributes
+    ----------
+    name : str
+    structure : Structure
+    omega : ndarray, shape (n_frames,)
+    amplitude : ndarray, shape (n_amplitudes,)
+    directions : tuple of str
+    codes : dict of str to ndarray of unsigned int, shape (n_frames, n_directions, n_amplitudes)
+        `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it.
+    values : dict of str to ndarray of float32, same shape
+        `drift`, `lyapunov`, `modal_norm_1`, ...: what of them the file has.
+    counts : ndarray of int, same shape
+        Stroboscopic points kept of each run, 0 everywhere if the file has none.
+    points : ndarray of float32, shape (sum of counts, n)
+        Displacements of the floors at the points kept, runs in the order of their index. Of a
+        periodic run the point with the largest displacement of the top floor comes first.
+    speed : ndarray of float32, shape (n_frames, n_directions, n_amplitudes, n)
+        Velocities of the floors at the first of them, NaN where there is none.
+    thinned : dict of str to int
+        What was left out, for the page to say so.
+    """
+
+    name: str
+    structure: Structure
+    omega: np.ndarray
+    amplitude: np.ndarray
+    directions: tuple[str, ...]
+    codes: dict[str, np.ndarray]
+    values: dict[str, np.ndarray]
+    counts: np.ndarray
+    points: np.ndarray
+    speed: np.ndarray
+    thinned: dict[str, int] = field(default_factory=dict)
+
+
+def gather(
+    path: Path,
+    most_points: int | None = None,
+    frame_step: int = 1,
+    amplitude_step: int = 1,
+    say: Callable[[int, int], None] | None = None,
+) -> Study:
+    """Read a results file, one frame in memory at a time.
+
+    Parameters
+    ----------
+    path : Path
+    most_points : int, optional
+        Points kept of a run; by default as many as `POINT_BUDGET` allows for the whole study.
+    frame_step, amplitude_step : int
+        Keep every so many-th frame and amplitude.
+    say : callable, optional
+        Told the frames done and their number.
+
+    Raises
+    ------
+    StoreError
+        If the file is not a campaign file.
+    """
+    from hpcsweep.store import Frames
+
+    reader = Frames(path)
+    job = reader.job
+    frames = np.argsort(job.omega, kind="stable")[::frame_step]
+    n = job.structure.n_floors
+    limit = job.settings.sampling_cycles if most_points is None else most_points
+    codes, values, counts, points, speed = [], [], [], [], []
+    held = 0
+    for done, index in enumerate(frames, 1):
+        frame = reader.dataset(int(index))
+        chosen = frame.isel(amplitude=slice(None, None, amplitude_step))
+        codes.append(_codes(chosen))
+        values.append(_values(chosen))
+        kept, u, v = _points(chosen, n, limit)
+        counts.append(kept)
+        points.append(u)
+        speed.append(v)
+        held += u.size
+        while most_points is None and held > POINT_BUDGET and limit > 1:
+            limit //= 2
+            for place, (k, u) in enumerate(zip(counts, points, strict=True)):
+                counts[place], points[place] = _fewer(k, u, limit)
+            held = sum(u.size for u in points)
+        if say is not None:
+            say(done, frames.size)
+    reader.close()
+    return Study(
+        name=job.name,
+        structure=job.structure,
+        omega=job.omega[frames],
+        amplitude=job.amplitude[::amplitude_step],
+        directions=job.directions,
+        codes={name: np.stack([c[name] for c in codes]) for name in codes[0]},
+        values={name: np.stack([v[name] for v in values]) for name in values[0]},
+        counts=np.stack(counts),
+        points=np.concatenate(points),
+        speed=np.stack(speed),
+        thinned={
+            "points": min(limit, job.settings.sampling_cycles),
+            "of_points": job.settings.sampling_cycles,
+            "frame_step": frame_step,
+            "amplitude_step": amplitude_step,
+        },
+    )
+
+
+def _codes(frame) -> dict[str, np.ndarray]:
+    codes = {
+        "motion": classify(frame)[:, 0].astype(np.uint8),
+        "period": frame["orbit_period"].values[:, 0].astype(np.uint32),
+        "outcome": frame["outcome"].values[:, 0].astype(np.uint8),
+        "cycles": frame["cycles"].values[:, 0].astype(np.uint32),
+    }
+    if "contact" in frame:
+        codes["contact"] = frame["contact"].values[:, 0]
+    return codes
+
+
+def _values(frame) -> dict[str, np.ndarray]:
+    values = {
+        name: frame[name].values[:, 0].astype(np.float32)
+        for name in ("drift", "lyapunov")
+        if name in frame
+    }
+    if "modal_norm" in frame:
+        norms = frame["modal_norm"].values[:, 0].astype(np.float32)
+        values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(norms.shape[-1])}
+    return values
+
+
+def _points(frame, n: int, limit: int):
+    """Choose the points of one frame's runs.
+
+    Returns
+    -------
+    counts : ndarray of int, shape (n_directions, n_amplitudes)
+    points : ndarray of float32, shape (sum of counts, n)
+    speed : ndarray of float32, shape (n_directions, n_amplitudes, n)
+    """
+    shape = frame["outcome"].values[:, 0].shape
+    speed = np.full((*shape, n), np.nan, np.float32)
+    if "poincare" not in frame:
+        return np.zeros(shape, int), np.empty((0, n), np.float32), speed
+    stored = frame["poincare"].values[:, 0]
+    n_points = frame["n_points"].values[:, 0].astype(int)
+    period = frame["orbit_period"].values[:, 0]
+    place = np.arange(stored.shape[2])
+    # a phase that does not jump from amplitude to amplitude: easier on the eye and to compress
+    top = np.where(place < n_points[..., None], stored[..., n - 1], -np.inf)
+    whole = (period > 0) & (n_points == period)
+    first = np.where(whole, np.argmax(top, axis=-1), 0)
+    counts = np.minimum(n_points, limit)
+    keep = place < counts[..., None]
+    order = (first[..., None] + place) % np.maximum(n_points, 1)[..., None]
+    chosen = np.take_along_axis(stored, order[..., None], axis=2)
+    speed[n_points > 0] = chosen[n_points > 0, 0, n:]
+    return counts, chosen[keep][:, :n].astype(np.float32), speed
+
+
+def _fewer(counts: np.ndarray, points: np.ndarray, limit: int):
+    """Keep at most `limit` points of each run, its first ones."""
+    flat = counts.ravel()
+    place = np.arange(len(points)) - np.repeat(np.cumsum(flat) - flat, flat)
+    return np.minimum(counts, limit), points[place < limit]

@@ -2,31 +2,32 @@
 
 Needs munge, slurmctld, slurmd and slurm-client (Debian's packages of these names), no systemd and
 no configuration of the machine: key, sockets, ports, state and logs are the folder's. The daemons
-are children of this process and end with it, even when it is killed. It runs as root or, with jobs
-that run as the same user, as anybody else. `python tests/slurm_cluster.py` shows a job that is
-signalled, requeued and completed.
+and jobs end with this process, even when it is killed. It runs as root. `python
+tests/slurm_cluster.py` shows a job that is signalled, requeued and completed.
 """
 
 import contextlib
 import getpass
 import os
 import re
+import secrets
 import shutil
-import signal
 import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import slurm_watch
 from conftest import ROOT, environment, mpirun
 
-PROGRAMS = ("munged", "slurmctld", "slurmd", "setpriv", "sbatch", "scontrol", "squeue", "scancel")
+PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "scontrol", "squeue", "scancel")
 SEARCH = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
 ENDED = ("COMPLETED", "FAILED", "CANCELLED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY")
 
 CONF = """\
 ClusterName=test
+FirstJobId={first_job}
 SlurmctldHost={host}(127.0.0.1)
 SlurmctldPort={controller_port}
 SlurmdPort={node_port}
@@ -56,7 +57,7 @@ JobRequeue=1
 SchedulerParameters=sched_interval=2,batch_sched_delay=0,kill_invalid_depend
 SlurmdParameters=config_overrides
 NodeName={host} NodeAddr=127.0.0.1 CPUs=4 RealMemory=2000
-PartitionName=main Nodes=ALL Default=YES MaxTime=60 State=UP
+PartitionName=main Nodes=ALL Default=YES MaxTime=1-0 State=UP
 """
 
 
@@ -81,7 +82,10 @@ class Cluster:
 
     def __init__(self, folder: Path):
         self.folder = folder
+        self.conf = folder / "slurm.conf"
+        self._mark = f"SLURM_CONF={self.conf}"
         self._daemons: list[subprocess.Popen] = []
+        self._watch: subprocess.Popen | None = None
 
     def __enter__(self) -> "Cluster":
         missing = [name for name in PROGRAMS if shutil.which(name, path=SEARCH) is None]
@@ -112,18 +116,21 @@ class Cluster:
             first.bind(("127.0.0.1", 0))
             second.bind(("127.0.0.1", 0))
             ports = first.getsockname()[1], second.getsockname()[1]
-        self.conf = self.folder / "slurm.conf"
         self.conf.write_text(
             CONF.format(
                 host=host,
                 folder=self.folder,
                 user=getpass.getuser(),
+                # MPICH names its shared memory after job and step: a segment that a killed job 1
+                # of another cluster left on this machine makes MPI_Init of ours hang
+                first_job=secrets.randbelow(60_000_000) + 1000,
                 controller_port=ports[0],
                 node_port=ports[1],
             )
         )
         (self.folder / "cgroup.conf").touch()
         self._make_hpcsweep()
+        self._watch = slurm_watch.watch(self._mark)
         self._daemon(
             "munged",
             "--foreground",
@@ -155,8 +162,7 @@ class Cluster:
         with (self.folder / f"{name}.out").open("w") as out:
             self._daemons.append(
                 subprocess.Popen(
-                    # the system ends it when this process dies, however it dies
-                    ["setpriv", "--pdeathsig", "KILL", program, *arguments],
+                    [program, *arguments],
                     stdin=subprocess.DEVNULL,
                     stdout=out,
                     stderr=out,
@@ -168,7 +174,7 @@ class Cluster:
     def _until(self, condition, seconds: float, what: str) -> None:
         deadline = time.monotonic() + seconds
         while not condition():
-            dead = [p.args[3] for p in self._daemons if p.poll() is not None]
+            dead = [p.args[0] for p in self._daemons if p.poll() is not None]
             if dead or time.monotonic() > deadline:
                 logs = "\n".join(
                     f"-- {log.name}\n" + "\n".join(log.read_text().splitlines()[-15:])
@@ -182,9 +188,6 @@ class Cluster:
         if len(self._daemons) == 3:
             with contextlib.suppress(subprocess.SubprocessError):
                 self.slurm("scancel", "--user", getpass.getuser(), check=False)
-                deadline = time.monotonic() + 15
-                while time.monotonic() < deadline and self.processes() - self._pids():
-                    time.sleep(0.1)
         for daemon in reversed(self._daemons):
             daemon.terminate()
             try:
@@ -193,24 +196,14 @@ class Cluster:
                 daemon.kill()
                 daemon.wait()
         self._daemons.clear()
-        for pid in self.processes():  # of jobs that did not end when they were cancelled
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
-
-    def _pids(self) -> set[int]:
-        return {daemon.pid for daemon in self._daemons}
+        slurm_watch.kill(self._mark)  # of jobs that have not yet ended
+        if self._watch is not None:
+            self._watch.stdin.close()
+            self._watch.wait()
 
     def processes(self) -> set[int]:
         """Living processes that were started with this cluster's configuration."""
-        mark = f"SLURM_CONF={self.folder}/slurm.conf".encode()
-        found = set()
-        for entry in Path("/proc").iterdir():
-            if entry.name.isdigit() and int(entry.name) != os.getpid():
-                with contextlib.suppress(OSError):
-                    state = (entry / "stat").read_text().rsplit(")", 1)[1].split()[0]
-                    if state != "Z" and mark in (entry / "environ").read_bytes().split(b"\0"):
-                        found.add(int(entry.name))
-        return found
+        return slurm_watch.marked(self._mark)
 
     def environment(self, **extra: str) -> dict[str, str]:
         """Environment of a user of the cluster."""
@@ -219,10 +212,14 @@ class Cluster:
             "PATH": f"{self.folder}/bin{os.pathsep}{SEARCH}",
             "PYTHONPATH": str(ROOT),
         }
-        inherited = {k: v for k, v in environment().items() if not k.startswith(("SLURM", "SBATCH"))}
+        inherited = {
+            k: v for k, v in environment().items() if not k.startswith(("SLURM", "SBATCH"))
+        }
         return {**inherited, **own, **extra}
 
-    def slurm(self, *line: object, check: bool = True, cwd: Path | None = None, **extra: str) -> str:
+    def slurm(
+        self, *line: object, check: bool = True, cwd: Path | None = None, **extra: str
+    ) -> str:
         """Run a command as a user of the cluster and return what it writes to standard output.
 
         Raises
@@ -252,7 +249,7 @@ class Cluster:
         text = self.slurm("scontrol", "show", "job", job_id, check=False)
         return dict(re.findall(r"(\S+?)=(\S*)", text.partition("\n\n")[0]))
 
-    def wait(self, job_id: str, *states: str, seconds: float = 120) -> dict[str, str]:
+    def wait(self, job_id: str, *states: str, seconds: float = 300) -> dict[str, str]:
         """Wait until a job is in one of the states (default: has ended); return the job.
 
         Raises

@@ -1,7 +1,10 @@
 """The batch scripts of slurm/ on a real Slurm; without one these tests fail, they never skip."""
 
+import contextlib
 import json
 import re
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -10,11 +13,11 @@ from conftest import ROOT, SMALL, assert_same_datasets, hpcsweep
 from slurm_cluster import Cluster, SlurmError, edited, launchers
 
 SCRIPTS = ("once.sh", "requeue.sh", "array.sh", "chain.sh")
-LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 12000").replace(
+LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 8000").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
-"""About six seconds of work on one core, in 24 blocks."""
-ENDLESS = LONG.replace("12000", "1000000000")
+"""About four seconds of work on one core, in 24 blocks."""
+ENDLESS = LONG.replace("8000", "1000000000")
 """A job whose first block is never finished."""
 
 
@@ -45,7 +48,7 @@ def status(path: Path) -> dict:
     return json.loads(hpcsweep(0, "status", path, "--json").stdout)
 
 
-def wait_for_runs(cluster: Cluster, path: Path, least: int, seconds: float = 120) -> None:
+def wait_for_runs(cluster: Cluster, path: Path, least: int, seconds: float = 300) -> None:
     """Wait until so many blocks of a results file are in its journal."""
     deadline = time.monotonic() + seconds
     journal = Path(f"{path}.journal")
@@ -85,7 +88,7 @@ def test_what_the_scripts_share_is_the_same_in_all():
 
 def test_a_missing_slurm_is_an_error_that_names_the_packages(tmp_path, monkeypatch):
     monkeypatch.setattr("slurm_cluster.SEARCH", str(tmp_path))
-    with pytest.raises(SlurmError, match="no munged, slurmctld.*apt-get install munge"):
+    with pytest.raises(SlurmError, match=r"no munged, slurmctld.*apt-get install munge"):
         Cluster(tmp_path / "none").__enter__()
     assert not (tmp_path / "none").exists()
 
@@ -145,9 +148,7 @@ def test_requeue_goes_on_until_complete(cluster, tmp_path, long_job, uninterrupt
 @pytest.mark.slurm
 def test_requeue_ends_after_the_most_restarts(cluster, tmp_path, long_job):
     script = edited("requeue.sh", tmp_path, launchers()["srun"])
-    job = cluster.submit(
-        "--ntasks=2", script, long_job, cwd=tmp_path, HPCSWEEP_MAX_RESTARTS="1"
-    )
+    job = cluster.submit("--ntasks=2", script, long_job, cwd=tmp_path, HPCSWEEP_MAX_RESTARTS="1")
     wait_for_runs(cluster, tmp_path / "long.h5", 3)
     cluster.signal(job)
     cluster.start_now(job)
@@ -166,9 +167,7 @@ def test_a_time_limit_without_progress_is_not_repeated(cluster, tmp_path, script
     job_file.write_text(ENDLESS)
     path = edited(script, tmp_path, launchers()["srun"])
     if script == "chain.sh":
-        job, *later = cluster.slurm(
-            "bash", path, 3, job_file, "--ntasks=2", cwd=tmp_path
-        ).split()
+        job, *later = cluster.slurm("bash", path, 3, job_file, "--ntasks=2", cwd=tmp_path).split()
     else:
         job, later = cluster.submit("--ntasks=2", path, job_file, cwd=tmp_path), []
     journal = tmp_path / "endless.h5.journal"
@@ -215,13 +214,13 @@ def test_a_cancelled_job_is_not_requeued(cluster, tmp_path, long_job):
 
 
 @pytest.mark.slurm
-def test_array_runs_each_file_and_requeues_one_task_alone(cluster, tmp_path, long_job, uninterrupted):
+def test_array_runs_each_file_and_requeues_one_task_alone(
+    cluster, tmp_path, long_job, uninterrupted
+):
     small = tmp_path / "small.toml"
     small.write_text(SMALL)
     script = edited("array.sh", tmp_path, launchers()["mpirun"])
-    array = cluster.submit(
-        "--ntasks=2", "--array=1-3", script, long_job, small, cwd=tmp_path
-    )
+    array = cluster.submit("--ntasks=2", "--array=1-3", script, long_job, small, cwd=tmp_path)
     wait_for_runs(cluster, tmp_path / "long.h5", 3)
     assert cluster.wait(f"{array}_2")["ExitCode"] == "0:0"
     cluster.signal(f"{array}_1")
@@ -284,11 +283,37 @@ def test_a_launcher_of_another_mpi_is_refused(cluster, tmp_path, long_job):
 
 @pytest.mark.slurm
 def test_nothing_is_left_running(tmp_path, long_job):
-    job_folder = tmp_path
-    with pytest.raises(ZeroDivisionError), Cluster(tmp_path / "own") as own:
+    own = Cluster(tmp_path / "own")
+    with contextlib.suppress(ZeroDivisionError), own:
         script = edited("once.sh", tmp_path, launchers()["srun"])
-        own.submit("--ntasks=2", script, long_job, cwd=job_folder)
+        own.submit("--ntasks=2", script, long_job, cwd=tmp_path)
         wait_for_runs(own, tmp_path / "long.h5", 1)
-        assert len(own.processes()) > 5
+        # munged, slurmctld and its helper, slurmd, two slurmstepd, the script, srun, two ranks
+        assert len(own.processes()) >= 9
         raise ZeroDivisionError
     assert own.processes() == set()
+
+
+@pytest.mark.slurm
+def test_nothing_is_left_running_when_the_test_process_is_killed(tmp_path, long_job):
+    program = (
+        "import sys, time; from pathlib import Path\n"
+        "from slurm_cluster import Cluster, edited, launchers\n"
+        f"folder = Path({str(tmp_path)!r})\n"
+        "with Cluster(folder / 'own') as own:\n"
+        "    script = edited('once.sh', folder, launchers()['srun'])\n"
+        "    own.submit('--ntasks=2', script, 'long.toml', cwd=folder)\n"
+        "    time.sleep(600)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", program], cwd=Path(__file__).parent)
+    own = Cluster(tmp_path / "own")
+    try:
+        wait_for_runs(own, tmp_path / "long.h5", 1)
+        assert len(own.processes()) >= 9
+    finally:
+        process.kill()
+        process.wait()
+    deadline = time.monotonic() + 30
+    while own.processes():
+        assert time.monotonic() < deadline, own.processes()
+        time.sleep(0.1)

@@ -151,11 +151,11 @@ class Cluster:
         )
 
     def _make_hpcsweep(self) -> None:
-        """Put the `hpcsweep` of this source tree and this Python on the jobs' PATH."""
-        script = self.folder / "bin" / "hpcsweep"
-        script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hpcsweep "$@"\n')
-        script.chmod(0o755)
-        (self.folder / "bin" / "mpirun").symlink_to(mpirun())
+        """Put the `hpcsweep` of this source tree, and its mpirun, on the jobs' PATH."""
+        for name, line in (("hpcsweep", f'"{sys.executable}" -m hpcsweep'), ("mpirun", mpirun())):
+            script = self.folder / "bin" / name
+            script.write_text(f'#!/bin/sh\nexec {line} "$@"\n')
+            script.chmod(0o755)
 
     def _daemon(self, name: str, *arguments: str) -> None:
         program = shutil.which(name, path=SEARCH)
@@ -313,7 +313,7 @@ def demonstrate() -> None:
         with Cluster(folder / "cluster") as cluster:
             script = edited("requeue.sh", folder, launchers()["srun"])
             (folder / "long.toml").write_text(LONG)
-            columns = "%.6i %.10j %.10T %.6M %.4C %r"
+            columns = "%.9i %.10j %.10T %.6M %.4C %r"
 
             def show(*line: str) -> None:
                 print(f"$ {' '.join(line)}")

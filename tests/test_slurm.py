@@ -125,7 +125,7 @@ def test_requeue_goes_on_until_complete(cluster, tmp_path, long_job, uninterrupt
     job = cluster.submit("--ntasks=2", script, long_job, cwd=tmp_path)
     results = tmp_path / "long.h5"
     for restart in (1, 2):
-        wait_for_runs(cluster, results, 6 * restart)
+        wait_for_runs(cluster, results, 3 * restart)
         cluster.signal(job)
         cluster.start_now(job)
         assert cluster.wait(job, "RUNNING")["Restarts"] == str(restart)
@@ -145,6 +145,23 @@ def test_requeue_goes_on_until_complete(cluster, tmp_path, long_job, uninterrupt
     assert_same_datasets(results, uninterrupted)
 
 
+@pytest.mark.slow
+@pytest.mark.slurm
+def test_the_time_limit_itself_stops_and_requeues(cluster, tmp_path):
+    job_file = tmp_path / "longer.toml"
+    job_file.write_text(LONG.replace("count = 11", "count = 4001"))
+    script = edited("requeue.sh", tmp_path, launchers()["srun"])
+    job = cluster.submit(
+        "--ntasks=2", "--time=1", "--signal=B:USR1@30", script, job_file, cwd=tmp_path
+    )
+    wait_for_runs(cluster, tmp_path / "longer.h5", 1)
+    assert cluster.wait(job, "PENDING")["Restarts"] == "1"
+    cluster.slurm("scancel", job)
+    state = status(tmp_path / "longer.h5")
+    assert [session["ended"] for session in state["sessions"]] == ["SIGUSR1"]
+    assert 0 < state["runs_done"] < state["runs_total"]
+
+
 @pytest.mark.slurm
 def test_requeue_ends_after_the_most_restarts(cluster, tmp_path, long_job):
     script = edited("requeue.sh", tmp_path, launchers()["srun"])
@@ -152,7 +169,7 @@ def test_requeue_ends_after_the_most_restarts(cluster, tmp_path, long_job):
     wait_for_runs(cluster, tmp_path / "long.h5", 3)
     cluster.signal(job)
     cluster.start_now(job)
-    wait_for_runs(cluster, tmp_path / "long.h5", 9)
+    wait_for_runs(cluster, tmp_path / "long.h5", 6)
     cluster.signal(job)
     ended = cluster.wait(job)
     assert (ended["JobState"], ended["ExitCode"], ended["Restarts"]) == ("FAILED", "75:0", "1")

@@ -268,6 +268,8 @@ class Cluster:
     def start_now(self, job_id: str) -> None:
         """Let a requeued job start without its two minutes of waiting."""
         self.wait(job_id, "PENDING")
+        # slurmd takes a credential of the same second as the requeue for the one just revoked
+        time.sleep(2)
         self.slurm("scontrol", "update", f"jobid={job_id}", "StartTime=now")
 
     def signal(self, job_id: str) -> None:

@@ -17,7 +17,7 @@ LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 8000").replace
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
 """About four seconds of work on one core, in 24 blocks."""
-ENDLESS = LONG.replace("8000", "1000000000")
+ENDLESS = LONG.replace("8000", "10000000")
 """A job whose first block is never finished."""
 
 
@@ -152,7 +152,7 @@ def test_the_time_limit_itself_stops_and_requeues(cluster, tmp_path):
     job_file.write_text(LONG.replace("count = 11", "count = 4001"))
     script = edited("requeue.sh", tmp_path, launchers()["srun"])
     job = cluster.submit(
-        "--ntasks=2", "--time=1", "--signal=B:USR1@30", script, job_file, cwd=tmp_path
+        "--ntasks=2", "--time=2", "--signal=B:USR1@60", script, job_file, cwd=tmp_path
     )
     wait_for_runs(cluster, tmp_path / "longer.h5", 1)
     assert cluster.wait(job, "PENDING")["Restarts"] == "1"

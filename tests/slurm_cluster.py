@@ -274,7 +274,8 @@ class Cluster:
 
     def signal(self, job_id: str) -> None:
         """Send USR1 to the batch shell alone, as --signal=B:USR1@300 does before the time limit."""
-        self.slurm("scancel", "--batch", "--signal=USR1", job_id)
+        # scancel knows a task of an array by its own job id only
+        self.slurm("scancel", "--batch", "--signal=USR1", self.job(job_id)["JobId"])
 
 
 def launchers() -> dict[str, str]:

@@ -17,8 +17,8 @@ LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 8000").replace
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
 """About four seconds of work on one core, in 24 blocks."""
-ENDLESS = LONG.replace("8000", "10000000")
-"""A job whose first block is never finished."""
+ENDLESS = LONG.replace("count = 11", "count = 4001").replace("block = 4", "block = 4001")
+"""A job whose first block takes minutes."""
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,9 @@
 
 Needs munge, slurmctld, slurmd and slurm-client (Debian's packages of these names), no systemd and
 no configuration of the machine: key, sockets, ports, state and logs are the folder's. The daemons
-and jobs end with this process, even when it is killed. It runs as root. `python
-tests/slurm_cluster.py` shows a job that is signalled, requeued and completed.
+and jobs end with this process, even when it is killed. Daemons and jobs run as the user who starts
+it; installing the packages needs root, nothing else does. `python tests/slurm_cluster.py` shows a
+job that is signalled, requeued and completed.
 """
 
 import contextlib

@@ -4,4 +4,4 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bash .ci/venv .venv mpich,test
-exec .venv/bin/python -m pytest -m "not slow and not mpio and not browser" "$@"
+exec .venv/bin/python -m pytest -m "not slow and not mpio and not browser and not slurm" "$@"

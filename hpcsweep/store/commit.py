@@ -103,8 +103,18 @@ class Blocks:
             digest.update(np.ascontiguousarray(rows[name]).data)
         return int.from_bytes(digest.digest(), "little") | 1
 
-    def chain(self, frame: int) -> Iterator[tuple[int, int, np.ndarray, bool, np.ndarray | None]]:
+    def chain(
+        self, frame: int, first: int = 0, state: np.ndarray | None = None
+    ) -> Iterator[tuple[int, int, np.ndarray, bool, np.ndarray | None]]:
         """Walk a frame's blocks in the order of the path.
+
+        Parameters
+        ----------
+        frame : int
+        first : int
+            Position on the path of the block to begin with.
+        state : ndarray, shape (2n,), optional
+            The state that block starts from; needed if it is not the first.
 
         Yields
         ------
@@ -118,8 +128,8 @@ class Blocks:
 
         The caller may send the end state of a block it has computed itself.
         """
-        state = self.job.initial_state
-        for direction, block in path_blocks(self.job):
+        state = self.job.initial_state if state is None else state
+        for direction, block in path_blocks(self.job)[first:]:
             stored = self.committed(direction, frame, block)
             end = None
             if stored:

@@ -34,7 +34,7 @@ class Silent:
         """Say something."""
 
     def tick(self) -> None:
-        """Called several times a second."""
+        """Hear that time has passed, several times a second."""
 
     def close(self) -> None:
         """End."""

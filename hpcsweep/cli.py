@@ -2,9 +2,9 @@
 
 import argparse
 
-from hpcsweep.commands import RAW, USER_ERROR, bench, complain, plot, run, status
+from hpcsweep.commands import RAW, USER_ERROR, bench, complain, plot, run, schedule, status
 
-COMMANDS = (run, status, plot, bench)
+COMMANDS = (run, status, plot, schedule, bench)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.

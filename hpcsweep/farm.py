@@ -16,14 +16,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from hpcsweep.schedule import Schedule, master_computes, report_interval
+from hpcsweep.schedule import BALANCE_SECONDS, Schedule, master_computes, report_interval
 
 LEAST_SLEEP, MOST_SLEEP = 1e-4, 5e-3
 """Back-off (s) of a rank that waits for a message."""
-BALANCE_INTERVAL = 0.1
-"""Least time (s) between two looks at which tasks to take back."""
 BALANCE_SHARE = 0.02
-"""Largest share of the master's time for that."""
+"""Largest share of the master's time spent on which tasks to take back."""
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
@@ -83,6 +81,7 @@ def run(
     cost: Callable[[int], float] = lambda task: 0.0,
     traffic: Traffic | None = None,
     tick: Callable[[], None] = lambda: None,
+    computing_master: bool | None = None,
 ) -> bool:
     """Do all tasks on all ranks.
 
@@ -106,6 +105,8 @@ def run(
         Filled on rank 0.
     tick : callable
         Called on rank 0, with or without news, as often as it looks for messages.
+    computing_master : bool, optional
+        Whether rank 0 does tasks too. Default: on up to `schedule.DEDICATED_MASTER` ranks.
 
     Returns
     -------
@@ -114,7 +115,10 @@ def run(
     """
     if comm.rank == 0:
         traffic = traffic or Traffic()
-        finished = _Master(comm, tasks, flag, on_report, cost, traffic, tick).run(compute)
+        if computing_master is None or comm.size == 1:
+            computing_master = master_computes(comm.size)
+        master = _Master(comm, tasks, flag, on_report, cost, traffic, tick, computing_master)
+        finished = master.run(compute)
     else:
         _work(comm, compute, flag)
         finished = None
@@ -124,10 +128,10 @@ def run(
 class _Master:
     """The schedule, and who is free."""
 
-    def __init__(self, comm, tasks, flag: StopFlag, on_report, cost, traffic, tick):
+    def __init__(self, comm, tasks, flag: StopFlag, on_report, cost, traffic, tick, computes: bool):
         self._comm = comm
-        self._computes = master_computes(comm.size)
-        self._schedule = Schedule(tasks, cost, comm.size if self._computes else comm.size - 1)
+        self._computes = computes
+        self._schedule = Schedule(tasks, cost, comm.size if computes else comm.size - 1)
         self._flag = flag
         self._on_report = on_report
         self._traffic: Traffic = traffic
@@ -230,7 +234,7 @@ class _Master:
             self._traffic.messages += handled
             self._traffic.seconds += spent
             if balanced:
-                self._next_balance = begun + max(BALANCE_INTERVAL, spent / BALANCE_SHARE)
+                self._next_balance = begun + max(BALANCE_SECONDS, spent / BALANCE_SHARE)
         return handled > 0
 
     def _handle(self, rank: int, message: tuple) -> None:
@@ -253,7 +257,7 @@ class _Master:
 
     def _balance(self) -> None:
         """Ask for tasks back if others must start now."""
-        wanted = set(self._schedule.recalls(time.monotonic()))
+        wanted = set(self._schedule.recalls(time.monotonic(), every=0.0))
         if not wanted:
             return
         self._recalled |= wanted

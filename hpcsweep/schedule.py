@@ -29,6 +29,8 @@ CRITICAL = 0.95
 SOON = 0.05
 """A rank is not interrupted if it is free within this share of the waiting task's rest, nor for
 a task that is not longer than its own by this share."""
+BALANCE_SECONDS = 0.1
+"""Least time between two looks at the running tasks."""
 BALANCES = 500
 """Times in the whole of a job that the rule looks at the running tasks, at most about."""
 MESSAGE_SECONDS = 1e-4
@@ -102,8 +104,8 @@ class Schedule:
         insort(self._waiting, (self._left[task], -task))
         self.end(task)
 
-    def recalls(self, now: float, every: float = 0.0) -> list[int]:
-        """Tell which running tasks to take back, at most once in `every` (s)."""
+    def recalls(self, now: float, every: float = BALANCE_SECONDS) -> list[int]:
+        """Tell which running tasks to take back; looks once in `every` (s) at most."""
         if self._n == 1 or not self._waiting or now < self._next_balance:
             return []
         self._refresh()
@@ -251,7 +253,8 @@ class _Simulation:
         )
         self._position = [0] * len(pieces)
         self._of_rank: dict[int, int] = {}
-        self._unreported: dict[int, float] = {}
+        self._last_report: dict[int, float] = {}
+        self._unreported: dict[int, list[tuple]] = {rank: [] for rank in range(n_ranks)}
         self._recalled: set[int] = set()
         self._events: list[tuple[float, int]] = []
         self._master_free = 0.0
@@ -302,12 +305,20 @@ class _Simulation:
         begun = now if rank == 0 else self._serve(now)
         task = self._schedule.take(begun)
         self._of_rank[rank] = task
-        self._unreported[rank] = begun
+        self._last_report[rank] = begun
         self._next_piece(rank, begun + self._switch)
 
     def _next_piece(self, rank: int, now: float) -> None:
         task = self._of_rank[rank]
         heapq.heappush(self._events, (now + self._pieces[task][self._position[task]], rank))
+
+    def _report(self, rank: int, now: float) -> None:
+        """Let the master know what a rank has done."""
+        for task, position, seconds in self._unreported[rank]:
+            self._costs.done(task, position, seconds)
+        self._unreported[rank].clear()
+        self._last_report[rank] = now
+        self._schedule.progress(self._of_rank[rank], now)
 
     def _piece_ended(self, rank: int, now: float) -> bool:
         """Note the end of a piece; tell whether the rank is free."""
@@ -318,16 +329,19 @@ class _Simulation:
         task = self._of_rank[rank]
         position = self._position[task]
         self._position[task] = position + 1
-        self._costs.done(task, position, self._pieces[task][position])
+        self._unreported[rank].append((task, position, self._pieces[task][position]))
         if position + 1 == len(self._pieces[task]):
+            self._report(rank, now)
             self._schedule.end(task)
         elif task in self._recalled:
+            self._report(rank, now)
             self._recalls += 1
             self._schedule.put_back(task, now)
         else:
-            self._schedule.progress(task, now)
-            if rank != 0 and now - self._unreported[rank] >= report_interval(self._n_ranks):
-                self._unreported[rank] = now
+            due = now - self._last_report[rank] >= report_interval(self._n_ranks)
+            if rank == 0 or due:
+                self._report(rank, now)
+            if rank != 0 and due:
                 self._serve(now)
             self._next_piece(rank, now)
             return False

@@ -121,8 +121,8 @@ def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) 
         f"{totals.min():.4g} s, median {np.median(totals):.4g} s"
     )
     lines.append(
-        f"limit:      beyond about {max(int(np.ceil(helpful)), 1)} ranks more do not help: the dearest "
-        f"frame is the bound ({WHY_A_PATH})"
+        f"limit:      beyond about {max(int(np.ceil(helpful)), 1)} ranks more do not help: the "
+        f"dearest frame is the bound ({WHY_A_PATH})"
     )
     lines.append(f"master:     computes on up to {DEDICATED_MASTER} ranks, beyond it only serves")
     return lines

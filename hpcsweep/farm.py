@@ -18,7 +18,7 @@ from typing import Any
 
 from hpcsweep.schedule import BALANCE_SECONDS, Schedule, master_computes, report_interval
 
-LEAST_SLEEP, MOST_SLEEP = 1e-4, 5e-3
+LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
 """Back-off (s) of a rank that waits for a message."""
 BALANCE_SHARE = 0.02
 """Largest share of the master's time spent on which tasks to take back."""

@@ -7,19 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep import costs, farm, memory, provenance, sweep
-from hpcsweep.costs import FrameCosts
+from hpcsweep import farm, memory, provenance, sweep
 from hpcsweep.job import Job
 from hpcsweep.outcome import REMEDIES, Outcome
+from hpcsweep.pilot import BLOCK_COST, KnownCosts
 from hpcsweep.store import Journal, Lock, StoreError, create, open_campaign
 from hpcsweep.store.commit import Blocks, check_file, path_blocks
 
 COMPLETE, STOPPED = 0, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to go on)."""
 LISTED_FAILURES = 10
-BLOCK_COST = ("frame", "direction", "block", "runs", "seconds")
-PILOT_COST = ("frame", "amplitude", "runs", "seconds")
-"""Keys of the journal's records of costs."""
+MASTER_NOTES = 30.0
+"""Seconds between two notes of the master's load in the journal."""
 STOP_MARGIN = 5.0
 """Seconds before the time limit at which the ranks begin to stop."""
 
@@ -85,7 +84,7 @@ def run(
     todo, done_runs, done_blocks = _unfinished(comm, campaign.blocks, job)
     try:
         with farm.StopFlag(deadline) as flag:
-            frame_costs = _Costs(comm, job, output, todo, done_blocks, sweep_block)
+            frame_costs = KnownCosts(comm, job, output, todo, done_blocks, sweep_block)
             finished = _farm_out(
                 comm,
                 job,
@@ -198,55 +197,6 @@ def _unfinished(comm, blocks: Blocks, job: Job) -> tuple[list[int], int, list[tu
     )
 
 
-class _Costs:
-    """What rank 0 knows of the frames' costs: from the journal, a pilot, the blocks done."""
-
-    def __init__(self, comm, job: Job, output: Path, todo, done_blocks, sweep_block):
-        self._comm, self._job = comm, job
-        self._wanted = comm.bcast(comm.size > 1 and len(todo) > 1)
-        self._pilot = self._wanted and sweep_block is None
-        if comm.rank != 0 or not self._wanted:
-            return
-        self.frames = FrameCosts(job)
-        for record in Journal(output).read():
-            if record["kind"] == "block":
-                self.frames.measured(*(record[key] for key in BLOCK_COST))
-            elif record["kind"] == "pilot":
-                self.frames.sampled(*(record[key] for key in PILOT_COST))
-        for block in done_blocks:
-            self.frames.done(*block)
-
-    def sample(self, journal: Journal, flag: farm.StopFlag) -> bool:
-        """Time a pilot on all ranks, if it is needed; tell whether to go on (collective)."""
-        count = 0
-        if self._comm.rank == 0 and self._pilot:
-            count = costs.n_samples(self._job)
-            if self.frames.n_known() >= count * costs.PILOT_TIMED:
-                count = 0
-        count = self._comm.bcast(count)
-
-        def compute(index, poll, report) -> None:
-            place = costs.sample_place(self._job, index)
-            runs, seconds = costs.time_sample(self._job, *place, poll)
-            report((*place, runs, round(seconds, 6)))
-
-        def on_report(_rank, value) -> None:
-            self.frames.sampled(*value)
-            journal.note("pilot", **dict(zip(PILOT_COST, value, strict=True)))
-
-        return count == 0 or farm.run(self._comm, range(count), compute, flag, on_report)
-
-    def block_done(self, frame, direction, block, runs, seconds) -> None:
-        """Learn from a block."""
-        if self._wanted:
-            self.frames.measured(frame, direction, block, runs, seconds)
-            self.frames.done(frame, direction, block, runs)
-
-    def left(self, frame: int) -> float:
-        """Estimate the cost (s) of what is left of a frame; 0 where it does not matter."""
-        return self.frames.left(frame) if self._wanted else 0.0
-
-
 class _Failures:
     """Failed runs: all counted, the first few kept."""
 
@@ -287,8 +237,15 @@ def _farm_out(
             job, campaign, frame, poll, report, sweep_block or sweep.sweep_block, rest
         )
 
+    def tick() -> None:
+        display.tick()
+        if time.monotonic() >= next_note[0]:
+            next_note[0] = time.monotonic() + MASTER_NOTES
+            journal.note("master", **_traffic_record(traffic))
+
+    next_note = [time.monotonic() + MASTER_NOTES]
     finished = frame_costs.sample(journal, flag) and farm.run(
-        comm, todo, compute, flag, on_report, frame_costs.left, traffic, display.tick
+        comm, todo, compute, flag, on_report, frame_costs.left, traffic, tick
     )
     campaign.flush()
     peaks = comm.gather(memory.peak())
@@ -297,14 +254,21 @@ def _farm_out(
         journal.append(
             "end",
             reason=reason,
-            messages=traffic.messages,
-            master_seconds=round(traffic.seconds, 6),
-            recalls=traffic.recalls,
+            **_traffic_record(traffic),
             peak_memory=[peaks[0], max(peaks)],
         )
         display.close()
         _list_failures(display, failures)
     return finished
+
+
+def _traffic_record(traffic: farm.Traffic) -> dict:
+    return {
+        "messages": traffic.messages,
+        "message_seconds": round(traffic.message_seconds, 6),
+        "master_seconds": round(traffic.seconds, 6),
+        "recalls": traffic.recalls,
+    }
 
 
 def _compute_frame(

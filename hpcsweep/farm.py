@@ -61,15 +61,17 @@ class Traffic:
     """What the master had to do."""
 
     messages: int = 0
+    message_seconds: float = 0.0
+    """Time spent on them."""
     seconds: float = 0.0
-    """Time spent on messages and on the schedule."""
+    """Time spent on messages and on which tasks to take back."""
     recalls: int = 0
     """Tasks that moved from one rank to another."""
 
     @property
     def capacity(self) -> float | None:
         """Messages per second that the master could handle."""
-        return self.messages / self.seconds if self.messages else None
+        return self.messages / self.message_seconds if self.messages else None
 
 
 def run(
@@ -226,12 +228,14 @@ class _Master:
             rank = self._idle.pop(0)
             self._busy.add(rank)
             self._comm.send(("task", self._take(rank)), rank)
+        self._traffic.messages += handled
+        if handled:
+            self._traffic.message_seconds += time.perf_counter() - begun
         balanced = self._comm.size > 1 and begun >= self._next_balance
         if balanced:
             self._balance()
         if handled or balanced:
             spent = time.perf_counter() - begun
-            self._traffic.messages += handled
             self._traffic.seconds += spent
             if balanced:
                 self._next_balance = begun + max(BALANCE_SECONDS, spent / BALANCE_SHARE)

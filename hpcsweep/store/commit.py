@@ -94,6 +94,20 @@ class Blocks:
         """Read the stored checksum of a block, 0 if it has none."""
         return int(self._offsets.read(self._descriptor, "commit", (direction, frame, block), 1)[0])
 
+    def have_checksum(self) -> np.ndarray:
+        """Tell which blocks have a checksum, valid or not; shape (direction, frame, block)."""
+        directions, frames = len(self.job.directions), self.job.omega.size
+        stored = [
+            self._offsets.read(self._descriptor, "commit", (direction, 0), frames)
+            for direction in range(directions)
+        ]
+        return np.array(stored) != 0
+
+    def whole(self, variable: str, direction: int, frame: int) -> np.ndarray:
+        """Read a variable over all amplitudes of one sweep, committed or not."""
+        place = (direction, frame, 0)
+        return self._offsets.read(self._descriptor, variable, place, self.job.amplitude.size)
+
     def checksum(self, direction, frame, block, start: np.ndarray, rows: dict) -> int:
         """Compute the checksum of a block that starts from state `start`; never 0."""
         digest = hashlib.blake2b(self._seed, digest_size=8)

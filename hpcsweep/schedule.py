@@ -31,7 +31,7 @@ SOON = 0.05
 a task that is not longer than its own by this share."""
 BALANCE_SECONDS = 0.1
 """Least time between two looks at the running tasks."""
-BALANCES = 500
+BALANCES = 200
 """Times in the whole of a job that the rule looks at the running tasks, at most about."""
 MESSAGE_SECONDS = 1e-4
 """Master's time for one message, the one assumed (`hpcsweep schedule --replay` measures it)."""

@@ -282,7 +282,7 @@ from hpcsweep.job import load_job
 
 def nothing(structure, omega, amplitudes, state, settings, poll):
     result = sweep.empty_block(structure.n_floors, len(amplitudes), settings)
-    result["final_state"][:] = 0.0
+    result["final_state"][:], result["outcome"][:] = 0.0, 1
     return result
 
 job = load_job(sys.argv[1])

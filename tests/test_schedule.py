@@ -176,7 +176,7 @@ found = []
 for name, pieces in jobs.items():
     makespan, traffic = replay.replay(comm, pieces, computing)
     told = simulate(pieces, comm.size, computing_master=computing, poll_seconds=replay.SLICE)
-    found.append((name, makespan, told.makespan, traffic.recalls, told.recalls))
+    found.append((name, makespan, told.makespan, told.bound, traffic.recalls, told.recalls))
 messages = replay.time_messages(comm)
 if comm.rank == 0:
     print(json.dumps([found, messages and messages.capacity]))
@@ -209,9 +209,11 @@ def test_predicted_makespan_is_the_measured_one_on_oversubscribed_ranks(tmp_path
         check=True,
     )
     found, capacity = json.loads(done.stdout)
-    for name, measured, predicted, moved, told in found:
-        assert measured > 0.98 * predicted, name
-        # sleeping ranks wake up late on a busy machine, never early
+    for name, measured, predicted, bound, moved, told in found:
+        assert measured > 0.99 * bound, name
+        # who is free first may differ by chance and with it the schedule, both ways
+        assert measured > 0.92 * predicted, name
+        # sleeping ranks wake up late on a busy machine
         assert measured < 1.15 * predicted + 0.2, name
         if name == "equal" and told:
             assert moved > 0

@@ -7,15 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep import farm, provenance, sweep
+from hpcsweep import farm, memory, provenance, sweep
 from hpcsweep.job import Job
-from hpcsweep.outcome import Outcome
+from hpcsweep.outcome import REMEDIES, Outcome
+from hpcsweep.pilot import BLOCK_COST, KnownCosts
 from hpcsweep.store import Journal, Lock, StoreError, WriteError, create, open_campaign
-from hpcsweep.store.commit import Blocks, check_file, check_writable
+from hpcsweep.store.commit import Blocks, check_file, check_writable, path_blocks
 
 COMPLETE, STOPPED = 0, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to go on)."""
 LISTED_FAILURES = 10
+MASTER_NOTES = 30.0
+"""Seconds between two notes of the master's load in the journal."""
 STOP_MARGIN = 5.0
 """Seconds before the time limit at which the ranks begin to stop."""
 
@@ -28,6 +31,9 @@ class Silent:
 
     def message(self, text: str) -> None:
         """Say something."""
+
+    def tick(self) -> None:
+        """Hear that time has passed, several times a second."""
 
     def close(self) -> None:
         """End."""
@@ -77,11 +83,22 @@ def run(
     lock.join()
     campaign = open_campaign(output, job, comm)
     _compile(comm, job, sweep_block)
-    todo, done_runs = _unfinished(comm, campaign.blocks, job)
+    todo, done_runs, done_blocks = _unfinished(comm, campaign.blocks, job)
     try:
         with farm.StopFlag(deadline) as flag:
+            frame_costs = KnownCosts(comm, job, output, todo, done_blocks, sweep_block)
             finished = _farm_out(
-                comm, job, output, campaign, todo, done_runs, flag, progress, sweep_block, hosts
+                comm,
+                job,
+                output,
+                campaign,
+                todo,
+                done_runs,
+                frame_costs,
+                flag,
+                progress,
+                sweep_block,
+                hosts,
             )
     except BaseException:
         # no other rank is waited for: the caller ends them all
@@ -152,30 +169,60 @@ def _compile(comm, job: Job, sweep_block) -> None:
         sweep.warm_up(job.settings)
 
 
-def _unfinished(comm, blocks: Blocks, job: Job) -> tuple[list[int], int]:
-    """Verify every frame, shared among the ranks; list the unfinished ones on rank 0."""
-    todo, done_runs = [], 0
+def _unfinished(comm, blocks: Blocks, job: Job) -> tuple[list[int], int, list[tuple]]:
+    """Verify every frame, shared among the ranks; list what is unfinished on rank 0.
+
+    Returns
+    -------
+    frames : list of int
+    done_runs : int
+    done_blocks : list of tuple
+        (frame, direction, block, runs) of the valid blocks of these frames.
+    """
+    todo, done_runs, done_blocks = [], 0, []
     for frame in range(comm.rank, job.omega.size, comm.size):
         valid = blocks.valid(frame)
-        if not all(valid.values()):
-            todo.append(frame)
-        for (direction, block), good in valid.items():
+        good = []
+        for (direction, block), is_good in valid.items():
             low, high = blocks.rows(direction, block)
-            done_runs += (high - low) * good
-    gathered = comm.gather((todo, done_runs))
+            if is_good:
+                good.append((frame, direction, block, high - low))
+                done_runs += high - low
+        if len(good) < len(valid):
+            todo.append(frame)
+            done_blocks += good
+    gathered = comm.gather((todo, done_runs, done_blocks))
     if comm.rank != 0:
-        return [], 0
-    return sorted(frame for part, _ in gathered for frame in part), sum(n for _, n in gathered)
+        return [], 0, []
+    return (
+        sorted(frame for part in gathered for frame in part[0]),
+        sum(part[1] for part in gathered),
+        [block for part in gathered for block in part[2]],
+    )
+
+
+class _Failures:
+    """Failed runs: all counted, the first few kept."""
+
+    def __init__(self):
+        self.counts: dict[Outcome, int] = {}
+        self.first: list[tuple] = []
+
+    def add(self, runs: list[tuple], counts: dict[int, int]) -> None:
+        """Add what a block reports."""
+        for outcome, count in counts.items():
+            self.counts[Outcome(outcome)] = self.counts.get(Outcome(outcome), 0) + count
+        self.first += runs[: LISTED_FAILURES - len(self.first)]
 
 
 def _farm_out(
-    comm, job, output, campaign, todo, done_runs, flag, progress, sweep_block, hosts
+    comm, job, output, campaign, todo, done_runs, frame_costs, flag, progress, sweep_block, hosts
 ) -> bool:
     """Compute the unfinished frames on all ranks."""
     journal = Journal(output)
     begun = time.perf_counter()
     display = Silent()
-    failures: list[tuple] = []
+    failures, traffic = _Failures(), farm.Traffic()
     if comm.rank == 0:
         journal.append(
             "start", ranks=comm.size, hosts=sorted(set(hosts)), transport=campaign.transport.name
@@ -184,47 +231,78 @@ def _farm_out(
             display = progress(job.n_runs, done_runs)
 
     def on_report(rank, value) -> None:
-        frame, direction, block, runs, seconds, failed = value
-        failures.extend(failed)
-        journal.append(
-            "block",
-            rank=rank,
-            frame=frame,
-            direction=direction,
-            block=block,
-            runs=runs,
-            seconds=seconds,
+        *cost, failed, counts = value
+        failures.add(failed, counts)
+        journal.note("block", rank=rank, **dict(zip(BLOCK_COST, cost, strict=True)))
+        frame_costs.block_done(*cost)
+        display.advance(cost[3])
+
+    def compute(frame, poll, report, rest=None) -> tuple | None:
+        return _compute_frame(
+            job, campaign, frame, poll, report, sweep_block or sweep.sweep_block, rest
         )
-        display.advance(runs)
 
-    def compute(frame, poll, report) -> None:
-        _compute_frame(job, campaign, frame, poll, report, sweep_block or sweep.sweep_block)
+    def tick() -> None:
+        display.tick()
+        if time.monotonic() >= next_note[0]:
+            next_note[0] = time.monotonic() + MASTER_NOTES
+            journal.note("master", **_traffic_record(traffic))
 
-    finished = farm.run(comm, todo, compute, flag, on_report)
+    next_note = [time.monotonic() + MASTER_NOTES]
+    finished = frame_costs.sample(journal, flag) and farm.run(
+        comm, todo, compute, flag, on_report, frame_costs.left, traffic, tick
+    )
     campaign.flush()
-    traffic = comm.gather((campaign.written_bytes, campaign.write_seconds))
+    used = comm.gather((campaign.written_bytes, campaign.write_seconds, memory.peak()))
     if comm.rank == 0:
         reason = "complete" if finished else (flag.reason or "stopped")
         journal.append(
             "end",
             reason=reason,
-            written_bytes=sum(size for size, _ in traffic),
-            write_seconds=round(sum(seconds for _, seconds in traffic), 6),
+            written_bytes=sum(rank[0] for rank in used),
+            write_seconds=round(sum(rank[1] for rank in used), 6),
             rank_seconds=round(comm.size * (time.perf_counter() - begun), 6),
+            peak_memory=[used[0][2], max(rank[2] for rank in used)],
+            **_traffic_record(traffic),
         )
         display.close()
         _list_failures(display, failures)
     return finished
 
 
-def _compute_frame(job: Job, campaign, frame: int, poll, report, sweep_block) -> None:
-    """Compute the blocks of one frame that are not in the file, along its path."""
+def _traffic_record(traffic: farm.Traffic) -> dict:
+    return {
+        "messages": traffic.messages,
+        "message_seconds": round(traffic.message_seconds, 6),
+        "master_seconds": round(traffic.seconds, 6),
+        "recalls": traffic.recalls,
+    }
+
+
+def _compute_frame(
+    job: Job, campaign, frame: int, poll, report, sweep_block, rest=None
+) -> tuple | None:
+    """Compute the blocks of one frame that are not in the file, along its path.
+
+    Parameters
+    ----------
+    rest : (position, state), optional
+        Where to go on, and from which state: what this function returned, on any rank.
+
+    Returns
+    -------
+    (position, state) or None
+        What is left, if the frame was wanted back; None if it is finished.
+    """
     amplitude = job.amplitude
-    chain = campaign.blocks.chain(frame)
+    first, state = rest or (0, None)
+    position, n_positions = first - 1, len(path_blocks(job))
+    chain = campaign.blocks.chain(frame, first, state)
     computed = None
     with contextlib.suppress(StopIteration):
         while True:
             direction, block, start, valid, _end = chain.send(computed)
+            position += 1
             computed = None
             if valid:
                 continue
@@ -244,19 +322,25 @@ def _compute_frame(job: Job, campaign, frame: int, poll, report, sweep_block) ->
                     job.directions[direction],
                     Outcome(int(result["outcome"][i])).name,
                 )
-                for i in bad
+                for i in bad[:LISTED_FAILURES]
             ]
-            seconds = time.perf_counter() - begun
-            report((frame, direction, block, high - low, round(seconds, 6), failed))
+            kinds, counts = np.unique(result["outcome"][bad], return_counts=True)
+            seconds = round(time.perf_counter() - begun, 6)
+            counted = dict(zip(kinds.tolist(), counts.tolist(), strict=True))
+            wanted = report((frame, direction, block, high - low, seconds, failed, counted))
+            if wanted and position + 1 < n_positions:
+                return position + 1, computed
+    return None
 
 
-def _list_failures(display, failures: list[tuple]) -> None:
-    if not failures:
+def _list_failures(display, failures: _Failures) -> None:
+    n_failed = sum(failures.counts.values())
+    if not n_failed:
         return
-    display.message(f"{len(failures)} runs failed; their results are NaN and the sweep went on:")
-    for omega, amplitude, direction, outcome in failures[:LISTED_FAILURES]:
+    display.message(f"{n_failed} runs failed; their results are NaN and the sweep went on:")
+    for omega, amplitude, direction, outcome in failures.first:
         display.message(f"  Omega = {omega:.6g}, A = {amplitude:.6g}, {direction}: {outcome}")
-    if len(failures) > LISTED_FAILURES:
-        display.message(f"  and {len(failures) - LISTED_FAILURES} more; see hpcsweep status")
-    if any(failure[3] != Outcome.NON_FINITE.name for failure in failures):
-        display.message("  STEP_LIMIT, SOLVER_FAILED: try a larger solver.rtol or the other solver")
+    if n_failed > len(failures.first):
+        display.message(f"  and {n_failed - len(failures.first)} more; see hpcsweep status")
+    for outcome, count in failures.counts.items():
+        display.message(f"  {outcome.name} ({count}): {REMEDIES[outcome]}")

@@ -13,11 +13,12 @@ from hpcsweep.commands import (
     pack,
     plot,
     run,
+    schedule,
     status,
     validate,
 )
 
-COMMANDS = (run, status, validate, pack, plot, animate, explore, claims, bench)
+COMMANDS = (run, status, schedule, validate, pack, plot, animate, explore, claims, bench)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.

@@ -1,23 +1,27 @@
 """Master and workers: hands opaque tasks to ranks as they become free. Knows no physics.
 
-Rank 0 keeps the list, dearest first. On few ranks it also works, and looks after the others
-between two points of its own task; above `DEDICATED_MASTER` ranks it only looks after them. One
-rank runs the same code with nobody to look after.
+Rank 0 keeps the list (`hpcsweep.schedule`). On few ranks it also works, and looks after the others
+between two points of its own task; above `schedule.DEDICATED_MASTER` ranks it only looks after
+them. One rank runs the same code with nobody to look after.
 
-Messages are small tuples. A worker says ``ready``, ``report`` (something for the master's
-ears, e.g. progress), ``done`` or ``stopped`` (it was told, or has a signal of its own); the master
-answers ``task``, and at any time ``stop``. The run ends when every worker has been sent ``end``.
+Messages are small tuples. A worker says ``ready``, ``report`` (things for the master's ears, e.g.
+progress, a few a second at most), ``done``, ``back`` (the rest of a task it was asked to give back)
+or ``stopped`` (it was told, or has a signal of its own); the master answers ``task``, and at any
+time ``stop`` or ``recall``. The run ends when every worker has been sent ``end``.
 """
 
 import signal
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
-DEDICATED_MASTER = 32
-"""Ranks from which on the master does not compute."""
-LEAST_SLEEP, MOST_SLEEP = 1e-4, 5e-3
+from hpcsweep.schedule import BALANCE_SECONDS, Schedule, master_computes, report_interval
+
+LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
 """Back-off (s) of a rank that waits for a message."""
+BALANCE_SHARE = 0.02
+"""Largest share of the master's time spent on which tasks to take back."""
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
@@ -52,13 +56,34 @@ class StopFlag:
         return self.reason is not None
 
 
+@dataclass
+class Traffic:
+    """What the master had to do."""
+
+    messages: int = 0
+    message_seconds: float = 0.0
+    """Time spent on them."""
+    seconds: float = 0.0
+    """Time spent on messages and on which tasks to take back."""
+    recalls: int = 0
+    """Tasks that moved from one rank to another."""
+
+    @property
+    def capacity(self) -> float | None:
+        """Messages per second that the master could handle."""
+        return self.messages / self.message_seconds if self.messages else None
+
+
 def run(
     comm,
     tasks: Iterable[int],
-    compute: Callable[[int, Callable[[], None], Callable[[Any], None]], Any],
+    compute: Callable[..., Any],
     flag: StopFlag,
     on_report: Callable[[int, Any], None] = lambda rank, value: None,
     cost: Callable[[int], float] = lambda task: 0.0,
+    traffic: Traffic | None = None,
+    tick: Callable[[], None] = lambda: None,
+    computing_master: bool | None = None,
 ) -> bool:
     """Do all tasks on all ranks.
 
@@ -67,14 +92,23 @@ def run(
     comm : hpcsweep.mpi.Serial or hpcsweep.mpi.Ranks
     tasks : iterable of int
         Read on rank 0 only.
-    compute : callable (task, poll, report)
+    compute : callable (task, poll, report), or (task, poll, report, rest)
         Does one task on the rank it runs on. It calls ``poll()`` often, which may raise `Stop`,
-        and ``report(value)`` to have the value passed to `on_report` on rank 0.
+        and ``report(value)`` to have the value passed to `on_report` on rank 0. If that returns
+        True the task is wanted back: `compute` may then return, in place of None, whatever
+        (small) it takes to go on, and is called with it as `rest`, perhaps on another rank.
     flag : StopFlag
     on_report : callable (rank, value)
         Called on rank 0.
     cost : callable
-        Estimated cost of a task; the dearest are handed out first, equal ones in order.
+        Estimated cost (s) of what is left of a task, as of the last report; asked on rank 0, again
+        and again. The dearest are handed out first, equal ones in order.
+    traffic : Traffic, optional
+        Filled on rank 0.
+    tick : callable
+        Called on rank 0, with or without news, as often as it looks for messages.
+    computing_master : bool, optional
+        Whether rank 0 does tasks too. Default: on up to `schedule.DEDICATED_MASTER` ranks.
 
     Returns
     -------
@@ -82,9 +116,11 @@ def run(
         Whether all tasks were done; the same on every rank.
     """
     if comm.rank == 0:
-        finished = _Master(comm, sorted(tasks, key=lambda task: -cost(task)), flag, on_report).run(
-            compute
-        )
+        traffic = traffic or Traffic()
+        if computing_master is None or comm.size == 1:
+            computing_master = master_computes(comm.size)
+        master = _Master(comm, tasks, flag, on_report, cost, traffic, tick, computing_master)
+        finished = master.run(compute)
     else:
         _work(comm, compute, flag)
         finished = None
@@ -92,37 +128,77 @@ def run(
 
 
 class _Master:
-    """The list of tasks, and who is free."""
+    """The schedule, and who is free."""
 
-    def __init__(self, comm, tasks: Sequence[int], flag: StopFlag, on_report):
+    def __init__(self, comm, tasks, flag: StopFlag, on_report, cost, traffic, tick, computes: bool):
         self._comm = comm
-        self._waiting = list(tasks)[::-1]
+        self._computes = computes
+        self._schedule = Schedule(tasks, cost, comm.size if computes else comm.size - 1)
         self._flag = flag
         self._on_report = on_report
+        self._traffic: Traffic = traffic
+        self._tick = tick
         self._idle: list[int] = []
         self._busy: set[int] = set(range(1, comm.size))
+        self._task_of: dict[int, int] = {}
+        self._rest: dict[int, Any] = {}
+        self._recalled: set[int] = set()
+        self._next_balance = 0.0
         self._stopping = False
         self._unfinished = False
 
     def run(self, compute) -> bool:
         sleep = LEAST_SLEEP
-        while self._waiting or self._busy:
+        while len(self._schedule) or self._busy:
             if self._serve():
                 sleep = LEAST_SLEEP
                 continue
-            if self._comm.size <= DEDICATED_MASTER and self._waiting and not self._stopping:
-                task = self._waiting.pop()
-                try:
-                    compute(task, self._poll, lambda value: self._on_report(0, value))
-                except Stop:
-                    self._unfinished = True
-                    self._stop()
+            if self._computes and len(self._schedule) and not self._stopping:
+                self._compute(compute)
                 continue
             time.sleep(sleep)
             sleep = min(2 * sleep, MOST_SLEEP)
         for rank in range(1, self._comm.size):
             self._comm.send(("end", None), rank)
         return not self._unfinished
+
+    def _compute(self, compute) -> None:
+        """Do a task, or a part of it, on this rank."""
+        task, *rest = self._take(0)
+
+        def report(value) -> bool:
+            self._on_report(0, value)
+            self._schedule.progress(task, time.monotonic())
+            return task in self._recalled
+
+        try:
+            left = compute(task, self._poll, report, *rest)
+        except Stop:
+            self._unfinished = True
+            self._stop()
+        else:
+            self._ended(0, left)
+
+    def _take(self, rank: int) -> tuple:
+        """Start a task on a rank; return what `compute` needs."""
+        task = self._schedule.take(time.monotonic())
+        self._task_of[rank] = task
+        return (task, self._rest.pop(task)) if task in self._rest else (task,)
+
+    def _ended(self, rank: int, rest=None) -> None:
+        """Note that a rank has done its task, or gives back the rest of it."""
+        task = self._task_of.pop(rank, None)
+        if task is None:
+            return
+        self._recalled.discard(task)
+        if rest is None:
+            self._schedule.end(task)
+        elif self._stopping:
+            self._unfinished = True
+        else:
+            self._traffic.recalls += 1
+            self._rest[task] = rest
+            self._schedule.put_back(task, time.monotonic())
 
     def _poll(self) -> None:
         self._serve()
@@ -134,51 +210,106 @@ class _Master:
             self._stopping = True
             for rank in self._busy:
                 self._comm.send(("stop", None), rank)
-        if self._waiting:
+        if len(self._schedule):
             self._unfinished = True
-            self._waiting.clear()
+            self._schedule.clear()
 
     def _serve(self) -> bool:
         """Handle the waiting messages; tell whether there were any."""
         if self._flag.is_set():
             self._stop()
-        any_message = False
+        self._tick()
+        begun = time.perf_counter()
+        handled = 0
         while (message := self._comm.receive()) is not None:
-            any_message = True
-            rank, (kind, value) = message
-            if kind == "report":
-                self._on_report(rank, value)
-                continue
-            if kind == "stopped":
-                self._flag.reason = self._flag.reason or value
-                self._unfinished = True
-                self._stop()
-            self._busy.discard(rank)
-            self._idle.append(rank)
-        while self._idle and self._waiting:
+            handled += 1
+            self._handle(*message)
+        while self._idle and len(self._schedule):
             rank = self._idle.pop(0)
             self._busy.add(rank)
-            self._comm.send(("task", self._waiting.pop()), rank)
-        return any_message
+            self._comm.send(("task", self._take(rank)), rank)
+        self._traffic.messages += handled
+        if handled:
+            self._traffic.message_seconds += time.perf_counter() - begun
+        balanced = self._comm.size > 1 and begun >= self._next_balance
+        if balanced:
+            self._balance()
+        if handled or balanced:
+            spent = time.perf_counter() - begun
+            self._traffic.seconds += spent
+            if balanced:
+                self._next_balance = begun + max(BALANCE_SECONDS, spent / BALANCE_SHARE)
+        return handled > 0
+
+    def _handle(self, rank: int, message: tuple) -> None:
+        kind, value = message
+        reports, rest = value
+        for report in reports:
+            self._on_report(rank, report)
+        if kind == "report":
+            self._schedule.progress(self._task_of[rank], time.monotonic())
+            return
+        if kind == "stopped":
+            self._flag.reason = self._flag.reason or rest
+            self._task_of.pop(rank, None)
+            self._unfinished = True
+            self._stop()
+        else:
+            self._ended(rank, rest)
+        self._busy.discard(rank)
+        self._idle.append(rank)
+
+    def _balance(self) -> None:
+        """Ask for tasks back if others must start now."""
+        wanted = set(self._schedule.recalls(time.monotonic(), every=0.0))
+        if not wanted:
+            return
+        self._recalled |= wanted
+        for rank, task in self._task_of.items():
+            if rank != 0 and task in wanted:
+                self._comm.send(("recall", task), rank)
 
 
 def _work(comm, compute, flag: StopFlag) -> None:
     """Do what the master says, until it says ``end``."""
+    interval = report_interval(comm.size)
     told_to_stop = False
+    recalled = None
+    task = None
+    reports: list[Any] = []
+    last_report = time.monotonic()
+
+    def listen() -> None:
+        nonlocal told_to_stop, recalled
+        while (message := comm.receive()) is not None:
+            kind, value = message[1]
+            if kind == "recall":
+                recalled = value
+            else:
+                told_to_stop = True
 
     def poll() -> None:
-        nonlocal told_to_stop
         if flag.is_set():
             raise Stop
-        message = comm.receive()
-        if message is not None:
-            told_to_stop = True
+        listen()
+        if told_to_stop:
             raise Stop
 
-    def report(value) -> None:
-        comm.send(("report", value), 0)
+    def report(value) -> bool:
+        nonlocal last_report
+        reports.append(value)
+        if time.monotonic() - last_report >= interval:
+            say("report")
+        listen()
+        return recalled == task
 
-    comm.send(("ready", None), 0)
+    def say(kind: str, rest=None) -> None:
+        nonlocal last_report
+        comm.send((kind, (tuple(reports), rest)), 0)
+        reports.clear()
+        last_report = time.monotonic()
+
+    say("ready")
     sleep = LEAST_SLEEP
     while True:
         message = comm.receive()
@@ -187,14 +318,15 @@ def _work(comm, compute, flag: StopFlag) -> None:
             sleep = min(2 * sleep, MOST_SLEEP)
             continue
         sleep = LEAST_SLEEP
-        kind, task = message[1]
+        kind, value = message[1]
         if kind == "end":
             return
-        if kind == "stop":
+        if kind != "task":
             continue
+        recalled, task, rest = None, value[0], value[1:]
         try:
-            compute(task, poll, report)
+            left = compute(task, poll, report, *rest)
         except Stop:
-            comm.send(("stopped", None if told_to_stop else flag.reason), 0)
+            say("stopped", None if told_to_stop else flag.reason)
         else:
-            comm.send(("done", None), 0)
+            say("done" if left is None else "back", left)

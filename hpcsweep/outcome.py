@@ -29,3 +29,13 @@ class Outcome(IntEnum):
     """One forcing period needed more steps than the solver's cap."""
     SOLVER_FAILED = 4
     """The integrator gave up: its step became too small or its iteration diverged."""
+
+
+REMEDIES = {
+    Outcome.NON_FINITE: "the motion left double precision: check structure and amplitude",
+    Outcome.STEP_LIMIT: "a period needed too many steps: a larger solver.rtol, or the other "
+    "solver.method",
+    Outcome.SOLVER_FAILED: "the integrator gave up: a larger solver.rtol, or solver.method = "
+    '"flow"',
+}
+"""What to do about runs that failed; the rest of the job is good without them."""

@@ -23,6 +23,9 @@ class Bar:
         """Count finished runs."""
         self._bar.update(runs)
 
+    def tick(self) -> None:
+        """Leave the bar to its own clock."""
+
     def message(self, text: str) -> None:
         """Say something without tearing the bar."""
         self._bar.write(text, file=sys.stderr)
@@ -33,7 +36,7 @@ class Bar:
 
 
 class Log:
-    """A line at the start, at most one a minute, and one at the end."""
+    """A line at the start, one a minute, and one at the end."""
 
     def __init__(self, total: int, done: int):
         self._total, self._done, self._first = total, done, done
@@ -44,6 +47,9 @@ class Log:
     def advance(self, runs: int) -> None:
         """Count finished runs."""
         self._done += runs
+
+    def tick(self) -> None:
+        """Write a line if a minute has passed, whether or not a run was finished."""
         if time.monotonic() - self._last >= LOG_INTERVAL:
             self._last = time.monotonic()
             self.message(self._line())

@@ -27,14 +27,15 @@ def add_to(commands) -> None:
 
 
 def _status(options) -> int:
-    from hpcsweep.store import StoreError, job_of, status
+    from hpcsweep.monitor import monitor
+    from hpcsweep.store import StoreError, job_of
 
     try:
         if options.job:
             sys.stdout.buffer.write(job_of(options.file).text.encode())
             sys.stdout.flush()
             return 0
-        state = status(options.file)
+        state = monitor(options.file)
     except StoreError as error:
         complain(str(error))
         return USER_ERROR
@@ -59,6 +60,7 @@ def _describe(state: dict) -> str:
             f"{state['runs_per_core_second']:.3g} runs per core second, about "
             f"{state['core_seconds_remaining']:.3g} core seconds left"
         )
+    lines += _describe_work(state)
     if state["periods_per_run"] is not None:
         spared = ", ".join(f"{name} {count}" for name, count in state["runs_spared"].items())
         lines.append(
@@ -70,6 +72,11 @@ def _describe(state: dict) -> str:
     lines += [
         f"    Omega = {f['omega']:.6g}, A = {f['amplitude']:.6g}, {f['direction']}: {f['outcome']}"
         for f in state["failures"]
+    ]
+    if state["n_failed"] > len(state["failures"]):
+        lines.append(f"    and {state['n_failed'] - len(state['failures'])} more")
+    lines += [
+        f"    {name} ({kind['runs']}): {kind['remedy']}" for name, kind in state["remedies"].items()
     ]
     for session in state["sessions"]:
         started = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(session["started"]))
@@ -84,3 +91,37 @@ def _describe(state: dict) -> str:
                 f"{100 * session['write_share']:.2g} % of the ranks' time"
             )
     return "\n".join(lines)
+
+
+def _describe_work(state: dict) -> list[str]:
+    """Write rate, remaining time, cost by frame and the master's load."""
+    lines = []
+    if state["runs_per_second"] is not None:
+        line = (
+            f"  rate      {state['runs_per_second']:.3g} histories/s by the clock, "
+            f"{state['runs_per_second_recent']:.3g} in the last minute of the last session"
+        )
+        if state["seconds_remaining"] is not None:
+            line += f"; about {state['seconds_remaining']:.3g} s left on its ranks"
+        lines.append(line)
+    frames = state["frame_seconds"]
+    if frames:
+        lines.append(
+            f"  frames    dearest {frames['dearest']:.3g} s (Omega = "
+            f"{frames['dearest_omega']:.6g}), median {frames['median']:.3g} s, cheapest "
+            f"{frames['cheapest']:.3g} s (Omega = {frames['cheapest_omega']:.6g}), of "
+            f"{frames['frames']} timed whole"
+        )
+    master = state["master"]
+    if master and master["messages"]:
+        lines.append(
+            f"  master    {master['messages']} messages, {master['messages_per_second']:.3g}/s "
+            f"of {master['messages_per_second_possible']:.3g}/s possible; "
+            f"{master['tasks_moved']} frames moved between ranks"
+        )
+    if state["peak_memory"]:
+        first, largest = (size / 1e6 for size in state["peak_memory"])
+        lines.append(f"  memory    rank 0 {first:.0f} MB, largest rank {largest:.0f} MB")
+    if not state["complete"] and state["last_heard"] is not None:
+        lines.append(f"  last heard of {state['last_heard']:.0f} s ago")
+    return lines

@@ -136,6 +136,20 @@ class Blocks:
         """Read the state at the end of one run, shape (2n,)."""
         return self._rows.read("final_state", (direction, frame, index), 1)[0]
 
+    def have_checksum(self) -> np.ndarray:
+        """Tell which blocks have a checksum, valid or not; shape (direction, frame, block)."""
+        directions, frames = len(self.job.directions), self.job.omega.size
+        stored = [
+            self._offsets.read(self._descriptor, "commit", (direction, 0), frames)
+            for direction in range(directions)
+        ]
+        return np.array(stored) != 0
+
+    def whole(self, variable: str, direction: int, frame: int) -> np.ndarray:
+        """Read a variable over all amplitudes of one sweep, committed or not."""
+        place = (direction, frame, 0)
+        return self._offsets.read(self._descriptor, variable, place, self.job.amplitude.size)
+
     def checksum(self, direction, frame, block, start: np.ndarray, rows: dict) -> int:
         """Compute the checksum of a block that starts from state `start`; never 0."""
         digest = hashlib.blake2b(self._seed, digest_size=8)
@@ -145,8 +159,18 @@ class Blocks:
             digest.update(np.ascontiguousarray(rows[name]).data)
         return int.from_bytes(digest.digest(), "little") | 1
 
-    def chain(self, frame: int) -> Iterator[tuple[int, int, np.ndarray, bool, np.ndarray | None]]:
+    def chain(
+        self, frame: int, first: int = 0, state: np.ndarray | None = None
+    ) -> Iterator[tuple[int, int, np.ndarray, bool, np.ndarray | None]]:
         """Walk a frame's blocks in the order of the path.
+
+        Parameters
+        ----------
+        frame : int
+        first : int
+            Position on the path of the block to begin with.
+        state : ndarray, shape (2n,), optional
+            The state that block starts from; needed if it is not the first.
 
         Yields
         ------
@@ -160,8 +184,8 @@ class Blocks:
 
         The caller may send the end state of a block it has computed itself.
         """
-        state = self.job.initial_state
-        for direction, block in path_blocks(self.job):
+        state = self.job.initial_state if state is None else state
+        for direction, block in path_blocks(self.job)[first:]:
             stored = self.committed(direction, frame, block)
             end = None
             if stored:

@@ -6,11 +6,15 @@ run to run, so they are kept out of the results, which do not. Losing the journa
 
 import contextlib
 import json
+import math
 import os
 import time
 from pathlib import Path
 
 from hpcsweep.store.layout import WriteError
+
+WRITE_INTERVAL = 1.0
+"""Least seconds between two writes of notes."""
 
 
 class Journal:
@@ -18,16 +22,33 @@ class Journal:
 
     def __init__(self, path: Path):
         self.path = path.with_name(path.name + ".journal")
+        self._kept: list[str] = []
+        self._last_write = -math.inf
 
     def append(self, kind: str, **values) -> None:
-        """Append one record in a single write.
+        """Append one record, and those that were kept, in a single write.
 
         Raises
         ------
         WriteError
-            If the disk does not take it.
+            If the disk does not take it; also `note`.
         """
-        line = json.dumps({"kind": kind, "time": time.time(), **values}) + "\n"
+        self._keep(kind, values)
+        self._write()
+
+    def note(self, kind: str, **values) -> None:
+        """Append one record within a second or so of more notes: many cost one write."""
+        self._keep(kind, values)
+        if time.monotonic() - self._last_write >= WRITE_INTERVAL:
+            self._write()
+
+    def _keep(self, kind: str, values: dict) -> None:
+        self._kept.append(json.dumps({"kind": kind, "time": time.time(), **values}) + "\n")
+
+    def _write(self) -> None:
+        line = "".join(self._kept)
+        self._kept.clear()
+        self._last_write = time.monotonic()
         try:
             descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
             try:

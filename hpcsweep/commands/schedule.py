@@ -1,0 +1,158 @@
+"""`hpcsweep schedule`: predict makespan and efficiency on numbers of ranks, and check it."""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from hpcsweep.commands import RAW, USER_ERROR, complain, positive
+
+HELP = """\
+Predict the makespan of a job on numbers of ranks, from the costs measured in a results file (also
+an unfinished one) or from a timed sample of a job file, with the rule the campaign itself follows.
+
+With --replay, under mpirun, the same costs are slept through on the ranks there are, scaled to
+about SECONDS, and the makespan is compared with the predicted one; the master's messages per
+second are measured."""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    schedule = commands.add_parser(
+        "schedule",
+        help="predict makespan and efficiency on numbers of ranks",
+        description=HELP,
+        formatter_class=RAW,
+    )
+    schedule.add_argument("source", type=Path, metavar="FILE.h5|JOB.toml")
+    schedule.add_argument(
+        "--ranks", type=_counts, metavar="N,N,...", help="numbers of ranks (default: 1 to 4096)"
+    )
+    schedule.add_argument(
+        "--replay", type=positive, metavar="SECONDS", help="check against sleeping tasks"
+    )
+    schedule.add_argument("--json", action="store_true", help="machine-readable")
+    schedule.set_defaults(function=_schedule)
+
+
+def _counts(text: str) -> tuple[int, ...]:
+    """Convert a list of numbers of ranks."""
+    try:
+        counts = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be whole numbers, is {text}") from None
+    if min(counts) < 1 or max(counts) > 1_000_000:
+        raise argparse.ArgumentTypeError(f"must be from 1 to 1000000, is {text}")
+    return counts
+
+
+def _schedule(options) -> int:
+    from hpcsweep.mpi import LauncherError, world
+
+    try:
+        comm = world()
+    except LauncherError as error:
+        complain(str(error))
+        return USER_ERROR
+    problem, known = None, None
+    if comm.rank == 0:
+        known, problem = _costs(options.source)
+    if comm.bcast(problem is not None):
+        if comm.rank == 0:
+            complain(problem)
+        return USER_ERROR
+    checked = _replay(comm, known, options.replay) if options.replay else None
+    if comm.rank == 0:
+        _show(options, *known, checked)
+    return 0
+
+
+def _costs(source: Path) -> tuple:
+    """Give (job, forecast) and None, or None and what is wrong."""
+    from hpcsweep import estimate
+    from hpcsweep.job import JobError, load_job
+    from hpcsweep.store import StoreError
+    from hpcsweep.store.reader import job_of
+
+    try:
+        if source.suffix == ".toml":
+            job = load_job(source)
+            return (job, estimate.sample(job)), None
+        job = job_of(source)
+        forecast = estimate.from_journal(job, source)
+        if forecast is None:
+            return None, f"{source}.journal: holds no costs; give the job file instead"
+        return (job, forecast), None
+    except (JobError, StoreError) as error:
+        return None, str(error)
+
+
+def _replay(comm, known, seconds: float) -> dict | None:
+    """Sleep through the job's costs, scaled; compare with the simulation on rank 0."""
+    from hpcsweep import replay
+    from hpcsweep.schedule import MESSAGE_SECONDS, simulate
+
+    messages = replay.time_messages(comm)
+    pieces = None
+    if comm.rank == 0:
+        pieces = known[1].costs.pieces()
+        bound = simulate(pieces, comm.size).bound
+        pieces = [piece * (seconds / bound) for piece in pieces]
+    makespan, traffic = replay.replay(comm, pieces)
+    if comm.rank != 0:
+        return None
+    each = 1 / messages.capacity if messages else MESSAGE_SECONDS
+    predicted = simulate(pieces, comm.size, message_seconds=each, poll_seconds=replay.SLICE)
+    return {
+        "ranks": comm.size,
+        "predicted": predicted.makespan,
+        "measured": makespan,
+        "bound": predicted.bound,
+        "recalls_predicted": predicted.recalls,
+        "recalls_measured": traffic.recalls,
+        "messages": asdict(messages) if messages else None,
+    }
+
+
+def _show(options, job, forecast, checked) -> None:
+    from hpcsweep import estimate
+    from hpcsweep.schedule import ranks_that_help
+
+    each = {}
+    if checked and checked["messages"]:
+        each["message_seconds"] = 1 / checked["messages"]["capacity"]
+    predictions = estimate.predict(job, forecast, options.ranks or estimate.RANKS, **each)
+    if options.json:
+        totals = forecast.costs.totals()
+        report = {
+            "job": job.name,
+            "runs": job.n_runs,
+            "runs_timed": forecast.n_timed,
+            "core_seconds": float(totals.sum()),
+            "ranks_that_help": ranks_that_help(totals),
+            "frame_seconds": totals.tolist(),
+            "predictions": [asdict(prediction) for prediction in predictions],
+            "replay": checked,
+        }
+        json.dump(report, sys.stdout, indent=1)
+        print()
+        return
+    print(
+        f"{job.name}: {job.omega.size} frames, {forecast.run_seconds * job.n_runs:.4g} core "
+        f"seconds, from {forecast.n_timed} runs timed, of {job.n_runs}"
+    )
+    print("\n".join(estimate.ranks_text(job, forecast, predictions)))
+    if checked is None:
+        return
+    print(
+        f"replay:     on {checked['ranks']} ranks {checked['measured']:.4g} s, predicted "
+        f"{checked['predicted']:.4g} s (ratio {checked['measured'] / checked['predicted']:.3f}), "
+        f"bound {checked['bound']:.4g} s; {checked['recalls_measured']} tasks moved, predicted "
+        f"{checked['recalls_predicted']}"
+    )
+    if checked["messages"]:
+        print(
+            f"messages:   {checked['messages']['per_second']:.3g} a second came, the master could "
+            f"handle {checked['messages']['capacity']:.3g} a second"
+        )

@@ -140,15 +140,14 @@ class Blocks:
         """Tell which blocks have a checksum, valid or not; shape (direction, frame, block)."""
         directions, frames = len(self.job.directions), self.job.omega.size
         stored = [
-            self._offsets.read(self._descriptor, "commit", (direction, 0), frames)
-            for direction in range(directions)
+            self._rows.read("commit", (direction, 0), frames) for direction in range(directions)
         ]
         return np.array(stored) != 0
 
     def whole(self, variable: str, direction: int, frame: int) -> np.ndarray:
         """Read a variable over all amplitudes of one sweep, committed or not."""
         place = (direction, frame, 0)
-        return self._offsets.read(self._descriptor, variable, place, self.job.amplitude.size)
+        return self._rows.read(variable, place, self.job.amplitude.size)
 
     def checksum(self, direction, frame, block, start: np.ndarray, rows: dict) -> int:
         """Compute the checksum of a block that starts from state `start`; never 0."""

@@ -128,9 +128,11 @@ def random_cases(number, seed=0):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def variational(x, v, t, beta, rho, stiffness, damping, column, out):
-    """Derivative of a tangent vector at time t of a step with the series x and v."""
+def variational(x, t, h, beta, rho, stiffness, damping, column, out):
+    """Derivative of a tangent vector at time t of a step of length h with the series x."""
     n = stiffness.shape[0]
+    if rho == math.inf:
+        t = 0.5 * h  # such a step begins and ends where x may be 0
     for i in range(n):
         out[i] = column[n + i]
         out[n + i] = -contact_stiffness(horner(x[i], t), beta, rho) * column[i]
@@ -140,20 +142,21 @@ def variational(x, v, t, beta, rho, stiffness, damping, column, out):
 
 @numba.njit(cache=True, error_model="numpy")
 def step_tangent(series, h, beta, rho, stiffness, damping):
-    """Tangent map of one step of the reference, by four Runge-Kutta steps: three digits."""
+    """Tangent map of one step of the reference, by Runge-Kutta steps: three digits."""
     n = stiffness.shape[0]
     matrix = np.eye(2 * n)
     k1, k2, k3, k4 = (np.empty(2 * n), np.empty(2 * n), np.empty(2 * n), np.empty(2 * n))
-    x, v = series[:n], series[n:]
-    d = h / 4
+    x = series[:n]
+    parts = 4 + int(4 * h * math.sqrt(4.0 + beta))
+    d = h / parts
     for c in range(2 * n):
         y = matrix[:, c].copy()
-        for part in range(4):
+        for part in range(parts):
             t = part * d
-            variational(x, v, t, beta, rho, stiffness, damping, y, k1)
-            variational(x, v, t + d / 2, beta, rho, stiffness, damping, y + d / 2 * k1, k2)
-            variational(x, v, t + d / 2, beta, rho, stiffness, damping, y + d / 2 * k2, k3)
-            variational(x, v, t + d, beta, rho, stiffness, damping, y + d * k3, k4)
+            variational(x, t, h, beta, rho, stiffness, damping, y, k1)
+            variational(x, t + d / 2, h, beta, rho, stiffness, damping, y + d / 2 * k1, k2)
+            variational(x, t + d / 2, h, beta, rho, stiffness, damping, y + d / 2 * k2, k3)
+            variational(x, t + d, h, beta, rho, stiffness, damping, y + d * k3, k4)
             y = y + d / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         matrix[:, c] = y
     return matrix

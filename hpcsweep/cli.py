@@ -2,9 +2,9 @@
 
 import argparse
 
-from hpcsweep.commands import RAW, USER_ERROR, bench, complain, plot, run, status
+from hpcsweep.commands import RAW, USER_ERROR, bench, complain, plot, run, status, stress
 
-COMMANDS = (run, status, plot, bench)
+COMMANDS = (run, status, plot, bench, stress)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.

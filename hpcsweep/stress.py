@@ -101,7 +101,7 @@ def _extremes(quick):
     for name, list_of in values.items():
         for value in list_of:
             asked = f"{name} = {value:g}"
-            yield Case("reference", "structure", asked, {**base, name: value}, 1.1, 0.4)
+            yield Case("reference", "structure", asked, {**base, name: value}, 0.5, 1.0)
     for rho in (0.0, 1e4, math.inf):
         hard = {**base, "stiffness_ratio": 1e7, "sharpness": rho}
         yield Case("run", "structure", f"stiffness_ratio = 1e7, sharpness = {rho:g}", hard)

@@ -29,7 +29,14 @@ from hpcsweep.reference import NO_RECORD, ORDER, PART_OF_RADIUS, horner, period,
 from hpcsweep.solver import make_solver
 from hpcsweep.structure import Structure
 
-KINDS = ("anywhere", "slow at the stop", "peak in the layer", "two floors", "three floors", "bounce")
+KINDS = (
+    "anywhere",
+    "slow at the stop",
+    "peak in the layer",
+    "two floors",
+    "three floors",
+    "bounce",
+)
 EPSILON = 2.0**-52
 
 

@@ -26,7 +26,9 @@ def add_to(commands) -> None:
         formatter_class=RAW,
     )
     stress.add_argument(
-        "--quick", action="store_true", help="3,000 random runs in place of 1,000,000, shorter orbits"
+        "--quick",
+        action="store_true",
+        help="3,000 random runs in place of 1,000,000, shorter orbits",
     )
     stress.add_argument("--seed", type=_seed, default=0, help="of the random runs (default: 0)")
     stress.add_argument("--json", action="store_true", help="machine-readable")

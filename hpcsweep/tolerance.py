@@ -1,5 +1,6 @@
 """Measured error against the tolerance that was asked for."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
@@ -75,7 +76,7 @@ def measure(
             for rtol in requested:
                 solver = make_solver(name, regime.structure, regime.omega, rtol)
                 error = 0.0
-                for start, end in zip(path[:-1], path[1:], strict=True):
+                for start, end in itertools.pairwise(path):
                     points, outcome = solver.points(start, regime.amplitude, 1)
                     if outcome is not Outcome.COMPLETE:
                         error = float("inf")

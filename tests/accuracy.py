@@ -18,6 +18,7 @@ import json
 import math
 from collections import Counter
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -262,7 +263,7 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--worst", type=int, default=10)
     parser.add_argument("--certify", action="store_true")
-    parser.add_argument("--json")
+    parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     found = []
     for case in random_cases(options.cases, options.seed):
@@ -289,8 +290,7 @@ def main():
         rows.append(row)
         print({key: value for key, value in row.items() if key != "end"}, flush=True)
         if options.json:
-            with open(options.json, "w") as file:
-                json.dump(rows, file, indent=1)
+            options.json.write_text(json.dumps(rows, indent=1))
 
 
 def certify(case, reference):

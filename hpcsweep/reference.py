@@ -162,14 +162,15 @@ def first_root(c, h):
             continue
         if abs(about[1]) > bend or b - a < 1e-13 * h:
             fa, fb = horner(p, a), horner(p, b)
-            if fa * fb > 0:
+            # signs, not products: those may underflow
+            if (fa > 0) == (fb > 0):
                 continue
             for _ in range(200):
                 middle = 0.5 * (a + b)
                 if middle in (a, b):
                     break
                 fm = horner(p, middle)
-                if fm * fa > 0:
+                if (fm > 0) == (fa > 0):
                     a = middle
                 else:
                     b = middle

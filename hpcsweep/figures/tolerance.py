@@ -44,10 +44,10 @@ def draw(rows: list, path: Path) -> None:
             asked, asked, color="0.3", linewidth=1.2, linestyle="--", label="error = tolerance"
         )
         axis.set_title(solver, fontsize=10)
+        axis.set_xlabel("relative tolerance asked for", fontsize=9)
         axis.grid(True, color="0.9", linewidth=0.6)
         axis.set_axisbelow(True)
     axes[0, 0].invert_xaxis()
-    figure.supxlabel("relative tolerance asked for", fontsize=9)
     figure.supylabel("error after one period  [gaps, gaps $\\cdot\\,\\omega_0$]", fontsize=9)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)

@@ -92,7 +92,7 @@ def test_monodromy_of_hard_cases(measured):
 @pytest.mark.parametrize("n", [1, 2])
 def test_monodromy_against_extended_differences(n):
     structure = Structure(n, 300.0, 5e3, 0.03)
-    start = np.array([0.3] * n + [0.9] * n)
+    start = np.array([0.8] * n + [0.9] * n)
     columns = [0, 2 * n - 1]
     _, matrix = make_solver("flow", structure, 1.3, 1e-9).monodromy(start, 0.4, 1)
     assert make_solver("flow", structure, 1.3, 1e-9).observe(start, 0.4, 1).contact

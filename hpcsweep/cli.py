@@ -15,10 +15,11 @@ from hpcsweep.commands import (
     run,
     schedule,
     status,
+    stress,
     validate,
 )
 
-COMMANDS = (run, status, schedule, validate, pack, plot, animate, explore, claims, bench)
+COMMANDS = (run, status, schedule, validate, pack, plot, animate, explore, claims, bench, stress)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.

@@ -123,36 +123,54 @@ def step_size(x, v, rho, part, largest):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def shifted(p, t, out):
+    """Write the coefficients of p about t into `out` (Horner's scheme, repeated)."""
+    out[:] = p
+    for first in range(p.shape[0] - 1):
+        for k in range(p.shape[0] - 2, first - 1, -1):
+            out[k] += t * out[k + 1]
+
+
+@numba.njit(cache=True, error_model="numpy")
 def first_root(c, h):
-    """First root in (0, h] of a real polynomial, the root at 0 left out; inf if none."""
-    start = 1 if c[0] == 0.0 else 0
+    """First root in (0, h] of a real polynomial, the root at 0 left out; inf if none.
+
+    Depth-first over binary parts of [0, h]: about the middle m of a part, of half-length r, there
+    is no root if |p_0| > sum_1 |p_k| r^k, and at most one if |p_1| > sum_2 k |p_k| r^(k-1).
+    """
+    start = 0
+    while start < c.shape[0] and c[start] == 0.0:
+        start += 1
     p = c[start:]
-    slope = np.empty(p.shape[0] - 1)
-    for k in range(1, p.shape[0]):
-        slope[k - 1] = k * p[k]
-    bound1, bound2 = 0.0, 0.0
-    for k in range(p.shape[0] - 1, 0, -1):
-        bound1 = bound1 * h + k * abs(p[k])
-    for k in range(p.shape[0] - 1, 1, -1):
-        bound2 = bound2 * h + k * (k - 1) * abs(p[k])
-    # depth-first over binary parts of [0, h]
+    if p.shape[0] < 2:
+        return np.inf
+    about = np.empty_like(p)
     left = [0.0]
     right = [h]
     while len(left) > 0:
         a, b = left.pop(), right.pop()
-        fa, fb = horner(p, a), horner(p, b)
-        if fa * fb > 0 and abs(fa) + abs(fb) > bound1 * (b - a):
-            continue
         middle = 0.5 * (a + b)
-        if abs(horner(slope, middle)) > bound2 * 0.5 * (b - a) or b - a < 1e-13 * h:
-            if fa * fb > 0 or (fa == 0.0 and a == 0.0):
+        half = 0.5 * (b - a)
+        shifted(p, middle, about)
+        rest = 0.0
+        bend = 0.0
+        for k in range(p.shape[0] - 1, 0, -1):
+            rest = (rest + abs(about[k])) * half
+            if k > 1:
+                bend = (bend + k * abs(about[k])) * half
+        if abs(about[0]) > rest:
+            continue
+        if abs(about[1]) > bend or b - a < 1e-13 * h:
+            fa, fb = horner(p, a), horner(p, b)
+            # signs, not products: those may underflow
+            if (fa > 0) == (fb > 0):
                 continue
             for _ in range(200):
                 middle = 0.5 * (a + b)
                 if middle in (a, b):
                     break
                 fm = horner(p, middle)
-                if fm * fa > 0:
+                if (fm > 0) == (fa > 0):
                     a = middle
                 else:
                     b = middle

@@ -10,7 +10,15 @@ from pathlib import Path
 import mpmath
 import numpy as np
 
-from hpcsweep.reference import CASES, OMEGA, majorant, reference_monodromy, reference_points, system
+from hpcsweep.reference import (
+    CASES,
+    OMEGA,
+    first_root,
+    majorant,
+    reference_monodromy,
+    reference_points,
+    system,
+)
 
 CERTIFIED = Path(__file__).parent / "data" / "certified.npz"
 """Rounded results of `points_mp`; `python tests/extended.py` makes the file, in minutes."""
@@ -18,7 +26,7 @@ MATRIX_CASES = [(1000.0, 0.06), (1000.0, 0.0987)]
 
 
 def points_mp(structure, amplitude, omega, state, n_periods, dps=30, order=36):
-    """Stroboscopic points in extended precision, a list of lists of mpf; rho finite and > 0."""
+    """Stroboscopic points in extended precision, a list of lists of mpf; rho > 0, also inf."""
     with mpmath.workdps(dps):
         mp = mpmath.mp
         n = structure.n_floors
@@ -26,17 +34,23 @@ def points_mp(structure, amplitude, omega, state, n_periods, dps=30, order=36):
         _, _, beta, rho, stiffness, damping = system(structure, amplitude, omega)
         k_rows = [[mp.mpf(a) for a in row] for row in stiffness]
         c_rows = [[mp.mpf(a) for a in row] for row in damping]
+        ramp = rho == math.inf
         amplitude, omega, beta, rho = (mp.mpf(a) for a in (amplitude, omega, beta, rho))
         end = mp.mpf(2 * math.pi / float(omega))
         z = [mp.mpf(a) for a in state]
+        closed = [_touches(z[i] - 1, z[n + i]) for i in range(n)]
         points = []
         for _ in range(n_periods):
             tau = mp.mpf(0)
             while tau < end:
                 x = [[z[i] - 1] for i in range(n)]
                 v = [[z[n + i]] for i in range(n)]
-                s = [[1 / (1 + mp.exp(-rho * x[i][0]))] for i in range(n)]
-                d = [[1 / (1 + mp.exp(rho * x[i][0]))] for i in range(n)]
+                if ramp:
+                    s = [[mp.mpf(c)] for c in closed]
+                    d = [[mp.mpf(1 - c)] for c in closed]
+                else:
+                    s = [[1 / (1 + mp.exp(-rho * x[i][0]))] for i in range(n)]
+                    d = [[1 / (1 + mp.exp(rho * x[i][0]))] for i in range(n)]
                 sd = [[] for _ in range(n)]
                 sine, cosine = amplitude * mp.sin(omega * tau), amplitude * mp.cos(omega * tau)
                 for k in range(order):
@@ -46,8 +60,8 @@ def points_mp(structure, amplitude, omega, state, n_periods, dps=30, order=36):
                         if k == 0:
                             force -= mp.fsum(k_rows[i])
                         force -= beta * mp.fdot(s[i], x[i][::-1])
-                        sd[i].append(mp.fdot(s[i], d[i][::-1]))
-                        slope = rho * mp.fdot(v[i], sd[i][::-1]) / (k + 1)
+                        sd[i].append(mp.mpf(0) if ramp else mp.fdot(s[i], d[i][::-1]))
+                        slope = 0 if ramp else rho * mp.fdot(v[i], sd[i][::-1]) / (k + 1)
                         s[i].append(slope)
                         d[i].append(-slope)
                         x[i].append(v[i][k] / (k + 1))
@@ -58,10 +72,33 @@ def points_mp(structure, amplitude, omega, state, n_periods, dps=30, order=36):
                         -sine * omega / (k + 1),
                     )
                 h = _step_mp(x, v, rho, end - tau, order, dps)
+                floor = -1
+                for i in range(n) if ramp else ():
+                    root = _first_root_mp(x[i], v[i], h)
+                    if root is not None:
+                        floor, h = i, root
                 z = [1 + _horner_mp(c, h) for c in x] + [_horner_mp(c, h) for c in v]
                 tau += h
+                if floor >= 0:
+                    z[floor] = mp.mpf(1)
+                    closed[floor] = _touches(mp.mpf(0), z[n + floor])
             points.append(list(z))
         return points
+
+
+def _touches(x, v):
+    return 1 if x > 0 or (x == 0 and v > 0) else 0
+
+
+def _first_root_mp(x, v, h):
+    """First zero of x in (0, h], a start at zero left out: found in double, then polished."""
+    root = first_root(np.array([float(a) for a in x]), float(h))
+    if root > h:
+        return None
+    root = mpmath.mpf(float(root))
+    for _ in range(8):
+        root -= _horner_mp(x, root) / _horner_mp(v, root)
+    return min(root, h)
 
 
 def _horner_mp(c, t):
@@ -76,7 +113,7 @@ def _step_mp(x, v, rho, largest, order, dps):
     for c in (*x, *v):
         last = max(abs(float(c[-1])), 1e-300)
         h = min(h, (10.0 ** (2 - dps) / last) ** (1.0 / order))
-    for c in x:
+    for c in x if rho < mpmath.inf else ():
         sizes = np.abs(np.array([float(a) for a in c]))
         distance = math.hypot(float(c[0]), math.pi / float(rho))
         radius = 5.0 * h

@@ -24,10 +24,36 @@ def add_to(commands) -> None:
     bench.add_argument(
         "--plot", type=Path, metavar="PNG", help="also draw the work-precision figure"
     )
+    bench.add_argument(
+        "--tolerance",
+        type=Path,
+        metavar="PNG",
+        help="only measure error against the tolerance asked for, of both solvers, and draw it",
+    )
     bench.set_defaults(function=_bench)
 
 
+def _tolerance(options) -> int:
+    from hpcsweep import tolerance
+    from hpcsweep.figures import tolerance as figure
+    from hpcsweep.figures.style import PlotError
+
+    rows = tolerance.measure(say=lambda text: print(f"  {text}", file=sys.stderr))
+    if options.json:
+        print(json.dumps(tolerance.as_json(rows), indent=1))
+    else:
+        print(tolerance.as_text(rows))
+    try:
+        figure.draw(rows, options.tolerance)
+    except PlotError as error:
+        complain(str(error))
+        return USER_ERROR
+    return 0
+
+
 def _bench(options) -> int:
+    if options.tolerance:
+        return _tolerance(options)
     from hpcsweep import bench
     from hpcsweep.job import JobError, load_job, parse_job
 

@@ -151,7 +151,7 @@ class FrameSweep:
                 return z, phase, cycles, period, shortcut, done.outcome
             try:
                 jump = newton_orbit(self.solver, z, amplitude, -period)
-            except ArithmeticError:
+            except (ArithmeticError, np.linalg.LinAlgError):
                 jump = None
             if jump is not None:
                 cycles += jump[1]
@@ -191,7 +191,7 @@ class FrameSweep:
                 )
             window = len(seen.points)
             return largest_lyapunov_exponent(self.solver, z, amplitude, window, False, poll)
-        except ArithmeticError:
+        except (ArithmeticError, np.linalg.LinAlgError):
             return math.nan
 
     def _store(self, result, row, index, amplitude, seen: Observation, period, cycles):

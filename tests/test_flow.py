@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpcsweep.flow import FlowMap, crossing, layer, search, tables
-from hpcsweep.flow.flow_map import layer_half_width
+from hpcsweep.flow.flow_map import POLL_PERIODS, layer_half_width
 from hpcsweep.outcome import Outcome
 from hpcsweep.reference import reference_points
 from hpcsweep.structure import Structure
@@ -250,3 +250,37 @@ def test_floors_that_pass_their_layers_together_do_so_as_the_reference_says():
         worst = max(worst, np.abs(found - exact).max() / max(1.0, np.linalg.norm(tangent, 2)))
     assert worst < 1e-11
     assert together >= 5
+
+
+def test_polls_come_often_and_change_nothing():
+    flow, z = on_the_attractor(Structure(), 0.0987)
+    n_periods = 2 * POLL_PERIODS + 17
+    polls = []
+    one = flow.advance(z, 0.0987, n_periods).state
+    assert np.array_equal(
+        flow.advance(z, 0.0987, n_periods, poll=lambda: polls.append(1)).state, one
+    )
+    assert len(polls) == 3
+    points, _ = flow.points(z, 0.0987, n_periods, poll=lambda: polls.append(1))
+    assert np.array_equal(points, flow.points(z, 0.0987, n_periods)[0])
+    assert len(polls) == 6
+    # an orbit that never closes to 0 exactly: the whole way is polled
+    rules = (n_periods, 6, -1.0, 1e-6)
+    polled, period = flow.settle(z, 0.0987, *rules, poll=lambda: polls.append(1))
+    assert (polled.n_periods, period) == (n_periods, 0)
+    assert np.array_equal(polled.state, flow.settle(z, 0.0987, *rules)[0].state)
+    assert len(polls) == 9
+
+
+def test_without_contact_stiffness_the_monodromy_is_the_matrix_exponential():
+    from scipy.linalg import expm
+
+    structure = Structure(4, 0.0, 1e4, 0.0077)
+    flow = FlowMap(structure, 0.399)
+    z = flow.advance(np.zeros(8), 0.4, 20).state
+    _, matrix = flow.monodromy(z, 0.4, 1)
+    field = np.block(
+        [[np.zeros((4, 4)), np.eye(4)], [-structure.stiffness_matrix, -structure.damping_matrix]]
+    )
+    exact = expm(2 * math.pi / 0.399 * field)
+    assert np.abs(matrix - exact).max() < 1e-12

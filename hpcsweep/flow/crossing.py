@@ -32,7 +32,7 @@ from hpcsweep.jit import jit
 N_NODES = 8
 FAST = 0.3
 """Largest relative change of w^2 inside the layer for which the closed form is used."""
-NEGLECTED = 1e-11
+NEGLECTED = 1e-12
 """Largest error (gaps, gaps omega_0) of one passage by the closed form."""
 
 
@@ -82,9 +82,11 @@ def passage_is_fast(v, a, j, beta, rho, layer):
     """Tell whether the closed form holds for a passage at velocity v (see the module).
 
     The relative change of w^2 inside the layer, on which the quadrature rests, must be below
-    `FAST`. What the expansion leaves out must be below `NEGLECTED`: with t = 1 / (rho |v|) and
-    the impulse J, the moment m_4 = 144 J t^4 of the terms k = 4, and in w^2 the fourth derivative
-    of u and the product of jerk and acceleration (at y = 3, where r has its centre of mass).
+    `FAST`. What the expansion leaves out must be below `NEGLECTED`: with t = 1 / (rho |v|), the
+    impulse J and kappa = beta + 4, of the terms k = 4 (m_4 = 144 J t^4) those without beta^2, the
+    terms k = 5 (m_5 = 875 J t^5) and k = 6 (m_6 = 6100 J t^6) with their highest power of kappa,
+    and in w^2 the fourth derivative of u and the product of jerk and acceleration (at y = 3,
+    where r has its centre of mass).
     """
     if rho == math.inf:
         return v != 0.0
@@ -101,18 +103,20 @@ def passage_is_fast(v, a, j, beta, rho, layer):
     impulse = 2.0 * FULL_POTENTIAL * beta / (rho * rho * speed)
     time = 1.0 / (rho * speed)
     stiffness = 4.0 + beta
-    fourth = 6.0 * impulse * (stiffness * time * time) ** 2
+    phase = stiffness * time * time
+    fourth = 24.0 * impulse * phase * time * time
+    fifth = impulse * phase * phase * (8.0 * time + 9.0 * phase)
     centre = 3.0 * time
     bend = abs(j) * centre * centre / speed
     tilt = abs(a) * centre / speed
     snap = (2.0 * abs(j) + 4.0 * abs(a)) * centre**3 / (6.0 * speed)
     left_out = impulse * (bend * (tilt + stiffness * centre * centre) + snap)
-    return fourth <= NEGLECTED and left_out <= NEGLECTED
+    return fourth + fifth <= NEGLECTED and left_out <= NEGLECTED
 
 
 @jit
 def moments(v, a, j, beta, rho):
-    """Integrate s^k r ds, k = 0 to 3, over both halves of a fast passage.
+    """Integrate s^k r ds, k = 0 to 4, over both halves of a fast passage.
 
     Parameters
     ----------
@@ -124,9 +128,9 @@ def moments(v, a, j, beta, rho):
 
     Returns
     -------
-    impulse, first, second_free, second_contact, third_free, third_contact : float
+    impulse, first, second_free, second_contact, third_free, third_contact, fourth_contact : float
         m_0 and m_1 of both halves together, m_2 and m_3 of the half at x < 0 and of that at
-        x > 0.
+        x > 0, m_4 of that at x > 0.
     """
     unit = beta / (rho * rho)
     sigma = 1.0 if v > 0.0 else -1.0
@@ -138,6 +142,8 @@ def moments(v, a, j, beta, rho):
     after_second = 0.0
     before_third = 0.0
     after_third = 0.0
+    before_fourth = 0.0
+    after_fourth = 0.0
     before_contact = 0.0 if v > 0.0 else beta
     after_contact = beta - before_contact
     for k in range(N_NODES):
@@ -157,6 +163,16 @@ def moments(v, a, j, beta, rho):
         after_second += share_after * t_after * t_after
         before_third -= share_before * t_before**3
         after_third += share_after * t_after**3
+        before_fourth += share_before * t_before**4
+        after_fourth += share_after * t_after**4
     if v > 0.0:
-        return impulse, first, before_second, after_second, before_third, after_third
-    return impulse, first, after_second, before_second, after_third, before_third
+        return (
+            impulse,
+            first,
+            before_second,
+            after_second,
+            before_third,
+            after_third,
+            after_fourth,
+        )
+    return impulse, first, after_second, before_second, after_third, before_third, before_fourth

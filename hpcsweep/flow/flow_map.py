@@ -1,7 +1,7 @@
 """The solver `flow`: the kernels of this package behind the interface of `hpcsweep.solver`."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -22,6 +22,8 @@ NEGLIGIBLE_FORCE = 1e-13
 """Contact force (gaps omega_0^2) at the edge of the layer that is neglected outside it."""
 ROUNDING = 2e-14
 """Points closer than this (relative) are the same to rounding."""
+POLL_PERIODS = 2000
+"""Forcing periods between two polls, some tens of milliseconds."""
 NO_TANGENT = np.empty((0, 0))
 
 
@@ -110,6 +112,7 @@ def march(
 def settle(
     z,
     amplitude,
+    first,
     n_periods,
     max_period,
     settled,
@@ -123,8 +126,10 @@ def settle(
     work,
     history,
     distance,
+    close,
+    falling,
 ):
-    """Advance z until its orbit has closed on itself, for at most `n_periods`.
+    """Advance z until its orbit has closed on itself, to period `n_periods` at most.
 
     Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and
     distance e r / (1 - r) to go with r = e_k / e_(k-p), once that is at most `settled` at every
@@ -137,10 +142,14 @@ def settle(
 
     Parameters
     ----------
+    first : int
+        0, or the number of periods done by calls before, with the arrays they left.
     history : ndarray, shape (max_period + 1, 2n)
         Room: the last points, cyclic.
     distance : ndarray, shape (max_period + 1, max_period + 1)
         Room: the last e_k of every p, cyclic.
+    close, falling : ndarray of int, shape (max_period + 1,)
+        Zeros at first: for how many points each p has been closed, or approached.
 
     Returns
     -------
@@ -150,11 +159,10 @@ def settle(
     no_tangent = np.empty((0, 0))
     size = z.shape[0]
     ring = max_period + 1
-    for k in range(size):
-        history[0, k] = z[k]
-    close = np.zeros(ring, np.int64)
-    falling = np.zeros(ring, np.int64)
-    for period in range(1, n_periods + 1):
+    if first == 0:
+        for k in range(size):
+            history[0, k] = z[k]
+    for period in range(first + 1, n_periods + 1):
         outcome = march_period(
             z,
             amplitude,
@@ -199,6 +207,18 @@ def settle(
             if falling[p] >= 2 * p + 1:
                 return period, -p, 1
     return n_periods, 0, 1
+
+
+def _between_polls(n_periods: int, poll: Callable[[], None] | None) -> Iterator[tuple[int, int]]:
+    """Cut `n_periods` into stretches (first, last), before each of which `poll` is called."""
+    if poll is None:
+        yield 0, n_periods
+        return
+    poll()
+    for first in range(0, n_periods, POLL_PERIODS):
+        if first:
+            poll()
+        yield first, min(first + POLL_PERIODS, n_periods)
 
 
 class FlowMap:
@@ -261,14 +281,17 @@ class FlowMap:
             Stop early once the state moves by no more than this over a period, three times in
             a row; negative: never.
         poll : callable, optional
-            Called once before the work.
+            Called before the work and, without `tol`, every `POLL_PERIODS`.
         """
-        if poll is not None:
-            poll()
         z = np.array(state, dtype=float)
-        done, outcome = self._march(
-            z, amplitude, n_periods, self._silent, False, self._no_points, tol
-        )
+        done, outcome = 0, int(Outcome.COMPLETE)
+        for first, last in _between_polls(n_periods, poll if tol < 0 else None):
+            more, outcome = self._march(
+                z, amplitude, last - first, self._silent, False, self._no_points, tol
+            )
+            done += more
+            if outcome != Outcome.COMPLETE:
+                break
         return Advance(z, done, Outcome(outcome))
 
     def settle(
@@ -290,27 +313,35 @@ class FlowMap:
         period : int
             Orbit period, 0 if the orbit has not closed, negative if it is only approached.
         """
-        if poll is not None:
-            poll()
         z = np.array(state, dtype=float)
         ring = max_period + 1
-        done, period, outcome = settle(
-            z,
-            float(amplitude),
-            n_periods,
-            max_period,
-            settled,
-            same,
-            near,
-            self._model,
-            self._tables,
-            self._tolerance,
-            MAX_STEPS,
-            self._silent,
-            self._work,
+        room = (
             np.empty((ring, z.size)),
             np.empty((ring, ring)),
+            np.zeros(ring, np.int64),
+            np.zeros(ring, np.int64),
         )
+        done, period, outcome = 0, 0, int(Outcome.COMPLETE)
+        for first, last in _between_polls(n_periods, poll):
+            done, period, outcome = settle(
+                z,
+                float(amplitude),
+                first,
+                last,
+                max_period,
+                settled,
+                same,
+                near,
+                self._model,
+                self._tables,
+                self._tolerance,
+                MAX_STEPS,
+                self._silent,
+                self._work,
+                *room,
+            )
+            if period != 0 or outcome != Outcome.COMPLETE:
+                break
         return Advance(z, done, Outcome(outcome)), period
 
     def points(
@@ -321,12 +352,7 @@ class FlowMap:
         poll: Callable[[], None] | None = None,
     ) -> tuple[np.ndarray, Outcome]:
         """Return the stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n)."""
-        if poll is not None:
-            poll()
-        points = np.empty((n_periods, len(state)))
-        z = np.array(state, dtype=float)
-        done, outcome = self._march(z, amplitude, n_periods, self._silent, False, points, -1.0)
-        return points[:done], Outcome(outcome)
+        return self._points(state, amplitude, n_periods, self._silent, False, poll)
 
     def observe(
         self,
@@ -337,21 +363,13 @@ class FlowMap:
         poll: Callable[[], None] | None = None,
     ) -> Observation:
         """Integrate `n_periods` and gather points, contact set, drift and modal norms."""
-        if poll is not None:
-            poll()
         n = self.structure.n_floors
-        points = np.empty((n_periods, 2 * n))
-        z = np.array(state, dtype=float)
         tally = empty_tally(n, drift=True, modal_norm=modal_norm)
-        done, outcome = self._march(z, amplitude, n_periods, tally, True, points, -1.0)
+        points, outcome = self._points(state, amplitude, n_periods, tally, True, poll)
         free = tally.free_time[0]
         norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
         return Observation(
-            points[:done],
-            int(tally.contact[0]),
-            float(tally.peak_drift[0]),
-            norms,
-            Outcome(outcome),
+            points, int(tally.contact[0]), float(tally.peak_drift[0]), norms, outcome
         )
 
     def monodromy(
@@ -378,6 +396,20 @@ class FlowMap:
         if outcome != Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {done + 1}")
         return z, tangent
+
+    def _points(self, state, amplitude, n_periods, tally, observing, poll):
+        """Integrate `n_periods`; return the points that were reached, and the outcome."""
+        z = np.array(state, dtype=float)
+        points = np.empty((n_periods, z.size))
+        done, outcome = 0, int(Outcome.COMPLETE)
+        for first, last in _between_polls(n_periods, poll):
+            more, outcome = self._march(
+                z, amplitude, last - first, tally, observing, points[first:last], -1.0
+            )
+            done += more
+            if outcome != Outcome.COMPLETE:
+                break
+        return points[:done], Outcome(outcome)
 
     def _march(self, z, amplitude, n_periods, tally, observing, points, tol, tangent=NO_TANGENT):
         return march(

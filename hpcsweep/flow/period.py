@@ -35,6 +35,7 @@ from hpcsweep.flow.metrics import drift_on_segment, modal_norm_on_segment, obser
 from hpcsweep.flow.search import (
     HERMITE_VALUE,
     MAX_DEPTH,
+    UNDECIDED,
     evaluate_rows,
     expand_row,
     expand_rows,
@@ -169,7 +170,7 @@ def _product_of_moduli(table, index, x, out):
 
 
 @jit
-def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, bounds):
+def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, bounds, steps_left):
     """Take linear steps while no floor can reach the edge of its layer (proved) and time is left.
 
     Returns
@@ -182,7 +183,7 @@ def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, 
     third = h / 3.0
     margin = HERMITE_VALUE * h**4
     n_steps = 0
-    while tau + h < end:
+    while tau + h < end and n_steps < steps_left:
         _product(step, index, x, wide)
         _product_of_moduli(bound4, index, x, bounds)
         reaches = False
@@ -213,7 +214,7 @@ def _first_event(key, index, span, h, x, z_end, layer, bounds, poly, rows, expan
     Returns
     -------
     floor : int
-        -1 if none does (proved).
+        -1 if none does (proved), `UNDECIDED` if rounding forbids to tell.
     time : float
         Of the step.
     """
@@ -235,6 +236,8 @@ def _first_event(key, index, span, h, x, z_end, layer, bounds, poly, rows, expan
                 expand_row(poly, index, i, x, rows)
                 expanded[i] = True
             time = first_passage(rows, i, h, 0.0, earliest, level, sign, bound, stack)
+            if time == UNDECIDED:
+                return UNDECIDED, time
             if time >= 0.0:
                 floor = i
                 earliest = time
@@ -373,11 +376,12 @@ def _passes(
         if not apart:
             return False, jerk, promised
         promised |= more
-    impulse, first, second_free, second_contact, third_free, third_contact = moments(
-        v, a[floor], jerk, beta, rho
+    impulse, first, second_free, second_contact, third_free, third_contact, fourth_contact = (
+        moments(v, a[floor], jerk, beta, rho)
     )
-    # sum_k (-1)^k/k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e) and
-    # of M^3 e its displacements, -(K + beta c) e + D^2 e
+    # sum_k (-1)^k/k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e), of
+    # M^3 e its displacements, -(K + beta c) e + D^2 e, and of its velocities what has beta in it,
+    # beta (c D e + D c e), and of M^4 e what has beta^2, the velocity of the floor itself
     second = second_free + second_contact
     third = third_free + third_contact
     for i in range(n):
@@ -386,8 +390,11 @@ def _passes(
             square += damping[i, j] * damping[j, floor]
         z[i] -= 0.5 * damping[i, floor] * second + square * third / 6.0
         z[n + i] += damping[i, floor] * first + 0.5 * square * second
+        z[n + i] -= beta * damping[i, floor] * third_contact / 6.0
     z[floor] -= first - beta * third_contact / 6.0
     z[n + floor] += impulse - 0.5 * beta * second_contact
+    z[n + floor] -= beta * damping[floor, floor] * third_contact / 6.0
+    z[n + floor] += beta * beta * fourth_contact / 24.0
     return True, jerk, promised & ~(np.uint64(1) << np.uint64(floor))
 
 
@@ -548,6 +555,7 @@ def march_period(
                 x,
                 wide,
                 bounds,
+                max_steps - steps,
             )
             counts[0] += coasted
             steps += coasted
@@ -569,6 +577,8 @@ def march_period(
         floor, time = _first_event(
             key, index, span, h, x, z_end, layer, bounds, poly, rows, expanded, stack
         )
+        if floor == UNDECIDED:
+            return SOLVER_FAILED
         if floor >= 0:
             expand_rows(poly, index, x, rows, expanded)
             touching = (key >> np.uint64(floor)) & np.uint64(1)

@@ -25,6 +25,10 @@ EDGE_TOLERANCE = 1e-10
 integration of the layer, begins."""
 MAX_DEPTH = 48
 """Halvings; below h 2^-48 a tangency is within rounding of the level."""
+MAX_PARTS = 20_000
+"""Parts looked at in one search. A tangency takes some hundred; more are left where the rounding
+of states beyond 1e16 hides the level."""
+UNDECIDED = -2
 
 
 @jit
@@ -121,9 +125,9 @@ def first_passage(rows, row, h, start, end, level, sign, bound4, stack):
     Returns
     -------
     float
-        The time, or -1 if there is none. If g > 0 at `start` and is falling (the floor is just
-        leaving its layer) the search begins where g has become negative; if it is rising,
-        `start` is returned.
+        The time, -1 if there is none, `UNDECIDED` if rounding forbids to tell. If g > 0 at
+        `start` and is falling (the floor is just leaving its layer) the search begins where g has
+        become negative; if it is rising, `start` is returned.
     """
     a = start
     value, slope = value_and_slope(rows, row, h, a)
@@ -147,10 +151,14 @@ def first_passage(rows, row, h, start, end, level, sign, bound4, stack):
             return a
     value, slope = value_and_slope(rows, row, h, end)
     depth = 0
+    parts = 0
     stack[0, 0] = end
     stack[0, 1] = sign * (value - level)
     stack[0, 2] = sign * slope
     while depth >= 0:
+        parts += 1
+        if parts > MAX_PARTS:
+            return float(UNDECIDED)
         b = stack[depth, 0]
         gb = stack[depth, 1]
         db = stack[depth, 2]

@@ -67,13 +67,13 @@ def passage_tangent(floor, key_after, z, a, jerk, model, tangent):
     jerk : float
         Its derivative for `floor`.
     """
-    if model.rho == math.inf:
+    if model.rho == math.inf or model.beta == 0.0:
         return
     stiffness, damping = model.stiffness, model.damping
     n = stiffness.shape[0]
     v = z[n + floor]
     # k = basis m(v, a, j), see `period._passes`
-    basis = np.zeros((2 * n, 6))
+    basis = np.zeros((2 * n, 7))
     for i in range(n):
         square = -stiffness[i, floor]
         for j in range(n):
@@ -82,10 +82,13 @@ def passage_tangent(floor, key_after, z, a, jerk, model, tangent):
         basis[i, 4] = basis[i, 5] = -square / 6.0
         basis[n + i, 1] = damping[i, floor]
         basis[n + i, 2] = basis[n + i, 3] = 0.5 * square
+        basis[n + i, 5] = -model.beta * damping[i, floor] / 6.0
     basis[floor, 1] -= 1.0
     basis[floor, 5] += model.beta / 6.0
     basis[n + floor, 0] += 1.0
     basis[n + floor, 3] -= 0.5 * model.beta
+    basis[n + floor, 5] -= model.beta * damping[floor, floor] / 6.0
+    basis[n + floor, 6] = model.beta**2 / 24.0
     m = np.array(moments(v, a[floor], jerk, model.beta, model.rho))
     dv = DIFFERENCE * abs(v)
     da = DIFFERENCE * v * v / model.layer

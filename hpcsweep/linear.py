@@ -24,8 +24,10 @@ from hpcsweep.structure import Structure
 DECAYED = 0.1
 """Largest transient left after `transient_cycles`, in units of the period tolerance, for which the
 closed form is used."""
-NODES_PER_PART = 48
-"""Gauss-Legendre nodes between two kinks of the modal norms."""
+N_GRADED = 40
+"""Panels on either side of a kink of the modal norms, each half as long as the one before."""
+N_NODES = 16
+"""Gauss-Legendre nodes on each."""
 
 
 class LinearOrbit:
@@ -52,10 +54,13 @@ class LinearOrbit:
         self._drift = float(np.abs(np.diff(self._response, prepend=0.0)).max())
         self._modal_norm = _mean_modal_norm(phi.T @ self._response)
         period = 2 * math.pi / omega
-        self._decay = [
-            expm(period * np.array([[0.0, 1.0], [-(w**2), -2 * zeta * w]]))
-            for w, zeta in zip(structure.frequencies, structure.damping_ratios, strict=True)
-        ]
+        self._decay = np.array(
+            [
+                expm(period * np.array([[0.0, 1.0], [-(w**2), -2 * zeta * w]]))
+                for w, zeta in zip(structure.frequencies, structure.damping_ratios, strict=True)
+            ]
+        )
+        self._powers: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
 
     def state(self, amplitude: float) -> np.ndarray:
         """Give the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
@@ -83,15 +88,10 @@ class LinearOrbit:
         reach = reach + np.abs(phi) @ np.hypot(q, p / omega)
         if not reach.max() < self._level:
             return None
-        cycles = (settings.transient_cycles, settings.transient_cycles + settings.sampling_cycles)
+        modal = np.stack((q, p), axis=1)[:, :, None]
         left, end = (
-            np.array(
-                [
-                    np.linalg.matrix_power(decay, count) @ (q[j], p[j])
-                    for j, decay in enumerate(self._decay)
-                ]
-            )
-            for count in cycles
+            (decay @ modal)[:, :, 0]
+            for decay in self._decays(settings.transient_cycles, settings.sampling_cycles)
         )
         if np.abs(phi).max() * np.abs(left).sum() > DECAYED * settings.period_tolerance:
             return None
@@ -104,6 +104,15 @@ class LinearOrbit:
             Outcome.COMPLETE,
         )
 
+    def _decays(self, transient: int, sampling: int) -> tuple[np.ndarray, np.ndarray]:
+        """Give the maps of (q_j, q_j') over the transient and to the end, (n, 2, 2) each."""
+        found = self._powers.get((transient, sampling))
+        if found is None:
+            counts = (transient, transient + sampling)
+            found = tuple(np.linalg.matrix_power(self._decay, count) for count in counts)
+            self._powers[transient, sampling] = found
+        return found
+
 
 def _slowest_decay(structure: Structure) -> float:
     """Largest Re(lambda), lambda^2 + 2 zeta omega lambda + omega^2 = 0, over all modes."""
@@ -115,12 +124,18 @@ def _slowest_decay(structure: Structure) -> float:
 def _mean_modal_norm(modal: np.ndarray) -> np.ndarray:
     """Average |q_j| / ||q|| (17) over a period of q = Im(modal exp(i theta)).
 
-    The kinks of |q_j| are at theta = -arg(modal_j); between them the integrand is smooth.
+    The kinks of |q_j| are at theta = -arg(modal_j). Where the largest q_j has its kink ||q|| has a
+    dip, as narrow as the other modes are small; panels that shrink towards the kinks follow it.
     """
+    if modal.size == 1:
+        return np.ones(1)
     kinks = sorted({(-cmath.phase(value)) % math.pi for value in modal})
     edges = np.array([*kinks, kinks[0] + math.pi])
-    nodes, weights = np.polynomial.legendre.leggauss(NODES_PER_PART)
-    half = 0.5 * np.diff(edges)[:, None]
-    theta = (edges[:-1, None] + half * (nodes + 1)).ravel()
+    nodes, weights = np.polynomial.legendre.leggauss(N_NODES)
+    grade = np.concatenate(([0.0], 0.5 ** np.arange(N_GRADED, 0, -1)))
+    grade = np.concatenate((grade, 1.0 - grade[-2::-1]))
+    panels = (edges[:-1, None] + np.diff(edges)[:, None] * grade).ravel()
+    half = 0.5 * np.maximum(np.diff(panels), 0.0)[:, None]
+    theta = (panels[:-1, None] + half * (nodes + 1)).ravel()
     q = np.abs(np.imag(modal[:, None] * np.exp(1j * theta)))
     return (q / np.linalg.norm(q, axis=0)) @ (half * weights).ravel() / math.pi

@@ -7,8 +7,10 @@ import pytest
 
 from hpcsweep.flow import FlowMap, crossing, layer, search, tables
 from hpcsweep.flow.flow_map import POLL_PERIODS, layer_half_width
+from hpcsweep.linear import LinearOrbit
 from hpcsweep.outcome import Outcome
 from hpcsweep.reference import reference_points
+from hpcsweep.settings import SweepSettings
 from hpcsweep.structure import Structure
 
 OMEGA = 0.445
@@ -284,3 +286,26 @@ def test_without_contact_stiffness_the_monodromy_is_the_matrix_exponential():
     )
     exact = expm(2 * math.pi / 0.399 * field)
     assert np.abs(matrix - exact).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("structure", "omega", "amplitude"),
+    [
+        (Structure(2, 1000.0, 500.0, 0.03), 0.7, 0.025),  # sharp dip of ||q||
+        (Structure(2), 0.5, 0.01),
+        (Structure(5), 0.3, 0.002),
+    ],
+)
+def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
+    orbit = LinearOrbit(structure, omega)
+    n = structure.n_floors
+    seen = FlowMap(structure, omega).observe(orbit.state(amplitude), amplitude, 1, modal_norm=True)
+    modal = structure.mode_shapes.T @ structure.linear_steady_state(omega)
+    theta = (np.arange(400_000) + 0.5) / 400_000 * math.pi
+    q = np.abs(np.imag(modal[:, None] * np.exp(1j * theta)))
+    dense = (q / np.linalg.norm(q, axis=0)).mean(axis=1)
+    closed = orbit.steady_window(orbit.state(amplitude), amplitude, SweepSettings()).modal_norm
+    assert seen.contact == 0
+    assert seen.modal_norm == pytest.approx(closed, abs=1e-8)
+    assert closed == pytest.approx(dense, abs=1e-9)
+    assert closed.shape == (n,)

@@ -43,7 +43,14 @@ from hpcsweep.flow.search import (
     may_reach,
     value_and_slope,
 )
-from hpcsweep.flow.tables import LANES, N_COEFFICIENTS, lookup, padded
+from hpcsweep.flow.tables import (
+    N_COEFFICIENTS,
+    N_MODAL,
+    lookup,
+    padded,
+    product,
+    product_of_moduli,
+)
 from hpcsweep.flow.tangent import layer_tangent, linear_tangent, passage_tangent
 from hpcsweep.jit import fma, jit
 
@@ -67,8 +74,12 @@ class Work(NamedTuple):
     expanded: np.ndarray
     drift_rows: np.ndarray
     modal_rows: np.ndarray
+    modal_nodes: np.ndarray
+    """Padded n N_MODAL: modal coordinates at the nodes of an interval, by mode, then node."""
+    modal_part: np.ndarray
+    modal_series: np.ndarray
+    modal_at: np.ndarray
     modal_values: np.ndarray
-    breaks: np.ndarray
     stack: np.ndarray
     a: np.ndarray
     layer: LayerRoom
@@ -87,8 +98,11 @@ def empty_work(n: int) -> Work:
         expanded=np.zeros(2 * n, np.bool_),
         drift_rows=np.zeros((1, N_COEFFICIENTS)),
         modal_rows=np.zeros((n, N_COEFFICIENTS)),
+        modal_nodes=np.zeros(padded(n * N_MODAL)),
+        modal_part=np.zeros(n),
+        modal_series=np.zeros(N_MODAL),
+        modal_at=np.zeros(N_MODAL),
         modal_values=np.zeros(n),
-        breaks=np.zeros(n + 1),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
         layer=empty_room(n),
@@ -144,32 +158,6 @@ def contact_key(tau, z, amplitude, model, a):
 
 
 @jit
-def _product(table, index, x, out):
-    """Multiply the columns ``table[index]`` by x into `out`, whose length is padded to `LANES`."""
-    for first in range(0, out.shape[0], LANES):
-        factor = x[0]
-        for lane in range(LANES):
-            out[first + lane] = table[index, 0, first + lane] * factor
-        for k in range(1, x.shape[0]):
-            factor = x[k]
-            for lane in range(LANES):
-                out[first + lane] = fma(table[index, k, first + lane], factor, out[first + lane])
-
-
-@jit
-def _product_of_moduli(table, index, x, out):
-    """Multiply as `_product`, by the moduli |x|."""
-    for first in range(0, out.shape[0], LANES):
-        factor = abs(x[0])
-        for lane in range(LANES):
-            out[first + lane] = table[index, 0, first + lane] * factor
-        for k in range(1, x.shape[0]):
-            factor = abs(x[k])
-            for lane in range(LANES):
-                out[first + lane] = fma(table[index, k, first + lane], factor, out[first + lane])
-
-
-@jit
 def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, bounds, steps_left):
     """Take linear steps while no floor can reach the edge of its layer (proved) and time is left.
 
@@ -184,8 +172,8 @@ def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, 
     margin = HERMITE_VALUE * h**4
     n_steps = 0
     while tau + h < end and n_steps < steps_left:
-        _product(step, index, x, wide)
-        _product_of_moduli(bound4, index, x, bounds)
+        product(step, index, x, wide)
+        product_of_moduli(bound4, index, x, bounds)
         reaches = False
         for i in range(n):
             g0 = x[i] - 1.0
@@ -564,7 +552,7 @@ def march_period(
             expanded[row] = False
         span = h
         if tau + h < end:
-            _product(step, index, x, wide)
+            product(step, index, x, wide)
             for row in range(2 * n):
                 z_end[row] = wide[row]
         else:
@@ -573,7 +561,7 @@ def march_period(
             evaluate_rows(rows, h, span, z_end)
         passed = False
         beyond = False
-        _product_of_moduli(bound4, index, x, bounds)
+        product_of_moduli(bound4, index, x, bounds)
         floor, time = _first_event(
             key, index, span, h, x, z_end, layer, bounds, poly, rows, expanded, stack
         )

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from hpcsweep.jit import jit
+from hpcsweep.jit import fma, jit
 from hpcsweep.structure import Structure
 
 DEGREE = 15
@@ -38,6 +38,9 @@ THETA_FREE = 2.2
 MAX_TABLES = 64
 """Tables kept; when more contact sets occur the table store is emptied and filled anew."""
 N_BOUND_SAMPLES = 65
+MODAL_NODES, MODAL_WEIGHTS = np.polynomial.legendre.leggauss(12)
+"""Of the modal norms (`metrics`), on a step."""
+N_MODAL = MODAL_NODES.shape[0]
 LANES = 8
 """Rows worked on together: what a vector register of 64 bytes holds."""
 
@@ -83,6 +86,9 @@ class Tables(NamedTuple):
     """(MAX_TABLES, N, padded n): column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray
     """(MAX_TABLES, 2): cos and sin of Omega h."""
+    modal: np.ndarray
+    """(1, N, padded n N_MODAL): the modal coordinates at the nodes `MODAL_NODES` of a step of free
+    flight, column k per x_k, rows by mode, then node."""
 
 
 def padded(n: int) -> int:
@@ -103,6 +109,7 @@ def empty_tables(structure: Structure) -> Tables:
         poly=np.empty((capacity, 2 * n, size, N_COEFFICIENTS)),
         bound4=np.zeros((capacity, size, padded(n))),
         rotation=np.empty((capacity, 2)),
+        modal=np.zeros((1, size, padded(n * N_MODAL))),
     )
 
 
@@ -185,9 +192,51 @@ def _build(key, model, tables, index):
                 entry = term[row, column] * unit[row] / unit[column]
                 for p in range(N_COEFFICIENTS):
                     poly[row, column, p] += ECONOMISATION[p, k] * entry
+    if key == np.uint64(0):
+        _build_modal(model, poly, tables.modal)
     for row in range(n):
         for column in range(size):
             tables.bound4[index, column, row] = _max_fourth_derivative(poly[row, column], h)
+
+
+@jit
+def _build_modal(model, poly, modal):
+    """Fill the table of modal coordinates from the polynomials of free flight."""
+    n = model.stiffness.shape[0]
+    for column in range(modal.shape[1]):
+        for node in range(N_MODAL):
+            for i in range(n):
+                value = 0.0
+                for p in range(N_COEFFICIENTS - 1, -1, -1):
+                    value = value * MODAL_NODES[node] + poly[i, column, p]
+                for j in range(n):
+                    modal[0, column, j * N_MODAL + node] += model.shapes[i, j] * value
+
+
+@jit
+def product(table, index, x, out):
+    """Multiply the columns ``table[index]`` by x into `out`, whose length is padded to `LANES`."""
+    for first in range(0, out.shape[0], LANES):
+        factor = x[0]
+        for lane in range(LANES):
+            out[first + lane] = table[index, 0, first + lane] * factor
+        for k in range(1, x.shape[0]):
+            factor = x[k]
+            for lane in range(LANES):
+                out[first + lane] = fma(table[index, k, first + lane], factor, out[first + lane])
+
+
+@jit
+def product_of_moduli(table, index, x, out):
+    """Multiply as `product`, by the moduli |x|."""
+    for first in range(0, out.shape[0], LANES):
+        factor = abs(x[0])
+        for lane in range(LANES):
+            out[first + lane] = table[index, 0, first + lane] * factor
+        for k in range(1, x.shape[0]):
+            factor = abs(x[k])
+            for lane in range(LANES):
+                out[first + lane] = fma(table[index, k, first + lane], factor, out[first + lane])
 
 
 @jit

@@ -5,10 +5,12 @@ between two points of its own task; above `DEDICATED_MASTER` ranks it only looks
 rank runs the same code with nobody to look after.
 
 Messages are small tuples. A worker says ``ready``, ``report`` (something for the master's
-ears, e.g. progress), ``done`` or ``stopped`` (it was told, or has a signal of its own); the master
-answers ``task``, and at any time ``stop``. The run ends when every worker has been sent ``end``.
+ears, e.g. progress), ``signal`` (it has one, but no task), ``done`` or ``stopped`` (it was told, or
+has a signal of its own); the master answers ``task``, and at any time ``stop``. The run ends when
+every worker has been sent ``end``.
 """
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -18,6 +20,8 @@ DEDICATED_MASTER = 32
 """Ranks from which on the master does not compute."""
 LEAST_SLEEP, MOST_SLEEP = 1e-4, 5e-3
 """Back-off (s) of a rank that waits for a message."""
+LOST_GRACE = 5.0
+"""Seconds that ranks whose launcher is gone have to stop in good order."""
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
@@ -25,18 +29,43 @@ class Stop(Exception):
     """Raised out of a task to leave it in good order."""
 
 
-class StopFlag:
-    """Set by a signal or a time limit; `reason` says which."""
+class LauncherLostError(RuntimeError):
+    """The launcher has died, and with it perhaps other ranks: nobody will answer."""
 
-    def __init__(self, deadline: float | None = None):
+
+class StopFlag:
+    """Set by a signal, a time limit or the launcher's death; `reason` says which.
+
+    Parameters
+    ----------
+    deadline : float, optional
+        Time (s since the epoch) at which to stop.
+    launched : bool
+        Whether a launcher started this process, which then must not outlive it.
+
+    Attributes
+    ----------
+    deadline : float, optional
+    at_once : callable (reason), optional
+        Called in the signal's handler: for times at which nobody asks `is_set`.
+    """
+
+    def __init__(self, deadline: float | None = None, launched: bool = False):
         self.reason: str | None = None
-        self._deadline = deadline
+        self.at_once: Callable[[str], None] | None = None
+        self.deadline = deadline
+        self._parent = os.getppid() if launched else None
+        self._lost_since: float | None = None
         self._previous: dict[int, Any] = {}
 
     def __enter__(self) -> "StopFlag":
+        self.listen()
+        return self
+
+    def listen(self) -> None:
+        """Hear the signals; for good, if the flag is not used in a ``with`` statement."""
         for number in STOP_SIGNALS:
             self._previous[number] = signal.signal(number, self._on_signal)
-        return self
 
     def __exit__(self, *_exception) -> None:
         for number, handler in self._previous.items():
@@ -44,10 +73,23 @@ class StopFlag:
 
     def _on_signal(self, number, _frame) -> None:
         self.reason = signal.Signals(number).name
+        if self.at_once is not None:
+            self.at_once(self.reason)
 
     def is_set(self) -> bool:
-        """Tell whether to stop."""
-        if self.reason is None and self._deadline is not None and time.time() >= self._deadline:
+        """Tell whether to stop.
+
+        Raises
+        ------
+        LauncherLostError
+            If the launcher has been gone for `LOST_GRACE` seconds and the ranks are still there.
+        """
+        if self._parent is not None and os.getppid() != self._parent:
+            self.reason = self.reason or "the launcher died"
+            self._lost_since = self._lost_since or time.monotonic()
+            if time.monotonic() - self._lost_since > LOST_GRACE:
+                raise LauncherLostError(self.reason)
+        if self.reason is None and self.deadline is not None and time.time() >= self.deadline:
             self.reason = "time limit"
         return self.reason is not None
 
@@ -149,6 +191,10 @@ class _Master:
             if kind == "report":
                 self._on_report(rank, value)
                 continue
+            if kind == "signal":
+                self._flag.reason = self._flag.reason or value
+                self._stop()
+                continue
             if kind == "stopped":
                 self._flag.reason = self._flag.reason or value
                 self._unfinished = True
@@ -164,7 +210,7 @@ class _Master:
 
 def _work(comm, compute, flag: StopFlag) -> None:
     """Do what the master says, until it says ``end``."""
-    told_to_stop = False
+    told_to_stop = told_master = False
 
     def poll() -> None:
         nonlocal told_to_stop
@@ -183,6 +229,10 @@ def _work(comm, compute, flag: StopFlag) -> None:
     while True:
         message = comm.receive()
         if message is None:
+            if flag.is_set() and not told_master:
+                # idle, so that no poll says it: the others may have hours to go
+                told_master = True
+                comm.send(("signal", flag.reason), 0)
             time.sleep(sleep)
             sleep = min(2 * sleep, MOST_SLEEP)
             continue

@@ -215,8 +215,8 @@ def flip_bit(path: Path, place: tuple[int, int, int], rng: random.Random) -> str
 
 
 def intact(path: Path) -> bool:
-    """Tell whether a file is a campaign file that can be read, or is not there."""
+    """Tell whether there is a campaign file that can be read."""
     try:
-        return not path.exists() or valid(path) is not None
-    except StoreError:
+        return path.exists() and valid(path) is not None
+    except (StoreError, OSError):
         return False

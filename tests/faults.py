@@ -88,10 +88,10 @@ class Processes:
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
 
-    def finish(self) -> tuple[int, str, str]:
+    def finish(self, patience: float = PATIENCE) -> tuple[int | None, str, str]:
         """Wait for the end; exit code (None: it hung), output and errors."""
         try:
-            out, err = self.launcher.communicate(timeout=PATIENCE)
+            out, err = self.launcher.communicate(timeout=patience)
         except subprocess.TimeoutExpired:
             self.end()
             out, err = self.launcher.communicate()

@@ -259,9 +259,9 @@ class Patient:
         if different or mine.keys() != other.keys():
             self.problem(f"differs from the uninterrupted run in {different}")
         run.resumed_equal = not different
-        left = {p.name for p in self.path.parent.iterdir()}
-        if left - {self.path.name, self.path.name + ".journal"}:
-            self.problem(f"left behind: {sorted(left)}")
+        left = {file.name for file in self.path.parent.iterdir()}
+        if left := sorted(left - {self.path.name, self.path.name + ".journal"}):
+            self.problem(f"left behind: {left}")
 
 
 KINDS: dict[str, Callable[[Patient], None]] = {
@@ -306,7 +306,8 @@ def plan(runs: int, seed: int, asked: list[str], kinds: list[str]) -> list[Run]:
 def make_reference(job: Path, path: Path) -> dict:
     """Run the job undisturbed."""
     process = faults.start(0, "run", job, "-o", path)
-    code, _, errors = process.finish()
+    # the kernels may have to be compiled
+    code, _, errors = process.finish(patience=600.0)
     if code != 0:
         raise SystemExit(f"the undisturbed run failed: {errors}")
     first = min(at for at, _, _ in faults.Offsets(path)._of.values())

@@ -4,6 +4,7 @@ A serial run is a communicator of size 1 that needs no MPI. Whether there is mor
 is told by the launcher's environment, so that a program started alone never initialises MPI.
 """
 
+import atexit
 import os
 import warnings
 from typing import Any
@@ -122,6 +123,7 @@ def world() -> Serial | Ranks:
     import mpi4py
 
     mpi4py.rc.recv_mprobe = False
+    mpi4py.rc.initialize = False
     try:
         with warnings.catch_warnings():
             # mpi4py notices some mismatches too; ours below is one line and names the remedy
@@ -133,15 +135,29 @@ def world() -> Serial | Ranks:
             f"({' '.join(str(error).split())}); install an MPI that mpi4py finds, e.g. "
             "pip install mpich"
         ) from None
-    comm = MPI.COMM_WORLD
-    if comm.Get_size() != expected:
-        library = MPI.Get_library_version().split("\n")[0].strip().rstrip("\x00")
-        raise LauncherError(
-            f"the launcher started {expected} ranks but mpi4py's MPI ({library}) sees "
-            f"{comm.Get_size()}: start with the mpirun of that MPI, or under Slurm with "
-            "srun --mpi=pmi2 (MPICH) or srun --mpi=pmix (Open MPI)"
-        )
-    return Ranks(MPI, comm)
+    library = " ".join(MPI.Get_library_version().split("\n")[0].rstrip("\x00").split())
+    if "OMPI_COMM_WORLD_SIZE" in os.environ and "Open MPI" not in library:
+        # before MPI starts: MPICH ends the process when it meets Open MPI's launcher
+        raise _mismatch(expected, library, 1)
+    if not MPI.Is_initialized():
+        MPI.Init_thread()
+        atexit.register(_finalize, MPI)
+    if MPI.COMM_WORLD.Get_size() != expected:
+        raise _mismatch(expected, library, MPI.COMM_WORLD.Get_size())
+    return Ranks(MPI, MPI.COMM_WORLD)
+
+
+def _mismatch(expected: int, library: str, seen: int) -> LauncherError:
+    return LauncherError(
+        f"the launcher started {expected} ranks but mpi4py's MPI ({library}) sees {seen}: start "
+        "with the mpirun of that MPI, or under Slurm with srun --mpi=pmi2 (MPICH) or "
+        "srun --mpi=pmix (Open MPI)"
+    )
+
+
+def _finalize(mpi) -> None:
+    if not mpi.Is_finalized():
+        mpi.Finalize()
 
 
 def open_file(path):

@@ -249,6 +249,16 @@ def test_a_launcher_that_mpi_does_not_know_is_refused_with_the_remedy(
     assert sorted(p.name for p in tmp_path.iterdir()) == ["small.toml"]
 
 
+def test_mpich_under_open_mpis_launcher_is_refused_before_it_ends_the_process(tmp_path, small_job):
+    place = {"OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "0"}
+    meeting = {"PMIX_NAMESPACE": "1", "PMIX_RANK": "0", "PMIX_SERVER_URI4": "none"}
+    done = hpcsweep(0, "run", small_job, cwd=tmp_path, **place, **meeting)
+    refuse(done, "started 2 ranks", "sees 1", "mpirun")
+    silent = {**place, "OMPI_COMM_WORLD_RANK": "1"}
+    done = hpcsweep(0, "run", small_job, cwd=tmp_path, **silent, **meeting)
+    assert (done.returncode, done.stderr) == (2, "")
+
+
 def test_no_room_for_the_file_is_one_line_and_leaves_nothing(tmp_path, small_job):
     process = faults.start(0, "run", small_job, "-o", tmp_path / "a.h5", file_limit=4096)
     code, _, errors = process.finish()

@@ -10,11 +10,14 @@ from pathlib import Path
 
 import faults
 import kill_campaign
+import numpy as np
 import pytest
 from conftest import SMALL, hpcsweep
 from test_campaign import refuse
 
-from hpcsweep.farm import LauncherLostError, StopFlag
+from hpcsweep import Structure
+from hpcsweep.farm import LauncherLostError, Stop, StopFlag
+from hpcsweep.solver import make_solver
 from hpcsweep.store import Lock, StoreError
 from hpcsweep.store import lock as lock_module
 
@@ -58,6 +61,20 @@ def test_the_kill_campaign_sees_damage(tmp_path):
     assert f"differs from the uninterrupted run in ['{name}']" in said
     assert f"{total} blocks computed, {total + 1} missing" in said
     assert "left behind: ['campaign.h5.other']" in said
+
+
+def test_bdf_can_be_stopped_inside_a_long_forcing_period():
+    structure = Structure(n_floors=2, stiffness_ratio=300.0, sharpness=4e3, damping_ratio=0.05)
+    bdf = make_solver("bdf", structure, 0.01, 1e-9)
+    calls = []
+
+    def poll():
+        calls.append(None)
+        if len(calls) == 3:
+            raise Stop
+
+    with pytest.raises(Stop):
+        bdf.advance(np.zeros(4), 0.5, 1, poll=poll)
 
 
 def wait_for_start(process: faults.Processes, path: Path) -> None:

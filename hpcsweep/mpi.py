@@ -7,15 +7,11 @@ is told by the launcher's environment, so that a program started alone never ini
 import atexit
 import os
 import sys
-import time
 import warnings
 from typing import Any
 
 LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "MV2_COMM_WORLD_SIZE")
 """Variables in which launchers (MPICH's hydra, Open MPI, srun, MVAPICH) give the job's size."""
-
-LEAVE_SECONDS = 0.5
-"""Seconds in which the other ranks end."""
 
 
 class LauncherError(RuntimeError):
@@ -108,18 +104,16 @@ class Ranks:
         self.raw.Abort(code)
 
     def leave(self, code: int) -> int:
-        """End MPI in good order (collective); return the exit code of the job, on rank 0 only.
+        """End MPI in good order (collective); with a code other than 0, the process as well.
 
-        MPICH's mpirun kills the ranks that are still there when one ends with a code other than
-        0, and returns 9. So all others end here, with 0, and rank 0 gives them time for it.
+        MPICH's mpirun kills the ranks that are still there when one has ended with such a code,
+        and returns 9. So all end at the same moment, not each after its interpreter's own time.
         """
-        _finalize(self._mpi)
-        if self.rank != 0:
+        if self.size > 1 and code != 0:
             sys.stdout.flush()
             sys.stderr.flush()
-            os._exit(0)
-        if self.size > 1 and code != 0:
-            time.sleep(LEAVE_SECONDS)
+            _finalize(self._mpi)
+            os._exit(code)
         return code
 
 

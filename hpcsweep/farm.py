@@ -67,6 +67,11 @@ class StopFlag:
         for number in STOP_SIGNALS:
             self._previous[number] = signal.signal(number, self._on_signal)
 
+    def ignore(self) -> None:
+        """Ignore the signals from now on: Python itself stops hearing them before it ends."""
+        for number in STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
     def __exit__(self, *_exception) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)

@@ -85,6 +85,7 @@ def _run(options) -> int:
                     progress=make_progress,
                     flag=flag,
                 )
+                flag.ignore()
                 if comm.rank == 0:
                     hint = "complete" if code == 0 else "stopped in good order; run again to go on"
                     print(f"{output}: {hint}", file=sys.stderr)

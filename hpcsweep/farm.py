@@ -7,7 +7,7 @@ rank runs the same code with nobody to look after.
 Messages are small tuples. A worker says ``ready``, ``report`` (something for the master's
 ears, e.g. progress), ``signal`` (it has one, but no task), ``done`` or ``stopped`` (it was told, or
 has a signal of its own); the master answers ``task``, and at any time ``stop``. The run ends when
-every worker has been sent ``end``.
+every worker has been sent ``end`` and has answered ``ended``.
 """
 
 import os
@@ -169,7 +169,19 @@ class _Master:
             sleep = min(2 * sleep, MOST_SLEEP)
         for rank in range(1, self._comm.size):
             self._comm.send(("end", None), rank)
+        self._hear_out()
         return not self._unfinished
+
+    def _hear_out(self) -> None:
+        """Receive what workers said before they ended: MPI cannot end with messages under way."""
+        left = self._comm.size - 1
+        while left:
+            message = self._comm.receive()
+            if message is None:
+                self._flag.is_set()
+                time.sleep(LEAST_SLEEP)
+            elif message[1][0] == "ended":
+                left -= 1
 
     def _poll(self) -> None:
         self._serve()
@@ -244,6 +256,7 @@ def _work(comm, compute, flag: StopFlag) -> None:
         sleep = LEAST_SLEEP
         kind, task = message[1]
         if kind == "end":
+            comm.send(("ended", None), 0)
             return
         if kind == "stop":
             continue

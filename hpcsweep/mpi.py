@@ -13,6 +13,9 @@ from typing import Any
 LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "MV2_COMM_WORLD_SIZE")
 """Variables in which launchers (MPICH's hydra, Open MPI, srun, MVAPICH) give the job's size."""
 
+HYDRA = "MPI_LOCALNRANKS"
+"""A variable that only Hydra sets."""
+
 
 class LauncherError(RuntimeError):
     """The launcher and mpi4py's MPI do not fit together; the message is one line."""
@@ -104,16 +107,21 @@ class Ranks:
         self.raw.Abort(code)
 
     def leave(self, code: int) -> int:
-        """End MPI in good order (collective); with a code other than 0, the process as well.
+        """Return the exit code of the job (collective); may end all ranks with it.
 
-        MPICH's mpirun kills the ranks that are still there when one has ended with such a code,
-        and returns 9. So all end at the same moment, not each after its interpreter's own time.
+        Where a rank ends with a code other than 0, Hydra, MPICH's launcher, kills the ranks that
+        are still there and then returns 9 one time in three. Its answer to ``MPI_Abort`` is that
+        code always. Nothing is lost: all ranks have closed their files when they come here.
         """
-        if self.size > 1 and code != 0:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            _finalize(self._mpi)
-            os._exit(code)
+        if code != 0 and self.size > 1 and HYDRA in os.environ:
+            self.barrier()
+            if self.rank == 0:
+                sys.stdout.flush()
+                sys.stderr.flush()
+                # MPICH says that it was aborted: that is no news for the user
+                os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+                self.raw.Abort(code)
+            self.barrier()
         return code
 
 

@@ -15,7 +15,6 @@ import h5py
 import numpy as np
 from conftest import SMALL, environment, mpirun
 
-from hpcsweep.store import StoreError
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.offsets import Offsets
 from hpcsweep.store.reader import job_of
@@ -212,11 +211,3 @@ def flip_bit(path: Path, place: tuple[int, int, int], rng: random.Random) -> str
         file.seek(at)
         file.write(bytes([byte ^ 1 << rng.randrange(8)]))
     return name
-
-
-def intact(path: Path) -> bool:
-    """Tell whether there is a campaign file that can be read."""
-    try:
-        return path.exists() and valid(path) is not None
-    except (StoreError, OSError):
-        return False

@@ -29,6 +29,8 @@ from hpcsweep.structure import Structure
 
 MAX_STEPS = 200_000
 """Cap of steps in one forcing period."""
+POLL_STEPS = 500
+"""Steps between two calls of ``poll`` inside a period: about a tenth of a second."""
 SMALLEST_RTOL = 1e-13
 """Smaller relative tolerances are raised to this one: scipy refuses those below 2.2e-14."""
 LAYER_HALF_WIDTH = 5.0
@@ -185,7 +187,9 @@ class BdfMap:
                     atol=self.rtol * ABSOLUTE,
                     jac=matrix,
                 )
-                for _ in range(MAX_STEPS):
+                for step in range(1, MAX_STEPS + 1):
+                    if poll is not None and step % POLL_STEPS == 0:
+                        poll()
                     solver.max_step = self._step_limit(solver.t, solver.y, derivative)
                     solver.step()
                     if not np.all(np.isfinite(solver.y)):

@@ -1,6 +1,7 @@
 """A campaign: a job run to its end, or to a stop, on all ranks, into one file."""
 
 import contextlib
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -47,6 +48,7 @@ def run(
     max_hours: float | None = None,
     progress: Callable[[int, int], Silent] | None = None,
     sweep_block: Callable | None = None,
+    flag: farm.StopFlag | None = None,
 ) -> int:
     """Run a job on all ranks, creating its file or going on with it (collective).
 
@@ -62,6 +64,8 @@ def run(
         Makes the progress display on rank 0.
     sweep_block : callable, optional
         In place of `hpcsweep.sweep.sweep_block`, for tests.
+    flag : hpcsweep.farm.StopFlag, optional
+        Hears the signals already; if it is not given, they are heard while this function runs.
 
     Returns
     -------
@@ -76,16 +80,17 @@ def run(
         On one rank, if the disk does not take the results; what is committed is intact.
     """
     begun = time.time()
-    deadline = None if max_hours is None else begun + max_hours * 3600 - STOP_MARGIN
-    lock = Lock(output)
-    hosts = comm.gather(provenance.host())
-    _on_master(comm, lambda: _prepare(job, output, lock, comm, hosts))
-    lock.join()
-    campaign = open_campaign(output, job, comm)
-    _compile(comm, job, sweep_block)
-    todo, done_runs, done_blocks = _unfinished(comm, campaign.blocks, job)
-    try:
-        with farm.StopFlag(deadline) as flag:
+    with contextlib.nullcontext(flag) if flag else farm.StopFlag(launched=comm.size > 1) as flag:
+        if max_hours is not None:
+            flag.deadline = begun + max_hours * 3600 - STOP_MARGIN
+        lock = Lock(output)
+        hosts = comm.gather(provenance.host())
+        _on_master(comm, lambda: _prepare(job, output, lock, comm, hosts))
+        lock.join()
+        campaign = open_campaign(output, job, comm)
+        _compile(comm, job, sweep_block, flag)
+        todo, done_runs, done_blocks = _unfinished(comm, campaign.blocks, job)
+        try:
             frame_costs = KnownCosts(comm, job, output, todo, done_blocks, sweep_block)
             finished = _farm_out(
                 comm,
@@ -100,14 +105,14 @@ def run(
                 sweep_block,
                 hosts,
             )
-    except BaseException:
-        # no other rank is waited for: the caller ends them all
-        with contextlib.suppress(WriteError):
-            campaign.flush()
-        raise
-    campaign.close()
-    comm.barrier()
-    lock.release(remove=comm.rank == 0)
+        except BaseException:
+            # no other rank is waited for: the caller ends them all
+            with contextlib.suppress(WriteError):
+                campaign.flush()
+            raise
+        campaign.close()
+        comm.barrier()
+        lock.release(remove=comm.rank == 0)
     return COMPLETE if finished else STOPPED
 
 
@@ -135,6 +140,10 @@ def _prepare(job: Job, output: Path, lock: Lock, comm, hosts: list[str]) -> None
         _check_same_job(job, output)
     lock.acquire(comm.size)
     try:
+        if output.exists() and not existing:
+            # made, and given up, by another campaign just now
+            _check_same_job(job, output)
+            existing = True
         if not existing:
             notes = provenance.collect(comm.library, hosts)
             create(output, job, {**notes, "solver": job.settings.solver, "rtol": job.settings.rtol})
@@ -157,16 +166,29 @@ def _check_same_job(job: Job, output: Path) -> None:
         )
 
 
-def _compile(comm, job: Job, sweep_block) -> None:
-    """Let one rank of each node compile the kernels, or load them, before the others."""
+def _compile(comm, job: Job, sweep_block, flag: farm.StopFlag) -> None:
+    """Let one rank of each node compile the kernels, or load them, before the others.
+
+    That may take a minute, so a signal ends the ranks then and there: nothing is being written.
+    """
     if sweep_block is not None:
         return
+
+    def leave(reason: str) -> None:
+        print(f"hpcsweep: {reason} before the first run; run again to go on", file=sys.stderr)
+        sys.stderr.flush()
+        comm.abort(STOPPED)
+
+    flag.at_once = leave
+    if flag.reason is not None:
+        leave(flag.reason)
     first = comm.node_rank() == 0
     if first:
         sweep.warm_up(job.settings)
     comm.barrier()
     if not first:
         sweep.warm_up(job.settings)
+    flag.at_once = None
 
 
 def _unfinished(comm, blocks: Blocks, job: Job) -> tuple[list[int], int, list[tuple]]:
@@ -250,7 +272,7 @@ def _farm_out(
 
     next_note = [time.monotonic() + MASTER_NOTES]
     finished = frame_costs.sample(journal, flag) and farm.run(
-        comm, todo, compute, flag, on_report, frame_costs.left, traffic, tick
+        comm, todo, compute, flag, on_report, frame_costs.left, traffic, tick, campaign.flush
     )
     campaign.flush()
     used = comm.gather((campaign.written_bytes, campaign.write_seconds, memory.peak()))

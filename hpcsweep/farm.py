@@ -5,11 +5,13 @@ between two points of its own task; above `schedule.DEDICATED_MASTER` ranks it o
 them. One rank runs the same code with nobody to look after.
 
 Messages are small tuples. A worker says ``ready``, ``report`` (things for the master's ears, e.g.
-progress, a few a second at most), ``done``, ``back`` (the rest of a task it was asked to give back)
-or ``stopped`` (it was told, or has a signal of its own); the master answers ``task``, and at any
-time ``stop`` or ``recall``. The run ends when every worker has been sent ``end``.
+progress, a few a second at most), ``done``, ``back`` (the rest of a task it was asked to give
+back), ``stopped`` (it was told, or has a signal of its own) or ``signal`` (it has one, but no
+task); the master answers ``task``, and at any time ``stop`` or ``recall``. The run ends when every
+worker has been sent ``end`` and has answered ``ended``.
 """
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterable
@@ -22,6 +24,8 @@ LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
 """Back-off (s) of a rank that waits for a message."""
 BALANCE_SHARE = 0.02
 """Largest share of the master's time spent on which tasks to take back."""
+LOST_GRACE = 5.0
+"""Seconds that ranks whose launcher is gone have to stop in good order."""
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
@@ -29,18 +33,48 @@ class Stop(Exception):
     """Raised out of a task to leave it in good order."""
 
 
-class StopFlag:
-    """Set by a signal or a time limit; `reason` says which."""
+class LauncherLostError(RuntimeError):
+    """The launcher has died, and with it perhaps other ranks: nobody will answer."""
 
-    def __init__(self, deadline: float | None = None):
+
+class StopFlag:
+    """Set by a signal, a time limit or the launcher's death; `reason` says which.
+
+    Parameters
+    ----------
+    deadline : float, optional
+        Time (s since the epoch) at which to stop.
+    launched : bool
+        Whether a launcher started this process, which then must not outlive it.
+
+    Attributes
+    ----------
+    deadline : float, optional
+    at_once : callable (reason), optional
+        Called in the signal's handler: for times at which nobody asks `is_set`.
+    """
+
+    def __init__(self, deadline: float | None = None, launched: bool = False):
         self.reason: str | None = None
-        self._deadline = deadline
+        self.at_once: Callable[[str], None] | None = None
+        self.deadline = deadline
+        self._parent = os.getppid() if launched else None
+        self._lost_since: float | None = None
         self._previous: dict[int, Any] = {}
 
     def __enter__(self) -> "StopFlag":
+        self.listen()
+        return self
+
+    def listen(self) -> None:
+        """Hear the signals; for good, if the flag is not used in a ``with`` statement."""
         for number in STOP_SIGNALS:
             self._previous[number] = signal.signal(number, self._on_signal)
-        return self
+
+    def ignore(self) -> None:
+        """Ignore the signals from now on: Python itself stops hearing them before it ends."""
+        for number in STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
 
     def __exit__(self, *_exception) -> None:
         for number, handler in self._previous.items():
@@ -48,10 +82,23 @@ class StopFlag:
 
     def _on_signal(self, number, _frame) -> None:
         self.reason = signal.Signals(number).name
+        if self.at_once is not None:
+            self.at_once(self.reason)
 
     def is_set(self) -> bool:
-        """Tell whether to stop."""
-        if self.reason is None and self._deadline is not None and time.time() >= self._deadline:
+        """Tell whether to stop.
+
+        Raises
+        ------
+        LauncherLostError
+            If the launcher has been gone for `LOST_GRACE` seconds and the ranks are still there.
+        """
+        if self._parent is not None and os.getppid() != self._parent:
+            self.reason = self.reason or "the launcher died"
+            self._lost_since = self._lost_since or time.monotonic()
+            if time.monotonic() - self._lost_since > LOST_GRACE:
+                raise LauncherLostError(self.reason)
+        if self.reason is None and self.deadline is not None and time.time() >= self.deadline:
             self.reason = "time limit"
         return self.reason is not None
 
@@ -83,6 +130,7 @@ def run(
     cost: Callable[[int], float] = lambda task: 0.0,
     traffic: Traffic | None = None,
     tick: Callable[[], None] = lambda: None,
+    at_rest: Callable[[], None] = lambda: None,
     computing_master: bool | None = None,
 ) -> bool:
     """Do all tasks on all ranks.
@@ -107,6 +155,8 @@ def run(
         Filled on rank 0.
     tick : callable
         Called on rank 0, with or without news, as often as it looks for messages.
+    at_rest : callable
+        Called on any other rank, again and again, while it has nothing to do.
     computing_master : bool, optional
         Whether rank 0 does tasks too. Default: on up to `schedule.DEDICATED_MASTER` ranks.
 
@@ -122,7 +172,7 @@ def run(
         master = _Master(comm, tasks, flag, on_report, cost, traffic, tick, computing_master)
         finished = master.run(compute)
     else:
-        _work(comm, compute, flag)
+        _work(comm, compute, flag, at_rest)
         finished = None
     return comm.bcast(finished)
 
@@ -160,6 +210,7 @@ class _Master:
             sleep = min(2 * sleep, MOST_SLEEP)
         for rank in range(1, self._comm.size):
             self._comm.send(("end", None), rank)
+        self._hear_out()
         return not self._unfinished
 
     def _compute(self, compute) -> None:
@@ -199,6 +250,17 @@ class _Master:
             self._traffic.recalls += 1
             self._rest[task] = rest
             self._schedule.put_back(task, time.monotonic())
+
+    def _hear_out(self) -> None:
+        """Receive what workers said before they ended: MPI cannot end with messages under way."""
+        left = self._comm.size - 1
+        while left:
+            message = self._comm.receive()
+            if message is None:
+                self._flag.is_set()
+                time.sleep(LEAST_SLEEP)
+            elif message[1][0] == "ended":
+                left -= 1
 
     def _poll(self) -> None:
         self._serve()
@@ -249,6 +311,10 @@ class _Master:
         if kind == "report":
             self._schedule.progress(self._task_of[rank], time.monotonic())
             return
+        if kind == "signal":
+            self._flag.reason = self._flag.reason or rest
+            self._stop()
+            return
         if kind == "stopped":
             self._flag.reason = self._flag.reason or rest
             self._task_of.pop(rank, None)
@@ -270,10 +336,10 @@ class _Master:
                 self._comm.send(("recall", task), rank)
 
 
-def _work(comm, compute, flag: StopFlag) -> None:
+def _work(comm, compute, flag: StopFlag, at_rest) -> None:
     """Do what the master says, until it says ``end``."""
     interval = report_interval(comm.size)
-    told_to_stop = False
+    told_to_stop = told_master = False
     recalled = None
     task = None
     reports: list[Any] = []
@@ -314,12 +380,19 @@ def _work(comm, compute, flag: StopFlag) -> None:
     while True:
         message = comm.receive()
         if message is None:
+            if flag.is_set() and not told_master:
+                # idle, so that no poll says it: the others may have hours to go
+                told_master = True
+                say("signal", flag.reason)
+            if sleep == MOST_SLEEP:
+                at_rest()
             time.sleep(sleep)
             sleep = min(2 * sleep, MOST_SLEEP)
             continue
         sleep = LEAST_SLEEP
         kind, value = message[1]
         if kind == "end":
+            say("ended")
             return
         if kind != "task":
             continue

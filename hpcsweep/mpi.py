@@ -4,12 +4,17 @@ A serial run is a communicator of size 1 that needs no MPI. Whether there is mor
 is told by the launcher's environment, so that a program started alone never initialises MPI.
 """
 
+import atexit
 import os
+import sys
 import warnings
 from typing import Any
 
 LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "MV2_COMM_WORLD_SIZE")
 """Variables in which launchers (MPICH's hydra, Open MPI, srun, MVAPICH) give the job's size."""
+
+HYDRA = "MPI_LOCALNRANKS"
+"""A variable that only Hydra sets."""
 
 
 class LauncherError(RuntimeError):
@@ -50,6 +55,10 @@ class Serial:
     def abort(self, code: int) -> None:
         """End all ranks at once."""
         raise SystemExit(code)
+
+    def leave(self, code: int) -> int:
+        """End MPI in good order (collective); return the exit code of the job."""
+        return code
 
 
 class Ranks:
@@ -97,6 +106,24 @@ class Ranks:
         """End all ranks at once."""
         self.raw.Abort(code)
 
+    def leave(self, code: int) -> int:
+        """Return the exit code of the job (collective); may end all ranks with it.
+
+        Where a rank ends with a code other than 0, Hydra, MPICH's launcher, kills the ranks that
+        are still there and then returns 9 one time in three. Its answer to ``MPI_Abort`` is that
+        code always. Nothing is lost: all ranks have closed their files when they come here.
+        """
+        if code != 0 and self.size > 1 and HYDRA in os.environ:
+            self.barrier()
+            if self.rank == 0:
+                sys.stdout.flush()
+                sys.stderr.flush()
+                # MPICH says that it was aborted: that is no news for the user
+                os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+                self.raw.Abort(code)
+            self.barrier()
+        return code
+
 
 def launched_size() -> int:
     """Return the number of ranks the launcher says it started, 1 if there was none."""
@@ -122,6 +149,7 @@ def world() -> Serial | Ranks:
     import mpi4py
 
     mpi4py.rc.recv_mprobe = False
+    mpi4py.rc.initialize = False
     try:
         with warnings.catch_warnings():
             # mpi4py notices some mismatches too; ours below is one line and names the remedy
@@ -133,15 +161,29 @@ def world() -> Serial | Ranks:
             f"({' '.join(str(error).split())}); install an MPI that mpi4py finds, e.g. "
             "pip install mpich"
         ) from None
-    comm = MPI.COMM_WORLD
-    if comm.Get_size() != expected:
-        library = MPI.Get_library_version().split("\n")[0].strip().rstrip("\x00")
-        raise LauncherError(
-            f"the launcher started {expected} ranks but mpi4py's MPI ({library}) sees "
-            f"{comm.Get_size()}: start with the mpirun of that MPI, or under Slurm with "
-            "srun --mpi=pmi2 (MPICH) or srun --mpi=pmix (Open MPI)"
-        )
-    return Ranks(MPI, comm)
+    library = " ".join(MPI.Get_library_version().split("\n")[0].rstrip("\x00").split())
+    if "OMPI_COMM_WORLD_SIZE" in os.environ and "Open MPI" not in library:
+        # before MPI starts: MPICH ends the process when it meets Open MPI's launcher
+        raise _mismatch(expected, library, 1)
+    if not MPI.Is_initialized():
+        MPI.Init_thread()
+        atexit.register(_finalize, MPI)
+    if MPI.COMM_WORLD.Get_size() != expected:
+        raise _mismatch(expected, library, MPI.COMM_WORLD.Get_size())
+    return Ranks(MPI, MPI.COMM_WORLD)
+
+
+def _mismatch(expected: int, library: str, seen: int) -> LauncherError:
+    return LauncherError(
+        f"the launcher started {expected} ranks but mpi4py's MPI ({library}) sees {seen}: start "
+        "with the mpirun of that MPI, or under Slurm with srun --mpi=pmi2 (MPICH) or "
+        "srun --mpi=pmix (Open MPI)"
+    )
+
+
+def _finalize(mpi) -> None:
+    if not mpi.Is_finalized():
+        mpi.Finalize()
 
 
 def open_file(path):

@@ -11,7 +11,14 @@ RUN_HELP = """\
 Run a job. If its results file exists already, the run goes on where it stopped, on any number
 of ranks, and the results equal those of an uninterrupted run bit for bit.
 
-SIGTERM, SIGINT and SIGUSR1 stop it in good order (exit code 75)."""
+SIGTERM, SIGINT (Ctrl-C) and SIGUSR1 stop it in good order within seconds, with exit code 75, sent
+to mpirun or to any rank: the mpirun of MPICH 4 and 5 hands all three on to the ranks and returns
+their exit code. Open MPI's does so with SIGUSR1; told SIGTERM or SIGINT it may return 1 itself,
+but the ranks stop in good order. After SIGKILL of a rank mpirun says BAD TERMINATION and returns 9;
+after any kill at most the last seconds are computed again. Do not press Ctrl-C twice: mpirun then
+kills.
+
+Nobody else may run a job into the same FILE: FILE.lock says which host and process does."""
 
 
 def add_to(commands) -> None:
@@ -39,8 +46,15 @@ def add_to(commands) -> None:
 
 def _run(options) -> int:
     """Run a job on all ranks."""
+    from hpcsweep.farm import StopFlag
+    from hpcsweep.mpi import LauncherError, launched_size, world
+
+    # heard from here to the end of the process: a signal while a library is loaded is not lost,
+    # and one that comes when all is done does no harm
+    flag = StopFlag(launched=launched_size() > 1)
+    if not options.dry_run:
+        flag.listen()
     from hpcsweep.job import JobError, load_job
-    from hpcsweep.mpi import LauncherError, world
     from hpcsweep.store import StoreError, WriteError
 
     try:
@@ -64,16 +78,22 @@ def _run(options) -> int:
                 from hpcsweep import campaign
 
                 code = campaign.run(
-                    job, output, comm, max_hours=options.max_hours, progress=make_progress
+                    job,
+                    output,
+                    comm,
+                    max_hours=options.max_hours,
+                    progress=make_progress,
+                    flag=flag,
                 )
+                flag.ignore()
                 if comm.rank == 0:
                     hint = "complete" if code == 0 else "stopped in good order; run again to go on"
                     print(f"{output}: {hint}", file=sys.stderr)
-                return code
+                return comm.leave(code)
             except StoreError as error:
                 problem = str(error)
         complain(problem, comm.rank)
-        return USER_ERROR
+        return comm.leave(USER_ERROR)
     except WriteError as error:
         complain(str(error), 0)
         comm.abort(FAILURE)

@@ -21,6 +21,9 @@ from hpcsweep.store.layout import (
     run_variables,
 )
 
+METADATA = 2**16
+"""Bytes that are more than enough for the names, scales and attributes of a file."""
+
 
 def file_size(job: Job) -> int:
     """Give the bytes of a job's file, without its few kilobytes of metadata."""
@@ -39,7 +42,7 @@ def _bytes(variable: Variable, size: dict[str, int]) -> int:
 
 
 def create(path: Path, job: Job, provenance: dict[str, str]) -> None:
-    """Create the file under a temporary name, flush it to disk and rename it into place.
+    """Create the file under a temporary name, reserve its room and rename it into place.
 
     Parameters
     ----------
@@ -63,18 +66,27 @@ def create(path: Path, job: Job, provenance: dict[str, str]) -> None:
                 f"{path}: the results need {need / 1e9:.3g} GB, the file system has "
                 f"{free / 1e9:.3g} GB free"
             )
+        # HDF5 may crash when a file it closes finds no room: find out before
+        _reserve(temporary, need + METADATA)
         with h5py.File(temporary, "w", libver=("v108", "v108")) as file:
             _fill(file, job, provenance)
-        descriptor = os.open(temporary, os.O_RDWR)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        _reserve(temporary, temporary.stat().st_size)
         temporary.rename(path)
     except (OSError, RuntimeError) as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
         raise StoreError(f"{path}: cannot be created: {reason(error)}") from None
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Have the file system set room aside, so that a night's run does not end with a full disk."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(descriptor, 0, size)
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def reason(error: Exception) -> str:

@@ -3,8 +3,10 @@
 ``FILE.lock`` carries POSIX record locks, which work across nodes on NFS and on the parallel file
 systems, and says who holds it. Rank 0 holds byte 0 exclusively: a second campaign is refused.
 Every rank holds byte 1 shared: a rank that survived its killed campaign may still be writing, so
-that a new campaign waits until byte 1 is free. On a file system without locks the file's mere
-existence is the lock, given up by hand after a crash.
+that a new campaign waits until byte 1 is free. The system gives up the locks of a dead process,
+also of one on another node, so that a file left behind by a kill locks nothing, whatever it says.
+On a file system without locks (lockd not running, Lustre mounted without ``flock``) the file's
+mere existence is the lock, given up by hand after a crash; the message says so.
 """
 
 import contextlib
@@ -13,6 +15,8 @@ import fcntl
 import json
 import os
 import socket
+import struct
+import sys
 import time
 from pathlib import Path
 
@@ -22,6 +26,8 @@ ORPHAN_WAIT = 20.0
 """Seconds to wait for orphaned ranks of a killed campaign to end."""
 UNSUPPORTED = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
 MASTER_BYTE, RANKS_BYTE = 0, 1
+FLOCK = "hhqqi"
+"""Linux's struct flock on 64 bits: type, whence, start, length, process."""
 
 
 class Lock:
@@ -33,8 +39,14 @@ class Lock:
         self._descriptor: int | None = None
         self._by_existence = False
 
-    def acquire(self, ranks: int, wait: float = ORPHAN_WAIT) -> None:
+    def acquire(self, ranks: int, wait: float | None = None) -> None:
         """Take the campaign's lock.
+
+        Parameters
+        ----------
+        ranks : int
+        wait : float, optional
+            Seconds to wait for orphaned ranks, `ORPHAN_WAIT` if not given.
 
         Raises
         ------
@@ -43,29 +55,50 @@ class Lock:
         """
         while True:
             try:
-                existed = self.path.exists()
-                self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
+                existed = self._open()
             except OSError as error:
                 raise StoreError(f"{self._results}: cannot be written: {error.strerror}") from None
             if not self._take(MASTER_BYTE, existed):
                 holder = self._holder()
                 self._forget()
-                raise StoreError(f"{self._results}: another campaign is running on it ({holder})")
+                gone = f"; if it is gone, remove {self.path}" if self._by_existence else ""
+                raise StoreError(
+                    f"{self._results}: another campaign is running on it ({holder}){gone}"
+                )
             if self._by_existence or self._still_there():
                 break
             self._forget()
-        deadline = time.monotonic() + wait
+        before = self._holder()
+        self._say_who(ranks)
+        self._wait_for_orphans(before, time.monotonic() + (ORPHAN_WAIT if wait is None else wait))
+
+    def _open(self) -> bool:
+        """Open the lock's file, made if need be; tell whether it was there."""
+        while True:
+            with contextlib.suppress(FileExistsError):
+                self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+                return False
+            with contextlib.suppress(FileNotFoundError):
+                self._descriptor = os.open(self.path, os.O_RDWR)
+                return True
+
+    def _wait_for_orphans(self, campaign: str, deadline: float) -> None:
+        """Wait until no rank of the campaign before holds its lock."""
         while not self._by_existence and not self._take(RANKS_BYTE, True):
             if time.monotonic() > deadline:
-                holder = self._holder()
+                process = self._process_holding(RANKS_BYTE)
                 self._forget()
                 raise StoreError(
                     f"{self._results}: ranks of a killed campaign are still writing to it "
-                    f"({holder}); end them and run again"
+                    f"({f'process {process}, of the campaign of ' if process else ''}{campaign}); "
+                    "end them and run again"
                 )
             time.sleep(0.05)
         if not self._by_existence:
             fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, RANKS_BYTE)
+
+    def _say_who(self, ranks: int) -> None:
+        """Write into the file who holds the lock."""
         text = json.dumps(
             {
                 "host": socket.gethostname(),
@@ -116,6 +149,18 @@ class Lock:
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
+
+    def _process_holding(self, byte: int) -> int:
+        """Give the process of this node that holds a byte's lock, 0 if it is not known."""
+        if sys.platform != "linux" or struct.calcsize("l") != 8:
+            return 0
+        question = struct.pack(FLOCK, fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)
+        try:
+            answer = fcntl.fcntl(self._descriptor, fcntl.F_GETLK, question)
+        except OSError:
+            return 0
+        kind, *_, process = struct.unpack(FLOCK, answer)
+        return max(process, 0) if kind != fcntl.F_UNLCK else 0
 
     def _holder(self) -> str:
         try:

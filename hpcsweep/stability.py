@@ -28,7 +28,7 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
 
 def newton_orbit(
     solver, state: np.ndarray, amplitude: float, period: int
-) -> tuple[np.ndarray, int] | None:
+) -> tuple[np.ndarray, int, float] | None:
     """Jump from an approaching state to the orbit it approaches, if that is proved.
 
     Newton's method on F(z) = z, F the period map over `period` forcing periods with tangent M.
@@ -42,8 +42,9 @@ def newton_orbit(
 
     Returns
     -------
-    (state, n_periods) or None
-        z*, shape (2n,), and the forcing periods integrated; None if any test fails.
+    (state, n_periods, multiplier) or None
+        z*, shape (2n,), the forcing periods integrated, and the modulus of the largest Floquet
+        multiplier; None if any test fails.
     """
     unit = np.eye(len(state))
     point = state
@@ -63,13 +64,14 @@ def newton_orbit(
             break
     else:
         return None
-    if abs(floquet_multipliers(matrix)[0]) > NEWTON_STABLE:
+    multiplier = float(abs(floquet_multipliers(matrix)[0]))
+    if multiplier > NEWTON_STABLE:
         return None
     left = first_image - point
     curved = np.abs(left - matrix @ (state - point)).max()
     if curved > NEWTON_LINEAR * np.abs(left).max() + NEWTON_RESIDUAL:
         return None
-    return image, periods
+    return image, periods, multiplier
 
 
 def largest_lyapunov_exponent(
@@ -105,8 +107,7 @@ def largest_lyapunov_exponent(
     time = n_periods * 2 * math.pi / solver.omega
     if is_orbit:
         _, matrix = solver.monodromy(state, amplitude, n_periods)
-        largest = abs(floquet_multipliers(matrix)[0])
-        return math.log(largest) / time if largest > 0 else -math.inf
+        return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)
     frame = np.eye(len(state))
     growth = 0.0
     z = state
@@ -123,3 +124,8 @@ def largest_lyapunov_exponent(
         growth += math.log(size)
         done += chunk
     return growth / time
+
+
+def exponent_of_multiplier(multiplier: float, time: float) -> float:
+    """Turn the modulus of an orbit's largest multiplier over a time into an exponent."""
+    return math.log(multiplier) / time if multiplier > 0 else -math.inf

@@ -34,7 +34,11 @@ from hpcsweep.orbit import orbit_period
 from hpcsweep.outcome import Outcome, Shortcut
 from hpcsweep.settings import SweepSettings
 from hpcsweep.solver import Solver, make_solver
-from hpcsweep.stability import largest_lyapunov_exponent, newton_orbit
+from hpcsweep.stability import (
+    exponent_of_multiplier,
+    largest_lyapunov_exponent,
+    newton_orbit,
+)
 from hpcsweep.structure import Structure
 
 SETTLED = 1e-10
@@ -90,7 +94,9 @@ class FrameSweep:
                 if "lyapunov" in result:
                     result["lyapunov"][index] = self._linear.lyapunov_exponent
                 return closed.points[-1].copy()
-        z, phase, cycles, period, shortcut, outcome = self._transient(z, amplitude, poll)
+        z, phase, cycles, period, shortcut, outcome, multiplier = self._transient(
+            z, amplitude, poll
+        )
         result["shortcut"][index] = shortcut
         if outcome is not Outcome.COMPLETE:
             return self._store_failure(result, row, index, z, cycles, outcome)
@@ -107,7 +113,10 @@ class FrameSweep:
         else:
             period = orbit_period(seen.points, settings.max_orbit_period, settings.period_tolerance)
         self._store(result, row, index, amplitude, seen, period, cycles)
-        if "lyapunov" in result:
+        if "lyapunov" in result and shortcut is Shortcut.NEWTON:
+            time = window * 2 * math.pi / self.solver.omega
+            result["lyapunov"][index] = exponent_of_multiplier(multiplier, time)
+        elif "lyapunov" in result:
             result["lyapunov"][index] = self._exponent(z, seen, amplitude, period, poll)
         return seen.points[-1].copy()
 
@@ -125,11 +134,14 @@ class FrameSweep:
             Orbit period if the orbit is known to be reached, else 0.
         shortcut : Shortcut
         outcome : Outcome
+        multiplier : float
+            Modulus of the orbit's largest Floquet multiplier after a Newton jump, else NaN.
         """
         settings = self.settings
         if "converged" not in settings.skip or not hasattr(self.solver, "settle"):
             done = self.solver.advance(z, amplitude, settings.transient_cycles, poll=poll)
-            return done.state, done.n_periods, done.n_periods, 0, Shortcut.NONE, done.outcome
+            n_done = done.n_periods
+            return done.state, n_done, n_done, 0, Shortcut.NONE, done.outcome, math.nan
         near = NEAR if "newton" in settings.skip else 0.0
         phase = cycles = 0
         while True:
@@ -148,14 +160,15 @@ class FrameSweep:
             cycles += done.n_periods
             if period >= 0:
                 shortcut = Shortcut.CONVERGED if period else Shortcut.NONE
-                return z, phase, cycles, period, shortcut, done.outcome
+                return z, phase, cycles, period, shortcut, done.outcome, math.nan
             try:
                 jump = newton_orbit(self.solver, z, amplitude, -period)
             except (ArithmeticError, np.linalg.LinAlgError):
                 jump = None
             if jump is not None:
-                cycles += jump[1]
-                return jump[0], phase, cycles, -period, Shortcut.NEWTON, done.outcome
+                z, periods, multiplier = jump
+                cycles += periods
+                return z, phase, cycles, -period, Shortcut.NEWTON, done.outcome, multiplier
             near *= NEARER
 
     def _as_the_plain_end(self, seen: Observation, phase: int, same: float):

@@ -43,6 +43,10 @@ MODAL_TRANSFORM = np.ascontiguousarray(
 """Row: node; column: coefficient of the Legendre series."""
 STAGE_WEIGHTS = layer_module.WEIGHTS
 N_STAGES = layer_module.N_STAGES
+_K = np.arange(N_MODAL)
+LEGENDRE_UP, LEGENDRE_DOWN = (2 * _K + 1) / (_K + 1), _K / (_K + 1)
+"""Of the recurrence P_(k+1) = up_k s P_k - down_k P_(k-1)."""
+LEGENDRE_INTEGRAL = 1 / (2 * _K + 1)
 
 
 class Tally(NamedTuple):
@@ -231,23 +235,24 @@ def _add_interval(length, accept, n, tally, work):
 @jit
 def _integral_of_modulus(f, start, c):
     """Integrate the modulus of a Legendre series c over [-1, 1]; f[start:] are its node values."""
-    first, _ = _series_and_integral(c, -1.0)
+    first, last = 0.0, 0.0
+    for k in range(0, N_MODAL, 2):
+        first += c[k] - c[k + 1]
+        last += c[k] + c[k + 1]
     a, fa = -1.0, first
     total, done = 0.0, 0.0
     for node in range(N_MODAL + 1):
         if node < N_MODAL:
             b, fb = MODAL_NODES[node], f[start + node]
         else:
-            b = 1.0
-            fb, _ = _series_and_integral(c, b)
+            b, fb = 1.0, last
         if fa * fb < 0.0:
             zero = _zero_between(c, a, fa, b, fb)
             _, integral = _series_and_integral(c, zero)
             total += abs(integral - done)
             done = integral
         a, fa = b, fb
-    _, integral = _series_and_integral(c, 1.0)
-    return total + abs(integral - done)
+    return total + abs(2.0 * c[0] - done)
 
 
 @jit
@@ -260,9 +265,9 @@ def _series_and_integral(c, s):
     value = c[0]
     integral = c[0] * (s + 1.0)
     for k in range(1, N_MODAL):
-        following = ((2 * k + 1) * s * current - k * before) / (k + 1)
+        following = LEGENDRE_UP[k] * s * current - LEGENDRE_DOWN[k] * before
         value += c[k] * current
-        integral += c[k] * (following - before) / (2 * k + 1)
+        integral += c[k] * (following - before) * LEGENDRE_INTEGRAL[k]
         before, current = current, following
     return value, integral
 

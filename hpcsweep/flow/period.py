@@ -82,6 +82,8 @@ class Work(NamedTuple):
     modal_values: np.ndarray
     stack: np.ndarray
     a: np.ndarray
+    propagator: np.ndarray
+    matrix: np.ndarray
     layer: LayerRoom
     stage_u: np.ndarray
     stage_v: np.ndarray
@@ -105,6 +107,8 @@ def empty_work(n: int) -> Work:
         modal_values=np.zeros(n),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
+        propagator=np.zeros((2 * n, 2 * n)),
+        matrix=np.zeros((2 * n, 2 * n)),
         layer=empty_room(n),
         stage_u=np.zeros(N_STAGES),
         stage_v=np.zeros(N_STAGES),
@@ -597,7 +601,7 @@ def march_period(
                 if tangent.shape[0] > 0:
                     evaluate_rows(rows, h, at_stop, z_end)
                     z_end[floor] = 1.0
-                    linear_tangent(poly, index, h, at_stop, tangent)
+                    linear_tangent(tables, index, at_stop, tangent, work.propagator, work.matrix)
                     after = key ^ (np.uint64(1) << np.uint64(floor))
                     passage_tangent(floor, after, z_end, a, jerk, model, tangent)
                 counts[1] += 1
@@ -608,7 +612,7 @@ def march_period(
                 span = time
                 evaluate_rows(rows, h, span, z_end)
         if tangent.shape[0] > 0 and not passed:
-            linear_tangent(poly, index, h, span, tangent)
+            linear_tangent(tables, index, span, tangent, work.propagator, work.matrix)
         for i in range(2 * n):
             if not abs(z_end[i]) < OVERFLOW:
                 return NON_FINITE

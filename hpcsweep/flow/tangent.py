@@ -24,31 +24,58 @@ from hpcsweep.flow.layer import (
     MAX_ITERATIONS,
     N_STAGES,
     NODES,
+    POSITION_ROWS,
     POSITION_WEIGHTS,
-    STAGES,
-    STAGES_SQUARED,
+    SPEED_ROWS,
     WEIGHTS,
 )
 from hpcsweep.flow.tables import N_COEFFICIENTS
-from hpcsweep.jit import jit
+from hpcsweep.jit import fma, jit
 
+CONVERGED = 1e-13
+"""Last change of the stage accelerations, relative; the next would be some tenth of it."""
 DIFFERENCE = 1e-4
 """Relative step of the central differences; their error, its square, multiplies a small kick."""
 
 
 @jit
-def linear_tangent(poly, index, h, s, tangent):
-    """Multiply `tangent` by exp(M s) of table `index`, in place."""
+def _multiply(matrix, tangent, room):
+    """Multiply `tangent` by a matrix from the left, in place; `room` is another (2n, 2n)."""
     size = tangent.shape[0]
-    sigma = 2.0 * s / h - 1.0
-    propagator = np.empty((size, size))
     for row in range(size):
-        for k in range(size):
-            value = poly[index, row, k, N_COEFFICIENTS - 1]
-            for p in range(N_COEFFICIENTS - 2, -1, -1):
-                value = value * sigma + poly[index, row, k, p]
-            propagator[row, k] = value
-    tangent[:] = np.dot(propagator, tangent.copy())
+        factor = matrix[row, 0]
+        for column in range(size):
+            room[row, column] = factor * tangent[0, column]
+        for k in range(1, size):
+            factor = matrix[row, k]
+            for column in range(size):
+                room[row, column] = fma(factor, tangent[k, column], room[row, column])
+    for row in range(size):
+        for column in range(size):
+            tangent[row, column] = room[row, column]
+
+
+@jit
+def linear_tangent(tables, index, s, tangent, propagator, room):
+    """Multiply `tangent` by exp(M s) of table `index`, in place.
+
+    `propagator` and `room` are (2n, 2n).
+    """
+    size = tangent.shape[0]
+    h = tables.h[index]
+    if s == h:
+        for row in range(size):
+            for k in range(size):
+                propagator[row, k] = tables.step[index, k, row]
+    else:
+        sigma = 2.0 * s / h - 1.0
+        for row in range(size):
+            for k in range(size):
+                value = tables.poly[index, row, k, N_COEFFICIENTS - 1]
+                for p in range(N_COEFFICIENTS - 2, -1, -1):
+                    value = fma(value, sigma, tables.poly[index, row, k, p])
+                propagator[row, k] = value
+    _multiply(propagator, tangent, room)
 
 
 @jit
@@ -136,38 +163,52 @@ def layer_tangent(h, stage_u, model, tangent):
     for i in range(n):
         for j in range(N_STAGES):
             spring[i, j] = contact_stiffness(stage_u[i, j] - 1.0, model.beta, model.rho)
-    g = np.zeros((n, N_STAGES))
+    g = np.empty((n, N_STAGES))
     u = np.empty((n, N_STAGES))
     v = np.empty((n, N_STAGES))
+    fresh = np.empty(N_STAGES)
     for column in range(2 * n):
-        g[:] = 0.0
+        for i in range(n):
+            start = -spring[i, 0] * tangent[i, column]
+            for k in range(n):
+                start -= model.stiffness[i, k] * tangent[k, column]
+                start -= model.damping[i, k] * tangent[n + k, column]
+            for j in range(N_STAGES):
+                g[i, j] = start
         for _ in range(2 * MAX_ITERATIONS):
             for i in range(n):
+                position, speed = tangent[i, column], tangent[n + i, column]
                 for j in range(N_STAGES):
-                    du = 0.0
-                    dv = 0.0
-                    for k in range(N_STAGES):
-                        du += STAGES_SQUARED[j, k] * g[i, k]
-                        dv += STAGES[j, k] * g[i, k]
-                    u[i, j] = tangent[i, column] + h * (NODES[j] * tangent[n + i, column] + h * du)
-                    v[i, j] = tangent[n + i, column] + h * dv
+                    u[i, j] = NODES[j] * speed / h
+                    v[i, j] = speed / h
+                for k in range(N_STAGES):
+                    value = g[i, k]
+                    for j in range(N_STAGES):
+                        u[i, j] = fma(POSITION_ROWS[k, j], value, u[i, j])
+                        v[i, j] = fma(SPEED_ROWS[k, j], value, v[i, j])
+                for j in range(N_STAGES):
+                    u[i, j] = fma(h * h, u[i, j], position)
+                    v[i, j] *= h
             change = 0.0
             largest = 0.0
             for i in range(n):
                 for j in range(N_STAGES):
-                    fresh = -spring[i, j] * u[i, j]
-                    for k in range(n):
-                        fresh -= model.stiffness[i, k] * u[k, j] + model.damping[i, k] * v[k, j]
-                    change = max(change, abs(fresh - g[i, j]))
-                    largest = max(largest, abs(fresh))
-                    g[i, j] = fresh
-            if change <= 1e-15 * largest:
+                    fresh[j] = -spring[i, j] * u[i, j]
+                for k in range(n):
+                    stiffness, damping = -model.stiffness[i, k], -model.damping[i, k]
+                    for j in range(N_STAGES):
+                        fresh[j] = fma(stiffness, u[k, j], fma(damping, v[k, j], fresh[j]))
+                for j in range(N_STAGES):
+                    change = max(change, abs(fresh[j] - g[i, j]))
+                    largest = max(largest, abs(fresh[j]))
+                    g[i, j] = fresh[j]
+            if change <= CONVERGED * largest:
                 break
         for i in range(n):
             du = 0.0
             dv = 0.0
             for k in range(N_STAGES):
-                du += POSITION_WEIGHTS[k] * g[i, k]
-                dv += WEIGHTS[k] * g[i, k]
+                du = fma(POSITION_WEIGHTS[k], g[i, k], du)
+                dv = fma(WEIGHTS[k], g[i, k], dv)
             tangent[i, column] += h * (tangent[n + i, column] + h * du)
             tangent[n + i, column] += h * dv

@@ -10,7 +10,7 @@ Tell the numbers of whole studies: what they cost, how much work was spared, and
 runs are periodic, chaotic, quasi-periodic or undecided, with which contact sets. Files may be
 larger than the memory. `hpcsweep status` is quicker where only the progress is asked for."""
 MOST_ROWS = 16
-"""Orbit periods and contact sets that are listed one by one."""
+"""Most orbit periods, and most contact sets, that are listed one by one."""
 
 
 def add_to(commands) -> None:
@@ -49,20 +49,14 @@ def _summary(options) -> int:
 
 
 def _text(summary: dict) -> str:
-    rows = _rows(summary)
+    rows = _rows(summary, [summary])
     width = max(len(name) for name in rows)
     return "\n".join([summary["file"], *(f"  {name:<{width}}  {rows[name]}" for name in rows)])
 
 
 def _markdown(summaries: list[dict]) -> str:
-    columns = [_rows(summary) for summary in summaries]
-    names: list[str] = []
-    for rows in columns:
-        place = 0
-        for name in rows:
-            if name not in names:
-                names.insert(place, name)  # where it stands in its own column
-            place = names.index(name) + 1
+    columns = [_rows(summary, summaries) for summary in summaries]
+    names = dict.fromkeys(name for rows in columns for name in rows)
     lines = [
         "| | " + " | ".join(summary["name"] for summary in summaries) + " |",
         "|---|" + "---|" * len(summaries),
@@ -74,8 +68,8 @@ def _markdown(summaries: list[dict]) -> str:
     return "\n".join(lines)
 
 
-def _rows(summary: dict) -> dict[str, str]:
-    """Name and value of every line of a table."""
+def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
+    """Name and value of every line of a table, for summaries that are shown together."""
     ratios = summary["damping_ratios"]
     told = [f"{ratio:.4g}" for ratio in (ratios if len(set(ratios)) > 1 else ratios[:1])]
     rows = {
@@ -105,8 +99,10 @@ def _rows(summary: dict) -> dict[str, str]:
             rows[name] += f": {', '.join(parts)}"
     if not summary["has_exponents"]:
         rows["chaotic"] = "not told: the file holds no lyapunov"
-    rows |= _listed({f"P{period}": entry for period, entry in summary["periods"].items()})
-    rows |= _listed({f"contact {name}": entry for name, entry in summary["contact_sets"].items()})
+    for key, label in (("periods", "P{}"), ("contact_sets", "contact {}")):
+        for name in _listed(key, together):
+            entry = summary[key].get(name)
+            rows[label.format(name)] = _share(entry) if entry else "0"
     failures = [f"{name} {count}" for name, count in summary["failures"].items() if count]
     rows["failures"] = ", ".join(failures) or "0"
     return rows
@@ -132,8 +128,14 @@ def _cost_rows(summary: dict) -> dict[str, str]:
     return rows
 
 
-def _listed(rows: dict[str, dict]) -> dict[str, str]:
-    return {name: _share(entry) for name, entry in list(rows.items())[:MOST_ROWS]}
+def _listed(key: str, together: list[dict]) -> list:
+    """Choose the most frequent names of all summaries: periods in order, sets by frequency."""
+    total: dict = {}
+    for summary in together:
+        for name, entry in summary[key].items():
+            total[name] = total.get(name, 0) + entry["runs"]
+    chosen = sorted(total, key=lambda name: -total[name])[:MOST_ROWS]
+    return sorted(chosen) if key == "periods" else chosen
 
 
 def _share(entry: dict) -> str:

@@ -36,6 +36,8 @@ NEUTRAL_GROWTH = 3.0
 """Largest growth, either sign, of a quasi-periodic window, whose true exponent is 0. Of 120 windows
 on closed curves (maps of Figure 6) 87 were neutral over 1,000 more periods, |G| <= 5; 12 had
 settled on an orbit, 12 were contracting to one, 9 were weakly chaotic."""
+MOTION = "motion"
+"""Variable of the classes in datasets that do not hold what they are told by."""
 UNSTABLE = 0.01
 """ln |mu_1| per orbit above which a repeated orbit is one that repels. Within the window it
 repeats only because the motion has not left it yet: it is not what the run ends in."""
@@ -98,13 +100,16 @@ def classify(results) -> np.ndarray:
     results : xarray.Dataset
         Of `hpcsweep.open_results`. Without ``lyapunov`` nothing is chaotic or quasi-periodic;
         without ``poincare`` nothing has a long period or is quasi-periodic; without ``contact``
-        nothing is free of contact. What cannot be told is undecided.
+        nothing is free of contact. What cannot be told is undecided. With a variable `MOTION`,
+        of classes told before, those are returned.
 
     Returns
     -------
     ndarray of int8, shape (direction, frame, amplitude)
         `MotionClass` of each run.
     """
+    if MOTION in results:
+        return results[MOTION].values
     job = parse_job(results.attrs["job"], "job", str(results.attrs.get("name", "job")))
     period = results["orbit_period"].values
     outcome = results["outcome"].values

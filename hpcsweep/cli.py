@@ -16,10 +16,24 @@ from hpcsweep.commands import (
     schedule,
     status,
     stress,
+    summary,
     validate,
 )
 
-COMMANDS = (run, status, schedule, validate, pack, plot, animate, explore, claims, bench, stress)
+COMMANDS = (
+    run,
+    status,
+    summary,
+    schedule,
+    validate,
+    pack,
+    plot,
+    animate,
+    explore,
+    claims,
+    bench,
+    stress,
+)
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.
@@ -31,6 +45,7 @@ examples:
   mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or go on with, figure3.h5
   hpcsweep status figure3.h5                    what is done, live
   hpcsweep validate figure3.h5                  is it sound? checksums, values, a sample recomputed
+  hpcsweep summary figure3.h5                   what it cost, what kinds of motion it found
   hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
   mpirun -n 4 hpcsweep animate map.h5 -o m.mp4  film the orbit diagrams over Omega
   hpcsweep claims figure3.h5                    answer the paper's claims

@@ -31,7 +31,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "initial_state",
     ),
     "solver": ("method", "rtol", "skip"),
-    "output": (*METRICS, "block"),
+    "output": (*METRICS, "max_points", "block"),
 }
 RANGE_KEYS = ("from", "to", "count", "step")
 MAX_VALUES = 10_000_000
@@ -106,6 +106,9 @@ class Job:
             sorted(settings.metrics),
             self.block,
         ]
+        if settings.stored_points < settings.sampling_cycles:
+            # not said where all are stored: jobs from before this key keep their fingerprint
+            meaning.append(("max_points", settings.stored_points))
         digest = hashlib.sha256(repr(meaning).encode())
         for array in (self.omega, self.amplitude, self.initial_state):
             digest.update(str(array.size).encode())
@@ -323,20 +326,30 @@ class _Reader:
         )
         if not 1e-13 <= rtol <= 1e-2:
             raise self._error("solver.rtol", rtol, "must be from 1e-13 to 1e-2")
+        longest = self._whole(
+            "sweep.max_orbit_period", min(default.max_orbit_period, longest), 1, longest
+        )
         return SweepSettings(
             transient_cycles=self._whole(
                 "sweep.transient_cycles", default.transient_cycles, 0, MAX_CYCLES
             ),
             sampling_cycles=sampling,
-            max_orbit_period=self._whole(
-                "sweep.max_orbit_period", min(default.max_orbit_period, longest), 1, longest
-            ),
+            max_orbit_period=longest,
             period_tolerance=tolerance,
             solver=method,
             rtol=rtol,
             skip=self._skip(),
             metrics=self._metrics(default),
+            max_points=self._max_points(sampling, longest),
         )
+
+    def _max_points(self, sampling: int, longest: int) -> int | None:
+        given = self._get("output.max_points", sampling)
+        least = min(2 * longest, sampling)
+        if isinstance(given, bool) or not isinstance(given, int) or given < least:
+            limit = f"must be a whole number of at least 2 max_orbit_period = {least}"
+            raise self._error("output.max_points", given, limit)
+        return given if given < sampling else None
 
     def _skip(self) -> frozenset[str]:
         given = self._get("solver.skip", "all")

@@ -104,7 +104,7 @@ def _of_points(job: Job, rows: dict) -> dict[str, np.ndarray]:
             orbit_period(points[row], settings.max_orbit_period, settings.period_tolerance) > 0
         )
     return {
-        "n_points is the orbit_period, or the window without one": complete
+        "n_points is the orbit_period, or all that are stored without one": complete
         & (n_points != expected),
         "poincare is finite in n_points points and NaN after": complete
         & (np.where(stored, finite, missing) == 0).any(axis=1),

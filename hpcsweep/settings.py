@@ -31,6 +31,10 @@ class SweepSettings:
         Which of `SKIP_RULES` may be used; empty for the plain procedure.
     metrics : frozenset of str
         Which of `METRICS` to compute.
+    max_points : int, optional
+        Most stroboscopic points stored of a run, its last ones; default the whole window.
+        At least 2 `max_orbit_period`, so that an orbit is stored whole and the stored points
+        show whether the run has one. Nothing else depends on it.
     """
 
     transient_cycles: int = 100
@@ -41,3 +45,11 @@ class SweepSettings:
     rtol: float = 1e-9
     skip: frozenset[str] = frozenset(SKIP_RULES)
     metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov"}
+    max_points: int | None = None
+
+    @property
+    def stored_points(self) -> int:
+        """Stroboscopic points there is room for in the results of one run."""
+        if self.max_points is None:
+            return self.sampling_cycles
+        return min(self.max_points, self.sampling_cycles)

@@ -248,7 +248,7 @@ def empty_block(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.nd
         "shortcut": np.zeros(n_runs, np.int8),
     }
     if "poincare" in settings.metrics:
-        arrays["poincare"] = np.full((n_runs, settings.sampling_cycles, 2 * n), nan)
+        arrays["poincare"] = np.full((n_runs, settings.stored_points, 2 * n), nan)
         arrays["n_points"] = np.zeros(n_runs, np.int32)
     if "contact" in settings.metrics:
         arrays["contact"] = np.zeros(n_runs, np.uint64)

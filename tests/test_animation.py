@@ -246,7 +246,7 @@ def test_single_frames_are_read_as_the_whole_file_is(results, tmp_path):
     copy = tmp_path / "c.h5"
     content = bytearray(results.read_bytes())
     frames = Frames(results)
-    place = frames._blocks._offsets.at("drift", (1, 2, 3))
+    place = frames._blocks.places(1, 2, 0)["drift"][0]
     frames.close()
     content[place] ^= 1
     copy.write_bytes(content)

@@ -289,6 +289,20 @@ def test_maps_of_both_stiffnesses_are_compared(tmp_path, capsys):
     assert "jobs/figure6-beta100.toml" in next(r["finding"] for r in rows if r["number"] == "6")
 
 
+def test_of_two_maps_the_one_of_more_runs_counts_and_a_map_needs_no_points(tmp_path):
+    # the finer one has a frame at Omega = 0.445, but no points: a map, and no sweep
+    fine = MAP.replace("0.3, to = 0.6, count = 10", "0.4, to = 0.58, count = 13")
+    paths = []
+    for name, text in (("coarse", MAP), ("fine", fine)):
+        job = parse_job(text.format(beta=1000.0), name, name)
+        paths.append(tmp_path / f"{name}.h5")
+        assert campaign.run(job, paths[-1], Serial()) == 0
+    answers = [judge_files(files)["printed"] for files in (paths[1:], paths, paths[::-1])]
+    assert answers[0] == answers[1] == answers[2]
+    assert answers[0] != judge_files(paths[:1])["printed"]
+    assert {claim.number for claim in answers[0]} >= {"7a", "7b"}
+
+
 def test_other_structures_are_refused_on_one_line(tmp_path, capsys):
     path = tmp_path / "two.h5"
     assert campaign.run(parse_job(SMALL, "small", "small"), path, Serial()) == 0

@@ -290,6 +290,8 @@ def read_study(frames: Frames) -> Study | None:
     if abs(job.omega[place] - RESONANCE) > SAME_OMEGA:
         return None
     needed = ("orbit_period", "contact", "drift", "final_state", "outcome", "poincare")
+    if job.omega.size >= LEAST_FRAMES and any(name not in frames for name in needed):
+        return None  # a map, kept small
     optional = [name for name in ("lyapunov", "modal_norm") if name in frames]
     arrays = frames.read(place, (*needed, *optional))
     omega = float(job.omega[place])

@@ -36,7 +36,7 @@ def judge_files(paths: Sequence[Path]) -> dict[str, list[Claim]]:
             if study is not None and _better(study, studies.get(variant)):
                 studies[variant] = study
             found = read_map(frames) if beta in (STIFF, SOFT) else None
-            if found is not None:
+            if found is not None and _finer(found, maps[variant].get(beta)):
                 maps[variant][beta] = found
         finally:
             frames.close()
@@ -98,7 +98,7 @@ def _of_maps(variant: str, maps: dict[float, Map]) -> list[Claim]:
     missing = [job for beta, job in jobs.items() if beta not in maps]
     claims = []
     if missing:
-        need = f"needs maps over Omega and A: {', '.join(missing)}"
+        need = f"needs maps over Omega and A: {', '.join(missing)} (or the bluecrystal ones)"
         claims.append(Claim("6", TEXTS["6"], Verdict.CANNOT_TELL, need))
     else:
         claims.append(judgement.softer_is_simpler(maps[STIFF], maps[SOFT]))
@@ -119,3 +119,8 @@ def _better(study: Study, other: Study | None) -> bool:
         return True
     new, old = study.sweep, other.sweep
     return (new.both(), new.amplitude.size) > (old.both(), old.amplitude.size)
+
+
+def _finer(new: Map, other: Map | None) -> bool:
+    """Prefer the map of more runs that are there, of equal ones the first."""
+    return other is None or new.valid.sum() > other.valid.sum()

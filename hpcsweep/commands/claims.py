@@ -7,8 +7,9 @@ from hpcsweep.commands import RAW, USER_ERROR, complain
 HELP = """\
 Answer each claim of the paper yes, no or cannot tell, with our numbers, for the damping of each
 file. Claims 1 to 5, 8 and 9 are about Omega = 0.445 (jobs/figure3.toml), 6 and 7 about maps over
-Omega and A (jobs/figure6.toml, jobs/figure6-beta100.toml). Chaos is told by the largest Lyapunov
-exponent: jobs must set output.lyapunov = true."""
+Omega and A (jobs/figure6.toml and jobs/figure6-beta100.toml, or jobs/bluecrystal.toml and
+jobs/bluecrystal-beta100.toml; of two maps the one of more runs counts). Chaos is told by the
+largest Lyapunov exponent: jobs must set output.lyapunov = true."""
 
 
 def add_to(commands) -> None:

@@ -93,11 +93,11 @@ def _plot(options) -> int:
             complain(f"--{name} does not go with --kind {options.kind}, only with: {kinds}")
             return USER_ERROR
     from hpcsweep.figures.style import PlotError
-    from hpcsweep.store import StoreError, open_results
+    from hpcsweep.store import StoreError
 
     output = options.output or options.file.with_suffix(".png")
     try:
-        _draw(options.kind, open_results(options.file), output, given)
+        _draw(options.kind, _read(options.kind, options.file, given), output, given)
     except (StoreError, PlotError) as error:
         complain(str(error))
         return USER_ERROR
@@ -106,6 +106,27 @@ def _plot(options) -> int:
         return USER_ERROR
     print(output)
     return 0
+
+
+def _read(kind: str, file: Path, given: dict):
+    """Read what a kind of figure is drawn of, of a file that may be larger than the memory."""
+    from hpcsweep.figures.frames import choose
+    from hpcsweep.figures.mesh import open_map
+    from hpcsweep.figures.style import nearest_frame
+    from hpcsweep.store import Frames
+
+    if kind in ("map", "benefit"):
+        return open_map(file, given.get("value"), given.get("direction"))
+    frames = Frames(file)
+    try:
+        omegas = frames.job.omega
+        if kind == "frames":
+            chosen = choose(omegas, given.get("frames"))
+        else:
+            chosen = [nearest_frame(omegas, given.get("omega"))]
+        return frames.gather([*frames], chosen)
+    finally:
+        frames.close()
 
 
 def _draw(kind: str, results, output: Path, given: dict) -> None:

@@ -59,12 +59,8 @@ def draw(
     floor = n if floor is None else floor
     if not 1 <= floor <= n:
         raise PlotError(f"--floor {floor}: must be from 1 to {n}")
-    there = results.sizes["frame"]
-    count = min(there, MOST_FRAMES) if frames is None else frames
-    if not 1 <= count <= there:
-        raise PlotError(f"--frames {count}: must be from 1 to {there}, the frames of the results")
-    order = np.argsort(results["omega"].values, kind="stable")
-    chosen = order[np.linspace(0, there - 1, count).round().astype(int)]
+    chosen = choose(results["omega"].values, frames)
+    count = len(chosen)
     results = results.isel(frame=chosen, direction=[direction_index(results, direction)])
     classes = classify(results)
     columns = min(COLUMNS, count)
@@ -85,6 +81,22 @@ def draw(
     unit = r"$A$ in gaps $\cdot\,\omega_0^2$, $\Omega$ in $\omega_0$"
     figure.suptitle(f"{caption(results)},  sweep {swept};  {unit}", fontsize=8.5)
     save(figure, path)
+
+
+def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
+    """Choose frames spread evenly over the frequencies, in their order.
+
+    Raises
+    ------
+    PlotError
+        If there are not so many.
+    """
+    there = omegas.size
+    count = min(there, MOST_FRAMES) if frames is None else frames
+    if not 1 <= count <= there:
+        raise PlotError(f"--frames {count}: must be from 1 to {there}, the frames of the results")
+    order = np.argsort(omegas, kind="stable")
+    return order[np.linspace(0, there - 1, count).round().astype(int)]
 
 
 def _panel(axis, frame, classes, floor: int) -> None:

@@ -1,11 +1,12 @@
 """One frame at a time: for files that do not fit in memory."""
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.layout import RUN, StoreError, run_variables
+from hpcsweep.store.layout import RUN, StoreError, coordinates, run_variables
 from hpcsweep.store.reader import MISSING, job_of
 
 
@@ -35,6 +36,10 @@ class Frames:
 
     def __contains__(self, variable: str) -> bool:
         return variable in self._variables
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the names of the variables of a run."""
+        return iter(sorted(self._variables))
 
     def close(self) -> None:
         """Close the file."""
@@ -95,6 +100,68 @@ class Frames:
                 "direction": list(job.directions),
                 "frame": [frame],
                 "amplitude": job.amplitude,
+            },
+            attrs={"job": job.text, "name": job.name},
+        )
+
+    def gather(
+        self,
+        names: Sequence[str],
+        frames: Sequence[int] | None = None,
+        direction: str | None = None,
+        derive: Mapping[str, Callable] | None = None,
+    ):
+        """Gather a few variables of many frames, with one whole frame in memory at a time.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Variables that are kept; those the file does not hold are left out.
+        frames : sequence of int, optional
+            Default all.
+        direction : str, optional
+            Keep only this one of the job's directions.
+        derive : mapping of str to callable, optional
+            New variables: functions of a frame's dataset (all its variables and directions) to an
+            array of axes (direction, frame, amplitude).
+
+        Returns
+        -------
+        xarray.Dataset
+            As of `dataset`, with all `frames`.
+        """
+        import xarray
+
+        job = self.job
+        frames = range(job.omega.size) if frames is None else frames
+        kept = [v for v in run_variables(job) if v.name in names]
+        axes = {v.name: (*RUN, *v.dims[len(RUN) :]) for v in kept}
+        axes |= dict.fromkeys(derive or {}, RUN)
+        chosen = slice(None)
+        if direction is not None:
+            place = job.directions.index(direction)
+            chosen = slice(place, place + 1)
+        arrays: dict[str, np.ndarray] = {}
+        for place, frame in enumerate(frames):
+            one = self.dataset(int(frame))
+            found = {v.name: one[v.name].values for v in kept}
+            found |= {name: function(one) for name, function in (derive or {}).items()}
+            for name, values in found.items():
+                values = values[chosen]
+                if name not in arrays:
+                    shape = (values.shape[0], len(frames), *values.shape[2:])
+                    arrays[name] = np.empty(shape, values.dtype)
+                arrays[name][:, place] = values[:, 0]
+        return xarray.Dataset(
+            {
+                "omega": (("frame",), job.omega[list(frames)]),
+                **{name: (axes[name], values) for name, values in arrays.items()},
+            },
+            coords={
+                "direction": list(job.directions)[chosen],
+                "frame": list(frames),
+                "amplitude": job.amplitude,
+                "state": coordinates(job)["state"][0].astype(str),
             },
             attrs={"job": job.text, "name": job.name},
         )

@@ -114,7 +114,7 @@ def dimensions(job: Job) -> dict[str, int]:
         "direction": len(job.directions),
         "frame": job.omega.size,
         "amplitude": job.amplitude.size,
-        "point": job.settings.sampling_cycles,
+        "point": job.settings.stored_points,
         "state": 2 * n,
         "mode": n,
         "block": n_blocks(job.amplitude.size, job.block),

@@ -82,7 +82,7 @@ def gather(
     job = reader.job
     frames = np.argsort(job.omega, kind="stable")[::frame_step]
     n = job.structure.n_floors
-    limit = job.settings.sampling_cycles if most_points is None else most_points
+    limit = job.settings.stored_points if most_points is None else most_points
     codes, values, counts, points, speed = [], [], [], [], []
     held = 0
     for done, index in enumerate(frames, 1):
@@ -115,7 +115,7 @@ def gather(
         points=np.concatenate(points),
         speed=np.stack(speed),
         thinned={
-            "points": min(limit, job.settings.sampling_cycles),
+            "points": min(limit, job.settings.stored_points),
             "of_points": job.settings.sampling_cycles,
             "frame_step": frame_step,
             "amplitude_step": amplitude_step,

@@ -1,0 +1,146 @@
+"""`hpcsweep summary`: the numbers of a whole study."""
+
+import json
+from pathlib import Path
+
+from hpcsweep.commands import RAW, USER_ERROR, complain
+
+HELP = """\
+Tell the numbers of whole studies: what they cost, how much work was spared, and what shares of the
+runs are periodic, chaotic, quasi-periodic or undecided, with which contact sets. Files may be
+larger than the memory. `hpcsweep status` is quicker where only the progress is asked for."""
+MOST_ROWS = 16
+"""Most orbit periods, and most contact sets, that are listed one by one."""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    summary = commands.add_parser(
+        "summary",
+        help="tell the numbers of a whole study: cost, kinds of motion",
+        description=HELP,
+        formatter_class=RAW,
+    )
+    summary.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    form = summary.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="machine-readable")
+    form.add_argument(
+        "--markdown", action="store_true", help="as a table in Markdown, a column for each file"
+    )
+    summary.set_defaults(function=_summary)
+
+
+def _summary(options) -> int:
+    from hpcsweep.store import StoreError
+    from hpcsweep.summary import summarize
+
+    try:
+        found = [summarize(path) for path in options.files]
+    except StoreError as error:
+        complain(str(error))
+        return USER_ERROR
+    if options.json:
+        print(json.dumps(found, indent=1))
+    elif options.markdown:
+        print(_markdown(found))
+    else:
+        print("\n\n".join(_text(summary) for summary in found))
+    return 0
+
+
+def _text(summary: dict) -> str:
+    rows = _rows(summary, [summary])
+    width = max(len(name) for name in rows)
+    return "\n".join([summary["file"], *(f"  {name:<{width}}  {rows[name]}" for name in rows)])
+
+
+def _markdown(summaries: list[dict]) -> str:
+    columns = [_rows(summary, summaries) for summary in summaries]
+    names = dict.fromkeys(name for rows in columns for name in rows)
+    lines = [
+        "| | " + " | ".join(summary["name"] for summary in summaries) + " |",
+        "|---|" + "---|" * len(summaries),
+    ]
+    lines += [
+        f"| {name} | " + " | ".join(rows.get(name, "–") for rows in columns) + " |"
+        for name in names
+    ]
+    return "\n".join(lines)
+
+
+def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
+    """Name and value of every line of a table, for summaries that are shown together."""
+    ratios = summary["damping_ratios"]
+    told = [f"{ratio:.4g}" for ratio in (ratios if len(set(ratios)) > 1 else ratios[:1])]
+    rows = {
+        "structure": f"n = {summary['n_floors']}, beta = {summary['stiffness_ratio']:g}, "
+        f"zeta = {', '.join(told)}",
+        "runs": f"{summary['runs_done']} of {summary['runs_total']} ({summary['frames']} frames x "
+        f"{summary['amplitudes']} amplitudes, {' and '.join(summary['directions'])})",
+        **_cost_rows(summary),
+    }
+    if summary["runs_done"]:
+        rows["periods per history"] = (
+            f"{summary['periods_per_run']:.4g} integrated, of {summary['periods_per_run_plain']}"
+        )
+    rows |= {
+        f"shortcut {name}": _share(entry)
+        for name, entry in summary["shortcuts"].items()
+        if name != "none"
+    }
+    rows["file"] = (
+        f"{summary['file_bytes'] / 1e9:.4g} GB, {summary['disk_bytes'] / 1e9:.4g} GB on disk"
+    )
+    directions = summary["by_direction"]
+    for name, entry in summary["classes"].items():
+        rows[name] = _share(entry)
+        if len(directions) > 1 and entry["runs"]:
+            parts = [f"{d} {_percent(kinds[name]['share'])}" for d, kinds in directions.items()]
+            rows[name] += f": {', '.join(parts)}"
+    if not summary["has_exponents"]:
+        rows["chaotic"] = "not told: the file holds no lyapunov"
+    for key, label in (("periods", "P{}"), ("contact_sets", "contact {}")):
+        for name in _listed(key, together):
+            entry = summary[key].get(name)
+            rows[label.format(name)] = _share(entry) if entry else "0"
+    failures = [f"{name} {count}" for name, count in summary["failures"].items() if count]
+    rows["failures"] = ", ".join(failures) or "0"
+    return rows
+
+
+def _cost_rows(summary: dict) -> dict[str, str]:
+    cost = summary["cost"]
+    if cost is None:
+        return {"cost": "not known: no journal beside the file"}
+    ranks = " or ".join(str(count) for count in cost["ranks"])
+    ranks += " rank" if cost["ranks"] == [1] else " ranks"
+    pieces = f" in {cost['sessions']} sessions" if cost["sessions"] > 1 else ""
+    rows = {
+        "wall time": f"{cost['wall_seconds']:.4g} s{pieces} on {ranks}",
+        "core seconds": f"{cost['core_seconds']:.4g} s",
+    }
+    for name, key in (
+        ("histories per second", "runs_per_second"),
+        ("histories per core second", "runs_per_core_second"),
+    ):
+        if cost[key] is not None:
+            rows[name] = f"{cost[key]:.4g}"
+    return rows
+
+
+def _listed(key: str, together: list[dict]) -> list:
+    """Choose the most frequent names of all summaries: periods in order, sets by frequency."""
+    total: dict = {}
+    for summary in together:
+        for name, entry in summary[key].items():
+            total[name] = total.get(name, 0) + entry["runs"]
+    chosen = sorted(total, key=lambda name: -total[name])[:MOST_ROWS]
+    return sorted(chosen) if key == "periods" else chosen
+
+
+def _share(entry: dict) -> str:
+    return f"{entry['runs']} ({_percent(entry['share'])})"
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.3g} %"

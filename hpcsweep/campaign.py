@@ -365,4 +365,6 @@ def _list_failures(display, failures: _Failures) -> None:
     if n_failed > len(failures.first):
         display.message(f"  and {n_failed - len(failures.first)} more; see hpcsweep status")
     for outcome, count in failures.counts.items():
-        display.message(f"  {outcome.name} ({count}): {REMEDIES[outcome]}")
+        display.message(
+            f"  {outcome.name} ({count}): {REMEDIES.get(outcome, 'no remedy is known')}"
+        )

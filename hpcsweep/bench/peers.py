@@ -1,0 +1,198 @@
+"""The solvers that `hpcsweep bench` compares, each as a function from a state to points."""
+
+import importlib.util
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.equations import jacobian, right_hand_side
+from hpcsweep.solver import make_solver
+from hpcsweep.structure import Structure
+
+SCIPY = (
+    ("BDF", 1e-6), ("Radau", 1e-6), ("LSODA", 1e-6), ("LSODA", 1e-9), ("DOP853", 1e-6),
+    ("DOP853", 1e-9),
+)  # fmt: skip
+"""Methods of scipy's solve_ivp and their tolerances. None is given a step limit: in the motions
+that are compared none steps over a contact, which the errors show."""
+MAX_STEPS = 1_000_000
+"""Steps the peers may take in one forcing period."""
+EXTRA = {"numbalsoda": "numbalsoda", "sksundae": "scikit-sundae"}
+"""Modules of the extra 'bench', and the packages they come from."""
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A stretch of motion on which methods are compared.
+
+    Attributes
+    ----------
+    name : str
+    structure : Structure
+    omega, amplitude : float
+    settle, n_periods : int
+        Periods from rest to the start, and periods measured (few where the motion is chaotic).
+    """
+
+    name: str
+    structure: Structure
+    omega: float
+    amplitude: float
+    settle: int
+    n_periods: int
+
+
+def absent() -> list[str]:
+    """Name the packages of the extra 'bench' that are not installed."""
+    return [
+        package for module, package in EXTRA.items() if importlib.util.find_spec(module) is None
+    ]
+
+
+def methods() -> Iterator[tuple[str, float, Callable]]:
+    """Give (name, rtol, function) of every method that is installed.
+
+    The function takes a `Regime` and returns one that maps a state to the stroboscopic points, or
+    raises ArithmeticError.
+    """
+    for rtol in (1e-6, 1e-9):
+        yield "flow", rtol, _ours("flow", rtol)
+    for rtol in (1e-3, 1e-6, 1e-9):
+        yield "bdf", rtol, _ours("bdf", rtol)
+    for method, rtol in SCIPY:
+        yield f"scipy {method}", rtol, _scipy(method, rtol)
+    yield from _numbalsoda()
+    yield from _cvode()
+
+
+def _ours(name: str, rtol: float) -> Callable:
+    def prepare(regime: Regime):
+        solver = make_solver(name, regime.structure, regime.omega, rtol)
+        return lambda state: solver.points(state, regime.amplitude, regime.n_periods)[0]
+
+    return prepare
+
+
+def _arguments(regime: Regime) -> tuple:
+    structure = regime.structure
+    return (
+        regime.amplitude,
+        regime.omega,
+        structure.stiffness_ratio,
+        structure.sharpness,
+        structure.stiffness_matrix.copy(),
+        np.ascontiguousarray(structure.damping_matrix),
+    )
+
+
+def _by_periods(regime: Regime, one: Callable) -> Callable:
+    def points(state):
+        found = []
+        for _ in range(regime.n_periods):
+            state = one(state)
+            found.append(state)
+        return np.array(found)
+
+    return points
+
+
+def _scipy(method: str, rtol: float) -> Callable:
+    from scipy.integrate import solve_ivp
+
+    def prepare(regime: Regime):
+        given = _arguments(regime)
+        size = 2 * regime.structure.n_floors
+        period = 2 * math.pi / regime.omega
+        beta, rho, stiffness, damping = given[2:]
+        options = {"rtol": rtol, "atol": rtol}
+        if method in ("BDF", "Radau", "LSODA"):
+            options["jac"] = lambda _t, z: jacobian(
+                z, beta, rho, stiffness, damping, np.empty((size, size))
+            )
+
+        def one(state):
+            found = solve_ivp(
+                lambda t, z: right_hand_side(t, z, *given, np.empty(size)),
+                (0.0, period),
+                state,
+                method=method,
+                **options,
+            )
+            if not found.success:
+                raise ArithmeticError(found.message)
+            return found.y[:, -1]
+
+        return _by_periods(regime, one)
+
+    return prepare
+
+
+def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
+    try:
+        import numba
+        import numbalsoda
+    except ImportError:
+        return
+
+    def prepare_with(solve):
+        def prepare(regime: Regime):
+            amplitude, omega, beta, rho, stiffness, damping = _arguments(regime)
+            n = regime.structure.n_floors
+            size = 2 * n
+
+            @numba.cfunc(numbalsoda.lsoda_sig)
+            def derivative(tau, z_, out_, _data):
+                z = numba.carray(z_, (size,))
+                out = numba.carray(out_, (size,))
+                right_hand_side(tau, z, amplitude, omega, beta, rho, stiffness, damping, out)
+
+            times = np.array([0.0, 2 * math.pi / omega])
+
+            def one(state):
+                found, success = solve(derivative.address, state, times)
+                if not success:
+                    raise ArithmeticError("the integrator gave up")
+                return found[-1]
+
+            return _by_periods(regime, one)
+
+        return prepare
+
+    def explicit(address, state, times):
+        return numbalsoda.dop853(address, state, times, rtol=1e-9, atol=1e-9, mxstep=MAX_STEPS)
+
+    def automatic(address, state, times):
+        return numbalsoda.lsoda(address, state, times, rtol=1e-9, atol=1e-9, mxstep=MAX_STEPS)
+
+    yield "numbalsoda DOP853", 1e-9, prepare_with(explicit)
+    yield "numbalsoda LSODA", 1e-9, prepare_with(automatic)
+
+
+def _cvode() -> Iterator[tuple[str, float, Callable]]:
+    try:
+        from sksundae.cvode import CVODE
+    except ImportError:
+        return
+
+    def prepare(regime: Regime):
+        given = _arguments(regime)
+        period = 2 * math.pi / regime.omega
+
+        def one(state):
+            solver = CVODE(
+                lambda t, z, out: right_hand_side(t, z, *given, out),
+                method="BDF",
+                rtol=1e-9,
+                atol=1e-9,
+                max_num_steps=MAX_STEPS,
+            )
+            found = solver.solve([0.0, period], state)
+            if not found.success:
+                raise ArithmeticError(str(found.message))
+            return found.y[-1]
+
+        return _by_periods(regime, one)
+
+    yield "CVODE BDF", 1e-9, prepare

@@ -11,10 +11,10 @@ from hpcsweep.equations import jacobian, right_hand_side
 from hpcsweep.solver import make_solver
 from hpcsweep.structure import Structure
 
-SCIPY = (
-    ("BDF", 1e-6), ("Radau", 1e-6), ("LSODA", 1e-6), ("LSODA", 1e-9), ("DOP853", 1e-6),
-    ("DOP853", 1e-9),
-)  # fmt: skip
+TOLERANCES = (1e-3, 1e-6, 1e-9)
+TIGHT = (1e-6, 1e-9, 1e-12)
+"""Tolerances of the methods of high order, which are loose at 1e-3."""
+SCIPY = {"BDF": TOLERANCES, "Radau": TOLERANCES, "LSODA": TIGHT, "DOP853": TIGHT}
 """Methods of scipy's solve_ivp and their tolerances. None is given a step limit: in the motions
 that are compared none steps over a contact, which the errors show."""
 MAX_STEPS = 1_000_000
@@ -57,12 +57,13 @@ def methods() -> Iterator[tuple[str, float, Callable]]:
     The function takes a `Regime` and returns one that maps a state to the stroboscopic points, or
     raises ArithmeticError.
     """
-    for rtol in (1e-6, 1e-9):
+    for rtol in TIGHT:
         yield "flow", rtol, _ours("flow", rtol)
-    for rtol in (1e-3, 1e-6, 1e-9):
+    for rtol in TOLERANCES:
         yield "bdf", rtol, _ours("bdf", rtol)
-    for method, rtol in SCIPY:
-        yield f"scipy {method}", rtol, _scipy(method, rtol)
+    for method, tolerances in SCIPY.items():
+        for rtol in tolerances:
+            yield f"scipy {method}", rtol, _scipy(method, rtol)
     yield from _numbalsoda()
     yield from _cvode()
 
@@ -136,22 +137,27 @@ def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
     except ImportError:
         return
 
-    def prepare_with(solve):
+    def compiled(regime: Regime):
+        amplitude, omega, beta, rho, stiffness, damping = _arguments(regime)
+        size = 2 * regime.structure.n_floors
+
+        @numba.cfunc(numbalsoda.lsoda_sig)
+        def derivative(tau, z_, out_, _data):
+            z = numba.carray(z_, (size,))
+            out = numba.carray(out_, (size,))
+            right_hand_side(tau, z, amplitude, omega, beta, rho, stiffness, damping, out)
+
+        return derivative
+
+    def prepare_with(solve, rtol):
         def prepare(regime: Regime):
-            amplitude, omega, beta, rho, stiffness, damping = _arguments(regime)
-            n = regime.structure.n_floors
-            size = 2 * n
-
-            @numba.cfunc(numbalsoda.lsoda_sig)
-            def derivative(tau, z_, out_, _data):
-                z = numba.carray(z_, (size,))
-                out = numba.carray(out_, (size,))
-                right_hand_side(tau, z, amplitude, omega, beta, rho, stiffness, damping, out)
-
-            times = np.array([0.0, 2 * math.pi / omega])
+            derivative = compiled(regime)
+            times = np.array([0.0, 2 * math.pi / regime.omega])
 
             def one(state):
-                found, success = solve(derivative.address, state, times)
+                found, success = solve(
+                    derivative.address, state, times, rtol=rtol, atol=rtol, mxstep=MAX_STEPS
+                )
                 if not success:
                     raise ArithmeticError("the integrator gave up")
                 return found[-1]
@@ -160,14 +166,9 @@ def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
 
         return prepare
 
-    def explicit(address, state, times):
-        return numbalsoda.dop853(address, state, times, rtol=1e-9, atol=1e-9, mxstep=MAX_STEPS)
-
-    def automatic(address, state, times):
-        return numbalsoda.lsoda(address, state, times, rtol=1e-9, atol=1e-9, mxstep=MAX_STEPS)
-
-    yield "numbalsoda DOP853", 1e-9, prepare_with(explicit)
-    yield "numbalsoda LSODA", 1e-9, prepare_with(automatic)
+    for name, solve in (("DOP853", numbalsoda.dop853), ("LSODA", numbalsoda.lsoda)):
+        for rtol in TIGHT:
+            yield f"numbalsoda {name}", rtol, prepare_with(solve, rtol)
 
 
 def _cvode() -> Iterator[tuple[str, float, Callable]]:
@@ -176,23 +177,27 @@ def _cvode() -> Iterator[tuple[str, float, Callable]]:
     except ImportError:
         return
 
-    def prepare(regime: Regime):
-        given = _arguments(regime)
-        period = 2 * math.pi / regime.omega
+    def prepare_with(rtol):
+        def prepare(regime: Regime):
+            given = _arguments(regime)
+            period = 2 * math.pi / regime.omega
 
-        def one(state):
-            solver = CVODE(
-                lambda t, z, out: right_hand_side(t, z, *given, out),
-                method="BDF",
-                rtol=1e-9,
-                atol=1e-9,
-                max_num_steps=MAX_STEPS,
-            )
-            found = solver.solve([0.0, period], state)
-            if not found.success:
-                raise ArithmeticError(str(found.message))
-            return found.y[-1]
+            def one(state):
+                solver = CVODE(
+                    lambda t, z, out: right_hand_side(t, z, *given, out),
+                    method="BDF",
+                    rtol=rtol,
+                    atol=rtol,
+                    max_num_steps=MAX_STEPS,
+                )
+                found = solver.solve([0.0, period], state)
+                if not found.success:
+                    raise ArithmeticError(str(found.message))
+                return found.y[-1]
 
-        return _by_periods(regime, one)
+            return _by_periods(regime, one)
 
-    yield "CVODE BDF", 1e-9, prepare
+        return prepare
+
+    for rtol in TIGHT:
+        yield "CVODE BDF", rtol, prepare_with(rtol)

@@ -31,8 +31,9 @@ PATH = 10
 AGREE = 1e-5
 """Results agree to this: ten times the distance within which an orbit's points count as the same.
 Points in gaps and gaps omega_0, drift relative."""
-MODAL_NORM = 1e-4
-"""Modal norms agree to this: `flow` finds them by quadrature, `linear` in closed form."""
+MODAL_NORM = 1e-3
+"""Modal norms agree to this: `flow` finds them by a quadrature that errs by up to 3e-4 where all
+modes nearly vanish together in a free motion (measured), `linear` in closed form."""
 LONGER = (2_000, 20_000)
 """Periods for which the plain run goes on. The jump is proved for multipliers up to 0.9999
 (`stability.NEWTON_STABLE`), of which 2,000 periods leave 0.82: the second is for those."""
@@ -79,8 +80,8 @@ def random_path(index: int, seed: int) -> tuple[float, np.ndarray]:
     return omega, amplitudes if rng.random() < 0.5 else amplitudes[::-1]
 
 
-def differences(plain: dict, skipped: dict) -> list[str]:
-    """Name the results in which two runs differ.
+def distances(plain: dict, skipped: dict) -> dict[str, float]:
+    """Measure how far apart the results of two runs are.
 
     Modal norms are means over the window. They are compared where the plain window holds whole
     orbits: over what is left of another orbit its mean differs from the orbit's.
@@ -89,26 +90,38 @@ def differences(plain: dict, skipped: dict) -> list[str]:
     ----------
     plain, skipped : dict
         Of `sweep.sweep_block`, one run each.
+
+    Returns
+    -------
+    dict
+        Drift relative, points as sets, the rest as arrays; NaN where a run failed.
     """
+    whole = len(plain["poincare"]) % max(int(skipped["orbit_period"]), 1) == 0
+    return {
+        "drift": _apart(plain["drift"], skipped["drift"]) / max(1.0, abs(plain["drift"])),
+        "modal_norm": _apart(plain["modal_norm"], skipped["modal_norm"]) if whole else 0.0,
+        "poincare": set_distance(_points(plain), _points(skipped)),
+        "final_state": _apart(plain["final_state"], skipped["final_state"]),
+    }
+
+
+def _apart(left, right) -> float:
+    """Largest difference; 0 where both are NaN (floors that always touch have no modal norm)."""
+    left, right = np.atleast_1d(left), np.atleast_1d(right)
+    apart = np.abs(left - right)
+    return float(np.where(np.isnan(left) & np.isnan(right), 0.0, apart).max())
+
+
+def differences(plain: dict, skipped: dict, far: dict[str, float]) -> list[str]:
+    """Name the results in which two runs differ, `far` being their `distances`."""
     if plain["outcome"] != skipped["outcome"]:
         return ["outcome"]
-    if plain["outcome"] != Outcome.COMPLETE:
-        return []
     found = [name for name in ("orbit_period", "contact") if plain[name] != skipped[name]]
-    if not _close(plain["drift"], skipped["drift"], max(1.0, abs(plain["drift"]))):
-        found.append("drift")
-    whole = len(plain["poincare"]) % max(int(skipped["orbit_period"]), 1) == 0
-    if whole and not _close(plain["modal_norm"], skipped["modal_norm"], MODAL_NORM / AGREE):
-        found.append("modal_norm")
-    if set_distance(_points(plain), _points(skipped)) > AGREE:
-        found.append("poincare")
-    if not _close(plain["final_state"], skipped["final_state"]):
-        found.append("final_state")
-    return found
-
-
-def _close(left, right, scale: float = 1.0) -> bool:
-    return bool(np.allclose(left, right, rtol=0.0, atol=AGREE * scale, equal_nan=True))
+    return found + [
+        name
+        for name, distance in far.items()
+        if not distance <= (MODAL_NORM if name == "modal_norm" else AGREE)
+    ]
 
 
 def _points(run: dict) -> np.ndarray:
@@ -116,7 +129,12 @@ def _points(run: dict) -> np.ndarray:
 
 
 def set_distance(left: np.ndarray, right: np.ndarray) -> float:
-    """Hausdorff distance (maximum norm) of two sets of points, shapes (k, 2n) and (m, 2n)."""
+    """Hausdorff distance (maximum norm) of two sets of points, shapes (k, 2n) and (m, 2n).
+
+    Of two empty sets it is 0, of one infinite.
+    """
+    if not len(left) or not len(right):
+        return 0.0 if len(left) == len(right) else math.inf
     between = np.abs(left[:, None, :] - right[None, :, :]).max(axis=2)
     return float(max(between.min(axis=0).max(), between.min(axis=1).max()))
 
@@ -139,6 +157,8 @@ class Comparison:
         self._skipping = FrameSweep(structure, omega, settings)
         self.seconds = [0.0, 0.0]
         """CPU seconds of the plain runs, and of those with the rules."""
+        self.largest = dict.fromkeys(("drift", "modal_norm", "poincare", "final_state"), 0.0)
+        """Largest distances of results that agree, in the units of `AGREE`."""
 
     def compare(self, amplitude: float, state: np.ndarray) -> tuple[dict, dict, Difference | None]:
         """Do both runs from a state.
@@ -155,8 +175,10 @@ class Comparison:
         skipped = _run(self._skipping, amplitude, state)
         self.seconds[0] += between - begun
         self.seconds[1] += time.process_time() - between
-        what = differences(plain, skipped)
+        far = distances(plain, skipped)
+        what = differences(plain, skipped, far)
         if not what:
+            self.largest = {name: max(self.largest[name], far[name]) for name in self.largest}
             return plain, skipped, None
         agrees_after, closer = self._go_on(amplitude, plain, skipped)
         difference = Difference(
@@ -184,7 +206,7 @@ class Comparison:
             settings = replace(self._settings, transient_cycles=transient)
             longer = _run(FrameSweep(*self._given, settings), amplitude, plain["final_state"])
             last = set_distance(_points(longer), _points(skipped))
-            if not differences(longer, skipped):
+            if not differences(longer, skipped, distances(longer, skipped)):
                 return periods, first / max(last, 1e-16)
         return 0, first / max(last, 1e-16)
 
@@ -214,7 +236,7 @@ def _compare_path(
         if difference is not None:
             found.append(difference)
         state = plain["final_state"]
-    return {"rows": rows, "differences": found, "seconds": frame.seconds}
+    return {"rows": rows, "differences": found, "seconds": frame.seconds, "far": frame.largest}
 
 
 def compare(
@@ -248,12 +270,13 @@ def compare(
     paths = [
         (k, min(PATH, n_points - k * PATH), seed, *given) for k in range(math.ceil(n_points / PATH))
     ]
-    cycles, shortcuts, found, seconds = [], Counter(), [], np.zeros(2)
+    cycles, shortcuts, found, seconds, far = [], Counter(), [], np.zeros(2), {}
     for done, path in enumerate(_all_paths(paths, processes), 1):
         cycles.append([row[0] for row in path["rows"]])
         shortcuts.update(Shortcut(row[1]).name for row in path["rows"])
         found += path["differences"]
         seconds += path["seconds"]
+        far = {name: max(value, far.get(name, 0.0)) for name, value in path["far"].items()}
         if done % 100 == 0:
             say(f"skips: {done * PATH} of {n_points} points, {len(found)} differences")
     followed = [count for path in cycles for count in path[1:]]
@@ -267,6 +290,7 @@ def compare(
         "cpu_seconds_plain": float(seconds[0]),
         "cpu_seconds_with_rules": float(seconds[1]),
         "shortcuts": {kind.name: shortcuts[kind.name] for kind in Shortcut},
+        "largest_agreeing": far,
         "undecided": sum(difference.agrees_after > 0 for difference in found),
         "unexplained": sum(difference.agrees_after == 0 for difference in found),
         "differences": [asdict(difference) for difference in found],
@@ -297,13 +321,15 @@ def as_text(result: dict) -> str:
         f"  CPU time: plain {result['cpu_seconds_plain']:.3g} s, with rules "
         f"{result['cpu_seconds_with_rules']:.3g} s",
         f"  points by rule: {', '.join(share.values())}",
+        "  farthest apart where they agree: "
+        + ", ".join(f"{name} {value:.1e}" for name, value in result["largest_agreeing"].items()),
         f"  differences: {len(result['differences'])} ({len(result['differences']) / n:.2%}), of "
         f"which the plain run was undecided: {result['undecided']}, unexplained: "
         f"{result['unexplained']}",
     ]
     for difference in result["differences"]:
         after = difference["agrees_after"]
-        cause = f"plain agrees after {after} more periods" if after else "UNEXPLAINED"
+        cause = f"plain agrees after {after} more" if after else "UNEXPLAINED"
         lines.append(
             f"    Omega {difference['omega']!r} A {difference['amplitude']!r} "
             f"{difference['shortcut']}: {' '.join(difference['what'])}: plain "

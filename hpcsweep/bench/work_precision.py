@@ -18,7 +18,7 @@ from hpcsweep.solver import make_solver
 from hpcsweep.structure import Structure
 
 REPEATS = 5
-PER_LINE = 4
+PER_LINE = 3
 """Regimes side by side in the table."""
 
 
@@ -103,10 +103,10 @@ def as_text(rows: list[Row]) -> str:
     found = {(row.method, row.rtol, row.regime): row for row in rows}
     for first in range(0, len(chosen), PER_LINE):
         group = chosen[first : first + PER_LINE]
-        lines += ["", f"{'':25s}" + "".join(f"{name:>25s}" for name in group)]
+        lines += ["", f"{'':25s}" + "".join(f"{name:>30s}" for name in group)]
         for method, rtol in methods_told:
             cells = [_cell(found.get((method, rtol, regime))) for regime in group]
-            lines.append(f"{method:18s}{rtol:7.0e}" + "".join(f"{cell:>25s}" for cell in cells))
+            lines.append(f"{method:18s}{rtol:7.0e}" + "".join(f"{cell:>30s}" for cell in cells))
     lines += [
         f"  not measured: {package} is not installed (pip install 'hpcsweep[bench]')"
         for package in absent()
@@ -117,4 +117,8 @@ def as_text(rows: list[Row]) -> str:
 def _cell(row: Row | None) -> str:
     if row is None:
         return "failed"
-    return f"{row.microseconds:.4g} +- {row.spread:.1g}  {row.error:.0e}"
+    return f"{_short(row.microseconds)} +- {_short(row.spread)}  {row.error:.0e}"
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if value >= 100 else f"{value:.2g}"

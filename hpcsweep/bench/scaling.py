@@ -21,6 +21,8 @@ JOB = """
 [sweep]
 omega = {{from = 0.3, to = 0.8, count = {n_frames}}}
 amplitude = {{from = 0.05, to = 0.3, count = 40}}
+
+[solver]
 skip = "none"
 """
 """Job of the scaling over ranks: its frames, which are what ranks share, all cost about the same,

@@ -49,7 +49,8 @@ def draw(rows: list, path: Path) -> None:
         axes.flat[place].set_visible(False)
         axes.flat[place - columns].tick_params(labelbottom=True)
     axes[0, 0].invert_xaxis()
-    for axis in axes[-1]:
+    lowest = list(axes.flat)[max(len(regimes) - columns, 0) : len(regimes)]
+    for axis in lowest:
         axis.set_xlabel(r"error  [gaps, gaps $\cdot\,\omega_0$]", fontsize=8)
     for axis in axes[:, 0]:
         axis.set_ylabel("CPU time  [µs a forcing period]", fontsize=8)

@@ -27,6 +27,8 @@ skip = "none"
 """
 """Job of the scaling over ranks: its frames, which are what ranks share, all cost about the same,
 and no rule makes it cheaper for a change of the rules."""
+BUSY = 0.25
+"""Load a core from other programs, above which the clock does not measure the scaling."""
 LIMIT = 600
 """Seconds after which a campaign is given up."""
 
@@ -54,7 +56,7 @@ def rank_numbers(largest: int) -> list[int]:
 def ranks(
     numbers: list[int] | None = None,
     turns: int = 3,
-    n_frames: int = 48,
+    n_frames: int = 24,
     say: Callable = lambda text: None,
 ) -> dict:
     """Measure strong scaling: the same small job on more and more ranks of this machine.
@@ -73,12 +75,13 @@ def ranks(
     dict
         ``rows``: for each number of ranks ``seconds`` of the campaign without its start, their
         ``speedup`` and ``efficiency`` against the base, and ``command_seconds`` of the whole
-        command. Or ``skipped``: why nothing was measured.
+        command; ``load``: processes that were running before. Or ``skipped``: why nothing was measured.
     """
     launcher = mpirun()
     if launcher is None:
         return {"skipped": "no mpirun found (pip install 'hpcsweep[mpich]', or an MPI)"}
     numbers = numbers or rank_numbers(cores())
+    load = os.getloadavg()[0]
     times: dict[int, list[tuple[float, float]]] = {number: [] for number in numbers}
     with tempfile.TemporaryDirectory() as folder:
         job = Path(folder) / "scaling.toml"
@@ -107,7 +110,13 @@ def ranks(
                 "command_seconds": min(whole for _, whole in times[number]),
             }
         )
-    return {"runs": 40 * n_frames, "cores": cores(), "turns": turns, "rows": rows}
+    return {
+        "runs": 40 * n_frames,
+        "cores": cores(),
+        "load": load,
+        "turns": turns,
+        "rows": rows,
+    }
 
 
 def _campaign(command: list, output: Path) -> tuple[float, float]:
@@ -182,6 +191,11 @@ def ranks_as_text(result: dict) -> str:
         f"{row['command_seconds']:18.3g}"
         for row in result["rows"]
     ]
+    if result["load"] > BUSY * result["cores"]:
+        lines.append(
+            f"  other programs were running (load {result['load']:.2g} before the start): these "
+            "times say little about the scaling"
+        )
     return "\n".join(lines)
 
 

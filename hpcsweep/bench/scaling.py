@@ -75,7 +75,8 @@ def ranks(
     dict
         ``rows``: for each number of ranks ``seconds`` of the campaign without its start, their
         ``speedup`` and ``efficiency`` against the base, and ``command_seconds`` of the whole
-        command; ``load``: processes that were running before. Or ``skipped``: why nothing was measured.
+        command; ``load``: processes that were running before. Or ``skipped``: why nothing was
+        measured.
     """
     launcher = mpirun()
     if launcher is None:

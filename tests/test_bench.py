@@ -170,6 +170,10 @@ def test_a_campaign_that_fails_is_told(monkeypatch):
     result = startup.startup(repeats=1)
     assert "sweep.omega" in result["failed"]
     assert "not measured" in startup.as_text(result)
+    monkeypatch.setattr(scaling, "mpirun", lambda: "false")
+    result = scaling.ranks([1], turns=1)
+    assert "on 1 ranks failed" in result["failed"]
+    assert "not measured" in scaling.ranks_as_text(result)
 
 
 @pytest.mark.slow

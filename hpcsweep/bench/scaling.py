@@ -76,7 +76,7 @@ def ranks(
         ``rows``: for each number of ranks ``seconds`` of the campaign without its start, their
         ``speedup`` and ``efficiency`` against the base, and ``command_seconds`` of the whole
         command; ``load``: processes that were running before. Or ``skipped``: why nothing was
-        measured.
+        measured; or ``failed``: what a campaign said.
     """
     launcher = mpirun()
     if launcher is None:
@@ -95,7 +95,7 @@ def ranks(
                 try:
                     times[number].append(_campaign([*command, "run", job, "-o", output], output))
                 except subprocess.SubprocessError as error:
-                    return {"skipped": f"the campaign on {number} ranks failed: {reason(error)}"}
+                    return {"failed": f"the campaign on {number} ranks failed: {reason(error)}"}
                 output.unlink()
     base = min(seconds for seconds, _ in times[numbers[0]])
     rows = []
@@ -180,8 +180,9 @@ def floors(numbers=(1, 3, 10, 30), repeats: int = 3, n_periods: int = 100) -> li
 
 def ranks_as_text(result: dict) -> str:
     """Write the scaling over ranks as a table, or why there is none."""
-    if "skipped" in result:
-        return f"ranks: not measured: {result['skipped']}"
+    for kind in ("skipped", "failed"):
+        if kind in result:
+            return f"ranks: not measured: {result[kind]}"
     lines = [
         f"strong scaling, {result['runs']} runs without skip rules, {result['cores']} cores, least "
         f"of {result['turns']} turns by the clock:",

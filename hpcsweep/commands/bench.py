@@ -47,8 +47,8 @@ def add_to(commands) -> None:
         "bench",
         help="measure speed against error, scaling, start-up, and the skip rules",
         description=DESCRIPTION,
-        epilog="exit codes: 0 done, 1 a difference made by a skip rule is left unexplained, or a "
-        "program that was to be timed failed",
+        epilog="exit codes: 0 done, 1 a skip rule made a difference that is left unexplained,\n"
+        "or a program that was to be timed failed, 2 a mistake in what was asked",
         formatter_class=RAW,
     )
     bench.add_argument(
@@ -182,7 +182,7 @@ def _ranks(_options, _job):
     from hpcsweep.bench import scaling
 
     result = scaling.ranks(say=_say)
-    return result, scaling.ranks_as_text(result), True
+    return result, scaling.ranks_as_text(result), "failed" not in result
 
 
 def _startup(_options, _job):

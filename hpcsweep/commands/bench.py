@@ -1,25 +1,75 @@
-"""`hpcsweep bench`: measure run time against error."""
+"""`hpcsweep bench`: measure speed against error, scaling, start-up, and the skip rules."""
 
+import argparse
 import json
 import sys
 from pathlib import Path
 
-from hpcsweep.commands import USER_ERROR, complain
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
+
+DESCRIPTION = """\
+Measure, everything that is compared in one run and in turn:
+
+  work-precision  run time against error, for our solvers, scipy's and, where installed (extra
+                  'bench'), numbalsoda and CVODE, in several regimes
+  ratio           flow against scipy's BDF and a compiled DOP853 on two attractors, and against
+                  bdf over the first frame of JOB
+  floors          flow against the number of floors
+  ranks           strong scaling of a small job over the cores of this machine (needs mpirun)
+  startup         seconds of a tiny job, cold and warm
+  skips           the rules that spare periods against the plain procedure, on random points of
+                  Figure 6; every difference is followed up"""
+POINTS = 500
+"""Random points of the skip rules where no number is given."""
+
+
+def _parts(text: str) -> list[str]:
+    from hpcsweep.bench import PARTS
+
+    asked = [part for part in text.split(",") if part]
+    wrong = [part for part in asked if part not in PARTS]
+    if wrong or not asked:
+        name = wrong[0] if wrong else text
+        raise argparse.ArgumentTypeError(f"'{name}' is none of {', '.join(PARTS)}")
+    return asked
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, is {text}")
+    return value
 
 
 def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     bench = commands.add_parser(
         "bench",
-        help="measure run time against error, for our solvers and their peers",
-        description="Measure run time against error on several regimes, for our solvers, scipy's "
-        "and, where installed (extra 'bench'), numbalsoda and CVODE; the ratio of bdf to flow "
-        "over a job's first frame; and flow against the number of floors.",
+        help="measure speed against error, scaling, start-up, and the skip rules",
+        description=DESCRIPTION,
+        epilog="exit codes: 0 done, 1 a skip rule made a difference that is left unexplained,\n"
+        "or a program that was to be timed failed, 2 a mistake in what was asked",
+        formatter_class=RAW,
     )
     bench.add_argument(
         "job", type=Path, nargs="?", metavar="JOB.toml", help="job of the ratio (default: Figure 3)"
     )
-    bench.add_argument("--ratio", action="store_true", help="only the ratio of bdf to flow")
+    bench.add_argument(
+        "--only", type=_parts, metavar="PART[,PART...]", help="only these of the parts above"
+    )
+    bench.add_argument("--ratio", action="store_true", help="the same as --only ratio")
+    bench.add_argument(
+        "--skips",
+        type=_count,
+        metavar="N",
+        help=f"only the skip rules, on N random points (whole bench: {POINTS})",
+    )
+    bench.add_argument(
+        "--seed", type=int, default=0, metavar="K", help="of the random points (default: 0)"
+    )
+    bench.add_argument(
+        "--processes", type=_count, metavar="N", help="for the random points (default: all cores)"
+    )
     bench.add_argument("--json", action="store_true", help="machine-readable")
     bench.add_argument(
         "--plot", type=Path, metavar="PNG", help="also draw the work-precision figure"
@@ -51,28 +101,112 @@ def _tolerance(options) -> int:
     return 0
 
 
+def _asked(options) -> list[str]:
+    """Give the parts to be measured, in their order."""
+    from hpcsweep.bench import PARTS
+
+    asked = set(options.only or [])
+    if options.ratio:
+        asked.add("ratio")
+    if options.skips:
+        asked.add("skips")
+    return [part for part in PARTS if part in asked or not asked]
+
+
 def _bench(options) -> int:
     if options.tolerance:
         return _tolerance(options)
-    from hpcsweep import bench
+    parts = _asked(options)
+    if options.plot and "work-precision" not in parts:
+        complain("--plot: draws work-precision, which is not among the parts that are measured")
+        return USER_ERROR
+    if options.seed < 0:
+        complain(f"--seed {options.seed}: must not be negative")
+        return USER_ERROR
+    from hpcsweep.bench import ratios
     from hpcsweep.job import JobError, load_job, parse_job
 
     try:
-        job = load_job(options.job) if options.job else parse_job(bench.FIGURE_3, "", "figure3")
+        job = load_job(options.job) if options.job else parse_job(ratios.FIGURE_3, "", "figure3")
     except JobError as error:
         complain(str(error))
         return USER_ERROR
-    rows, by_floors = [], []
-    if not options.ratio:
-        rows = bench.work_precision(say=lambda text: print(f"  {text}", file=sys.stderr))
-        by_floors = bench.floors()
-    ratio = bench.sweep_ratio(job)
-    if options.plot and rows:
-        from hpcsweep.figures import work_precision
-
-        work_precision.draw(rows, options.plot)
+    results, failed = {}, False
+    for part in parts:
+        result, text, well = MEASURE[part](options, job)
+        results[part.replace("-", "_")] = result
+        failed |= not well
+        if not options.json:
+            print(text + "\n", flush=True)
     if options.json:
-        print(json.dumps(bench.as_json(rows, ratio, by_floors), indent=1))
-    else:
-        print(bench.as_text(rows, ratio, by_floors))
-    return 0
+        print(json.dumps(results, indent=1))
+    return FAILURE if failed else 0
+
+
+def _say(text: str) -> None:
+    print(f"  {text}", file=sys.stderr, flush=True)
+
+
+def _work_precision(options, _job):
+    from hpcsweep.bench import work_precision
+    from hpcsweep.figures.style import PlotError
+
+    rows = work_precision.work_precision(say=_say)
+    drawn = True
+    if options.plot:
+        from hpcsweep.figures import work_precision as figure
+
+        try:
+            figure.draw(rows, options.plot)
+        except (PlotError, OSError) as error:
+            complain(f"{options.plot}: {error}")
+            drawn = False
+    return work_precision.as_json(rows), work_precision.as_text(rows), drawn
+
+
+def _ratio(_options, job):
+    from hpcsweep.bench import ratios
+
+    motions, sweep = ratios.motion_ratios(), ratios.sweep_ratio(job)
+    return ratios.as_json(motions, sweep), ratios.as_text(motions, sweep), True
+
+
+def _floors(_options, _job):
+    from hpcsweep.bench import scaling
+
+    rows = scaling.floors()
+    return rows, scaling.floors_as_text(rows), True
+
+
+def _ranks(_options, _job):
+    from hpcsweep.bench import scaling
+
+    result = scaling.ranks(say=_say)
+    return result, scaling.ranks_as_text(result), "failed" not in result
+
+
+def _startup(_options, _job):
+    from hpcsweep.bench import startup
+
+    result = startup.startup(say=_say)
+    return result, startup.as_text(result), "failed" not in result
+
+
+def _skips(options, _job):
+    from hpcsweep.bench import scaling, skips
+
+    result = skips.compare(
+        options.skips or POINTS, options.seed, options.processes or scaling.cores(), say=_say
+    )
+    return result, skips.as_text(result), not result["unexplained"]
+
+
+MEASURE = {
+    "work-precision": _work_precision,
+    "ratio": _ratio,
+    "floors": _floors,
+    "ranks": _ranks,
+    "startup": _startup,
+    "skips": _skips,
+}
+"""For each part a function of the options and the job: (plain result, text, whether it is well)."""

@@ -1,0 +1,212 @@
+"""The solvers that `hpcsweep bench` compares, each as a function from a state to points."""
+
+import importlib.util
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.equations import jacobian, right_hand_side
+from hpcsweep.outcome import Outcome
+from hpcsweep.solver import make_solver
+from hpcsweep.structure import Structure
+
+TOLERANCES = (1e-3, 1e-6, 1e-9)
+TIGHT = (1e-6, 1e-9, 1e-12)
+"""Tolerances of the methods of high order, which are loose at 1e-3."""
+SCIPY = {"BDF": TOLERANCES, "Radau": TOLERANCES, "LSODA": TIGHT, "DOP853": TIGHT}
+"""Methods of scipy's solve_ivp and their tolerances, with compiled equations and, where they are
+used, Jacobians. No peer is given a step limit: one short enough for every contact makes DOP853
+seven times slower and no more accurate. What a loose tolerance steps over, its error shows."""
+MAX_STEPS = 1_000_000
+"""Steps the peers may take in one forcing period."""
+EXTRA = {"numbalsoda": "numbalsoda", "sksundae": "scikit-sundae"}
+"""Modules of the extra 'bench', and the packages they come from."""
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A stretch of motion on which methods are compared.
+
+    Attributes
+    ----------
+    name : str
+    structure : Structure
+    omega, amplitude : float
+    settle, n_periods : int
+        Periods from rest to the start, and periods measured (few where the motion is chaotic).
+    """
+
+    name: str
+    structure: Structure
+    omega: float
+    amplitude: float
+    settle: int
+    n_periods: int
+
+
+def absent() -> list[str]:
+    """Name the packages of the extra 'bench' that are not installed."""
+    return [
+        package for module, package in EXTRA.items() if importlib.util.find_spec(module) is None
+    ]
+
+
+def methods() -> Iterator[tuple[str, float, Callable]]:
+    """Give (name, rtol, function) of every method that is installed.
+
+    The function takes a `Regime` and returns one that maps a state to the stroboscopic points, or
+    raises ArithmeticError.
+    """
+    for rtol in TIGHT:
+        yield "flow", rtol, _ours("flow", rtol)
+    for rtol in TOLERANCES:
+        yield "bdf", rtol, _ours("bdf", rtol)
+    for method, tolerances in SCIPY.items():
+        for rtol in tolerances:
+            yield f"scipy {method}", rtol, _scipy(method, rtol)
+    yield from _numbalsoda()
+    yield from _cvode()
+
+
+def _ours(name: str, rtol: float) -> Callable:
+    def prepare(regime: Regime):
+        solver = make_solver(name, regime.structure, regime.omega, rtol)
+
+        def points(state):
+            found, outcome = solver.points(state, regime.amplitude, regime.n_periods)
+            if outcome is not Outcome.COMPLETE:
+                raise ArithmeticError(outcome.name)
+            return found
+
+        return points
+
+    return prepare
+
+
+def _arguments(regime: Regime) -> tuple:
+    structure = regime.structure
+    return (
+        regime.amplitude,
+        regime.omega,
+        structure.stiffness_ratio,
+        structure.sharpness,
+        structure.stiffness_matrix.copy(),
+        np.ascontiguousarray(structure.damping_matrix),
+    )
+
+
+def _by_periods(regime: Regime, one: Callable) -> Callable:
+    def points(state):
+        found = []
+        for _ in range(regime.n_periods):
+            state = one(state)
+            found.append(state)
+        return np.array(found)
+
+    return points
+
+
+def _scipy(method: str, rtol: float) -> Callable:
+    from scipy.integrate import solve_ivp
+
+    def prepare(regime: Regime):
+        given = _arguments(regime)
+        size = 2 * regime.structure.n_floors
+        period = 2 * math.pi / regime.omega
+        beta, rho, stiffness, damping = given[2:]
+        options = {"rtol": rtol, "atol": rtol}
+        if method in ("BDF", "Radau", "LSODA"):
+            options["jac"] = lambda _t, z: jacobian(
+                z, beta, rho, stiffness, damping, np.empty((size, size))
+            )
+
+        def one(state):
+            found = solve_ivp(
+                lambda t, z: right_hand_side(t, z, *given, np.empty(size)),
+                (0.0, period),
+                state,
+                method=method,
+                **options,
+            )
+            if not found.success:
+                raise ArithmeticError(found.message)
+            return found.y[:, -1]
+
+        return _by_periods(regime, one)
+
+    return prepare
+
+
+def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
+    try:
+        import numba
+        import numbalsoda
+    except ImportError:
+        return
+
+    def compiled(regime: Regime):
+        amplitude, omega, beta, rho, stiffness, damping = _arguments(regime)
+        size = 2 * regime.structure.n_floors
+
+        @numba.cfunc(numbalsoda.lsoda_sig)
+        def derivative(tau, z_, out_, _data):
+            z = numba.carray(z_, (size,))
+            out = numba.carray(out_, (size,))
+            right_hand_side(tau, z, amplitude, omega, beta, rho, stiffness, damping, out)
+
+        return derivative
+
+    def prepare_with(solve, rtol):
+        def prepare(regime: Regime):
+            derivative = compiled(regime)
+            times = np.array([0.0, 2 * math.pi / regime.omega])
+
+            def one(state):
+                found, success = solve(
+                    derivative.address, state, times, rtol=rtol, atol=rtol, mxstep=MAX_STEPS
+                )
+                if not success:
+                    raise ArithmeticError("the integrator gave up")
+                return found[-1]
+
+            return _by_periods(regime, one)
+
+        return prepare
+
+    for name, solve in (("DOP853", numbalsoda.dop853), ("LSODA", numbalsoda.lsoda)):
+        for rtol in TIGHT:
+            yield f"numbalsoda {name}", rtol, prepare_with(solve, rtol)
+
+
+def _cvode() -> Iterator[tuple[str, float, Callable]]:
+    try:
+        from sksundae.cvode import CVODE
+    except ImportError:
+        return
+
+    def prepare_with(rtol):
+        def prepare(regime: Regime):
+            given = _arguments(regime)
+            period = 2 * math.pi / regime.omega
+
+            def one(state):
+                solver = CVODE(
+                    lambda t, z, out: right_hand_side(t, z, *given, out),
+                    method="BDF",
+                    rtol=rtol,
+                    atol=rtol,
+                    max_num_steps=MAX_STEPS,
+                )
+                found = solver.solve([0.0, period], state)
+                if not found.success:
+                    raise ArithmeticError(str(found.message))
+                return found.y[-1]
+
+            return _by_periods(regime, one)
+
+        return prepare
+
+    for rtol in TIGHT:
+        yield "CVODE BDF", rtol, prepare_with(rtol)

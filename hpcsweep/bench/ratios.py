@@ -1,0 +1,184 @@
+"""How much faster `flow` is than the solver the study was specified with, and than compiled peers.
+
+The ratios are of CPU seconds for the same periods from the same states, taken in turn.
+"""
+
+import time
+from dataclasses import asdict, dataclass
+from functools import partial
+
+import numpy as np
+
+from hpcsweep.bench import cpu_seconds
+from hpcsweep.bench.peers import Regime, absent, methods
+from hpcsweep.job import Job
+from hpcsweep.reference import reference_points
+from hpcsweep.solver import make_solver
+from hpcsweep.structure import Structure
+from hpcsweep.sweep import sweep_block
+
+FIGURE_3 = """
+[sweep]
+omega = 0.445
+amplitude = {from = 0.0048, to = 0.25, step = 0.001}
+"""
+"""The sweep of the paper's Figure 3, damping as printed."""
+AMPLITUDES = (0.06, 0.0987)
+"""One contact a period, and two floors in contact (beta = 1000, Omega = 0.445)."""
+AGAINST = (("bdf", 1e-6), ("scipy BDF", 1e-6), ("numbalsoda DOP853", 1e-9))
+SETTLE, LONG, SHORT = 2000, 400, 2
+"""Forcing periods: to the attractor from rest, timed with `flow`, timed with the others."""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """One peer against `flow` on one motion.
+
+    Attributes
+    ----------
+    amplitude : float
+    method : str
+    rtol : float
+    microseconds, flow_microseconds : float
+        CPU time of a forcing period, the least over all turns.
+    ratio : float
+        Of these two.
+    quartiles : list of float
+        25, 50 and 75 per cent of the ratios within each turn.
+    error, flow_error : float
+        After `SHORT` periods from the attractor, max norm.
+    """
+
+    amplitude: float
+    method: str
+    rtol: float
+    microseconds: float
+    flow_microseconds: float
+    ratio: float
+    quartiles: list[float]
+    error: float
+    flow_error: float
+
+
+def motion_ratios(
+    amplitudes: tuple[float, ...] = AMPLITUDES,
+    against: tuple[tuple[str, float], ...] = AGAINST,
+    turns: int = 7,
+) -> list[Ratio]:
+    """Compare `flow` at rtol 1e-9 with peers on the attractor, from rest, of each amplitude."""
+    structure, omega = Structure(), 0.445
+    known = {(name, rtol): prepare for name, rtol, prepare in methods()}
+    peers = [key for key in against if key in known]
+    found = []
+    for amplitude in amplitudes:
+        regime = Regime("attractor", structure, omega, amplitude, SETTLE, SHORT)
+        flow = make_solver("flow", structure, omega, 1e-9)
+        start = flow.advance(np.zeros(2 * structure.n_floors), amplitude, SETTLE).state
+        exact = reference_points(structure, amplitude, omega, start, SHORT)
+        ours = known["flow", 1e-9](regime)
+        prepared = [known[key](regime) for key in peers]
+        errors = [float(np.abs(points(start) - exact).max()) for points in (ours, *prepared)]
+        times = np.empty((turns, 1 + len(peers)))
+        for turn in range(turns):
+            times[turn, 0] = cpu_seconds(partial(flow.advance, start, amplitude, LONG)) / LONG
+            for k, points in enumerate(prepared, 1):
+                times[turn, k] = cpu_seconds(partial(points, start)) / SHORT
+        least = 1e6 * times.min(axis=0)
+        for k, (method, rtol) in enumerate(peers, 1):
+            quartiles = np.percentile(times[:, k] / times[:, 0], [25, 50, 75])
+            found.append(
+                Ratio(
+                    amplitude,
+                    method,
+                    rtol,
+                    float(least[k]),
+                    float(least[0]),
+                    float(least[k] / least[0]),
+                    quartiles.tolist(),
+                    errors[k],
+                    errors[0],
+                )
+            )
+    return found
+
+
+def sweep_ratio(job: Job, n_samples: int = 12, repeats: int = 3) -> dict:
+    """Compare `flow` with `bdf` at rtol 1e-6 on a job's first frame.
+
+    The frame is swept with `flow`. At amplitudes spread over it both methods then take the same
+    periods from the same states.
+
+    Returns
+    -------
+    dict
+        Microseconds per period of both, their ratio (median and quartiles over the samples), and
+        the CPU seconds `flow` took for the whole sweep, with the job's skip rules, per run.
+    """
+    omega = float(job.omega[0])
+    size = 2 * job.structure.n_floors
+    sweep_block(job.structure, omega, job.amplitude[:2], np.zeros(size), job.settings)
+    begun = time.process_time()
+    swept = sweep_block(job.structure, omega, job.amplitude, job.initial_state, job.settings)
+    seconds = time.process_time() - begun
+    flow = make_solver("flow", job.structure, omega, 1e-9)
+    bdf = make_solver("bdf", job.structure, omega, 1e-6)
+    ours, theirs = [], []
+    for index in np.linspace(0, job.amplitude.size - 1, n_samples).astype(int):
+        amplitude, state = float(job.amplitude[index]), swept["final_state"][index]
+        flow.advance(state, amplitude, 2)
+        for _ in range(repeats):
+            begun = time.process_time()
+            flow.advance(state, amplitude, 400)
+            ours.append((time.process_time() - begun) / 400)
+            begun = time.process_time()
+            bdf.advance(state, amplitude, 2)
+            theirs.append((time.process_time() - begun) / 2)
+    ratio = np.array(theirs) / np.array(ours)
+    return {
+        "job": job.name,
+        "flow_microseconds_per_period": 1e6 * float(np.mean(ours)),
+        "bdf_microseconds_per_period": 1e6 * float(np.mean(theirs)),
+        "ratio_of_means": float(np.mean(theirs) / np.mean(ours)),
+        "ratio_quartiles": [float(value) for value in np.percentile(ratio, [25, 50, 75])],
+        "sweep_seconds": seconds,
+        "sweep_runs": int(job.amplitude.size),
+        "periods_per_run": float(swept["cycles"].mean()),
+    }
+
+
+def as_json(motions: list[Ratio], sweep: dict) -> dict:
+    """Put all ratios into plain types."""
+    return {
+        "motions": [asdict(row) for row in motions],
+        "sweep": sweep,
+        "not_installed": absent(),
+    }
+
+
+def as_text(motions: list[Ratio], sweep: dict) -> str:
+    """Write all ratios, a line each."""
+    lines = [
+        "flow against others on the attractor (beta = 1000, Omega = 0.445), CPU time a period:"
+    ]
+    for row in motions:
+        low, middle, high = row.quartiles
+        lines.append(
+            f"  A = {row.amplitude:<7g}{row.method:18s}{row.rtol:6.0e} "
+            f"{row.microseconds:9.4g} us, flow {row.flow_microseconds:.3g} us: ratio "
+            f"{row.ratio:.4g} (in turn {low:.4g}, {middle:.4g}, {high:.4g}); error "
+            f"{row.error:.0e}, flow {row.flow_error:.0e}"
+        )
+    lines += [
+        f"  not measured: {package} is not installed (pip install 'hpcsweep[bench]')"
+        for package in absent()
+    ]
+    quartiles = ", ".join(f"{value:.4g}" for value in sweep["ratio_quartiles"])
+    lines += [
+        f"{sweep['job']}, states spread over the sweep: flow "
+        f"{sweep['flow_microseconds_per_period']:.3g} us, bdf at 1e-6 "
+        f"{sweep['bdf_microseconds_per_period']:.4g} us a period",
+        f"  bdf / flow = {sweep['ratio_of_means']:.4g} (quartiles {quartiles})",
+        f"  sweep of {sweep['sweep_runs']} runs with flow: {sweep['sweep_seconds']:.3g} s, "
+        f"{sweep['periods_per_run']:.3g} periods a run",
+    ]
+    return "\n".join(lines)

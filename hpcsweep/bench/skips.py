@@ -31,9 +31,9 @@ PATH = 10
 AGREE = 1e-5
 """Results agree to this: ten times the distance within which an orbit's points count as the same.
 Points in gaps and gaps omega_0, drift relative."""
-MODAL_NORM = 1e-3
-"""Modal norms agree to this: `flow` finds them by a quadrature that errs by up to 3e-4 where all
-modes nearly vanish together in a free motion (measured), `linear` in closed form."""
+MODAL_NORM = 1e-4
+"""Modal norms agree to this: they turn within a short time where the largest mode changes sign, so
+that a rest of the transient of `AGREE` moves them further than it moves the points."""
 LONGER = (2_000, 20_000)
 """Periods for which the plain run goes on. The jump is proved for multipliers up to 0.9999
 (`stability.NEWTON_STABLE`), of which 2,000 periods leave 0.82: the second is for those."""

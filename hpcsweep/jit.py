@@ -15,8 +15,9 @@ import os
 from pathlib import Path
 
 import numba
+from llvmlite import ir
+from numba.core import cgutils, types
 from numba.core import config as _numba_config
-from numba.core import types
 from numba.extending import intrinsic
 
 
@@ -60,3 +61,68 @@ def fma(typingctx, a, b, c):
         return builder.fma(*arguments)
 
     return signature, generate
+
+
+LANES = 8
+"""Doubles worked on together: what a vector register of 64 bytes holds."""
+
+
+def _combination(moduli: bool):
+    """Make `combine`, or the same with the moduli of x."""
+
+    def typed(typingctx, out, o, init, i, scale, table, t, stride, x, s, n):
+        del typingctx, o, i, scale, t, stride, s, n
+        index = types.intp
+        signature = types.void(
+            out, index, init, index, types.float64, table, index, index, x, index, index
+        )
+        return signature, generate
+
+    def generate(context, builder, signature, arguments):
+        double, vector = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LANES)
+
+        def data(argument):
+            make = context.make_array(signature.args[argument])
+            return make(context, builder, arguments[argument]).data
+
+        def lanes(base, index):
+            return builder.bitcast(builder.gep(base, [index]), vector.as_pointer())
+
+        fused = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(vector, [vector] * 3), f"llvm.fma.v{LANES}f64"
+        )
+        total = cgutils.alloca_once(builder, vector)
+        builder.store(builder.load(lanes(data(2), arguments[3]), align=8), total)
+        table, x = data(5), data(8)
+        with cgutils.for_range(builder, arguments[10]) as loop:
+            place = builder.add(arguments[6], builder.mul(loop.index, arguments[7]))
+            column = builder.load(lanes(table, place), align=8)
+            factor = builder.load(builder.gep(x, [builder.add(arguments[9], loop.index)]))
+            if moduli:
+                modulus = builder.module.declare_intrinsic("llvm.fabs", [double])
+                factor = builder.call(modulus, [factor])
+            factor = builder.fmul(factor, arguments[4])
+            one = builder.insert_element(
+                ir.Constant(vector, ir.Undefined), factor, ir.Constant(ir.IntType(32), 0)
+            )
+            everywhere = builder.shuffle_vector(
+                one,
+                ir.Constant(vector, ir.Undefined),
+                ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES),
+            )
+            value = builder.call(fused, [column, everywhere, builder.load(total)])
+            builder.store(value, total)
+        builder.store(builder.load(total), lanes(data(0), arguments[1]), align=8)
+        return context.get_dummy_value()
+
+    return typed
+
+
+combine = intrinsic(_combination(moduli=False))
+"""``combine(out, o, init, i, scale, table, t, stride, x, s, n)``, kernels only: the `LANES` numbers
+out[o:] = init[i:] + sum_k table[t + k stride:] (scale x[s + k]), k < n, in one register.
+
+The arrays are contiguous and the indices flat; nothing is checked.
+"""
+combine_moduli = intrinsic(_combination(moduli=True))
+"""As `combine`, with |x[s + k]|."""

@@ -34,10 +34,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.equations import contact_stiffness, switch
-from hpcsweep.jit import fma, jit
+from hpcsweep.jit import LANES, combine, fma, jit
 from hpcsweep.outcome import Outcome
 
-N_STAGES = 8
+N_STAGES = LANES
+SHORT_ANGLE = 0.03
+"""Omega h up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
 ELLIPSE = 5.5
 """kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 0.6
@@ -79,6 +81,8 @@ class LayerRoom(NamedTuple):
         Displacements, velocities and accelerations at the stages.
     fresh, ground, active : ndarray
         Room.
+    free, speeds : ndarray, shape (n, N_STAGES)
+        u_0 + c_j h v_0 and v_0: the stages without acceleration.
     """
 
     u: np.ndarray
@@ -87,6 +91,8 @@ class LayerRoom(NamedTuple):
     fresh: np.ndarray
     ground: np.ndarray
     active: np.ndarray
+    free: np.ndarray
+    speeds: np.ndarray
 
 
 def empty_room(n: int) -> LayerRoom:
@@ -99,6 +105,8 @@ def empty_room(n: int) -> LayerRoom:
         np.zeros(stages),
         np.zeros(N_STAGES),
         np.zeros(n, np.int64),
+        np.zeros(stages),
+        np.zeros(stages),
     )
 
 
@@ -114,7 +122,7 @@ def _stage_accelerations(u, v, ground, active, model, out):
     ----------
     u, v, out : ndarray, shape (n, N_STAGES)
     ground : ndarray, shape (N_STAGES,)
-        Ground acceleration at the stages.
+        Minus the ground acceleration at the stages.
     active : ndarray of int, shape (n,)
         0 or 1 where the sigmoid is that on the whole step, 2 where it has to be evaluated.
     """
@@ -123,18 +131,13 @@ def _stage_accelerations(u, v, ground, active, model, out):
     beta = model.beta
     rho = model.rho
     for i in range(n):
-        for j in range(N_STAGES):
-            out[i, j] = -ground[j] - u[i, j]
-        if i > 0:
-            for j in range(N_STAGES):
-                out[i, j] += u[i - 1, j]
-        if i < n - 1:
-            for j in range(N_STAGES):
-                out[i, j] += u[i + 1, j] - u[i, j]
-        for k in range(n):
-            factor = damping[i, k]
-            for j in range(N_STAGES):
-                out[i, j] = fma(-factor, v[k, j], out[i, j])
+        row = i * N_STAGES
+        low, high = max(i - 1, 0), min(i + 2, n)  # K is tridiagonal
+        at = low * N_STAGES
+        combine(
+            out, row, ground, 0, -1.0, u, at, N_STAGES, model.stiffness, i * n + low, high - low
+        )
+        combine(out, row, out, row, -1.0, v, 0, N_STAGES, damping, i * n, n)
         if active[i] == 1:
             for j in range(N_STAGES):
                 out[i, j] -= beta * (u[i, j] - 1.0)
@@ -142,6 +145,24 @@ def _stage_accelerations(u, v, ground, active, model, out):
             for j in range(N_STAGES):
                 x = u[i, j] - 1.0
                 out[i, j] -= beta * switch(x, rho) * x
+
+
+@jit
+def _ground(tau, h, amplitude, omega, out):
+    """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
+    angle = omega * h
+    if angle > SHORT_ANGLE:
+        for j in range(N_STAGES):
+            out[j] = -amplitude * math.sin(omega * (tau + NODES[j] * h))
+        return
+    sine = -amplitude * math.sin(omega * tau)
+    cosine = -amplitude * math.cos(omega * tau)
+    for j in range(N_STAGES):
+        s = angle * NODES[j]
+        q = s * s
+        s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+        c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+        out[j] = fma(sine, c, cosine * s)
 
 
 @jit
@@ -186,10 +207,9 @@ def step_limit(z, a, model, tau_left):
             nearest = x + reach
         else:
             nearest = 0.0
-        hardest = max(
-            hardest,
-            contact_stiffness(min(nearest, 2.4 / max(model.rho, 1e-300)), model.beta, model.rho),
-        )
+        if model.rho * nearest > -FAR or model.rho == 0.0:
+            highest = min(nearest, 2.4 / max(model.rho, 1e-300))
+            hardest = max(hardest, contact_stiffness(highest, model.beta, model.rho))
     h = min(h, CONTRACTION / math.sqrt(stiffness + max(hardest, 0.0)))
     drag = 0.0
     for i in range(n):
@@ -223,29 +243,23 @@ def collocate(tau, h, z, a, amplitude, model, room):
         Whether the iteration converged to rounding.
     """
     u, v, g, fresh, ground, active = (room.u, room.v, room.g, room.fresh, room.ground, room.active)
+    free, speeds = room.free, room.speeds
     n = a.shape[0]
     speed = 0.0
     for i in range(n):
         speed = max(speed, abs(z[n + i]))
         for j in range(N_STAGES):
             g[i, j] = a[i]
-    for j in range(N_STAGES):
-        ground[j] = amplitude * math.sin(model.omega * (tau + NODES[j] * h))
+            free[i, j] = fma(NODES[j] * h, z[n + i], z[i])
+            speeds[i, j] = z[n + i]
+    _ground(tau, h, amplitude, model.omega, ground)
     _find_active(h, z, a, model, active)
     previous = math.inf
     for _ in range(MAX_ITERATIONS):
         for i in range(n):
-            for j in range(N_STAGES):
-                u[i, j] = POSITION_ROWS[0, j] * g[i, 0]
-                v[i, j] = SPEED_ROWS[0, j] * g[i, 0]
-            for k in range(1, N_STAGES):
-                value = g[i, k]
-                for j in range(N_STAGES):
-                    u[i, j] = fma(POSITION_ROWS[k, j], value, u[i, j])
-                    v[i, j] = fma(SPEED_ROWS[k, j], value, v[i, j])
-            for j in range(N_STAGES):
-                u[i, j] = fma(h, fma(NODES[j], z[n + i], h * u[i, j]), z[i])
-                v[i, j] = fma(h, v[i, j], z[n + i])
+            row = i * N_STAGES
+            combine(u, row, free, row, h * h, POSITION_ROWS, 0, N_STAGES, g, row, N_STAGES)
+            combine(v, row, speeds, row, h, SPEED_ROWS, 0, N_STAGES, g, row, N_STAGES)
         _stage_accelerations(u, v, ground, active, model, fresh)
         change = 0.0
         size = 0.0

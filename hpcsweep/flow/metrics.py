@@ -19,9 +19,10 @@ from hpcsweep.flow.tables import (
     MODAL_WEIGHTS,
     N_COEFFICIENTS,
     N_MODAL,
+    ZERO,
     product,
 )
-from hpcsweep.jit import fma, jit
+from hpcsweep.jit import LANES, combine, jit
 
 SAME_PEAK = 1e-11
 """Relative excess over the largest drift so far that is not looked for."""
@@ -81,7 +82,10 @@ def empty_tally(n: int, drift: bool = False, modal_norm: bool = False) -> Tally:
 
 @jit
 def drift_on_segment(index, x, z_end, s, tables, tally, work):
-    """Update the largest drift over the first `s` of a linear step from x to state z_end."""
+    """Update the largest drift over the first `s` of a linear step from x to state z_end.
+
+    ``work.bounds`` holds the bounds of the fourth derivatives on the step.
+    """
     n = tally.modal.shape[0]
     h = tables.h[index]
     for i in range(n):
@@ -93,12 +97,9 @@ def drift_on_segment(index, x, z_end, s, tables, tally, work):
             d1, v1 = d1 - z_end[below], v1 - z_end[n + below]
         peak = max(tally.peak_drift[0], max(abs(d0), abs(d1)))
         tally.peak_drift[0] = peak
-        bound4 = 0.0
-        for k in range(x.shape[0]):
-            row = tables.bound4[index, k, i]
-            if i > 0:
-                row += tables.bound4[index, k, below]
-            bound4 += row * abs(x[k])
+        bound4 = work.bounds[i]
+        if i > 0:
+            bound4 += work.bounds[below]
         peak *= 1.0 + SAME_PEAK
         if may_reach(s, d0 - peak, v0, d1 - peak, v1, bound4) or may_reach(
             s, -d0 - peak, -v0, -d1 - peak, -v1, bound4
@@ -168,18 +169,28 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
     least = SHORTEST_INTERVAL * h
     while left < s:
         length = min(length, s - left)
+        powers = work.modal_powers
         for node in range(N_MODAL):
-            work.modal_at[node] = (2.0 * left + length * (MODAL_NODES[node] + 1.0)) / h - 1.0
+            sigma = (2.0 * left + length * (MODAL_NODES[node] + 1.0)) / h - 1.0
+            power = 1.0
+            for p in range(N_COEFFICIENTS):
+                powers[p, node] = power
+                power *= sigma
         for j in range(n):
-            start = j * N_MODAL
-            for node in range(N_MODAL):
-                work.modal_nodes[start + node] = work.modal_rows[j, N_COEFFICIENTS - 1]
-            for p in range(N_COEFFICIENTS - 2, -1, -1):
-                coefficient = work.modal_rows[j, p]
-                for node in range(N_MODAL):
-                    work.modal_nodes[start + node] = fma(
-                        work.modal_nodes[start + node], work.modal_at[node], coefficient
-                    )
+            for node in range(0, N_MODAL, LANES):
+                combine(
+                    work.modal_nodes,
+                    j * N_MODAL + node,
+                    ZERO,
+                    0,
+                    1.0,
+                    powers,
+                    node,
+                    N_MODAL,
+                    work.modal_rows,
+                    j * N_COEFFICIENTS,
+                    N_COEFFICIENTS,
+                )
         if _add_interval(length, length <= least, n, tally, work):
             left = s if length >= s - left else left + length
             length *= 2.0
@@ -211,12 +222,8 @@ def _add_interval(length, accept, n, tally, work):
     c = work.modal_series
     for j in range(n):
         start = j * N_MODAL
-        for k in range(N_MODAL):
-            c[k] = 0.0
-        for node in range(N_MODAL):
-            value = f[start + node]
-            for k in range(N_MODAL):
-                c[k] = fma(MODAL_TRANSFORM[node, k], value, c[k])
+        for k in range(0, N_MODAL, LANES):
+            combine(c, k, ZERO, 0, 1.0, MODAL_TRANSFORM, k, N_MODAL, f, start, N_MODAL)
         tail = max(abs(c[N_MODAL - 2]), abs(c[N_MODAL - 1]))
         if tail > MODAL_TOLERANCE:
             if not accept:

@@ -78,7 +78,8 @@ class Work(NamedTuple):
     """Padded n N_MODAL: modal coordinates at the nodes of an interval, by mode, then node."""
     modal_part: np.ndarray
     modal_series: np.ndarray
-    modal_at: np.ndarray
+    modal_powers: np.ndarray
+    """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
     modal_values: np.ndarray
     stack: np.ndarray
     a: np.ndarray
@@ -103,7 +104,7 @@ def empty_work(n: int) -> Work:
         modal_nodes=np.zeros(padded(n * N_MODAL)),
         modal_part=np.zeros(n),
         modal_series=np.zeros(N_MODAL),
-        modal_at=np.zeros(N_MODAL),
+        modal_powers=np.zeros((N_COEFFICIENTS, N_MODAL)),
         modal_values=np.zeros(n),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),

@@ -12,8 +12,8 @@ Otherwise the interval is halved, the left half first, until either every part i
 part has exactly one root because the slope, bounded likewise from below, is positive there.
 """
 
-from hpcsweep.flow.tables import N_COEFFICIENTS
-from hpcsweep.jit import fma, jit
+from hpcsweep.flow.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.jit import LANES, combine, fma, jit
 
 HERMITE_VALUE = 1.0 / 384.0
 HERMITE_SLOPE = 0.00802
@@ -52,12 +52,21 @@ def expand_rows(poly, index, x, rows, expanded):
 @jit
 def expand_row(poly, index, row, x, rows):
     """Write the polynomial of one component along a step from x into its row."""
-    for p in range(N_COEFFICIENTS):
-        rows[row, p] = poly[index, row, 0, p] * x[0]
-    for k in range(1, x.shape[0]):
-        factor = x[k]
-        for p in range(N_COEFFICIENTS):
-            rows[row, p] = fma(poly[index, row, k, p], factor, rows[row, p])
+    start = (index * poly.shape[1] + row) * poly.shape[2] * N_COEFFICIENTS
+    for p in range(0, N_COEFFICIENTS, LANES):
+        combine(
+            rows,
+            row * N_COEFFICIENTS + p,
+            ZERO,
+            0,
+            1.0,
+            poly,
+            start + p,
+            N_COEFFICIENTS,
+            x,
+            0,
+            x.shape[0],
+        )
 
 
 @jit

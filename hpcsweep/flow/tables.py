@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from hpcsweep.jit import fma, jit
+from hpcsweep.jit import LANES, combine, combine_moduli, jit
 from hpcsweep.structure import Structure
 
 DEGREE = 15
@@ -38,11 +38,10 @@ THETA_FREE = 2.2
 MAX_TABLES = 64
 """Tables kept; when more contact sets occur the table store is emptied and filled anew."""
 N_BOUND_SAMPLES = 65
-MODAL_NODES, MODAL_WEIGHTS = np.polynomial.legendre.leggauss(12)
+MODAL_NODES, MODAL_WEIGHTS = np.polynomial.legendre.leggauss(2 * LANES)
 """Of the modal norms (`metrics`), on a step."""
 N_MODAL = MODAL_NODES.shape[0]
-LANES = 8
-"""Rows worked on together: what a vector register of 64 bytes holds."""
+ZERO = np.zeros(LANES)
 
 
 def _economisation() -> np.ndarray:
@@ -216,27 +215,19 @@ def _build_modal(model, poly, modal):
 @jit
 def product(table, index, x, out):
     """Multiply the columns ``table[index]`` by x into `out`, whose length is padded to `LANES`."""
+    rows = table.shape[2]
+    start = index * table.shape[1] * rows
     for first in range(0, out.shape[0], LANES):
-        factor = x[0]
-        for lane in range(LANES):
-            out[first + lane] = table[index, 0, first + lane] * factor
-        for k in range(1, x.shape[0]):
-            factor = x[k]
-            for lane in range(LANES):
-                out[first + lane] = fma(table[index, k, first + lane], factor, out[first + lane])
+        combine(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
 
 
 @jit
 def product_of_moduli(table, index, x, out):
     """Multiply as `product`, by the moduli |x|."""
+    rows = table.shape[2]
+    start = index * table.shape[1] * rows
     for first in range(0, out.shape[0], LANES):
-        factor = abs(x[0])
-        for lane in range(LANES):
-            out[first + lane] = table[index, 0, first + lane] * factor
-        for k in range(1, x.shape[0]):
-            factor = abs(x[k])
-            for lane in range(LANES):
-                out[first + lane] = fma(table[index, k, first + lane], factor, out[first + lane])
+        combine_moduli(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
 
 
 @jit

@@ -30,7 +30,7 @@ from hpcsweep.flow.layer import (
     WEIGHTS,
 )
 from hpcsweep.flow.tables import N_COEFFICIENTS
-from hpcsweep.jit import fma, jit
+from hpcsweep.jit import combine, fma, jit
 
 CONVERGED = 1e-13
 """Last change of the stage accelerations, relative; the next would be some tenth of it."""
@@ -166,7 +166,10 @@ def layer_tangent(h, stage_u, model, tangent):
     g = np.empty((n, N_STAGES))
     u = np.empty((n, N_STAGES))
     v = np.empty((n, N_STAGES))
+    free = np.empty((n, N_STAGES))
+    speeds = np.empty((n, N_STAGES))
     fresh = np.empty(N_STAGES)
+    stiffness, damping = model.stiffness, model.damping
     for column in range(2 * n):
         for i in range(n):
             start = -spring[i, 0] * tangent[i, column]
@@ -175,29 +178,24 @@ def layer_tangent(h, stage_u, model, tangent):
                 start -= model.damping[i, k] * tangent[n + k, column]
             for j in range(N_STAGES):
                 g[i, j] = start
+                free[i, j] = fma(NODES[j] * h, tangent[n + i, column], tangent[i, column])
+                speeds[i, j] = tangent[n + i, column]
         for _ in range(2 * MAX_ITERATIONS):
             for i in range(n):
-                position, speed = tangent[i, column], tangent[n + i, column]
-                for j in range(N_STAGES):
-                    u[i, j] = NODES[j] * speed / h
-                    v[i, j] = speed / h
-                for k in range(N_STAGES):
-                    value = g[i, k]
-                    for j in range(N_STAGES):
-                        u[i, j] = fma(POSITION_ROWS[k, j], value, u[i, j])
-                        v[i, j] = fma(SPEED_ROWS[k, j], value, v[i, j])
-                for j in range(N_STAGES):
-                    u[i, j] = fma(h * h, u[i, j], position)
-                    v[i, j] *= h
+                row = i * N_STAGES
+                combine(u, row, free, row, h * h, POSITION_ROWS, 0, N_STAGES, g, row, N_STAGES)
+                combine(v, row, speeds, row, h, SPEED_ROWS, 0, N_STAGES, g, row, N_STAGES)
             change = 0.0
             largest = 0.0
             for i in range(n):
                 for j in range(N_STAGES):
                     fresh[j] = -spring[i, j] * u[i, j]
-                for k in range(n):
-                    stiffness, damping = -model.stiffness[i, k], -model.damping[i, k]
-                    for j in range(N_STAGES):
-                        fresh[j] = fma(stiffness, u[k, j], fma(damping, v[k, j], fresh[j]))
+                low, high = max(i - 1, 0), min(i + 2, n)  # K is tridiagonal
+                at = low * N_STAGES
+                combine(
+                    fresh, 0, fresh, 0, -1.0, u, at, N_STAGES, stiffness, i * n + low, high - low
+                )
+                combine(fresh, 0, fresh, 0, -1.0, v, 0, N_STAGES, damping, i * n, n)
                 for j in range(N_STAGES):
                     change = max(change, abs(fresh[j] - g[i, j]))
                     largest = max(largest, abs(fresh[j]))

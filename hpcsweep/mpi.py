@@ -104,7 +104,11 @@ class Ranks:
 
     def abort(self, code: int) -> None:
         """End all ranks at once."""
+        sys.stdout.flush()
+        sys.stderr.flush()
         self.raw.Abort(code)
+        # where it returns, MPI must not be finalised: messages are under way
+        os._exit(code)
 
     def leave(self, code: int) -> int:
         """Return the exit code of the job (collective); may end all ranks with it.

@@ -12,9 +12,9 @@ Run a job. If its results file exists already, the run goes on where it stopped,
 of ranks, and the results equal those of an uninterrupted run bit for bit.
 
 SIGTERM, SIGINT (Ctrl-C) and SIGUSR1 stop it in good order within seconds, with exit code 75, sent
-to mpirun or to any rank: the mpirun of MPICH 4 and 5 hands all three on to the ranks and returns
-their exit code. Open MPI's does so with SIGUSR1; told SIGTERM or SIGINT it may return 1 itself,
-but the ranks stop in good order. After SIGKILL of a rank mpirun says BAD TERMINATION and returns 9;
+to mpirun or to any rank: MPICH's mpirun hands all three on to the ranks and returns their exit
+code. Open MPI's does so with SIGUSR1; told SIGINT it returns 1 itself, but the ranks stop in good
+order. After SIGKILL of a rank mpirun says BAD TERMINATION and returns 9;
 after any kill at most the last seconds are computed again. Do not press Ctrl-C twice: mpirun then
 kills.
 

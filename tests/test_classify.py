@@ -192,9 +192,10 @@ def test_a_torus_and_chaos_of_the_structure_itself():
         found[amplitude] = exponent * 500 * 2 * math.pi / omega, points
     growth, points = found[0.1025]
     assert classify_points(points, growth, 1e-6) == MotionClass.QUASI_PERIODIC
-    growth, points = found[0.09877]
+    # its points may lie close to a curve, too, for the motion contracts strongly across it: it is
+    # the exponent that tells
+    growth, _ = found[0.09877]
     assert growth > 3 * CHAOS_GROWTH
-    assert not on_closed_curve(points)
 
 
 STATE = (0.47812, 0.317291, 0.446605, -0.93638, 0.063818, -0.081978)

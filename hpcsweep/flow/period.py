@@ -83,11 +83,13 @@ class Work(NamedTuple):
     modal_values: np.ndarray
     stack: np.ndarray
     a: np.ndarray
+    a_end: np.ndarray
     propagator: np.ndarray
     matrix: np.ndarray
     layer: LayerRoom
     stage_u: np.ndarray
     stage_v: np.ndarray
+    stage_a: np.ndarray
 
 
 def empty_work(n: int) -> Work:
@@ -108,11 +110,13 @@ def empty_work(n: int) -> Work:
         modal_values=np.zeros(n),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
+        a_end=np.zeros(n),
         propagator=np.zeros((2 * n, 2 * n)),
         matrix=np.zeros((2 * n, 2 * n)),
         layer=empty_room(n),
         stage_u=np.zeros(N_STAGES),
         stage_v=np.zeros(N_STAGES),
+        stage_a=np.zeros(N_STAGES),
     )
 
 
@@ -429,6 +433,7 @@ def visit_layer(
         if tangent.shape[0] > 0:
             layer_tangent(h, work.layer.u, model, tangent)
         if observing:
+            accelerations(tau + h, work.z_end, amplitude, model, work.a_end)
             observe_layer_step(h, z, work.z_end, model, tally, work)
         tau = end if h >= left else tau + h
         for i in range(z.shape[0]):

@@ -310,7 +310,7 @@ def demonstrate() -> None:
     """Show a job that is submitted, signalled, requeued and completed."""
     import tempfile
 
-    from test_slurm import LONG, wait_for_runs
+    from test_slurm import LONG, wait_for_blocks
 
     with tempfile.TemporaryDirectory(prefix="slurm-") as name:
         folder = Path(name)
@@ -333,7 +333,7 @@ def demonstrate() -> None:
             print("$ sbatch --ntasks=2 slurm/requeue.sh long.toml")
             job_id = cluster.submit("--ntasks=2", script, "long.toml", cwd=folder)
             print(job_id)
-            wait_for_runs(cluster, folder / "long.h5", 10)
+            wait_for_blocks(cluster, folder / "long.h5")
             show_job()
             print(f"$ scancel --batch --signal=USR1 {job_id}")
             cluster.signal(job_id)

@@ -13,10 +13,10 @@ from conftest import ROOT, SMALL, assert_same_datasets, hpcsweep
 from slurm_cluster import Cluster, SlurmError, edited, launchers
 
 SCRIPTS = ("once.sh", "requeue.sh", "array.sh", "chain.sh")
-LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 8000").replace(
+LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 32000").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
-"""About four seconds of work on one core, in 24 blocks."""
+"""Half a minute of work on one core in 24 blocks: many times what stands between two writes."""
 ENDLESS = LONG.replace("count = 11", "count = 4001").replace("block = 4", "block = 4001")
 """A job whose first block takes minutes."""
 
@@ -48,11 +48,14 @@ def status(path: Path) -> dict:
     return json.loads(hpcsweep(0, "status", path, "--json").stdout)
 
 
-def wait_for_runs(cluster: Cluster, path: Path, least: int, seconds: float = 300) -> None:
-    """Wait until so many blocks of a results file are in its journal."""
+def wait_for_blocks(cluster: Cluster, path: Path, session: int = 1, seconds: float = 300) -> None:
+    """Wait until the so-manieth session on a results file has written a block."""
     deadline = time.monotonic() + seconds
     journal = Path(f"{path}.journal")
-    while not journal.exists() or journal.read_text().count('"block",') < least:
+    while True:
+        sessions = journal.read_text().split('"start"') if journal.exists() else []
+        if len(sessions) > session and '"block",' in sessions[session]:
+            return
         assert time.monotonic() < deadline, cluster.slurm("scontrol", "show", "job")
         time.sleep(0.05)
 
@@ -101,7 +104,7 @@ def test_once_stops_at_the_signal_and_submitted_again_completes(
     script = edited("once.sh", tmp_path, launchers()[launcher])
     results = tmp_path / "other.h5"
     first = cluster.submit("--ntasks=2", script, long_job, results, cwd=tmp_path)
-    wait_for_runs(cluster, results, 3)
+    wait_for_blocks(cluster, results)
     cluster.signal(first)
     stopped = cluster.wait(first)
     assert (stopped["JobState"], stopped["ExitCode"]) == ("FAILED", "75:0")
@@ -125,7 +128,7 @@ def test_requeue_goes_on_until_complete(cluster, tmp_path, long_job, uninterrupt
     job = cluster.submit("--ntasks=2", script, long_job, cwd=tmp_path)
     results = tmp_path / "long.h5"
     for restart in (1, 2):
-        wait_for_runs(cluster, results, 3 * restart)
+        wait_for_blocks(cluster, results, session=restart)
         cluster.signal(job)
         cluster.start_now(job)
         assert cluster.wait(job, "RUNNING")["Restarts"] == str(restart)
@@ -154,7 +157,7 @@ def test_the_time_limit_itself_stops_and_requeues(cluster, tmp_path):
     job = cluster.submit(
         "--ntasks=2", "--time=2", "--signal=B:USR1@60", script, job_file, cwd=tmp_path
     )
-    wait_for_runs(cluster, tmp_path / "longer.h5", 1)
+    wait_for_blocks(cluster, tmp_path / "longer.h5")
     assert cluster.wait(job, "PENDING")["Restarts"] == "1"
     cluster.slurm("scancel", job)
     state = status(tmp_path / "longer.h5")
@@ -166,10 +169,10 @@ def test_the_time_limit_itself_stops_and_requeues(cluster, tmp_path):
 def test_requeue_ends_after_the_most_restarts(cluster, tmp_path, long_job):
     script = edited("requeue.sh", tmp_path, launchers()["srun"])
     job = cluster.submit("--ntasks=2", script, long_job, cwd=tmp_path, HPCSWEEP_MAX_RESTARTS="1")
-    wait_for_runs(cluster, tmp_path / "long.h5", 3)
+    wait_for_blocks(cluster, tmp_path / "long.h5")
     cluster.signal(job)
     cluster.start_now(job)
-    wait_for_runs(cluster, tmp_path / "long.h5", 6)
+    wait_for_blocks(cluster, tmp_path / "long.h5", session=2)
     cluster.signal(job)
     ended = cluster.wait(job)
     assert (ended["JobState"], ended["ExitCode"], ended["Restarts"]) == ("FAILED", "75:0", "1")
@@ -221,7 +224,7 @@ def test_a_mistake_is_told_in_one_line_and_not_requeued(cluster, tmp_path, scrip
 def test_a_cancelled_job_is_not_requeued(cluster, tmp_path, long_job):
     script = edited("requeue.sh", tmp_path, launchers()["srun"])
     job = cluster.submit("--ntasks=2", script, long_job, cwd=tmp_path)
-    wait_for_runs(cluster, tmp_path / "long.h5", 3)
+    wait_for_blocks(cluster, tmp_path / "long.h5")
     cluster.slurm("scancel", job)
     ended = cluster.wait(job)
     assert (ended["JobState"], ended["Restarts"]) == ("CANCELLED", "0")
@@ -238,7 +241,7 @@ def test_array_runs_each_file_and_requeues_one_task_alone(
     small.write_text(SMALL)
     script = edited("array.sh", tmp_path, launchers()["mpirun"])
     array = cluster.submit("--ntasks=2", "--array=1-3", script, long_job, small, cwd=tmp_path)
-    wait_for_runs(cluster, tmp_path / "long.h5", 3)
+    wait_for_blocks(cluster, tmp_path / "long.h5")
     cluster.signal(f"{array}_1")
     cluster.start_now(f"{array}_1")
     assert cluster.wait(f"{array}_1")["Restarts"] == "1"
@@ -256,7 +259,7 @@ def test_chain_goes_on_and_cancels_the_links_left_over(cluster, tmp_path, long_j
     script = edited("chain.sh", tmp_path, launchers()["srun"])
     links = cluster.slurm("bash", script, 4, long_job, "--ntasks=2", cwd=tmp_path).split()
     assert len(links) == 4
-    wait_for_runs(cluster, tmp_path / "long.h5", 3)
+    wait_for_blocks(cluster, tmp_path / "long.h5")
     assert cluster.job(links[1])["Reason"] == "Dependency"
     cluster.signal(links[0])
     ended = [cluster.wait(link) for link in links]
@@ -303,7 +306,7 @@ def test_nothing_is_left_running(tmp_path, long_job):
     with contextlib.suppress(ZeroDivisionError), own:
         script = edited("once.sh", tmp_path, launchers()["srun"])
         own.submit("--ntasks=2", script, long_job, cwd=tmp_path)
-        wait_for_runs(own, tmp_path / "long.h5", 1)
+        wait_for_blocks(own, tmp_path / "long.h5")
         # munged, slurmctld and its helper, slurmd, two slurmstepd, the script, srun, two ranks
         assert len(own.processes()) >= 9
         raise ZeroDivisionError
@@ -324,7 +327,7 @@ def test_nothing_is_left_running_when_the_test_process_is_killed(tmp_path, long_
     process = subprocess.Popen([sys.executable, "-c", program], cwd=Path(__file__).parent)
     own = Cluster(tmp_path / "own")
     try:
-        wait_for_runs(own, tmp_path / "long.h5", 1)
+        wait_for_blocks(own, tmp_path / "long.h5")
         assert len(own.processes()) >= 9
     finally:
         process.kill()

@@ -109,12 +109,36 @@ class BdfMap:
         amplitude: float,
         n_periods: int,
         modal_norm: bool = False,
+        growth: bool = False,
         poll: Callable[[], None] | None = None,
     ) -> Observation:
-        """Integrate `n_periods` and gather points, contact set, drift and modal norms."""
+        """Integrate `n_periods` and gather points, contact set, drift and modal norms.
+
+        With `growth` also the growth of a tangent vector, (1, ..., 1) at first; for that the window
+        is integrated once more.
+        """
         tally = _Tally(self.structure, modal_norm)
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
-        return Observation(points, tally.contact, tally.peak_drift, tally.modal_mean(), outcome)
+        total = math.nan
+        if growth and outcome is Outcome.COMPLETE:
+            total = self._growth(state, amplitude, n_periods, poll)
+        return Observation(
+            points, tally.contact, tally.peak_drift, tally.modal_mean(), outcome, total
+        )
+
+    def _growth(self, state, amplitude, n_periods, poll):
+        """Logarithm of the growth of a tangent vector; NaN if the solver fails."""
+        size = 2 * self.structure.n_floors
+        z = np.concatenate((np.asarray(state, dtype=float), np.full(size, size**-0.5)))
+        total = 0.0
+        for _ in range(n_periods):
+            z, outcome = self._period(z, amplitude, poll, columns=1)
+            if outcome is not Outcome.COMPLETE:
+                return math.nan
+            length = np.linalg.norm(z[size:])
+            total += math.log(length) if length > 0 else -math.inf
+            z[size:] /= length or 1.0
+        return total
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int
@@ -126,7 +150,7 @@ class BdfMap:
         size = 2 * self.structure.n_floors
         z = np.concatenate((np.asarray(state, dtype=float), np.eye(size).ravel()))
         for done in range(n_periods):
-            z, outcome = self._period(z, amplitude, None, tangent=True)
+            z, outcome = self._period(z, amplitude, None, columns=size)
             if outcome is not Outcome.COMPLETE:
                 raise ArithmeticError(f"bdf: {outcome.name} in forcing period {done + 1}")
         return z[:size], z[size:].reshape(size, size)
@@ -141,8 +165,8 @@ class BdfMap:
             points[done] = z
         return points, Outcome.COMPLETE
 
-    def _equations(self, amplitude, tangent):
-        """Right-hand side and Jacobian for scipy, of the state alone or with its tangent."""
+    def _equations(self, amplitude, columns):
+        """Right-hand side and Jacobian for scipy, of the state with so many tangent columns."""
         beta, rho = self.structure.stiffness_ratio, self.structure.sharpness
         stiffness, damping = self._stiffness, self._damping
         size = 2 * self.structure.n_floors
@@ -157,25 +181,25 @@ class BdfMap:
             return jacobian(z, beta, rho, stiffness, damping, np.empty((size, size)))
 
         def derivative_with_tangent(tau, z):
-            columns = matrix(tau, z[:size]) @ z[size:].reshape(size, size)
-            return np.concatenate((derivative(tau, z[:size]), columns.ravel()))
+            product = matrix(tau, z[:size]) @ z[size:].reshape(size, columns)
+            return np.concatenate((derivative(tau, z[:size]), product.ravel()))
 
         def matrix_with_tangent(tau, z):
             # the second derivative of the field is left out: Newton converges without it
-            return np.kron(np.eye(size + 1), matrix(tau, z[:size]))[order][:, order]
+            return np.kron(np.eye(columns + 1), matrix(tau, z[:size]))[order][:, order]
 
         # state first, then the tangent matrix row by row
-        tail = size + np.arange(size * size).reshape(size, size).T.ravel()
+        tail = size + np.arange(size * columns).reshape(columns, size).T.ravel()
         order = np.concatenate((np.arange(size), tail))
-        if tangent:
+        if columns:
             return derivative_with_tangent, matrix_with_tangent
         return derivative, matrix
 
-    def _period(self, z, amplitude, poll, on_step=None, tangent=False):
+    def _period(self, z, amplitude, poll, on_step=None, columns=0):
         """Integrate one period; return the state (the old one after a failure) and an outcome."""
         if poll is not None:
             poll()
-        derivative, matrix = self._equations(float(amplitude), tangent)
+        derivative, matrix = self._equations(float(amplitude), columns)
         with np.errstate(all="ignore"):
             try:
                 solver = BDF(

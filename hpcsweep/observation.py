@@ -1,5 +1,6 @@
 """What a solver returns of a stretch of forcing periods."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,9 @@ class Observation:
         or if it was not asked for.
     outcome : Outcome
         COMPLETE, or why it ended early.
+    growth : float
+        Natural logarithm of the factor by which a tangent vector grows over the window; NaN unless
+        it was asked for.
     """
 
     points: np.ndarray
@@ -50,3 +54,4 @@ class Observation:
     peak_drift: float
     modal_norm: np.ndarray
     outcome: Outcome
+    growth: float = math.nan

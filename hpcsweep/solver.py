@@ -51,9 +51,10 @@ class Solver(Protocol):
         amplitude: float,
         n_periods: int,
         modal_norm: bool = False,
+        growth: bool = False,
         poll: Callable[[], None] | None = None,
     ) -> Observation:
-        """Integrate, keeping points, contact set, drift and modal norms."""
+        """Integrate, keeping points, contact set, drift, modal norms and growth of a tangent."""
         ...
 
     def monodromy(

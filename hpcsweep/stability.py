@@ -1,12 +1,10 @@
 """Stability of orbits: Floquet multipliers and the largest Lyapunov exponent."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
-CHUNK = 8
-"""Forcing periods between renormalisations of the tangent vector."""
+from hpcsweep.outcome import Outcome
 
 NEWTON_STEPS = 4
 NEWTON_REACH = 0.01
@@ -80,14 +78,13 @@ def largest_lyapunov_exponent(
     amplitude: float,
     n_periods: int,
     is_orbit: bool,
-    poll: Callable[[], None] | None = None,
 ) -> float:
     """Measure the largest Lyapunov exponent per unit time along the motion from `state`.
 
     On a periodic orbit it is ln |mu_1| / (p T), mu_1 the largest Floquet multiplier. Elsewhere
-    it is the mean growth rate of the norm of the tangent map over `n_periods` forcing periods,
-    renormalised every `CHUNK` (Benettin et al., Meccanica 15 (1980) 9); the finite window leaves
-    an error of the order of 1 / (n_periods T).
+    it is the mean growth rate of a tangent vector over `n_periods` forcing periods, scaled to
+    length 1 after each (Benettin et al., Meccanica 15 (1980) 9); the finite window leaves an error
+    of the order of 1 / (n_periods T).
 
     Parameters
     ----------
@@ -103,27 +100,20 @@ def largest_lyapunov_exponent(
     -------
     float
         -inf if the tangent map vanishes.
+
+    Raises
+    ------
+    ArithmeticError
+        If the solver fails.
     """
     time = n_periods * 2 * math.pi / solver.omega
     if is_orbit:
         _, matrix = solver.monodromy(state, amplitude, n_periods)
         return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)
-    frame = np.eye(len(state))
-    growth = 0.0
-    z = state
-    done = 0
-    while done < n_periods:
-        if poll is not None:
-            poll()
-        chunk = min(CHUNK, n_periods - done)
-        z, matrix = solver.monodromy(z, amplitude, chunk)
-        frame, triangle = np.linalg.qr(matrix @ frame)
-        size = abs(triangle[0, 0])
-        if size == 0:
-            return -math.inf
-        growth += math.log(size)
-        done += chunk
-    return growth / time
+    seen = solver.observe(state, amplitude, n_periods, growth=True)
+    if seen.outcome is not Outcome.COMPLETE:
+        raise ArithmeticError(f"{seen.outcome.name} in forcing period {len(seen.points) + 1}")
+    return seen.growth / time
 
 
 def exponent_of_multiplier(multiplier: float, time: float) -> float:

@@ -284,7 +284,7 @@ def random_state(rng, structure: Structure) -> np.ndarray:
 
 def steps_taken(solver: flow_map.FlowMap) -> int:
     """Count the linear steps, and the steps in layers, of all periods not observed so far."""
-    counts = solver._silent.counts
+    counts = solver.counts
     return int(counts[0] + counts[2])
 
 

@@ -101,8 +101,9 @@ class FrameSweep:
         if outcome is not Outcome.COMPLETE:
             return self._store_failure(result, row, index, z, cycles, outcome)
         window = period or settings.sampling_cycles
+        growth = "lyapunov" in result and not period
         seen = self.solver.observe(
-            z, amplitude, window, "modal_norm" in settings.metrics, poll=poll
+            z, amplitude, window, "modal_norm" in settings.metrics, growth, poll
         )
         cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
@@ -113,11 +114,15 @@ class FrameSweep:
         else:
             period = orbit_period(seen.points, settings.max_orbit_period, settings.period_tolerance)
         self._store(result, row, index, amplitude, seen, period, cycles)
-        if "lyapunov" in result and shortcut is Shortcut.NEWTON:
+        if "lyapunov" in result:
             time = window * 2 * math.pi / self.solver.omega
-            result["lyapunov"][index] = exponent_of_multiplier(multiplier, time)
-        elif "lyapunov" in result:
-            result["lyapunov"][index] = self._exponent(z, seen, amplitude, period, poll)
+            if shortcut is Shortcut.NEWTON:
+                exponent = exponent_of_multiplier(multiplier, time)
+            elif period:
+                exponent = self._orbit_exponent(seen.points[-1], amplitude, period)
+            else:
+                exponent = seen.growth / time
+            result["lyapunov"][index] = exponent
         return seen.points[-1].copy()
 
     def _transient(self, z, amplitude, poll):
@@ -195,15 +200,10 @@ class FrameSweep:
         shift = (plain - phase - len(points)) % len(points)
         return replace(seen, points=np.roll(points, -shift, axis=0)), period
 
-    def _exponent(self, z, seen, amplitude, period, poll):
-        """Largest Lyapunov exponent of the window from z: of the orbit if there is one."""
+    def _orbit_exponent(self, z, amplitude, period):
+        """Largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
         try:
-            if period:
-                return largest_lyapunov_exponent(
-                    self.solver, seen.points[-1], amplitude, period, True
-                )
-            window = len(seen.points)
-            return largest_lyapunov_exponent(self.solver, z, amplitude, window, False, poll)
+            return largest_lyapunov_exponent(self.solver, z, amplitude, period, True)
         except (ArithmeticError, np.linalg.LinAlgError):
             return math.nan
 

@@ -176,3 +176,29 @@ def moments(v, a, j, beta, rho):
             after_fourth,
         )
     return impulse, first, after_second, before_second, after_third, before_third, before_fourth
+
+
+@jit
+def add_kick(factor, m, floor, stiffness, damping, beta, z):
+    """Add `factor` times the change of the state by a passage with the moments m to z.
+
+    It is sum_k (-1)^k / k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e),
+    of M^3 e its displacements, -(K + beta c) e + D^2 e, and of its velocities what has beta in it,
+    beta (c D e + D c e), and of M^4 e what has beta^2, the velocity of the floor itself.
+    """
+    impulse, first, second_free, second_contact, third_free, third_contact, fourth_contact = m
+    n = stiffness.shape[0]
+    second = factor * (second_free + second_contact)
+    third = factor * (third_free + third_contact)
+    stiff = factor * beta * third_contact / 6.0
+    for i in range(n):
+        square = -stiffness[i, floor]
+        for j in range(n):
+            square += damping[i, j] * damping[j, floor]
+        z[i] -= 0.5 * damping[i, floor] * second + square * third / 6.0
+        z[n + i] += damping[i, floor] * (factor * first) + 0.5 * square * second
+        z[n + i] -= damping[i, floor] * stiff
+    z[floor] -= factor * first - stiff
+    z[n + floor] += factor * (impulse - 0.5 * beta * second_contact)
+    z[n + floor] -= damping[floor, floor] * stiff
+    z[n + floor] += factor * beta * beta * fourth_contact / 24.0

@@ -24,7 +24,6 @@ ROUNDING = 2e-14
 """Points closer than this (relative) are the same to rounding."""
 POLL_PERIODS = 2000
 """Forcing periods between two polls, some tens of milliseconds."""
-NO_TANGENT = np.empty((0, 0))
 
 
 def layer_half_width(beta: float, rho: float) -> float:
@@ -52,13 +51,14 @@ def march(
     tables,
     tolerance,
     max_steps,
-    tally,
-    observing,
     work,
+    counts,
     points,
     previous,
     stop_below,
-    tangent,
+    tally=None,
+    tangent=None,
+    growth=None,
 ):
     """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
 
@@ -70,6 +70,11 @@ def march(
         Room.
     stop_below : float
         Stop early once the state moved by no more than this over a period, three times in a row.
+    tally, tangent
+        See `period.march_period`.
+    growth : ndarray, shape (1,), optional
+        The first column of `tangent` is scaled to length 1 after each period, and the logarithm of
+        what it was added here.
 
     Returns
     -------
@@ -87,15 +92,23 @@ def march(
             tables,
             tolerance,
             max_steps,
-            tally,
-            observing,
             work,
+            counts,
+            tally,
             tangent,
         )
         if outcome != 1:
             for k in range(z.shape[0]):
                 z[k] = previous[k]
             return period, outcome
+        if growth is not None:
+            square = 0.0
+            for k in range(z.shape[0]):
+                square += tangent[k, 0] ** 2
+            size = math.sqrt(square)
+            growth[0] += math.log(size) if size > 0.0 else -math.inf
+            for k in range(z.shape[0]):
+                tangent[k, 0] /= size if size > 0.0 else 1.0
         moved = 0.0
         for k in range(z.shape[0]):
             moved = max(moved, abs(z[k] - previous[k]))
@@ -122,8 +135,8 @@ def settle(
     tables,
     tolerance,
     max_steps,
-    tally,
     work,
+    counts,
     history,
     distance,
     close,
@@ -156,7 +169,6 @@ def settle(
     n_done, period, outcome : int
         `period` is 0 if the orbit has not closed, negative if it is only approached.
     """
-    no_tangent = np.empty((0, 0))
     size = z.shape[0]
     ring = max_period + 1
     if first == 0:
@@ -170,10 +182,8 @@ def settle(
             tables,
             tolerance,
             max_steps,
-            tally,
-            False,
             work,
-            no_tangent,
+            counts,
         )
         slot = period % ring
         if outcome != 1:
@@ -232,6 +242,11 @@ class FlowMap:
     rtol : float
         Relative error asked of a period; sets the tolerance inside the layers. The linear
         motion and the fast passages are exact to about 1e-12 whatever is asked.
+
+    Attributes
+    ----------
+    counts : ndarray of int, shape (4,)
+        Linear steps, fast passages, layer steps and layer visits so far.
     """
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
@@ -243,7 +258,7 @@ class FlowMap:
         self._model = Model(
             stiffness=structure.stiffness_matrix.copy(),
             damping=np.ascontiguousarray(structure.damping_matrix),
-            shapes=np.ascontiguousarray(structure.mode_shapes),
+            shapes=np.ascontiguousarray(structure.mode_shapes.T),
             beta=beta,
             rho=rho,
             omega=self.omega,
@@ -252,7 +267,7 @@ class FlowMap:
         self._tables = empty_tables(structure)
         self._work: Work = empty_work(structure.n_floors)
         self._tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        self._silent = empty_tally(structure.n_floors)
+        self.counts = np.zeros(4, np.int64)
         self._no_points = np.empty((0, 2 * structure.n_floors))
         self._previous = np.empty(2 * structure.n_floors)
 
@@ -286,9 +301,7 @@ class FlowMap:
         z = np.array(state, dtype=float)
         done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll if tol < 0 else None):
-            more, outcome = self._march(
-                z, amplitude, last - first, self._silent, False, self._no_points, tol
-            )
+            more, outcome = self._march(z, amplitude, last - first, self._no_points, tol)
             done += more
             if outcome != Outcome.COMPLETE:
                 break
@@ -336,8 +349,8 @@ class FlowMap:
                 self._tables,
                 self._tolerance,
                 MAX_STEPS,
-                self._silent,
                 self._work,
+                self.counts,
                 *room,
             )
             if period != 0 or outcome != Outcome.COMPLETE:
@@ -352,7 +365,7 @@ class FlowMap:
         poll: Callable[[], None] | None = None,
     ) -> tuple[np.ndarray, Outcome]:
         """Return the stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n)."""
-        return self._points(state, amplitude, n_periods, self._silent, False, poll)
+        return self._points(state, amplitude, n_periods, poll)
 
     def observe(
         self,
@@ -360,16 +373,28 @@ class FlowMap:
         amplitude: float,
         n_periods: int,
         modal_norm: bool = False,
+        growth: bool = False,
         poll: Callable[[], None] | None = None,
     ) -> Observation:
-        """Integrate `n_periods` and gather points, contact set, drift and modal norms."""
+        """Integrate `n_periods` and gather points, contact set, drift and modal norms.
+
+        With `growth` also the growth of a tangent vector, (1, ..., 1) at first.
+        """
         n = self.structure.n_floors
-        tally = empty_tally(n, drift=True, modal_norm=modal_norm)
-        points, outcome = self._points(state, amplitude, n_periods, tally, True, poll)
+        tally = empty_tally(n, modal_norm)
+        tangent = total = None
+        if growth:
+            tangent, total = np.full((2 * n, 1), math.sqrt(0.5 / n)), np.zeros(1)
+        points, outcome = self._points(state, amplitude, n_periods, poll, tally, tangent, total)
         free = tally.free_time[0]
         norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
         return Observation(
-            points, int(tally.contact[0]), float(tally.peak_drift[0]), norms, outcome
+            points,
+            int(tally.contact[0]),
+            float(tally.peak_drift[0]),
+            norms,
+            outcome,
+            float(total[0]) if growth else math.nan,
         )
 
     def monodromy(
@@ -390,28 +415,26 @@ class FlowMap:
         """
         z = np.array(state, dtype=float)
         tangent = np.eye(z.size)
-        done, outcome = self._march(
-            z, amplitude, n_periods, self._silent, False, self._no_points, -1.0, tangent
-        )
+        done, outcome = self._march(z, amplitude, n_periods, self._no_points, tangent=tangent)
         if outcome != Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {done + 1}")
         return z, tangent
 
-    def _points(self, state, amplitude, n_periods, tally, observing, poll):
+    def _points(self, state, amplitude, n_periods, poll, tally=None, tangent=None, growth=None):
         """Integrate `n_periods`; return the points that were reached, and the outcome."""
         z = np.array(state, dtype=float)
         points = np.empty((n_periods, z.size))
         done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll):
-            more, outcome = self._march(
-                z, amplitude, last - first, tally, observing, points[first:last], -1.0
-            )
+            more, outcome = self._march(z, amplitude, last - first, points[first:last], tally=tally)
             done += more
             if outcome != Outcome.COMPLETE:
                 break
         return points[:done], Outcome(outcome)
 
-    def _march(self, z, amplitude, n_periods, tally, observing, points, tol, tangent=NO_TANGENT):
+    def _march(
+        self, z, amplitude, n_periods, points, tol=-1.0, tally=None, tangent=None, growth=None
+    ):
         return march(
             z,
             float(amplitude),
@@ -420,11 +443,12 @@ class FlowMap:
             self._tables,
             self._tolerance,
             MAX_STEPS,
-            tally,
-            observing,
             self._work,
+            self.counts,
             points,
             self._previous,
             float(tol),
+            tally,
             tangent,
+            growth,
         )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.flow import layer as layer_module
-from hpcsweep.flow.search import expand_rows, may_reach, value_and_slope
+from hpcsweep.flow.search import expand_rows, may_reach, value_and_slope, value_slope_bend
 from hpcsweep.flow.tables import (
     MODAL_NODES,
     MODAL_WEIGHTS,
@@ -22,11 +22,16 @@ from hpcsweep.flow.tables import (
     ZERO,
     product,
 )
-from hpcsweep.jit import LANES, combine, jit
+from hpcsweep.jit import LANES, combine, jit, jit_inline
 
 SAME_PEAK = 1e-11
 """Relative excess over the largest drift so far that is not looked for."""
-PEAK_DEPTH = 5
+PEAK_ERROR = 1e-13
+"""Relative, of a largest drift."""
+PEAK_DEPTH = 12
+"""Halvings in the search for it; on a part of h 2^-12 without a proof, beside a turning point of
+the slope, an extremum differs from its neighbours by rounding."""
+HERMITE_BEND = 1.0 / 12.0
 MODAL_TOLERANCE = 1e-5
 """Largest tail of the interpolant of q_j / ||q|| on an interval that counts as resolved. The norms
 are then right to about 1e-10 (measured: 8e-10 with a tolerance of 1e-4, 5e-12 with 1e-6)."""
@@ -42,6 +47,8 @@ MODAL_TRANSFORM = np.ascontiguousarray(
     ).T
 )
 """Row: node; column: coefficient of the Legendre series."""
+TINY = 1e-300
+"""Added to the square of ||q||, which may vanish."""
 STAGE_WEIGHTS = layer_module.WEIGHTS
 N_STAGES = layer_module.N_STAGES
 _K = np.arange(N_MODAL)
@@ -61,26 +68,21 @@ class Tally(NamedTuple):
     """(1,): time in which no floor touched."""
     modal: np.ndarray
     """(n,): integral of |q_j| / ||q|| over that time."""
-    counts: np.ndarray
-    """(4,) int64: linear steps, fast passages, layer steps, layer visits."""
-    drift: bool
     modal_norm: bool
 
 
-def empty_tally(n: int, drift: bool = False, modal_norm: bool = False) -> Tally:
+def empty_tally(n: int, modal_norm: bool = False) -> Tally:
     """Make a tally for n floors."""
     return Tally(
         np.zeros(1, np.uint64),
         np.zeros(1),
         np.zeros(1),
         np.zeros(n),
-        np.zeros(4, np.int64),
-        drift,
         modal_norm,
     )
 
 
-@jit
+@jit_inline
 def drift_on_segment(index, x, z_end, s, tables, tally, work):
     """Update the largest drift over the first `s` of a linear step from x to state z_end.
 
@@ -104,46 +106,82 @@ def drift_on_segment(index, x, z_end, s, tables, tally, work):
         if may_reach(s, d0 - peak, v0, d1 - peak, v1, bound4) or may_reach(
             s, -d0 - peak, -v0, -d1 - peak, -v1, bound4
         ):
-            expand_rows(tables.poly, index, x, work.rows, work.expanded)
+            expand_rows(tables.poly, index, x, work.rows, work.expanded, i + 1)
             for p in range(N_COEFFICIENTS):
                 work.drift_rows[0, p] = work.rows[i, p]
                 if i > 0:
                     work.drift_rows[0, p] -= work.rows[below, p]
-            _search_peak(work.drift_rows, h, s, bound4, tally)
+            _search_peak(work.drift_rows, h, s, bound4, tally, work.stack)
 
 
 @jit
-def _search_peak(rows, h, s, bound4, tally):
-    """Update the largest drift with the extrema of one polynomial on [0, s]."""
-    parts = 1 << PEAK_DEPTH
-    d = s / parts
-    g0, slope0 = value_and_slope(rows, 0, h, 0.0)
-    for part in range(parts):
-        g1, slope1 = value_and_slope(rows, 0, h, (part + 1) * d)
-        peak = tally.peak_drift[0] * (1.0 + SAME_PEAK)
-        if slope0 * slope1 < 0.0 and (
-            may_reach(d, g0 - peak, slope0, g1 - peak, slope1, bound4)
-            or may_reach(d, -g0 - peak, -slope0, -g1 - peak, -slope1, bound4)
+def _search_peak(rows, h, s, bound4, tally, stack):
+    """Update the largest drift with the extrema of one polynomial on [0, s].
+
+    A part is done with where the Hermite bound allows no more than the largest drift, or where
+    the slope is proved to be monotone: it has one extremum at most. Other parts are halved.
+    `stack` is room for right ends, as in `search.first_passage`.
+    """
+    a = 0.0
+    ga, da = value_and_slope(rows, 0, h, a)
+    gb, db = value_and_slope(rows, 0, h, s)
+    stack[0, 0], stack[0, 1], stack[0, 2] = s, gb, db
+    depth = 0
+    while depth >= 0:
+        b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+        d = b - a
+        known = max(tally.peak_drift[0], max(abs(ga), abs(gb)))
+        tally.peak_drift[0] = known
+        peak = known * (1.0 + SAME_PEAK)
+        if may_reach(d, ga - peak, da, gb - peak, db, bound4) or may_reach(
+            d, -ga - peak, -da, -gb - peak, -db, bound4
         ):
-            a, b, fa, fb = part * d, (part + 1) * d, slope0, slope1
-            value = g0
-            for _ in range(60):
-                middle = b - fb * (b - a) / (fb - fa)
-                value, slope = value_and_slope(rows, 0, h, middle)
-                if slope * fb > 0.0:
-                    b, fb = middle, slope
-                    fa *= 0.5
-                else:
-                    a, fa = middle, slope
-                    fb *= 0.5
-                if abs(slope) * d < 1e-13 * abs(value) or slope == 0.0 or b - a < 1e-9 * d:
-                    break
-            tally.peak_drift[0] = max(tally.peak_drift[0], abs(value))
-        tally.peak_drift[0] = max(tally.peak_drift[0], abs(g1))
-        g0, slope0 = g1, slope1
+            if depth < PEAK_DEPTH and not _slope_is_monotone(d, ga, da, gb, db, bound4):
+                middle = 0.5 * (a + b)
+                gb, db = value_and_slope(rows, 0, h, middle)
+                depth += 1
+                stack[depth, 0], stack[depth, 1], stack[depth, 2] = middle, gb, db
+                continue
+            if da * db < 0.0:
+                tally.peak_drift[0] = max(known, abs(_extremum(rows, h, a, da, b, db)))
+        a, ga, da = b, gb, db
+        depth -= 1
 
 
 @jit
+def _slope_is_monotone(d, g0, slope0, g1, slope1, bound4):
+    """Tell whether g'' has one sign on an interval of length d; True is proved.
+
+    That of the cubic Hermite interpolant is linear and differs by no more than d^2 / 12 times
+    the bound of the fourth derivative (see `search`).
+    """
+    rise = 6.0 * (g1 - g0) / d
+    bend0 = (rise - 4.0 * slope0 - 2.0 * slope1) / d
+    bend1 = (2.0 * slope0 + 4.0 * slope1 - rise) / d
+    error = HERMITE_BEND * d * d * bound4
+    return min(bend0, bend1) > error or max(bend0, bend1) < -error
+
+
+@jit
+def _extremum(rows, h, a, slope_a, b, slope_b):
+    """Value of polynomial 0 where its slope vanishes between a and b, where the signs differ."""
+    s = a - slope_a * (b - a) / (slope_b - slope_a)
+    value = 0.0
+    for _ in range(60):
+        value, slope, bend = value_slope_bend(rows, 0, h, s)
+        if slope * slope_b > 0.0:
+            b = s
+        else:
+            a = s
+        step = -slope / bend if bend != 0.0 else math.inf
+        # the value is off by slope step / 2
+        if abs(slope * step) <= PEAK_ERROR * abs(value) or b - a <= 1e-9 * h:
+            break
+        s = s + step if a < s + step < b else 0.5 * (a + b)
+    return value
+
+
+@jit_inline
 def modal_norm_on_segment(index, x, s, model, tables, tally, work):
     """Add the modal norms over the first `s` of a free step that starts at x."""
     n = tally.modal.shape[0]
@@ -156,13 +194,23 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
         product(tables.modal, 0, x, work.modal_nodes)
         if _add_interval(s, False, n, tally, work):
             return
-    expand_rows(tables.poly, index, x, work.rows, work.expanded)
+    expand_rows(tables.poly, index, x, work.rows, work.expanded, n)
     for j in range(n):
-        for p in range(N_COEFFICIENTS):
-            total = 0.0
-            for i in range(n):
-                total += model.shapes[i, j] * work.rows[i, p]
-            work.modal_rows[j, p] = total
+        for p in range(0, N_COEFFICIENTS, LANES):
+            row = j * N_COEFFICIENTS + p
+            combine(
+                work.modal_rows,
+                row,
+                ZERO,
+                0,
+                1.0,
+                work.rows,
+                p,
+                N_COEFFICIENTS,
+                model.shapes,
+                j * n,
+                n,
+            )
     # halves, the left one first, until each is resolved
     left = 0.0
     length = 0.5 * s if s == h else s
@@ -212,13 +260,17 @@ def _add_interval(length, accept, n, tally, work):
         Whether it was added; always if `accept`.
     """
     f = work.modal_nodes
+    size = work.modal_size
     for node in range(N_MODAL):
-        square = 0.0
-        for j in range(n):
-            square += f[j * N_MODAL + node] ** 2
-        factor = 1.0 / math.sqrt(square) if square > 0.0 else 0.0
-        for j in range(n):
-            f[j * N_MODAL + node] *= factor
+        size[node] = TINY
+    for j in range(n):
+        for node in range(N_MODAL):
+            size[node] += f[j * N_MODAL + node] ** 2
+    for node in range(N_MODAL):
+        size[node] = 1.0 / math.sqrt(size[node])
+    for j in range(n):
+        for node in range(N_MODAL):
+            f[j * N_MODAL + node] *= size[node]
     c = work.modal_series
     for j in range(n):
         start = j * N_MODAL
@@ -297,7 +349,7 @@ def _zero_between(c, a, fa, b, fb):
     return middle
 
 
-@jit
+@jit_inline
 def observe_layer_step(h, z0, z1, model, tally, work):
     """Update contact, drift and modal norms with one step inside a layer.
 
@@ -307,41 +359,46 @@ def observe_layer_step(h, z0, z1, model, tally, work):
     accelerations at the ends.
     """
     n = tally.modal.shape[0]
+    room = work.layer
+    ways = work.ways
     touching = False
     for i in range(n):
-        highest = _highest(
-            h,
-            (z0[i], z0[n + i], work.a[i]),
-            (z1[i], z1[n + i], work.a_end[i]),
-            work.layer.u[i],
-            work.layer.v[i],
-            work.layer.g[i],
-        )
-        if highest >= 1.0:
-            tally.contact[0] |= np.uint64(1) << np.uint64(i)
+        hardest = max(abs(work.a[i]), abs(work.a_end[i]))
+        for k in range(N_STAGES):
+            hardest = max(hardest, abs(room.g[i, k]))
+        # at most, were the acceleration between the stages twice what it is at any of them
+        ways[i] = h * (abs(z0[n + i]) + 2.0 * h * hardest)
+        bit = np.uint64(1) << np.uint64(i)
+        if z0[i] >= 1.0 or z1[i] >= 1.0:
+            tally.contact[0] |= bit
             touching = True
-    if tally.drift:
-        for i in range(n):
-            for sign in (1.0, -1.0):
+        elif tally.contact[0] & bit == np.uint64(0) and z0[i] + ways[i] >= 1.0:
+            start, end = (z0[i], z0[n + i], work.a[i]), (z1[i], z1[n + i], work.a_end[i])
+            if _highest(h, start, end, room.u[i], room.v[i], room.g[i]) >= 1.0:
+                tally.contact[0] |= bit
+    for i in range(n):
+        drift, way = z0[i], ways[i]
+        if i > 0:
+            drift, way = drift - z0[i - 1], way + ways[i - 1]
+        for sign in (1.0, -1.0):
+            if sign * drift + way > tally.peak_drift[0]:
                 peak = _highest_drift(h, i, sign, z0, z1, n, work)
                 tally.peak_drift[0] = max(tally.peak_drift[0], peak)
     if tally.modal_norm:
         share = _free_share(z0, z1, n) if touching else 1.0
         if share > 0.0:
             tally.free_time[0] += share * h
+            q = work.modal_nodes
+            for j in range(n):
+                combine(q, j * LANES, ZERO, 0, 1.0, room.u, 0, N_STAGES, model.shapes, j * n, n)
             for k in range(N_STAGES):
                 square = 0.0
                 for j in range(n):
-                    q = 0.0
-                    for i in range(n):
-                        q += model.shapes[i, j] * work.layer.u[i, k]
-                    work.modal_values[j] = abs(q)
-                    square += q * q
+                    square += q[j * LANES + k] ** 2
                 if square > 0.0:
+                    weight = share * h * STAGE_WEIGHTS[k] / math.sqrt(square)
                     for j in range(n):
-                        tally.modal[j] += (
-                            share * h * STAGE_WEIGHTS[k] * work.modal_values[j] / math.sqrt(square)
-                        )
+                        tally.modal[j] += weight * abs(q[j * LANES + k])
 
 
 @jit

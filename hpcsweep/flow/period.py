@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.flow.crossing import FULL_POTENTIAL, NEGLECTED, moments, passage_is_fast
+from hpcsweep.flow.crossing import FULL_POTENTIAL, NEGLECTED, add_kick, moments, passage_is_fast
 from hpcsweep.flow.layer import (
     COMPLETE,
     N_STAGES,
@@ -52,7 +52,7 @@ from hpcsweep.flow.tables import (
     product_of_moduli,
 )
 from hpcsweep.flow.tangent import layer_tangent, linear_tangent, passage_tangent
-from hpcsweep.jit import fma, jit
+from hpcsweep.jit import fma, jit, jit_inline
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -80,12 +80,14 @@ class Work(NamedTuple):
     modal_series: np.ndarray
     modal_powers: np.ndarray
     """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
-    modal_values: np.ndarray
+    modal_size: np.ndarray
+    ways: np.ndarray
     stack: np.ndarray
     a: np.ndarray
     a_end: np.ndarray
     propagator: np.ndarray
     matrix: np.ndarray
+    kicks: np.ndarray
     layer: LayerRoom
     stage_u: np.ndarray
     stage_v: np.ndarray
@@ -107,12 +109,14 @@ def empty_work(n: int) -> Work:
         modal_part=np.zeros(n),
         modal_series=np.zeros(N_MODAL),
         modal_powers=np.zeros((N_COEFFICIENTS, N_MODAL)),
-        modal_values=np.zeros(n),
+        modal_size=np.zeros(N_MODAL),
+        ways=np.zeros(n),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
         a_end=np.zeros(n),
         propagator=np.zeros((2 * n, 2 * n)),
         matrix=np.zeros((2 * n, 2 * n)),
+        kicks=np.zeros((4, 2 * n)),
         layer=empty_room(n),
         stage_u=np.zeros(N_STAGES),
         stage_v=np.zeros(N_STAGES),
@@ -373,32 +377,12 @@ def _passes(
         if not apart:
             return False, jerk, promised
         promised |= more
-    impulse, first, second_free, second_contact, third_free, third_contact, fourth_contact = (
-        moments(v, a[floor], jerk, beta, rho)
-    )
-    # sum_k (-1)^k/k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e), of
-    # M^3 e its displacements, -(K + beta c) e + D^2 e, and of its velocities what has beta in it,
-    # beta (c D e + D c e), and of M^4 e what has beta^2, the velocity of the floor itself
-    second = second_free + second_contact
-    third = third_free + third_contact
-    for i in range(n):
-        square = -stiffness[i, floor]
-        for j in range(n):
-            square += damping[i, j] * damping[j, floor]
-        z[i] -= 0.5 * damping[i, floor] * second + square * third / 6.0
-        z[n + i] += damping[i, floor] * first + 0.5 * square * second
-        z[n + i] -= beta * damping[i, floor] * third_contact / 6.0
-    z[floor] -= first - beta * third_contact / 6.0
-    z[n + floor] += impulse - 0.5 * beta * second_contact
-    z[n + floor] -= beta * damping[floor, floor] * third_contact / 6.0
-    z[n + floor] += beta * beta * fourth_contact / 24.0
+    add_kick(1.0, moments(v, a[floor], jerk, beta, rho), floor, stiffness, damping, beta, z)
     return True, jerk, promised & ~(np.uint64(1) << np.uint64(floor))
 
 
 @jit
-def visit_layer(
-    tau, end, z, amplitude, model, tolerance, tally, observing, steps_left, work, tangent
-):
+def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tally, tangent):
     """Integrate from tau until no floor is inside a layer, or until `end`.
 
     Returns
@@ -412,16 +396,16 @@ def visit_layer(
     steps = 0
     while True:
         left = end - tau
-        h = step_limit(z, work.a, model, left)
+        h, stiffness = step_limit(z, work.a, model, left)
         if not tau + h > tau:
             return tau, SOLVER_FAILED, steps
         while True:
             steps += 1
             if steps > steps_left:
                 return tau, STEP_LIMIT, steps
-            if collocate(tau, h, z, work.a, amplitude, model, work.layer):
+            if collocate(tau, h, z, work.a, amplitude, stiffness, model, work.layer):
                 finish(h, z, work.layer.g, work.z_end)
-                error = quadrature_error(h, work.layer.g)
+                error = quadrature_error(h, z, model, work.layer)
                 speed = 1.0
                 for i in range(work.z_end.shape[0]):
                     speed = max(speed, abs(work.z_end[i]))
@@ -430,11 +414,11 @@ def visit_layer(
             h *= 0.5
             if not h > 1e-14 * left:
                 return tau, SOLVER_FAILED, steps
-        if tangent.shape[0] > 0:
-            layer_tangent(h, work.layer.u, model, tangent)
-        if observing:
+        if tally is not None:
             accelerations(tau + h, work.z_end, amplitude, model, work.a_end)
             observe_layer_step(h, z, work.z_end, model, tally, work)
+        if tangent is not None:
+            layer_tangent(h, model, work.layer, tangent)
         tau = end if h >= left else tau + h
         for i in range(z.shape[0]):
             z[i] = work.z_end[i]
@@ -445,9 +429,9 @@ def visit_layer(
             return tau, COMPLETE, steps
 
 
-@jit
+@jit_inline
 def march_period(
-    z, amplitude, model, tables, tolerance, max_steps, tally, observing, work, tangent
+    z, amplitude, model, tables, tolerance, max_steps, work, counts, tally=None, tangent=None
 ):
     """Advance z over one forcing period, in place.
 
@@ -457,14 +441,18 @@ def march_period(
         State at tau = 0; on success the state at tau = T, else the last state reached.
     amplitude : float
         A.
-    model, tables, tally, work
-        See their classes; `tally` is updated only if `observing` (counts always).
+    model, tables, work
+        See their classes.
     tolerance : float
         Local error allowed a step inside a layer, relative to max(1, |z|).
     max_steps : int
         Cap of steps in this period.
-    tangent : ndarray, shape (2n, 2n) or (0, 0)
-        Multiplied by the tangent map of the period, in place, unless empty.
+    counts : ndarray of int, shape (4,)
+        Increased by the linear steps, fast passages, layer steps and layer visits.
+    tally : Tally, optional
+        Brought up to date.
+    tangent : ndarray, shape (2n, m), optional
+        Multiplied by the tangent map of the period, in place.
 
     Returns
     -------
@@ -485,7 +473,6 @@ def march_period(
     bound4 = tables.bound4
     lengths = tables.h
     rotation = tables.rotation
-    counts = tally.counts
     keys = tables.keys
     stiffness = model.stiffness
     damping = model.damping
@@ -499,7 +486,6 @@ def march_period(
             return NON_FINITE
     if not abs(amplitude) < OVERFLOW:
         return NON_FINITE
-    watched = observing or tangent.shape[0] > 0
     tau = 0.0
     steps = 0
     index = -1
@@ -519,10 +505,9 @@ def march_period(
                     amplitude,
                     model,
                     tolerance,
-                    tally,
-                    observing,
                     max_steps - steps,
                     work,
+                    tally,
                     tangent,
                 )
                 counts[2] += used
@@ -538,7 +523,7 @@ def march_period(
                 x[i] = z[i]
             set_forcing(x, tau, amplitude, omega)
         h = lengths[index]
-        if not watched:
+        if tally is None and tangent is None:
             tau, coasted = _coast(
                 key,
                 h,
@@ -567,7 +552,7 @@ def march_period(
                 z_end[row] = wide[row]
         else:
             span = end - tau
-            expand_rows(poly, index, x, rows, expanded)
+            expand_rows(poly, index, x, rows, expanded, 2 * n)
             evaluate_rows(rows, h, span, z_end)
         passed = False
         beyond = False
@@ -578,7 +563,7 @@ def march_period(
         if floor == UNDECIDED:
             return SOLVER_FAILED
         if floor >= 0:
-            expand_rows(poly, index, x, rows, expanded)
+            expand_rows(poly, index, x, rows, expanded, 2 * n)
             touching = (key >> np.uint64(floor)) & np.uint64(1)
             sign = -1.0 if touching else 1.0
             at_stop = _time_at_stop(rows, floor, h, time, sign)
@@ -604,12 +589,12 @@ def march_period(
                     promised,
                 )
             if passed:
-                if tangent.shape[0] > 0:
+                if tangent is not None:
                     evaluate_rows(rows, h, at_stop, z_end)
                     z_end[floor] = 1.0
                     linear_tangent(tables, index, at_stop, tangent, work.propagator, work.matrix)
                     after = key ^ (np.uint64(1) << np.uint64(floor))
-                    passage_tangent(floor, after, z_end, a, jerk, model, tangent)
+                    passage_tangent(floor, after, z_end, a, jerk, model, work.kicks, tangent)
                 counts[1] += 1
                 span = at_stop
                 for i in range(2 * n):
@@ -617,16 +602,15 @@ def march_period(
             else:
                 span = time
                 evaluate_rows(rows, h, span, z_end)
-        if tangent.shape[0] > 0 and not passed:
+        if tangent is not None and not passed:
             linear_tangent(tables, index, span, tangent, work.propagator, work.matrix)
         for i in range(2 * n):
             if not abs(z_end[i]) < OVERFLOW:
                 return NON_FINITE
-        if observing:
+        if tally is not None:
             if key != np.uint64(0):
                 tally.contact[0] |= key
-            if tally.drift:
-                drift_on_segment(index, x, z_end, span, tables, tally, work)
+            drift_on_segment(index, x, z_end, span, tables, tally, work)
             if tally.modal_norm and key == np.uint64(0):
                 modal_norm_on_segment(index, x, span, model, tables, tally, work)
         for i in range(2 * n):
@@ -661,10 +645,9 @@ def march_period(
                     amplitude,
                     model,
                     tolerance,
-                    tally,
-                    observing,
                     max_steps - steps,
                     work,
+                    tally,
                     tangent,
                 )
                 counts[2] += used

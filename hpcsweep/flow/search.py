@@ -32,8 +32,8 @@ UNDECIDED = -2
 
 
 @jit
-def expand_rows(poly, index, x, rows, expanded):
-    """Write the polynomials of all components along a step from x into `rows`.
+def expand_rows(poly, index, x, rows, expanded, count):
+    """Write the polynomials of the first `count` components along a step from x into `rows`.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def expand_rows(poly, index, x, rows, expanded):
     expanded : ndarray of bool, shape (2n,)
         Which rows are valid already.
     """
-    for row in range(rows.shape[0]):
+    for row in range(count):
         if not expanded[row]:
             expand_row(poly, index, row, x, rows)
             expanded[row] = True
@@ -96,6 +96,20 @@ def value_and_slope(rows, row, h, s):
         slope = fma(slope, sigma, value)
         value = fma(value, sigma, rows[row, p])
     return value, slope * (2.0 / h)
+
+
+@jit
+def value_slope_bend(rows, row, h, s):
+    """Evaluate as `value_and_slope`, and the second time derivative."""
+    sigma = 2.0 * s / h - 1.0
+    value = rows[row, N_COEFFICIENTS - 1]
+    slope = 0.0
+    half_bend = 0.0
+    for p in range(N_COEFFICIENTS - 2, -1, -1):
+        half_bend = fma(half_bend, sigma, slope)
+        slope = fma(slope, sigma, value)
+        value = fma(value, sigma, rows[row, p])
+    return value, slope * (2.0 / h), half_bend * (8.0 / (h * h))
 
 
 @jit

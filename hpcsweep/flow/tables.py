@@ -63,6 +63,7 @@ class Model(NamedTuple):
     stiffness: np.ndarray
     damping: np.ndarray
     shapes: np.ndarray
+    """(n, n): row j is the shape of mode j."""
     beta: float
     rho: float
     omega: float
@@ -209,7 +210,7 @@ def _build_modal(model, poly, modal):
                 for p in range(N_COEFFICIENTS - 1, -1, -1):
                     value = value * MODAL_NODES[node] + poly[i, column, p]
                 for j in range(n):
-                    modal[0, column, j * N_MODAL + node] += model.shapes[i, j] * value
+                    modal[0, column, j * N_MODAL + node] += model.shapes[j, i] * value
 
 
 @jit

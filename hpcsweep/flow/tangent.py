@@ -19,21 +19,21 @@ import math
 import numpy as np
 
 from hpcsweep.equations import contact_stiffness
-from hpcsweep.flow.crossing import moments
+from hpcsweep.flow.crossing import add_kick, moments
 from hpcsweep.flow.layer import (
     MAX_ITERATIONS,
     N_STAGES,
     NODES,
-    POSITION_ROWS,
     POSITION_WEIGHTS,
-    SPEED_ROWS,
     WEIGHTS,
+    iterations_needed,
+    stages,
 )
 from hpcsweep.flow.tables import N_COEFFICIENTS
 from hpcsweep.jit import combine, fma, jit
 
 CONVERGED = 1e-13
-"""Last change of the stage accelerations, relative; the next would be some tenth of it."""
+"""Last change of the stage accelerations, or the next one, relative."""
 DIFFERENCE = 1e-4
 """Relative step of the central differences; their error, its square, multiplies a small kick."""
 
@@ -41,17 +41,17 @@ DIFFERENCE = 1e-4
 @jit
 def _multiply(matrix, tangent, room):
     """Multiply `tangent` by a matrix from the left, in place; `room` is another (2n, 2n)."""
-    size = tangent.shape[0]
+    size, columns = tangent.shape
     for row in range(size):
         factor = matrix[row, 0]
-        for column in range(size):
+        for column in range(columns):
             room[row, column] = factor * tangent[0, column]
         for k in range(1, size):
             factor = matrix[row, k]
-            for column in range(size):
+            for column in range(columns):
                 room[row, column] = fma(factor, tangent[k, column], room[row, column])
     for row in range(size):
-        for column in range(size):
+        for column in range(columns):
             tangent[row, column] = room[row, column]
 
 
@@ -79,7 +79,7 @@ def linear_tangent(tables, index, s, tangent, propagator, room):
 
 
 @jit
-def passage_tangent(floor, key_after, z, a, jerk, model, tangent):
+def passage_tangent(floor, key_after, z, a, jerk, model, kicks, tangent):
     """Multiply `tangent` by the matrix S of a fast passage, in place.
 
     Parameters
@@ -93,115 +93,108 @@ def passage_tangent(floor, key_after, z, a, jerk, model, tangent):
         Accelerations there without the contact force of `floor`.
     jerk : float
         Its derivative for `floor`.
+    kicks : ndarray, shape (4, 2n)
+        Room.
+    tangent : ndarray, shape (2n, m)
     """
     if model.rho == math.inf or model.beta == 0.0:
         return
     stiffness, damping = model.stiffness, model.damping
     n = stiffness.shape[0]
     v = z[n + floor]
-    # k = basis m(v, a, j), see `period._passes`
-    basis = np.zeros((2 * n, 7))
-    for i in range(n):
-        square = -stiffness[i, floor]
-        for j in range(n):
-            square += damping[i, j] * damping[j, floor]
-        basis[i, 2] = basis[i, 3] = -0.5 * damping[i, floor]
-        basis[i, 4] = basis[i, 5] = -square / 6.0
-        basis[n + i, 1] = damping[i, floor]
-        basis[n + i, 2] = basis[n + i, 3] = 0.5 * square
-        basis[n + i, 5] = -model.beta * damping[i, floor] / 6.0
-    basis[floor, 1] -= 1.0
-    basis[floor, 5] += model.beta / 6.0
-    basis[n + floor, 0] += 1.0
-    basis[n + floor, 3] -= 0.5 * model.beta
-    basis[n + floor, 5] -= model.beta * damping[floor, floor] / 6.0
-    basis[n + floor, 6] = model.beta**2 / 24.0
-    m = np.array(moments(v, a[floor], jerk, model.beta, model.rho))
     dv = DIFFERENCE * abs(v)
     da = DIFFERENCE * v * v / model.layer
-    m_v = np.array(moments(v + dv, a[floor], jerk, model.beta, model.rho))
-    m_v -= np.array(moments(v - dv, a[floor], jerk, model.beta, model.rho))
-    m_a = np.array(moments(v, a[floor] + da, jerk, model.beta, model.rho))
-    m_a -= np.array(moments(v, a[floor] - da, jerk, model.beta, model.rho))
-    m_v /= 2.0 * dv
-    m_a /= 2.0 * da
-    kick = np.dot(basis, m)
-    by_speed = np.dot(basis, m_v)
-    by_acceleration = np.dot(basis, m_a)
-    matrix = np.eye(2 * n)
-    for row in range(2 * n):
-        matrix[row, n + floor] += by_speed[row]
+    kicks[:] = 0.0
+    beta, rho = model.beta, model.rho
+    for factor, row, speed, acceleration in (
+        (1.0, 0, v, a[floor]),
+        (0.5 / dv, 1, v + dv, a[floor]),
+        (-0.5 / dv, 1, v - dv, a[floor]),
+        (0.5 / da, 2, v, a[floor] + da),
+        (-0.5 / da, 2, v, a[floor] - da),
+    ):
+        m = moments(speed, acceleration, jerk, beta, rho)
+        add_kick(factor, m, floor, stiffness, damping, beta, kicks[row])
+    kick, by_speed, by_acceleration, room = kicks[0], kicks[1], kicks[2], kicks[3]
+    # along f_- the speed changes by a and the acceleration by the jerk
+    # M_+ k, with the sign of the formula, takes the place of k
+    for i in range(n):
+        force = 0.0
+        if (key_after >> np.uint64(i)) & np.uint64(1):
+            force = beta * kick[i]
         for j in range(n):
-            matrix[row, j] -= by_acceleration[row] * stiffness[floor, j]
-            matrix[row, n + j] -= by_acceleration[row] * damping[floor, j]
-        # along f_- the speed changes by a and the acceleration by the jerk
-        drift = by_speed[row] * a[floor] + by_acceleration[row] * jerk
-        if row < n:
-            drift -= kick[n + row]
-        else:
-            i = row - n
-            if (key_after >> np.uint64(i)) & np.uint64(1):
-                drift += model.beta * kick[i]
-            for j in range(n):
-                drift += stiffness[i, j] * kick[j] + damping[i, j] * kick[n + j]
-        matrix[row, floor] -= drift / v
-    tangent[:] = np.dot(matrix, tangent.copy())
+            force += stiffness[i, j] * kick[j] + damping[i, j] * kick[n + j]
+        room[i] = force
+    for i in range(n):
+        kick[i] = -kick[n + i]
+        kick[n + i] = room[i]
+    for column in range(tangent.shape[1]):
+        later = tangent[floor, column] / v
+        faster = tangent[n + floor, column]
+        pushed = 0.0
+        for j in range(n):
+            pushed -= stiffness[floor, j] * tangent[j, column]
+            pushed -= damping[floor, j] * tangent[n + j, column]
+        for row in range(2 * n):
+            drift = by_speed[row] * a[floor] + by_acceleration[row] * jerk + kick[row]
+            tangent[row, column] += (
+                by_speed[row] * faster + by_acceleration[row] * pushed - drift * later
+            )
 
 
 @jit
-def layer_tangent(h, stage_u, model, tangent):
+def layer_tangent(h, model, room, tangent):
     """Multiply `tangent` by the tangent map of one collocation step, in place.
 
     Parameters
     ----------
     h : float
-    stage_u : ndarray, shape (n, N_STAGES)
-        Displacements at the stages of the step.
+    room : LayerRoom
+        What `layer.collocate` has left there; overwritten.
+    tangent : ndarray, shape (2n, m)
     """
-    n = stage_u.shape[0]
-    spring = np.empty((n, N_STAGES))
+    u, v, g, fresh, spring = room.u, room.v, room.g, room.fresh, room.spring
+    free, speeds = room.free, room.speeds
+    n = u.shape[0]
+    hardest = 4.0
     for i in range(n):
         for j in range(N_STAGES):
-            spring[i, j] = contact_stiffness(stage_u[i, j] - 1.0, model.beta, model.rho)
-    g = np.empty((n, N_STAGES))
-    u = np.empty((n, N_STAGES))
-    v = np.empty((n, N_STAGES))
-    free = np.empty((n, N_STAGES))
-    speeds = np.empty((n, N_STAGES))
-    fresh = np.empty(N_STAGES)
+            spring[i, j] = model.beta * room.active[i]
+            if room.active[i] == 2:
+                spring[i, j] = contact_stiffness(u[i, j] - 1.0, model.beta, model.rho)
+            hardest = max(hardest, 4.0 + spring[i, j])
     stiffness, damping = model.stiffness, model.damping
-    for column in range(2 * n):
+    unchecked, least_ratio = iterations_needed(h * h * hardest)
+    for column in range(tangent.shape[1]):
         for i in range(n):
             start = -spring[i, 0] * tangent[i, column]
             for k in range(n):
-                start -= model.stiffness[i, k] * tangent[k, column]
-                start -= model.damping[i, k] * tangent[n + k, column]
+                start -= stiffness[i, k] * tangent[k, column]
+                start -= damping[i, k] * tangent[n + k, column]
             for j in range(N_STAGES):
                 g[i, j] = start
                 free[i, j] = fma(NODES[j] * h, tangent[n + i, column], tangent[i, column])
                 speeds[i, j] = tangent[n + i, column]
-        for _ in range(2 * MAX_ITERATIONS):
-            for i in range(n):
-                row = i * N_STAGES
-                combine(u, row, free, row, h * h, POSITION_ROWS, 0, N_STAGES, g, row, N_STAGES)
-                combine(v, row, speeds, row, h, SPEED_ROWS, 0, N_STAGES, g, row, N_STAGES)
+        for _ in range(unchecked):
+            stages(h, free, speeds, g, u, v)
+            _variations(u, v, spring, stiffness, damping, g)
+        ratio = least_ratio
+        previous = math.inf
+        for _ in range(MAX_ITERATIONS):
+            stages(h, free, speeds, g, u, v)
+            _variations(u, v, spring, stiffness, damping, fresh)
             change = 0.0
             largest = 0.0
             for i in range(n):
                 for j in range(N_STAGES):
-                    fresh[j] = -spring[i, j] * u[i, j]
-                low, high = max(i - 1, 0), min(i + 2, n)  # K is tridiagonal
-                at = low * N_STAGES
-                combine(
-                    fresh, 0, fresh, 0, -1.0, u, at, N_STAGES, stiffness, i * n + low, high - low
-                )
-                combine(fresh, 0, fresh, 0, -1.0, v, 0, N_STAGES, damping, i * n, n)
-                for j in range(N_STAGES):
-                    change = max(change, abs(fresh[j] - g[i, j]))
-                    largest = max(largest, abs(fresh[j]))
-                    g[i, j] = fresh[j]
-            if change <= CONVERGED * largest:
+                    change = max(change, abs(fresh[i, j] - g[i, j]))
+                    largest = max(largest, abs(fresh[i, j]))
+                    g[i, j] = fresh[i, j]
+            if previous < math.inf:
+                ratio = change / previous
+            if change * min(ratio, 1.0) <= CONVERGED * largest:
                 break
+            previous = change
         for i in range(n):
             du = 0.0
             dv = 0.0
@@ -210,3 +203,17 @@ def layer_tangent(h, stage_u, model, tangent):
                 dv = fma(WEIGHTS[k], g[i, k], dv)
             tangent[i, column] += h * (tangent[n + i, column] + h * du)
             tangent[n + i, column] += h * dv
+
+
+@jit
+def _variations(u, v, spring, stiffness, damping, out):
+    """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
+    n = u.shape[0]
+    for i in range(n):
+        row = i * N_STAGES
+        for j in range(N_STAGES):
+            out[i, j] = -spring[i, j] * u[i, j]
+        low, high = max(i - 1, 0), min(i + 2, n)  # K is tridiagonal
+        first, at, count = i * n + low, low * N_STAGES, high - low
+        combine(out, row, out, row, -1.0, u, at, N_STAGES, stiffness, first, count)
+        combine(out, row, out, row, -1.0, v, 0, N_STAGES, damping, i * n, n)

@@ -51,6 +51,7 @@ class LinearOrbit:
             return
         self.lyapunov_exponent = _slowest_decay(structure)
         """Of every linear motion: the largest real part of the eigenvalues of the free modes."""
+        self._largest = float(np.abs(self._response).max())
         self._drift = float(np.abs(np.diff(self._response, prepend=0.0)).max())
         self._modal_norm = _mean_modal_norm(phi.T @ self._response)
         period = 2 * math.pi / omega
@@ -78,6 +79,8 @@ class LinearOrbit:
         settings : SweepSettings
         """
         if self._response is None or self._level <= 0:
+            return None
+        if abs(amplitude) * self._largest >= self._level:
             return None
         n = self._structure.n_floors
         phi, omega = self._structure.mode_shapes, self._structure.frequencies

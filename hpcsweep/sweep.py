@@ -150,7 +150,7 @@ class FrameSweep:
         near = NEAR if "newton" in settings.skip else 0.0
         phase = cycles = 0
         while True:
-            done, period = self.solver.settle(
+            done, period, points = self.solver.settle(
                 z,
                 amplitude,
                 settings.transient_cycles - phase,
@@ -167,7 +167,7 @@ class FrameSweep:
                 shortcut = Shortcut.CONVERGED if period else Shortcut.NONE
                 return z, phase, cycles, period, shortcut, done.outcome, math.nan
             try:
-                jump = newton_orbit(self.solver, z, amplitude, -period)
+                jump = newton_orbit(self.solver, points, amplitude, -period)
             except (ArithmeticError, np.linalg.LinAlgError):
                 jump = None
             if jump is not None:
@@ -190,6 +190,8 @@ class FrameSweep:
         """
         points = seen.points
         period = len(points)
+        if period == 1:
+            return seen, 1
         for divisor in range(1, period):
             if period % divisor == 0:
                 again = np.roll(points, divisor, axis=0)

@@ -180,7 +180,7 @@ def test_monodromy_is_the_derivative_of_the_map(amplitude):
 def test_settle_finds_the_period_and_agrees_with_the_long_run():
     flow = FlowMap(Structure(), OMEGA)
     for amplitude, period in ((0.06, 1), (0.1, 2)):
-        settled, found = flow.settle(np.zeros(6), amplitude, 200, 16, 1e-10, 1e-6)
+        settled, found, _ = flow.settle(np.zeros(6), amplitude, 200, 16, 1e-10, 1e-6)
         assert found == period
         assert settled.n_periods < 100
         further = flow.advance(settled.state, amplitude, 60 * period).state
@@ -268,7 +268,7 @@ def test_polls_come_often_and_change_nothing():
     assert len(polls) == 6
     # an orbit that never closes to 0 exactly: the whole way is polled
     rules = (n_periods, 6, -1.0, 1e-6)
-    polled, period = flow.settle(z, 0.0987, *rules, poll=lambda: polls.append(1))
+    polled, period, _ = flow.settle(z, 0.0987, *rules, poll=lambda: polls.append(1))
     assert (polled.n_periods, period) == (n_periods, 0)
     assert np.array_equal(polled.state, flow.settle(z, 0.0987, *rules)[0].state)
     assert len(polls) == 9

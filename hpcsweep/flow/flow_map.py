@@ -157,7 +157,7 @@ def settle(
     ----------
     first : int
         0, or the number of periods done by calls before, with the arrays they left.
-    history : ndarray, shape (max_period + 1, 2n)
+    history : ndarray, shape (2 max_period + 1, 2n)
         Room: the last points, cyclic.
     distance : ndarray, shape (max_period + 1, max_period + 1)
         Room: the last e_k of every p, cyclic.
@@ -171,6 +171,7 @@ def settle(
     """
     size = z.shape[0]
     ring = max_period + 1
+    long = history.shape[0]
     if first == 0:
         for k in range(size):
             history[0, k] = z[k]
@@ -188,15 +189,15 @@ def settle(
         slot = period % ring
         if outcome != 1:
             for k in range(size):
-                z[k] = history[(period - 1) % ring, k]
+                z[k] = history[(period - 1) % long, k]
             return period - 1, 0, outcome
         for k in range(size):
-            history[slot, k] = z[k]
+            history[period % long, k] = z[k]
         for p in range(1, min(max_period, period) + 1):
             past = (period - p) % ring
             e = 0.0
             for k in range(size):
-                e = max(e, abs(z[k] - history[past, k]))
+                e = max(e, abs(z[k] - history[(period - p) % long, k]))
             to_go = math.inf
             approached = False
             if period >= 2 * p:
@@ -317,7 +318,7 @@ class FlowMap:
         same: float,
         near: float = 0.0,
         poll: Callable[[], None] | None = None,
-    ) -> tuple[Advance, int]:
+    ) -> tuple[Advance, int, np.ndarray]:
         """Advance until the orbit has closed on itself, for at most `n_periods`; see `settle`.
 
         Returns
@@ -325,11 +326,13 @@ class FlowMap:
         advance : Advance
         period : int
             Orbit period, 0 if the orbit has not closed, negative if it is only approached.
+        points : ndarray, shape (3, 2n)
+            The motion two orbit periods ago, one orbit period ago, and now, if `period` is not 0.
         """
         z = np.array(state, dtype=float)
         ring = max_period + 1
         room = (
-            np.empty((ring, z.size)),
+            np.empty((2 * max_period + 1, z.size)),
             np.empty((ring, ring)),
             np.zeros(ring, np.int64),
             np.zeros(ring, np.int64),
@@ -355,7 +358,9 @@ class FlowMap:
             )
             if period != 0 or outcome != Outcome.COMPLETE:
                 break
-        return Advance(z, done, Outcome(outcome)), period
+        history = room[0]
+        past = history[[(done - k * abs(period)) % len(history) for k in (2, 1, 0)]]
+        return Advance(z, done, Outcome(outcome)), period, past
 
     def points(
         self,
@@ -426,7 +431,9 @@ class FlowMap:
         points = np.empty((n_periods, z.size))
         done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll):
-            more, outcome = self._march(z, amplitude, last - first, points[first:last], tally=tally)
+            more, outcome = self._march(
+                z, amplitude, last - first, points[first:last], -1.0, tally, tangent, growth
+            )
             done += more
             if outcome != Outcome.COMPLETE:
                 break

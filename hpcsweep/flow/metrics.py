@@ -37,7 +37,7 @@ MODAL_TOLERANCE = 1e-5
 are then right to about 1e-10 (measured: 8e-10 with a tolerance of 1e-4, 5e-12 with 1e-6)."""
 SHORTEST_INTERVAL = 1e-9
 """Part of a step below which an interval counts as resolved in any case."""
-ZERO_TOLERANCE = 1e-7
+ZERO_TOLERANCE = 1e-6
 """Of a sign change; the integral of the modulus depends on its square."""
 MODAL_TRANSFORM = np.ascontiguousarray(
     (
@@ -51,7 +51,7 @@ TINY = 1e-300
 """Added to the square of ||q||, which may vanish."""
 STAGE_WEIGHTS = layer_module.WEIGHTS
 N_STAGES = layer_module.N_STAGES
-_K = np.arange(N_MODAL)
+_K = np.arange(N_MODAL + 1)
 LEGENDRE_UP, LEGENDRE_DOWN = (2 * _K + 1) / (_K + 1), _K / (_K + 1)
 """Of the recurrence P_(k+1) = up_k s P_k - down_k P_(k-1)."""
 LEGENDRE_INTEGRAL = 1 / (2 * _K + 1)
@@ -218,12 +218,13 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
     while left < s:
         length = min(length, s - left)
         powers = work.modal_powers
+        middle, half = (2.0 * left + length) / h - 1.0, length / h
         for node in range(N_MODAL):
-            sigma = (2.0 * left + length * (MODAL_NODES[node] + 1.0)) / h - 1.0
-            power = 1.0
-            for p in range(N_COEFFICIENTS):
-                powers[p, node] = power
-                power *= sigma
+            powers[0, node] = 1.0
+            powers[1, node] = middle + half * MODAL_NODES[node]
+        for p in range(2, N_COEFFICIENTS):
+            for node in range(N_MODAL):
+                powers[p, node] = powers[p - 1, node] * powers[1, node]
         for j in range(n):
             for node in range(0, N_MODAL, LANES):
                 combine(
@@ -332,12 +333,22 @@ def _series_and_integral(c, s):
 
 
 @jit
+def _series(c, s):
+    """Evaluate a Legendre series at s (Clenshaw)."""
+    following, after = 0.0, 0.0
+    for k in range(N_MODAL - 1, 0, -1):
+        current = c[k] + LEGENDRE_UP[k] * s * following - LEGENDRE_DOWN[k + 1] * after
+        following, after = current, following
+    return c[0] + s * following - LEGENDRE_DOWN[1] * after
+
+
+@jit
 def _zero_between(c, a, fa, b, fb):
     """Find a zero of a Legendre series between a and b where the signs differ (Illinois)."""
     middle = a
     for _ in range(60):
         middle = b - fb * (b - a) / (fb - fa)
-        value, _ = _series_and_integral(c, middle)
+        value = _series(c, middle)
         if value * fb > 0.0:
             b, fb = middle, value
             fa *= 0.5

@@ -25,7 +25,7 @@ def _source_hash() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     package = Path(__file__).parent
     kernels = [package / "equations.py", *sorted((package / "flow").glob("*.py"))]
-    for path in [*kernels, package / "stability.py", package / "sweep.py"]:
+    for path in [*kernels, Path(__file__)]:
         if path.exists():
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
@@ -41,7 +41,7 @@ def _cache_folder() -> Path:
 
 _numba_config.CACHE_DIR = str(_cache_folder())
 
-jit = functools.partial(numba.njit, cache=True, error_model="numpy")
+jit = functools.partial(numba.njit, cache=True, error_model="numpy", _nrt=True)
 """Compile a kernel: cached, IEEE arithmetic.
 
 No fast-math flag is set. With ``contract`` LLVM fuses products and sums where it happens to inline
@@ -49,9 +49,14 @@ them, and a kernel that has just been compiled then differs in the last bit from
 loaded from the cache. Where a fused operation pays, the kernels ask for it: `fma`.
 """
 
-jit_inline = functools.partial(jit, forceinline=True)
-"""Compile a kernel that becomes part of its callers. A call costs two atomic operations for each
-array that it is given, hundreds of nanoseconds where `Work` or `Tables` go with it."""
+kernel = functools.partial(jit, _nrt=False)
+"""Compile a kernel that allocates no array and returns none: arrays are not counted.
+
+numba counts the references to each array by atomic operations, which were half of the time of a
+forcing period. What allocates is compiled by `jit`, and may be called from a kernel.
+"""
+inlined = functools.partial(kernel, forceinline=True)
+"""Compile a kernel that becomes part of its callers, with their arguments as constants."""
 
 
 @intrinsic

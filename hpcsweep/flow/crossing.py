@@ -27,7 +27,7 @@ import math
 
 import numpy as np
 
-from hpcsweep.jit import jit
+from hpcsweep.jit import kernel
 
 N_NODES = 8
 FAST = 0.3
@@ -77,7 +77,7 @@ FULL_POTENTIAL = math.pi**2 / 12.0
 """rho^2 / beta R(inf)."""
 
 
-@jit
+@kernel
 def passage_is_fast(v, a, j, beta, rho, layer):
     """Tell whether the closed form holds for a passage at velocity v (see the module).
 
@@ -114,7 +114,7 @@ def passage_is_fast(v, a, j, beta, rho, layer):
     return fourth + fifth <= NEGLECTED and left_out <= NEGLECTED
 
 
-@jit
+@kernel
 def moments(v, a, j, beta, rho):
     """Integrate s^k r ds, k = 0 to 4, over both halves of a fast passage.
 
@@ -178,7 +178,7 @@ def moments(v, a, j, beta, rho):
     return impulse, first, after_second, before_second, after_third, before_third, before_fourth
 
 
-@jit
+@kernel
 def add_kick(factor, m, floor, stiffness, damping, beta, z):
     """Add `factor` times the change of the state by a passage with the moments m to z.
 

@@ -8,7 +8,7 @@ import numpy as np
 from hpcsweep.flow.metrics import empty_tally
 from hpcsweep.flow.period import Work, empty_work, march_period
 from hpcsweep.flow.tables import Model, empty_tables
-from hpcsweep.jit import jit
+from hpcsweep.jit import kernel
 from hpcsweep.observation import Advance, Observation
 from hpcsweep.outcome import Outcome
 from hpcsweep.structure import Structure
@@ -42,7 +42,7 @@ def layer_half_width(beta: float, rho: float) -> float:
     return y / rho
 
 
-@jit
+@kernel
 def march(
     z,
     amplitude,
@@ -121,7 +121,7 @@ def march(
     return n_periods, 1
 
 
-@jit
+@kernel
 def settle(
     z,
     amplitude,
@@ -191,8 +191,10 @@ def settle(
             for k in range(size):
                 z[k] = history[(period - 1) % long, k]
             return period - 1, 0, outcome
+        largest = 0.0
         for k in range(size):
             history[period % long, k] = z[k]
+            largest = max(largest, abs(z[k]))
         for p in range(1, min(max_period, period) + 1):
             past = (period - p) % ring
             e = 0.0
@@ -203,7 +205,7 @@ def settle(
             if period >= 2 * p:
                 before = distance[p, past]
                 approached = e <= near and e < before
-                if e <= ROUNDING * (1.0 + np.abs(z).max()):
+                if e <= ROUNDING * (1.0 + largest):
                     to_go = 0.0
                 elif e < before:
                     to_go = e * e / (before - e)

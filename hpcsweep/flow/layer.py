@@ -38,7 +38,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from hpcsweep.equations import contact_stiffness, switch
-from hpcsweep.jit import LANES, combine, fma, jit
+from hpcsweep.jit import LANES, combine, fma, kernel
 from hpcsweep.outcome import Outcome
 
 N_STAGES = LANES
@@ -179,7 +179,7 @@ FAR = 45.0
 """rho |u - 1| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
 
 
-@jit
+@kernel
 def _stage_accelerations(u, v, ground, active, model, out):
     """Evaluate G at all stages.
 
@@ -212,7 +212,7 @@ def _stage_accelerations(u, v, ground, active, model, out):
                 out[i, j] -= beta * switch(x, rho) * x
 
 
-@jit
+@kernel
 def _ground(tau, h, amplitude, omega, out):
     """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
     angle = omega * h
@@ -230,7 +230,7 @@ def _ground(tau, h, amplitude, omega, out):
         out[j] = fma(sine, c, cosine * s)
 
 
-@jit
+@kernel
 def _find_active(h, z, a, model, active):
     """Tell for each floor whether its sigmoid is 0, 1 or neither within twice its possible way."""
     n = a.shape[0]
@@ -243,13 +243,13 @@ def _find_active(h, z, a, model, active):
             active[i] = 2
 
 
-@jit
+@kernel
 def _reach(y):
     """Choose how far y may move on a step from y (negative: towards the stop); see the module."""
     return (ELLIPSE * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ELLIPSE**2 - 1.0)
 
 
-@jit
+@kernel
 def step_limit(z, a, model, tau_left):
     """Choose the length of a step from state z and accelerations a; see the module.
 
@@ -294,7 +294,7 @@ def step_limit(z, a, model, tau_left):
     return min(h, 1.0 / model.omega), stiffness + max(hardest, 0.0)
 
 
-@jit
+@kernel
 def iterations_needed(square):
     """Count the fixed-point iterations that leave `UNCHECKED` of the first error.
 
@@ -315,7 +315,7 @@ def iterations_needed(square):
     return k, square / ((2 * k + 2) * (2 * k + 1))
 
 
-@jit
+@kernel
 def stages(h, free, speeds, g, u, v):
     """Write displacements and velocities at the stages from the accelerations g."""
     for i in range(u.shape[0]):
@@ -324,7 +324,7 @@ def stages(h, free, speeds, g, u, v):
         combine(v, row, speeds, row, h, SPEED_ROWS, 0, N_STAGES, g, row, N_STAGES)
 
 
-@jit
+@kernel
 def collocate(tau, h, z, a, amplitude, stiffness, model, room):
     """Solve the collocation equations of one step.
 
@@ -391,7 +391,7 @@ def collocate(tau, h, z, a, amplitude, stiffness, model, room):
     return False
 
 
-@jit
+@kernel
 def quadrature_error(h, z, model, room):
     """Measure the velocity error of the step from z that `collocate` has left in `room`.
 
@@ -423,7 +423,7 @@ def quadrature_error(h, z, model, room):
     return h * worst
 
 
-@jit
+@kernel
 def finish(h, z, g, out):
     """Write the state at the end of the step into `out`, shape (2n,)."""
     n = g.shape[0]
@@ -437,7 +437,7 @@ def finish(h, z, g, out):
         out[n + i] = fma(h, dv, z[n + i])
 
 
-@jit
+@kernel
 def accelerations(tau, z, amplitude, model, out):
     """Evaluate u'' at one state into `out`, shape (n,)."""
     n = out.shape[0]
@@ -450,7 +450,7 @@ def accelerations(tau, z, amplitude, model, out):
         out[i] = force
 
 
-@jit
+@kernel
 def inside_layer(z, half_width):
     """Tell whether any floor is within its contact layer (never, if that has no width)."""
     for i in range(z.shape[0] // 2):

@@ -22,7 +22,7 @@ from hpcsweep.flow.tables import (
     ZERO,
     product,
 )
-from hpcsweep.jit import LANES, combine, jit, jit_inline
+from hpcsweep.jit import LANES, combine, inlined, kernel
 
 SAME_PEAK = 1e-11
 """Relative excess over the largest drift so far that is not looked for."""
@@ -82,7 +82,7 @@ def empty_tally(n: int, modal_norm: bool = False) -> Tally:
     )
 
 
-@jit_inline
+@inlined
 def drift_on_segment(index, x, z_end, s, tables, tally, work):
     """Update the largest drift over the first `s` of a linear step from x to state z_end.
 
@@ -114,7 +114,7 @@ def drift_on_segment(index, x, z_end, s, tables, tally, work):
             _search_peak(work.drift_rows, h, s, bound4, tally, work.stack)
 
 
-@jit
+@kernel
 def _search_peak(rows, h, s, bound4, tally, stack):
     """Update the largest drift with the extrema of one polynomial on [0, s].
 
@@ -148,7 +148,7 @@ def _search_peak(rows, h, s, bound4, tally, stack):
         depth -= 1
 
 
-@jit
+@kernel
 def _slope_is_monotone(d, g0, slope0, g1, slope1, bound4):
     """Tell whether g'' has one sign on an interval of length d; True is proved.
 
@@ -162,7 +162,7 @@ def _slope_is_monotone(d, g0, slope0, g1, slope1, bound4):
     return min(bend0, bend1) > error or max(bend0, bend1) < -error
 
 
-@jit
+@kernel
 def _extremum(rows, h, a, slope_a, b, slope_b):
     """Value of polynomial 0 where its slope vanishes between a and b, where the signs differ."""
     s = a - slope_a * (b - a) / (slope_b - slope_a)
@@ -181,7 +181,7 @@ def _extremum(rows, h, a, slope_a, b, slope_b):
     return value
 
 
-@jit_inline
+@inlined
 def modal_norm_on_segment(index, x, s, model, tables, tally, work):
     """Add the modal norms over the first `s` of a free step that starts at x."""
     n = tally.modal.shape[0]
@@ -247,7 +247,7 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
             length *= 0.5
 
 
-@jit
+@kernel
 def _add_interval(length, accept, n, tally, work):
     """Integrate |q_j| / ||q|| over an interval from its nodes, if they resolve it.
 
@@ -292,7 +292,7 @@ def _add_interval(length, accept, n, tally, work):
     return True
 
 
-@jit
+@kernel
 def _integral_of_modulus(f, start, c):
     """Integrate the modulus of a Legendre series c over [-1, 1]; f[start:] are its node values."""
     first, last = 0.0, 0.0
@@ -315,7 +315,7 @@ def _integral_of_modulus(f, start, c):
     return total + abs(2.0 * c[0] - done)
 
 
-@jit
+@kernel
 def _series_and_integral(c, s):
     """Evaluate a Legendre series at s, and its integral from -1.
 
@@ -332,7 +332,7 @@ def _series_and_integral(c, s):
     return value, integral
 
 
-@jit
+@kernel
 def _series(c, s):
     """Evaluate a Legendre series at s (Clenshaw)."""
     following, after = 0.0, 0.0
@@ -342,7 +342,7 @@ def _series(c, s):
     return c[0] + s * following - LEGENDRE_DOWN[1] * after
 
 
-@jit
+@kernel
 def _zero_between(c, a, fa, b, fb):
     """Find a zero of a Legendre series between a and b where the signs differ (Illinois)."""
     middle = a
@@ -360,7 +360,7 @@ def _zero_between(c, a, fa, b, fb):
     return middle
 
 
-@jit_inline
+@inlined
 def observe_layer_step(h, z0, z1, model, tally, work):
     """Update contact, drift and modal norms with one step inside a layer.
 
@@ -412,7 +412,7 @@ def observe_layer_step(h, z0, z1, model, tally, work):
                         tally.modal[j] += weight * abs(q[j * LANES + k])
 
 
-@jit
+@kernel
 def _free_share(z0, z1, n):
     """Share of a step in which no floor touches, where one begins or ends touching in it."""
     share = 1.0
@@ -428,7 +428,7 @@ def _free_share(z0, z1, n):
     return share
 
 
-@jit
+@kernel
 def _highest_drift(h, i, sign, z0, z1, n, work):
     """Find the largest value of sign (u_i - u_(i-1)) over a layer step."""
     below = i - 1
@@ -455,7 +455,7 @@ def _highest_drift(h, i, sign, z0, z1, n, work):
     )
 
 
-@jit
+@kernel
 def _highest(h, start, end, stage_u, stage_v, stage_a):
     """Find the largest value of one component over a layer step.
 
@@ -475,7 +475,7 @@ def _highest(h, start, end, stage_u, stage_v, stage_a):
     return highest
 
 
-@jit
+@kernel
 def _top(d, left, right):
     """Find the top of the quintic Hermite interpolant between two points d apart."""
     c0, c1, c2 = left[0], d * left[1], 0.5 * d * d * left[2]

@@ -52,7 +52,7 @@ from hpcsweep.flow.tables import (
     product_of_moduli,
 )
 from hpcsweep.flow.tangent import layer_tangent, linear_tangent, passage_tangent
-from hpcsweep.jit import fma, jit, jit_inline
+from hpcsweep.jit import fma, inlined, kernel
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -124,7 +124,7 @@ def empty_work(n: int) -> Work:
     )
 
 
-@jit
+@kernel
 def set_forcing(x, tau, amplitude, omega):
     """Write the forcing part (A sin, A cos, 1) of the augmented state at time tau."""
     size = x.shape[0]
@@ -133,7 +133,7 @@ def set_forcing(x, tau, amplitude, omega):
     x[size - 1] = 1.0
 
 
-@jit
+@kernel
 def _rotate(x, cosine, sine):
     """Take the forcing part of the augmented state over one step."""
     size = x.shape[0]
@@ -143,7 +143,7 @@ def _rotate(x, cosine, sine):
     x[size - 2] = fma(quadrature, cosine, -ground * sine)
 
 
-@jit
+@kernel
 def _known(key, keys, count):
     """Return the index of a contact set's table, -1 if there is none yet."""
     for index in range(count[0]):
@@ -152,7 +152,7 @@ def _known(key, keys, count):
     return -1
 
 
-@jit
+@kernel
 def contact_key(tau, z, amplitude, model, a):
     """Find the contact set of a state outside all layers.
 
@@ -170,7 +170,7 @@ def contact_key(tau, z, amplitude, model, a):
     return key
 
 
-@jit
+@kernel
 def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, bounds, steps_left):
     """Take linear steps while no floor can reach the edge of its layer (proved) and time is left.
 
@@ -208,7 +208,7 @@ def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, 
     return tau, n_steps
 
 
-@jit
+@kernel
 def _first_event(key, index, span, h, x, z_end, layer, bounds, poly, rows, expanded, stack):
     """Find the first floor that reaches the edge of its layer within `span` of a step.
 
@@ -245,7 +245,7 @@ def _first_event(key, index, span, h, x, z_end, layer, bounds, poly, rows, expan
     return floor, earliest
 
 
-@jit
+@kernel
 def _time_at_stop(rows, floor, h, s, sign):
     """Follow the floor from the edge of its layer (time s) to the stop; NaN if it turns."""
     for _ in range(40):
@@ -259,7 +259,7 @@ def _time_at_stop(rows, floor, h, s, sign):
     return s
 
 
-@jit
+@kernel
 def _first_at_stop(floor, at_stop, key, rows, h, n):
     """Choose the floor that is first at the stop, not after `at_stop`.
 
@@ -277,7 +277,7 @@ def _first_at_stop(floor, at_stop, key, rows, h, n):
     return floor, at_stop
 
 
-@jit
+@kernel
 def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rho, omega, layer):
     """Tell whether floor `floor`, at the stop, may pass its layer apart from all other floors.
 
@@ -336,7 +336,7 @@ def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rh
     return True, promised
 
 
-@jit
+@kernel
 def _passes(
     floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega, layer, a, promised
 ):
@@ -381,7 +381,7 @@ def _passes(
     return True, jerk, promised & ~(np.uint64(1) << np.uint64(floor))
 
 
-@jit
+@kernel
 def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tally, tangent):
     """Integrate from tau until no floor is inside a layer, or until `end`.
 
@@ -429,7 +429,7 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tall
             return tau, COMPLETE, steps
 
 
-@jit_inline
+@inlined
 def march_period(
     z, amplitude, model, tables, tolerance, max_steps, work, counts, tally=None, tangent=None
 ):

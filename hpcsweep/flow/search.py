@@ -13,7 +13,7 @@ part has exactly one root because the slope, bounded likewise from below, is pos
 """
 
 from hpcsweep.flow.tables import N_COEFFICIENTS, ZERO
-from hpcsweep.jit import LANES, combine, fma, jit
+from hpcsweep.jit import LANES, combine, fma, kernel
 
 HERMITE_VALUE = 1.0 / 384.0
 HERMITE_SLOPE = 0.00802
@@ -31,7 +31,7 @@ of states beyond 1e16 hides the level."""
 UNDECIDED = -2
 
 
-@jit
+@kernel
 def expand_rows(poly, index, x, rows, expanded, count):
     """Write the polynomials of the first `count` components along a step from x into `rows`.
 
@@ -49,7 +49,7 @@ def expand_rows(poly, index, x, rows, expanded, count):
             expanded[row] = True
 
 
-@jit
+@kernel
 def expand_row(poly, index, row, x, rows):
     """Write the polynomial of one component along a step from x into its row."""
     start = (index * poly.shape[1] + row) * poly.shape[2] * N_COEFFICIENTS
@@ -69,7 +69,7 @@ def expand_row(poly, index, row, x, rows):
         )
 
 
-@jit
+@kernel
 def evaluate_rows(rows, h, s, out):
     """Evaluate the state at time s of the step whose polynomials are `rows`."""
     sigma = 2.0 * s / h - 1.0
@@ -80,7 +80,7 @@ def evaluate_rows(rows, h, s, out):
         out[row] = value
 
 
-@jit
+@kernel
 def value_and_slope(rows, row, h, s):
     """Evaluate polynomial `row` of a step and its time derivative at time s of the step.
 
@@ -98,7 +98,7 @@ def value_and_slope(rows, row, h, s):
     return value, slope * (2.0 / h)
 
 
-@jit
+@kernel
 def value_slope_bend(rows, row, h, s):
     """Evaluate as `value_and_slope`, and the second time derivative."""
     sigma = 2.0 * s / h - 1.0
@@ -112,14 +112,14 @@ def value_slope_bend(rows, row, h, s):
     return value, slope * (2.0 / h), half_bend * (8.0 / (h * h))
 
 
-@jit
+@kernel
 def may_reach(d, g0, slope0, g1, slope1, bound4):
     """Tell whether g may reach 0 on an interval of length d; False is proved."""
     top = max(max(g0, g1), max(g0 + d * slope0 / 3.0, g1 - d * slope1 / 3.0))
     return top + HERMITE_VALUE * d**4 * bound4 >= 0.0
 
 
-@jit
+@kernel
 def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
     """Tell whether g' > 0 on the whole interval; True is proved."""
     middle = 3.0 * (g1 - g0) / d - slope0 - slope1
@@ -127,7 +127,7 @@ def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
     return lowest - HERMITE_SLOPE * d**3 * bound4 > 0.0
 
 
-@jit
+@kernel
 def first_passage(rows, row, h, start, end, level, sign, bound4, stack):
     """Find the first time in [start, end] at which sign (u - level) reaches 0 from below.
 
@@ -207,7 +207,7 @@ def first_passage(rows, row, h, start, end, level, sign, bound4, stack):
     return -1.0
 
 
-@jit
+@kernel
 def _root(rows, row, h, a, ga, b, gb, level, sign):
     """Newton's method, kept inside [a, b], for the one root of a rising g."""
     s = a - ga * (b - a) / (gb - ga)

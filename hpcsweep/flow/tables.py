@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from hpcsweep.jit import LANES, combine, combine_moduli, jit
+from hpcsweep.jit import LANES, combine, combine_moduli, jit, kernel
 from hpcsweep.structure import Structure
 
 DEGREE = 15
@@ -113,7 +113,7 @@ def empty_tables(structure: Structure) -> Tables:
     )
 
 
-@jit
+@kernel
 def lookup(key, model, tables):
     """Return the index of the table of contact set `key` (bit i = floor i + 1), building it once.
 
@@ -199,7 +199,7 @@ def _build(key, model, tables, index):
             tables.bound4[index, column, row] = _max_fourth_derivative(poly[row, column], h)
 
 
-@jit
+@kernel
 def _build_modal(model, poly, modal):
     """Fill the table of modal coordinates from the polynomials of free flight."""
     n = model.stiffness.shape[0]
@@ -213,7 +213,7 @@ def _build_modal(model, poly, modal):
                     modal[0, column, j * N_MODAL + node] += model.shapes[j, i] * value
 
 
-@jit
+@kernel
 def product(table, index, x, out):
     """Multiply the columns ``table[index]`` by x into `out`, whose length is padded to `LANES`."""
     rows = table.shape[2]
@@ -222,7 +222,7 @@ def product(table, index, x, out):
         combine(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
 
 
-@jit
+@kernel
 def product_of_moduli(table, index, x, out):
     """Multiply as `product`, by the moduli |x|."""
     rows = table.shape[2]

@@ -30,7 +30,7 @@ from hpcsweep.flow.layer import (
     stages,
 )
 from hpcsweep.flow.tables import N_COEFFICIENTS
-from hpcsweep.jit import combine, fma, jit
+from hpcsweep.jit import combine, fma, kernel
 
 CONVERGED = 1e-13
 """Last change of the stage accelerations, or the next one, relative."""
@@ -38,7 +38,7 @@ DIFFERENCE = 1e-4
 """Relative step of the central differences; their error, its square, multiplies a small kick."""
 
 
-@jit
+@kernel
 def _multiply(matrix, tangent, room):
     """Multiply `tangent` by a matrix from the left, in place; `room` is another (2n, 2n)."""
     size, columns = tangent.shape
@@ -55,7 +55,7 @@ def _multiply(matrix, tangent, room):
             tangent[row, column] = room[row, column]
 
 
-@jit
+@kernel
 def linear_tangent(tables, index, s, tangent, propagator, room):
     """Multiply `tangent` by exp(M s) of table `index`, in place.
 
@@ -78,7 +78,7 @@ def linear_tangent(tables, index, s, tangent, propagator, room):
     _multiply(propagator, tangent, room)
 
 
-@jit
+@kernel
 def passage_tangent(floor, key_after, z, a, jerk, model, kicks, tangent):
     """Multiply `tangent` by the matrix S of a fast passage, in place.
 
@@ -142,7 +142,7 @@ def passage_tangent(floor, key_after, z, a, jerk, model, kicks, tangent):
             )
 
 
-@jit
+@kernel
 def layer_tangent(h, model, room, tangent):
     """Multiply `tangent` by the tangent map of one collocation step, in place.
 
@@ -205,7 +205,7 @@ def layer_tangent(h, model, room, tangent):
             tangent[n + i, column] += h * dv
 
 
-@jit
+@kernel
 def _variations(u, v, spring, stiffness, damping, out):
     """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
     n = u.shape[0]

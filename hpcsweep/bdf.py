@@ -23,7 +23,7 @@ import numpy as np
 from scipy.integrate import BDF
 
 from hpcsweep.equations import jacobian, right_hand_side
-from hpcsweep.observation import Advance, Observation
+from hpcsweep.observation import Advance, Observation, window_growth
 from hpcsweep.outcome import Outcome
 from hpcsweep.structure import Structure
 
@@ -130,15 +130,15 @@ class BdfMap:
         """Logarithm of the growth of a tangent vector; NaN if the solver fails."""
         size = 2 * self.structure.n_floors
         z = np.concatenate((np.asarray(state, dtype=float), np.full(size, size**-0.5)))
-        total = 0.0
-        for _ in range(n_periods):
+        logarithms = np.empty(n_periods)
+        for period in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, columns=1)
             if outcome is not Outcome.COMPLETE:
                 return math.nan
             length = np.linalg.norm(z[size:])
-            total += math.log(length) if length > 0 else -math.inf
+            logarithms[period] = math.log(length) if length > 0 else -math.inf
             z[size:] /= length or 1.0
-        return total
+        return window_growth(logarithms)
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int

@@ -45,8 +45,8 @@ class Observation:
     outcome : Outcome
         COMPLETE, or why it ended early.
     growth : float
-        Natural logarithm of the factor by which a tangent vector grows over the window; NaN unless
-        it was asked for.
+        Natural logarithm of the factor by which a tangent vector grows over the window
+        (`window_growth`); NaN unless it was asked for.
     """
 
     points: np.ndarray
@@ -55,3 +55,17 @@ class Observation:
     modal_norm: np.ndarray
     outcome: Outcome
     growth: float = math.nan
+
+
+def window_growth(logarithms: np.ndarray) -> float:
+    """Give the growth of a tangent vector over a window from that in each of its periods.
+
+    The vector turns into the direction of largest growth first: the first tenth of the window does
+    not count, and the growth of the rest is taken for all of it.
+
+    Parameters
+    ----------
+    logarithms : ndarray, shape (k,)
+        Of the factor in each forcing period.
+    """
+    return float(logarithms[len(logarithms) // 10 :].mean() * len(logarithms))

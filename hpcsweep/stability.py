@@ -108,8 +108,8 @@ def largest_lyapunov_exponent(
 
     On a periodic orbit it is ln |mu_1| / (p T), mu_1 the largest Floquet multiplier. Elsewhere
     it is the mean growth rate of a tangent vector over `n_periods` forcing periods, scaled to
-    length 1 after each (Benettin et al., Meccanica 15 (1980) 9); the finite window leaves an error
-    of the order of 1 / (n_periods T).
+    length 1 after each (Benettin et al., Meccanica 15 (1980) 9), the first tenth left out; the
+    finite window leaves an error of the order of 1 / (n_periods T).
 
     Parameters
     ----------

@@ -9,13 +9,13 @@ from hpcsweep.flow.metrics import empty_tally
 from hpcsweep.flow.period import Work, empty_work, march_period
 from hpcsweep.flow.tables import Model, empty_tables
 from hpcsweep.jit import kernel
-from hpcsweep.observation import Advance, Observation
+from hpcsweep.observation import Advance, Observation, window_growth
 from hpcsweep.outcome import Outcome
 from hpcsweep.structure import Structure
 
 MAX_STEPS = 2_000_000
 """Cap of steps in one forcing period."""
-LAYER_TOLERANCE = 2e-5
+LAYER_TOLERANCE = 1e-5
 """Error allowed a step inside a layer, per relative tolerance asked of a period (measured on
 random states: a period has up to some thousand such steps, and passages amplify errors)."""
 NEGLIGIBLE_FORCE = 1e-13
@@ -72,9 +72,9 @@ def march(
         Stop early once the state moved by no more than this over a period, three times in a row.
     tally, tangent
         See `period.march_period`.
-    growth : ndarray, shape (1,), optional
+    growth : ndarray, shape (n_periods,), optional
         The first column of `tangent` is scaled to length 1 after each period, and the logarithm of
-        what it was added here.
+        what it was written here.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def march(
             for k in range(z.shape[0]):
                 square += tangent[k, 0] ** 2
             size = math.sqrt(square)
-            growth[0] += math.log(size) if size > 0.0 else -math.inf
+            growth[period] = math.log(size) if size > 0.0 else -math.inf
             for k in range(z.shape[0]):
                 tangent[k, 0] /= size if size > 0.0 else 1.0
         moved = 0.0
@@ -389,10 +389,13 @@ class FlowMap:
         """
         n = self.structure.n_floors
         tally = empty_tally(n, modal_norm)
-        tangent = total = None
+        tangent = logarithms = None
         if growth:
-            tangent, total = np.full((2 * n, 1), math.sqrt(0.5 / n)), np.zeros(1)
-        points, outcome = self._points(state, amplitude, n_periods, poll, tally, tangent, total)
+            tangent = np.full((2 * n, 1), math.sqrt(0.5 / n))
+            logarithms = np.full(n_periods, math.nan)
+        points, outcome = self._points(
+            state, amplitude, n_periods, poll, tally, tangent, logarithms
+        )
         free = tally.free_time[0]
         norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
         return Observation(
@@ -401,7 +404,7 @@ class FlowMap:
             float(tally.peak_drift[0]),
             norms,
             outcome,
-            float(total[0]) if growth else math.nan,
+            window_growth(logarithms) if growth else math.nan,
         )
 
     def monodromy(
@@ -434,7 +437,14 @@ class FlowMap:
         done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll):
             more, outcome = self._march(
-                z, amplitude, last - first, points[first:last], -1.0, tally, tangent, growth
+                z,
+                amplitude,
+                last - first,
+                points[first:last],
+                -1.0,
+                tally,
+                tangent,
+                None if growth is None else growth[first:last],
             )
             done += more
             if outcome != Outcome.COMPLETE:

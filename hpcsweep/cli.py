@@ -1,6 +1,8 @@
 """The command line: `hpcsweep.commands` put together."""
 
 import argparse
+import os
+import sys
 
 from hpcsweep.commands import (
     RAW,
@@ -58,6 +60,10 @@ exit codes:
   1   anything else, with a traceback"""
 
 
+CLOSED_PIPE = 141
+"""Exit code when standard output is closed, as the shell gives it: 128 + SIGPIPE."""
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser whose mistakes take one line, from one rank."""
 
@@ -86,7 +92,14 @@ def main(arguments: list[str] | None = None) -> int:
         return _version()
     if options.command is None:
         parser.error("a command is needed")
-    return options.function(options)
+    try:
+        code = options.function(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # whoever read has enough (``| head``); nothing more is to be said, at exit neither
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
+    return code
 
 
 def _version() -> int:

@@ -6,21 +6,21 @@ import time
 LOG_INTERVAL = 60.0
 
 
-def make_progress(total: int, done: int):
+def make_progress(total: int, done: int, unit: str = "run"):
     """Make the display that suits standard error."""
-    return Bar(total, done) if sys.stderr.isatty() else Log(total, done)
+    return (Bar if sys.stderr.isatty() else Log)(total, done, unit)
 
 
 class Bar:
     """A bar, drawn by tqdm."""
 
-    def __init__(self, total: int, done: int):
+    def __init__(self, total: int, done: int, unit: str = "run"):
         from tqdm import tqdm
 
-        self._bar = tqdm(total=total, initial=done, unit="run", smoothing=0.05, dynamic_ncols=True)
+        self._bar = tqdm(total=total, initial=done, unit=unit, smoothing=0.05, dynamic_ncols=True)
 
     def advance(self, runs: int) -> None:
-        """Count finished runs."""
+        """Count what is finished."""
         self._bar.update(runs)
 
     def tick(self) -> None:
@@ -38,18 +38,18 @@ class Bar:
 class Log:
     """A line at the start, one a minute, and one at the end."""
 
-    def __init__(self, total: int, done: int):
-        self._total, self._done, self._first = total, done, done
+    def __init__(self, total: int, done: int, unit: str = "run"):
+        self._total, self._done, self._first, self._unit = total, done, done, unit
         self._begun = self._last = time.monotonic()
         resumed = f", {done} of them already in the file" if done else ""
-        self.message(f"{total} runs{resumed}")
+        self.message(f"{total} {unit}s{resumed}")
 
     def advance(self, runs: int) -> None:
-        """Count finished runs."""
+        """Count what is finished."""
         self._done += runs
 
     def tick(self) -> None:
-        """Write a line if a minute has passed, whether or not a run was finished."""
+        """Write a line if a minute has passed, whether or not anything was finished."""
         if time.monotonic() - self._last >= LOG_INTERVAL:
             self._last = time.monotonic()
             self.message(self._line())
@@ -65,9 +65,9 @@ class Log:
     def _line(self) -> str:
         elapsed = time.monotonic() - self._begun
         rate = (self._done - self._first) / elapsed if elapsed > 0 else 0.0
-        line = f"{self._done}/{self._total} runs ({100 * self._done / self._total:.1f} %)"
+        line = f"{self._done}/{self._total} {self._unit}s ({100 * self._done / self._total:.1f} %)"
         if rate > 0:
-            line += f", {rate:.3g} runs/s"
+            line += f", {rate:.3g} {self._unit}s/s"
             if self._done < self._total:
                 line += f", {_duration((self._total - self._done) / rate)} left"
         return line

@@ -1,6 +1,7 @@
 """Where results come from: versions, machine, time."""
 
 import platform
+import shlex
 import socket
 import subprocess
 import sys
@@ -58,7 +59,7 @@ def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
         "hosts": " ".join(sorted(set(hosts))),
         "ranks": len(hosts),
         "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-        "command": " ".join(sys.argv),
+        "command": shlex.join(["hpcsweep", *sys.argv[1:]]),
     }
 
 

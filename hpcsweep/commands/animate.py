@@ -1,6 +1,7 @@
 """`hpcsweep animate`: a film of the orbit diagrams over the forcing frequency."""
 
 import argparse
+import functools
 import os
 import sys
 import traceback
@@ -93,6 +94,7 @@ def _animate(options) -> int:
 def _make(options, comm) -> int:
     from hpcsweep.figures import film
     from hpcsweep.figures.style import PlotError
+    from hpcsweep.progress import make_progress
     from hpcsweep.store import StoreError
 
     request = film.Request(
@@ -116,7 +118,8 @@ def _make(options, comm) -> int:
     if problem is None:
         try:
             processes = options.processes or len(os.sched_getaffinity(0))
-            n_frames = film.make(request, comm, processes)
+            progress = functools.partial(make_progress, unit="frame")
+            n_frames = film.make(request, comm, processes, progress)
         except PlotError as error:
             problem = str(error)
     if problem is not None:

@@ -5,10 +5,12 @@ ranges of the axes and the classes that occur, the second paints the pieces and 
 segment of its own. The film's bytes do not depend on how many have worked at it.
 """
 
+import contextlib
 import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from hpcsweep.figures.film_frame import (
 from hpcsweep.figures.film_piece import Film, Found, Request, is_gif
 from hpcsweep.figures.film_workers import Workers
 from hpcsweep.figures.pixels import rgb, tint
-from hpcsweep.figures.style import PlotError
+from hpcsweep.figures.style import PlotError, parameters
 from hpcsweep.store import Frames
 
 PIECE = 40
@@ -79,7 +81,7 @@ def make(
     request: Request,
     comm,
     processes: int = 1,
-    advance: Callable[[int], None] = lambda frames: None,
+    progress: Callable[[int, int], Any] | None = None,
 ) -> int | None:
     """Make a film (collective).
 
@@ -90,8 +92,9 @@ def make(
     comm : hpcsweep.mpi.Serial or hpcsweep.mpi.Ranks
     processes : int
         Processes that share the work where there is one rank.
-    advance : callable
-        Told on rank 0 of frames that have been surveyed or painted.
+    progress : callable, optional
+        Makes what shows progress on rank 0 (`hpcsweep.progress`): each frame counts twice, once
+        surveyed and once painted.
 
     Returns
     -------
@@ -114,7 +117,7 @@ def make(
     if problem is not None:
         raise PlotError(problem)
     try:
-        n_frames = _make(request, comm, processes, advance, folder)
+        n_frames = _make(request, comm, processes, progress, folder)
     except BaseException:
         # no other rank is waited for: the caller ends them all
         shutil.rmtree(folder, ignore_errors=True)
@@ -125,10 +128,21 @@ def make(
     return n_frames
 
 
-def _make(request: Request, comm, processes: int, advance, folder: Path) -> int | None:
+def _make(request: Request, comm, processes: int, progress, folder: Path) -> int | None:
     """Make a film by way of segments in `folder`."""
     film = Film(request, folder)
     found = Found()
+    shown = None
+    if progress is not None and comm.rank == 0:
+        shown = progress(2 * len(film.order), 0)
+    advance = shown.advance if shown else lambda frames: None
+    with contextlib.closing(shown) if shown else contextlib.nullcontext():
+        return _paint(film, found, comm, processes, advance)
+
+
+def _paint(film: Film, found: Found, comm, processes: int, advance) -> int | None:
+    """Survey all frames, then paint them and put them together."""
+    request = film.request
     with Workers(comm, processes, film, advance) as workers:
         if not workers.run("survey", _pieces(film.order), None, found.add):
             return None
@@ -158,26 +172,15 @@ def _pieces(frames: list[int]) -> list[list[int]]:
 def _scene(film: Film, found: Found) -> Scene:
     """Choose what all frames have in common."""
     request, job = film.request, film.frames.job
-    structure = job.structure
-    ratios = structure.damping_ratios
-    if np.all(ratios == ratios[0]):
-        damping = rf"$\zeta$ = {ratios[0]:.4g}"
-    else:
-        damping = r"$\zeta_i$ = " + ", ".join(f"{value:.4g}" for value in ratios[:4])
-        damping += ", ..." if ratios.size > 4 else ""
-    title = (
-        rf"$n$ = {structure.n_floors},  $\beta$ = {structure.stiffness_ratio:g},  "
-        rf"$\rho$ = {structure.sharpness:g},  {damping}"
-    )
     omegas = job.omega[sorted(found.richness)]
     low, high = float(omegas.min()), float(omegas.max())
     marks = tuple(
         (float(w), rf"$\omega_{{{i}}}$")
-        for i, w in enumerate(structure.frequencies, 1)
+        for i, w in enumerate(job.structure.frequencies, 1)
         if low < w < high
     )
     return Scene(
-        title=title,
+        title=parameters(job.structure),
         amplitude=job.amplitude,
         omega=(low, high),
         marks=marks,

@@ -143,7 +143,11 @@ def job_of(results):
 
 def caption(results, omega: float | None = None) -> str:
     """Write the parameters of a campaign, of one frame if `omega` is given, on one line."""
-    structure = job_of(results).structure
+    return parameters(job_of(results).structure, omega)
+
+
+def parameters(structure, omega: float | None = None) -> str:
+    """Write the parameters of a structure, and a frequency if it is given, on one line."""
     ratios = structure.damping_ratios
     if np.all(ratios == ratios[0]):
         damping = rf"$\zeta$ = {ratios[0]:.4g}"

@@ -8,6 +8,7 @@ import pytest
 from hpcsweep.flow import FlowMap, crossing, layer, search, tables
 from hpcsweep.flow.flow_map import POLL_PERIODS, layer_half_width
 from hpcsweep.linear import LinearOrbit
+from hpcsweep.observation import window_growth
 from hpcsweep.outcome import Outcome
 from hpcsweep.reference import reference_points
 from hpcsweep.settings import SweepSettings
@@ -37,6 +38,66 @@ def test_collocation_is_exact_for_the_polynomials_it_should_be():
         assert layer.STAGES @ powers == pytest.approx(layer.NODES ** (degree + 1) / (degree + 1))
     for degree in range(2 * layer.N_STAGES):
         assert layer.WEIGHTS @ layer.NODES**degree == pytest.approx(1 / (degree + 1), rel=1e-13)
+
+
+def test_the_rule_that_checks_a_layer_step_sees_what_the_gauss_rule_misses():
+    def difference(degree):
+        values = layer.CHECK_GAUSS @ layer.NODES**degree + layer.CHECK_START * 0.0**degree
+        return values + layer.CHECK_ADDED @ layer.CHECK_NODES**degree
+
+    for degree in range(2 * layer.N_STAGES):
+        assert abs(difference(degree)) < 1e-14
+    degree = 2 * layer.N_STAGES
+    missed = 1 / (degree + 1) - layer.WEIGHTS @ layer.NODES**degree
+    assert difference(degree) == pytest.approx(missed, rel=1e-4)  # 2e-10, of terms of 1
+    # displacements at its nodes from accelerations c^k: c^(k + 2) / ((k + 1) (k + 2))
+    for degree in range(layer.N_STAGES):
+        exact = layer.CHECK_NODES ** (degree + 2) / ((degree + 1) * (degree + 2))
+        assert layer.NODES**degree @ layer.CHECK_ROWS == pytest.approx(exact, abs=1e-15)
+
+
+def test_error_of_a_layer_step_is_measured():
+    """Against six parts of the step, at random places, speeds and lengths."""
+    rng = np.random.default_rng(5)
+    ratios, n_seen = [], 0
+    for _ in range(400):
+        n, rho, beta = int(rng.integers(1, 4)), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(1, 5)
+        flow = FlowMap(Structure(n, beta, rho, 0.05), OMEGA)
+        model, room = flow._model, flow._work.layer
+        z = np.concatenate((rng.uniform(-0.5, 0.9, n), rng.uniform(-0.3, 0.3, n)))
+        z[n - 1] = 1 + rng.uniform(-25, 10) / rho
+        z[2 * n - 1] = 10 ** rng.uniform(-4, 0) * rng.choice([-1, 1])
+        tau = rng.uniform(0, PERIOD)
+        a = np.zeros(n)
+        layer.accelerations(tau, z, 0.3, model, a)
+        length, stiffness = layer.step_limit(z, a, model, PERIOD)
+        ends, measured = [], math.inf
+        for parts in (1, 6):
+            h, end = length / parts, z.copy()
+            for part in range(parts):
+                start = end.copy()
+                layer.accelerations(tau + part * h, start, 0.3, model, a)
+                if layer.collocate(tau + part * h, h, start, a, 0.3, stiffness, model, room):
+                    layer.finish(h, start, room.g, end)
+                    if parts == 1:
+                        measured = layer.quadrature_error(h, z, model, room)
+                else:
+                    end[:] = np.nan
+            ends.append(end)
+        error = np.abs(ends[0] - ends[1]).max()
+        if measured <= 1e-12:
+            assert error <= 10 * measured + 1e-13
+            n_seen += 1
+        if 1e-13 < error < 1e-9:
+            ratios.append(measured / error)
+    assert n_seen > 200
+    assert len(ratios) > 30
+    assert np.median(ratios) < 10
+
+
+def test_the_first_tenth_of_a_window_does_not_count_as_growth():
+    assert window_growth(np.array([9.0, 9.0] + 18 * [0.5])) == pytest.approx(10.0)
+    assert window_growth(np.array([2.0, -1.0])) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("key", [0, 1, 5, 7])

@@ -188,6 +188,20 @@ def test_monodromy(name, rho):
     assert np.abs(matrix - exact).max() <= limit * max(1.0, np.abs(exact).max())
 
 
+def test_growth_is_that_of_the_exact_tangent_map(name):
+    structure = Structure(3, 1000.0, 1e4, 0.05)
+    start = reference_points(structure, 0.06, OMEGA, np.zeros(6), 2)[-1]
+    z, vector, exact = start, np.full(6, math.sqrt(1 / 6)), 0.0
+    for _ in range(3):
+        z, matrix = reference_monodromy(structure, 0.06, OMEGA, z, 1)
+        vector = matrix @ vector
+        exact += math.log(np.linalg.norm(vector))
+        vector /= np.linalg.norm(vector)
+    seen = solver_for(name, structure).observe(start, 0.06, 3, growth=True)
+    assert seen.growth == pytest.approx(exact, abs={"flow": 1e-9, "bdf": 1e-3}[name])
+    assert math.isnan(solver_for(name, structure).observe(start, 0.06, 1).growth)
+
+
 @pytest.mark.parametrize("rho", [1e4, math.inf])
 def test_determinant_of_the_monodromy(name, rho):
     # Liouville: the divergence of the field is -tr(2 gamma C) everywhere

@@ -49,7 +49,7 @@ ELLIPSE = 5.5
 CONTRACTION = 1.2
 MAX_ITERATIONS = 40
 UNCHECKED = 1e-13
-"""Error, relative, after which the iteration is looked at: each look costs as much as a step."""
+"""Error, relative, after which the iteration is looked at: each look costs as much as an iteration."""
 COMPLETE = int(Outcome.COMPLETE)
 NON_FINITE = int(Outcome.NON_FINITE)
 STEP_LIMIT = int(Outcome.STEP_LIMIT)
@@ -102,7 +102,7 @@ def _check():
     nodes : ndarray, shape (N_STAGES,)
         On [0, 1], beside the Gauss nodes and 0.
     rows : ndarray, shape (N_STAGES, N_STAGES)
-        Row k: what G_k / h^2 adds to the displacements at these nodes.
+        Row k: what G_k adds to the displacements at these nodes, over h^2 G_k.
     gauss, added, start : ndarray, ndarray, float
         Weights of the difference of both rules.
     """

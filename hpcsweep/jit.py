@@ -11,6 +11,7 @@ twice. `hpcsweep.campaign` lets one rank of each node compile first.
 
 import functools
 import hashlib
+import math
 import os
 from pathlib import Path
 
@@ -135,3 +136,81 @@ The arrays are contiguous and the indices flat; nothing is checked.
 """
 combine_moduli = intrinsic(_combination(moduli=True))
 """As `combine`, with |x[s + k]|."""
+
+
+EXP_DEGREE = 13
+"""Of the Taylor polynomial of exp on |r| <= ln 2 / 2; the rest is 0.35^14 / 14! = 4e-18."""
+LN2_HIGH, LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
+"""ln 2 in two parts; k LN2_HIGH is exact for |k| < 2^20 (W. J. Cody and W. Waite, 1980)."""
+MOST_EXPONENT = 700.0
+
+
+@intrinsic
+def subtract_contact(typingctx, out, o, u, i, beta, rho):
+    """Subtract the contact forces of `LANES` displacements, in one register; kernels only.
+
+    ``subtract_contact(out, o, u, i, beta, rho)`` is
+
+        out[o:] -= beta S(rho x) x,   x = u[i:] - 1,   S(y) = 1 / (1 + exp(-y)).
+
+    With t = exp(-|y|) it is S = 1 / (1 + t) for y >= 0 and t / (1 + t) for y < 0, both without
+    cancellation; exp(-|y|) = 2^k exp(r), k the integer nearest to -|y| / ln 2. S is right to 4e-16,
+    relative, and t = 0 from |y| = `MOST_EXPONENT` on.
+    """
+    del typingctx, o, i, beta, rho
+    index, double = types.intp, types.float64
+    signature = types.void(out, index, u, index, double, double)
+
+    def generate(context, builder, signature, arguments):
+        vector = ir.VectorType(ir.DoubleType(), LANES)
+        integers = ir.VectorType(ir.IntType(64), LANES)
+
+        def lanes(argument, index):
+            make = context.make_array(signature.args[argument])
+            data = make(context, builder, arguments[argument]).data
+            return builder.bitcast(builder.gep(data, [index]), vector.as_pointer())
+
+        def everywhere(value):
+            if not isinstance(value, ir.Value):
+                return ir.Constant(vector, [value] * LANES)
+            one = builder.insert_element(
+                ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
+            )
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+            return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
+
+        def function(name, count):
+            kind = ir.FunctionType(vector, [vector] * count)
+            return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
+
+        fused, nearest = function("fma", 3), function("rint", 1)
+        modulus, least = function("fabs", 1), function("minnum", 2)
+        place, beta, rho = (
+            lanes(0, arguments[1]),
+            everywhere(arguments[4]),
+            everywhere(arguments[5]),
+        )
+        x = builder.fsub(builder.load(lanes(2, arguments[3]), align=8), everywhere(1.0))
+        y = builder.fmul(rho, x)
+        size = builder.call(least, [builder.call(modulus, [y]), everywhere(MOST_EXPONENT)])
+        k = builder.call(nearest, [builder.fmul(size, everywhere(-1.0 / math.log(2.0)))])
+        r = builder.call(fused, [k, everywhere(-LN2_HIGH), builder.fneg(size)])
+        r = builder.call(fused, [k, everywhere(-LN2_LOW), r])
+        t = everywhere(1.0 / math.factorial(EXP_DEGREE))
+        for degree in range(EXP_DEGREE - 1, -1, -1):
+            t = builder.call(fused, [t, r, everywhere(1.0 / math.factorial(degree))])
+        bias = ir.Constant(integers, [1023] * LANES)
+        shift = ir.Constant(integers, [52] * LANES)
+        power = builder.shl(builder.add(builder.fptosi(k, integers), bias), shift)
+        t = builder.fmul(t, builder.bitcast(power, vector))
+        tiny = builder.fcmp_ordered(">=", size, everywhere(MOST_EXPONENT))
+        t = builder.select(tiny, everywhere(0.0), t)
+        one = everywhere(1.0)
+        positive = builder.fcmp_ordered(">=", y, everywhere(0.0))
+        s = builder.fdiv(builder.select(positive, one, t), builder.fadd(one, t))
+        force = builder.fneg(builder.fmul(beta, s))
+        total = builder.call(fused, [force, x, builder.load(place, align=8)])
+        builder.store(total, place, align=8)
+        return context.get_dummy_value()
+
+    return signature, generate

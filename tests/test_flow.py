@@ -7,6 +7,7 @@ import pytest
 
 from hpcsweep.flow import FlowMap, crossing, layer, search, tables
 from hpcsweep.flow.flow_map import POLL_PERIODS, layer_half_width
+from hpcsweep.jit import LANES, kernel, subtract_contact
 from hpcsweep.linear import LinearOrbit
 from hpcsweep.observation import window_growth
 from hpcsweep.outcome import Outcome
@@ -93,6 +94,26 @@ def test_error_of_a_layer_step_is_measured():
     assert n_seen > 200
     assert len(ratios) > 30
     assert np.median(ratios) < 10
+
+
+def test_contact_forces_in_lanes_are_those_of_the_equations():
+    @kernel
+    def forces(u, beta, rho, out):
+        for k in range(0, out.size, LANES):
+            subtract_contact(out, k, u, k, beta, rho)
+
+    y = np.concatenate((np.linspace(-45, 45, 2001), [-1e4, -700.1, -699.9, 0.0, 700.1, 1e4, 1e12]))
+    for rho in (0.0, 3.0, 1e4):
+        u = 1 + y / max(rho, 1.0)
+        x = u.astype(np.longdouble) - 1
+        weight = np.where(x < 0, np.exp(np.minimum(rho * x, 0)), 1) / (1 + np.exp(-rho * abs(x)))
+        out = np.ones(u.size)
+        forces(u, 2.0, rho, out)
+        exact = 2 * weight * x
+        assert np.all(abs(1 - out - exact) <= 4e-16 * (1 + abs(exact) * (1 + abs(rho * x))))
+    out = np.zeros(LANES)
+    forces(np.full(LANES, np.nan), 1.0, 1e4, out)
+    assert np.all(np.isnan(out))
 
 
 def test_the_first_tenth_of_a_window_does_not_count_as_growth():

@@ -84,8 +84,8 @@ def test_a_plain_run_that_had_not_settled_is_called_undecided():
 
 
 def test_a_wrong_jump_is_found_and_not_explained(monkeypatch):
-    def wrong(_solver, state, _amplitude, period):
-        return state + 1e-3, period, 0.5
+    def wrong(_solver, points, _amplitude, period):
+        return points[-1] + 1e-3, period, 0.5
 
     monkeypatch.setattr(sweep, "newton_orbit", wrong)
     comparison = skips.Comparison(Structure(), 0.445, SweepSettings())

@@ -116,6 +116,13 @@ def test_contact_forces_in_lanes_are_those_of_the_equations():
     assert np.all(np.isnan(out))
 
 
+@pytest.mark.parametrize("size", [0.0, 5e-324, 1e-250])
+def test_a_window_without_motion_is_observed(size):
+    seen = FlowMap(Structure(), OMEGA).observe(np.full(6, size), 0.0, 2, modal_norm=True)
+    assert seen.contact == 0
+    assert seen.peak_drift <= 10 * size
+
+
 def test_the_first_tenth_of_a_window_does_not_count_as_growth():
     assert window_growth(np.array([9.0, 9.0] + 18 * [0.5])) == pytest.approx(10.0)
     assert window_growth(np.array([2.0, -1.0])) == pytest.approx(1.0)

@@ -28,9 +28,11 @@ SAME_PEAK = 1e-11
 """Relative excess over the largest drift so far that is not looked for."""
 PEAK_ERROR = 1e-13
 """Relative, of a largest drift."""
-PEAK_DEPTH = 12
-"""Halvings in the search for it; on a part of h 2^-12 without a proof, beside a turning point of
-the slope, an extremum differs from its neighbours by rounding."""
+LEAST_PART = 0.5**11
+"""Of a step: shorter parts are not halved in the search for it. Without a proof on such a part,
+beside a turning point of the slope, an extremum differs from its neighbours by 1e-10."""
+NOTHING = 1e-200
+"""Of drifts below this the ends of the steps are enough."""
 HERMITE_BEND = 1.0 / 12.0
 MODAL_TOLERANCE = 1e-5
 """Largest tail of the interpolant of q_j / ||q|| on an interval that counts as resolved. The norms
@@ -103,6 +105,8 @@ def drift_on_segment(index, x, z_end, s, tables, tally, work):
         if i > 0:
             bound4 += work.bounds[below]
         peak *= 1.0 + SAME_PEAK
+        if max(peak, bound4) < NOTHING:
+            continue
         if may_reach(s, d0 - peak, v0, d1 - peak, v1, bound4) or may_reach(
             s, -d0 - peak, -v0, -d1 - peak, -v1, bound4
         ):
@@ -127,6 +131,7 @@ def _search_peak(rows, h, s, bound4, tally, stack):
     gb, db = value_and_slope(rows, 0, h, s)
     stack[0, 0], stack[0, 1], stack[0, 2] = s, gb, db
     depth = 0
+    least = s * LEAST_PART
     while depth >= 0:
         b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
         d = b - a
@@ -136,7 +141,7 @@ def _search_peak(rows, h, s, bound4, tally, stack):
         if may_reach(d, ga - peak, da, gb - peak, db, bound4) or may_reach(
             d, -ga - peak, -da, -gb - peak, -db, bound4
         ):
-            if depth < PEAK_DEPTH and not _slope_is_monotone(d, ga, da, gb, db, bound4):
+            if d > least and not _slope_is_monotone(d, ga, da, gb, db, bound4):
                 middle = 0.5 * (a + b)
                 gb, db = value_and_slope(rows, 0, h, middle)
                 depth += 1

@@ -144,9 +144,8 @@ class Patient:
         code, errors = self.finish(process)
         took = time.monotonic() - begun
         # Open MPI's mpirun says nothing of its ranks' exit codes when it is told to stop
-        obeyed = code in (0, 75) or (
-            self.run.transport == "mpio" and code and "stopped in good order" in errors
-        )
+        said = "stopped in good order" in errors or ": complete" in errors
+        obeyed = code in (0, 75) or (self.run.transport == "mpio" and code and said)
         if computing and (not obeyed or took > STOP_SECONDS):
             self.problem(f"exit code {code} {took:.1f} s after the signal: {errors[-300:]}")
         if computing and code == 75 and Path(f"{self.path}.lock").exists():

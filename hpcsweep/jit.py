@@ -77,6 +77,30 @@ LANES = 8
 """Doubles worked on together: what a vector register of 64 bytes holds."""
 
 
+_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+
+
+def _lanes(builder, data, index):
+    """Point at the `LANES` numbers data[index:]."""
+    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
+
+
+def _everywhere(builder, value):
+    """Fill a vector with one number, a constant of Python or a value of the kernel."""
+    if not isinstance(value, ir.Value):
+        return ir.Constant(_VECTOR, [value] * LANES)
+    undefined = ir.Constant(_VECTOR, ir.Undefined)
+    one = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(one, undefined, mask)
+
+
+def _on_vectors(builder, name: str, count: int):
+    """Declare an LLVM function of `count` vectors."""
+    kind = ir.FunctionType(_VECTOR, [_VECTOR] * count)
+    return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
+
+
 def _combination(moduli: bool):
     """Make `combine`, or the same with the moduli of x."""
 
@@ -89,40 +113,26 @@ def _combination(moduli: bool):
         return signature, generate
 
     def generate(context, builder, signature, arguments):
-        double, vector = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LANES)
-
         def data(argument):
             make = context.make_array(signature.args[argument])
             return make(context, builder, arguments[argument]).data
 
-        def lanes(base, index):
-            return builder.bitcast(builder.gep(base, [index]), vector.as_pointer())
-
-        fused = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(vector, [vector] * 3), f"llvm.fma.v{LANES}f64"
-        )
-        total = cgutils.alloca_once(builder, vector)
-        builder.store(builder.load(lanes(data(2), arguments[3]), align=8), total)
+        fused = _on_vectors(builder, "fma", 3)
+        total = cgutils.alloca_once(builder, _VECTOR)
+        builder.store(builder.load(_lanes(builder, data(2), arguments[3]), align=8), total)
         table, x = data(5), data(8)
         with cgutils.for_range(builder, arguments[10]) as loop:
             place = builder.add(arguments[6], builder.mul(loop.index, arguments[7]))
-            column = builder.load(lanes(table, place), align=8)
+            column = builder.load(_lanes(builder, table, place), align=8)
             factor = builder.load(builder.gep(x, [builder.add(arguments[9], loop.index)]))
             if moduli:
-                modulus = builder.module.declare_intrinsic("llvm.fabs", [double])
+                modulus = builder.module.declare_intrinsic("llvm.fabs", [ir.DoubleType()])
                 factor = builder.call(modulus, [factor])
             factor = builder.fmul(factor, arguments[4])
-            one = builder.insert_element(
-                ir.Constant(vector, ir.Undefined), factor, ir.Constant(ir.IntType(32), 0)
-            )
-            everywhere = builder.shuffle_vector(
-                one,
-                ir.Constant(vector, ir.Undefined),
-                ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES),
-            )
-            value = builder.call(fused, [column, everywhere, builder.load(total)])
+            factors = _everywhere(builder, factor)
+            value = builder.call(fused, [column, factors, builder.load(total)])
             builder.store(value, total)
-        builder.store(builder.load(total), lanes(data(0), arguments[1]), align=8)
+        builder.store(builder.load(total), _lanes(builder, data(0), arguments[1]), align=8)
         return context.get_dummy_value()
 
     return typed
@@ -162,29 +172,15 @@ def subtract_contact(typingctx, out, o, u, i, beta, rho):
     signature = types.void(out, index, u, index, double, double)
 
     def generate(context, builder, signature, arguments):
-        vector = ir.VectorType(ir.DoubleType(), LANES)
         integers = ir.VectorType(ir.IntType(64), LANES)
+        everywhere = functools.partial(_everywhere, builder)
 
         def lanes(argument, index):
             make = context.make_array(signature.args[argument])
-            data = make(context, builder, arguments[argument]).data
-            return builder.bitcast(builder.gep(data, [index]), vector.as_pointer())
+            return _lanes(builder, make(context, builder, arguments[argument]).data, index)
 
-        def everywhere(value):
-            if not isinstance(value, ir.Value):
-                return ir.Constant(vector, [value] * LANES)
-            one = builder.insert_element(
-                ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
-            )
-            mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-            return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
-
-        def function(name, count):
-            kind = ir.FunctionType(vector, [vector] * count)
-            return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
-
-        fused, nearest = function("fma", 3), function("rint", 1)
-        modulus, least = function("fabs", 1), function("minnum", 2)
+        fused, nearest = _on_vectors(builder, "fma", 3), _on_vectors(builder, "rint", 1)
+        modulus, least = _on_vectors(builder, "fabs", 1), _on_vectors(builder, "minnum", 2)
         place, beta, rho = (
             lanes(0, arguments[1]),
             everywhere(arguments[4]),
@@ -202,7 +198,7 @@ def subtract_contact(typingctx, out, o, u, i, beta, rho):
         bias = ir.Constant(integers, [1023] * LANES)
         shift = ir.Constant(integers, [52] * LANES)
         power = builder.shl(builder.add(builder.fptosi(k, integers), bias), shift)
-        t = builder.fmul(t, builder.bitcast(power, vector))
+        t = builder.fmul(t, builder.bitcast(power, _VECTOR))
         tiny = builder.fcmp_ordered(">=", size, everywhere(MOST_EXPONENT))
         t = builder.select(tiny, everywhere(0.0), t)
         one = everywhere(1.0)

@@ -61,7 +61,8 @@ def window_growth(logarithms: np.ndarray) -> float:
     """Give the growth of a tangent vector over a window from that in each of its periods.
 
     The vector turns into the direction of largest growth first: the first tenth of the window does
-    not count, and the growth of the rest is taken for all of it.
+    not count, and the growth of the rest is taken for all of it. Over the time of the window it is
+    the largest Lyapunov exponent (Benettin et al., Meccanica 15 (1980) 9), to about 1 / (k T).
 
     Parameters
     ----------

@@ -97,29 +97,20 @@ def _extrapolation(before: np.ndarray, now: np.ndarray) -> np.ndarray:
     return now * ratio / (1.0 - ratio) if abs(ratio) < 1.0 else 0.0 * now
 
 
-def largest_lyapunov_exponent(
-    solver,
-    state: np.ndarray,
-    amplitude: float,
-    n_periods: int,
-    is_orbit: bool,
-) -> float:
-    """Measure the largest Lyapunov exponent per unit time along the motion from `state`.
+def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> float:
+    """Give the largest Lyapunov exponent per unit time of a periodic orbit: ln |mu_1| / (p T).
 
-    On a periodic orbit it is ln |mu_1| / (p T), mu_1 the largest Floquet multiplier. Elsewhere
-    it is the mean growth rate of a tangent vector over `n_periods` forcing periods, scaled to
-    length 1 after each (Benettin et al., Meccanica 15 (1980) 9), the first tenth left out; the
-    finite window leaves an error of the order of 1 / (n_periods T).
+    mu_1 is the largest Floquet multiplier. Of other motions the exponent is the growth of a
+    tangent vector over a window, over its time (`hpcsweep.observation`).
 
     Parameters
     ----------
     solver : Solver
     state : ndarray, shape (2n,)
-        Point at tau = 0; of the orbit, if `is_orbit`.
+        Point of the orbit at tau = 0.
     amplitude : float
-    n_periods : int
-        Orbit period p, or length of the window.
-    is_orbit : bool
+    period : int
+        Orbit period p.
 
     Returns
     -------
@@ -131,14 +122,9 @@ def largest_lyapunov_exponent(
     ArithmeticError
         If the solver fails.
     """
-    time = n_periods * 2 * math.pi / solver.omega
-    if is_orbit:
-        _, matrix = solver.monodromy(state, amplitude, n_periods)
-        return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)
-    seen = solver.observe(state, amplitude, n_periods, growth=True)
-    if seen.outcome is not Outcome.COMPLETE:
-        raise ArithmeticError(f"{seen.outcome.name} in forcing period {len(seen.points) + 1}")
-    return seen.growth / time
+    _, matrix = solver.monodromy(state, amplitude, period)
+    time = period * 2 * math.pi / solver.omega
+    return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)
 
 
 def exponent_of_multiplier(multiplier: float, time: float) -> float:

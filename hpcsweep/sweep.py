@@ -36,8 +36,8 @@ from hpcsweep.settings import SweepSettings
 from hpcsweep.solver import Solver, make_solver
 from hpcsweep.stability import (
     exponent_of_multiplier,
-    largest_lyapunov_exponent,
     newton_orbit,
+    orbit_exponent,
 )
 from hpcsweep.structure import Structure
 
@@ -205,7 +205,7 @@ class FrameSweep:
     def _orbit_exponent(self, z, amplitude, period):
         """Largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
         try:
-            return largest_lyapunov_exponent(self.solver, z, amplitude, period, True)
+            return orbit_exponent(self.solver, z, amplitude, period)
         except (ArithmeticError, np.linalg.LinAlgError):
             return math.nan
 

@@ -19,6 +19,19 @@ def complain(message: str, rank: int | None = None) -> None:
         print(f"hpcsweep: error: {message}", file=sys.stderr, flush=True)
 
 
+def whole_number(least: int):
+    """Make the conversion of an argument that must be a whole number of at least `least`."""
+
+    def convert(text: str) -> int:
+        value = int(text)
+        if value < least:
+            raise argparse.ArgumentTypeError(f"must be at least {least}, is {text}")
+        return value
+
+    convert.__name__ = "whole number"
+    return convert
+
+
 def positive(text: str) -> float:
     """Convert an argument that must be a finite number greater than 0."""
     value = float(text)

@@ -1,13 +1,12 @@
 """`hpcsweep animate`: a film of the orbit diagrams over the forcing frequency."""
 
-import argparse
 import functools
 import os
 import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive, whole_number
 
 HELP = """\
 Make a film of the orbit diagrams, one frame a forcing frequency, with fixed axes: MP4 or, by the
@@ -34,7 +33,7 @@ def add_to(commands) -> None:
         "--fps", type=positive, default=25.0, help="frames per second (default: %(default)g)"
     )
     animate.add_argument(
-        "--every", type=_count, default=1, metavar="K", help="take every Kth frame"
+        "--every", type=whole_number(1), default=1, metavar="K", help="take every Kth frame"
     )
     animate.add_argument(
         "--direction",
@@ -50,26 +49,19 @@ def add_to(commands) -> None:
     )
     animate.add_argument(
         "--width",
-        type=_count,
+        type=whole_number(1),
         default=0,
         metavar="PIXELS",
         help="even (default: 1280, GIF 960); the height follows from the number of floors",
     )
     animate.add_argument(
         "--processes",
-        type=_count,
+        type=whole_number(1),
         default=0,
         metavar="N",
         help="processes, where there is one rank (default: the cores)",
     )
     animate.set_defaults(function=_animate)
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, is {text}")
-    return value
 
 
 def _animate(options) -> int:

@@ -5,7 +5,7 @@ import json
 import sys
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, whole_number
 
 DESCRIPTION = """\
 Measure, everything that is compared in one run and in turn:
@@ -34,13 +34,6 @@ def _parts(text: str) -> list[str]:
     return asked
 
 
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, is {text}")
-    return value
-
-
 def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     bench = commands.add_parser(
@@ -60,7 +53,7 @@ def add_to(commands) -> None:
     bench.add_argument("--ratio", action="store_true", help="the same as --only ratio")
     bench.add_argument(
         "--skips",
-        type=_count,
+        type=whole_number(1),
         metavar="N",
         help=f"only the skip rules, on N random points (whole bench: {POINTS})",
     )
@@ -68,7 +61,10 @@ def add_to(commands) -> None:
         "--seed", type=int, default=0, metavar="K", help="of the random points (default: 0)"
     )
     bench.add_argument(
-        "--processes", type=_count, metavar="N", help="for the random points (default: all cores)"
+        "--processes",
+        type=whole_number(1),
+        metavar="N",
+        help="for the random points (default: all cores)",
     )
     bench.add_argument("--json", action="store_true", help="machine-readable")
     bench.add_argument(

@@ -1,12 +1,11 @@
 """`hpcsweep validate`: tell whether a results file is sound."""
 
-import argparse
 import dataclasses
 import json
 from collections import Counter
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, whole_number
 
 VALIDATE_HELP = """\
 Tell whether a results file is sound; it may be in use by a running campaign. Checked are the
@@ -35,23 +34,19 @@ def add_to(commands) -> None:
     validate.add_argument("file", type=Path, metavar="FILE")
     validate.add_argument(
         "--samples",
-        type=_count,
+        type=whole_number(0),
         default=20,
         metavar="K",
         help="runs to compute again (default: %(default)s)",
     )
     validate.add_argument(
-        "--seed", type=_count, default=0, help="of the choice of these runs (default: %(default)s)"
+        "--seed",
+        type=whole_number(0),
+        default=0,
+        help="of the choice of these runs (default: %(default)s)",
     )
     validate.add_argument("--json", action="store_true", help="machine-readable")
     validate.set_defaults(function=_validate)
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"must be at least 0, is {text}")
-    return value
 
 
 def _validate(options) -> int:

@@ -183,6 +183,17 @@ FAR = 45.0
 
 
 @kernel
+def subtract_linear(i, u, v, stiffness, damping, init, at, out):
+    """Write init[at:] less the linear forces on floor i at all stages into its row of `out`."""
+    n = u.shape[0]
+    row = i * N_STAGES
+    low, high = max(i - 1, 0), min(i + 2, n)  # K is tridiagonal
+    first, count = i * n + low, high - low
+    combine(out, row, init, at, -1.0, u, low * N_STAGES, N_STAGES, stiffness, first, count)
+    combine(out, row, out, row, -1.0, v, 0, N_STAGES, damping, i * n, n)
+
+
+@kernel
 def _stage_accelerations(u, v, ground, active, model, out):
     """Evaluate G at all stages.
 
@@ -195,17 +206,11 @@ def _stage_accelerations(u, v, ground, active, model, out):
         0 or 1 where the sigmoid is that on the whole step, 2 where it has to be evaluated.
     """
     n = u.shape[0]
-    damping = model.damping
     beta = model.beta
     rho = model.rho
     for i in range(n):
         row = i * N_STAGES
-        low, high = max(i - 1, 0), min(i + 2, n)  # K is tridiagonal
-        at = low * N_STAGES
-        combine(
-            out, row, ground, 0, -1.0, u, at, N_STAGES, model.stiffness, i * n + low, high - low
-        )
-        combine(out, row, out, row, -1.0, v, 0, N_STAGES, damping, i * n, n)
+        subtract_linear(i, u, v, model.stiffness, model.damping, ground, 0, out)
         if active[i] == 1:
             for j in range(N_STAGES):
                 out[i, j] -= beta * (u[i, j] - 1.0)

@@ -414,17 +414,18 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tall
             h *= 0.5
             if not h > 1e-14 * left:
                 return tau, SOLVER_FAILED, steps
+        tau = end if h >= left else tau + h
+        accelerations(tau, work.z_end, amplitude, model, work.a_end)
         if tally is not None:
-            accelerations(tau + h, work.z_end, amplitude, model, work.a_end)
             observe_layer_step(h, z, work.z_end, model, tally, work)
         if tangent is not None:
             layer_tangent(h, model, work.layer, tangent)
-        tau = end if h >= left else tau + h
         for i in range(z.shape[0]):
             z[i] = work.z_end[i]
             if not abs(z[i]) < OVERFLOW:
                 return tau, NON_FINITE, steps
-        accelerations(tau, z, amplitude, model, work.a)
+        for i in range(work.a.shape[0]):
+            work.a[i] = work.a_end[i]
         if tau >= end or not inside_layer(z, model.layer):
             return tau, COMPLETE, steps
 

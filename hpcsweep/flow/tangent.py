@@ -28,9 +28,10 @@ from hpcsweep.flow.layer import (
     WEIGHTS,
     iterations_needed,
     stages,
+    subtract_linear,
 )
 from hpcsweep.flow.tables import N_COEFFICIENTS
-from hpcsweep.jit import combine, fma, kernel
+from hpcsweep.jit import fma, kernel
 
 CONVERGED = 1e-13
 """Last change of the stage accelerations, or the next one, relative."""
@@ -213,7 +214,4 @@ def _variations(u, v, spring, stiffness, damping, out):
         row = i * N_STAGES
         for j in range(N_STAGES):
             out[i, j] = -spring[i, j] * u[i, j]
-        low, high = max(i - 1, 0), min(i + 2, n)  # K is tridiagonal
-        first, at, count = i * n + low, low * N_STAGES, high - low
-        combine(out, row, out, row, -1.0, u, at, N_STAGES, stiffness, first, count)
-        combine(out, row, out, row, -1.0, v, 0, N_STAGES, damping, i * n, n)
+        subtract_linear(i, u, v, stiffness, damping, out, row, out)

@@ -28,6 +28,34 @@ class Advance:
 
 
 @dataclass(frozen=True)
+class Approach:
+    """End of a transient.
+
+    Attributes
+    ----------
+    state : ndarray, shape (2n,)
+        State at its end; after a jump the point of the orbit.
+    n_periods : int
+        Forcing periods of the motion until then.
+    n_newton : int
+        Forcing periods that were integrated besides, to jump.
+    period : int
+        Orbit period in forcing periods, 0 if the orbit is not known.
+    multiplier : float
+        Modulus of the orbit's largest Floquet multiplier after a jump, else NaN.
+    outcome : Outcome
+        COMPLETE, or why it ended early.
+    """
+
+    state: np.ndarray
+    n_periods: int
+    n_newton: int
+    period: int
+    multiplier: float
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
 class Observation:
     """Results over a window of forcing periods; maxima are over continuous time.
 

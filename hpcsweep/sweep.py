@@ -13,7 +13,7 @@ more are the steady-state window. Rules that spare periods whose result is known
     row. The window is then one orbit, p forcing periods, which is all it holds.
 ``newton``
     While the orbit is still approached, from `NEAR` on, Newton's method with the exact tangent map
-    jumps to it, if it is proved that the present state goes there (`stability.newton_orbit`).
+    jumps to it, if it is proved that the present state goes there (`flow.approach`).
     Orbits whose multipliers are close to the unit circle, which the plain procedure leaves
     unsettled, are then decided.
 
@@ -29,24 +29,18 @@ from functools import lru_cache
 import numpy as np
 
 from hpcsweep.linear import LinearOrbit
-from hpcsweep.observation import Observation
+from hpcsweep.observation import Approach, Observation
 from hpcsweep.orbit import orbit_period
 from hpcsweep.outcome import Outcome, Shortcut
 from hpcsweep.settings import SweepSettings
 from hpcsweep.solver import Solver, make_solver
-from hpcsweep.stability import (
-    exponent_of_multiplier,
-    newton_orbit,
-    orbit_exponent,
-)
+from hpcsweep.stability import exponent_of_multiplier, orbit_exponent
 from hpcsweep.structure import Structure
 
 SETTLED = 1e-10
 """Largest estimated distance (gaps, gaps omega_0) from the orbit at which a transient ends."""
 NEAR = 1e-3
 """Distance between points a period apart from which on a jump is tried."""
-NEARER = 0.03
-"""Factor of that distance after a jump that was not proved."""
 
 
 class FrameSweep:
@@ -94,12 +88,14 @@ class FrameSweep:
                 if "lyapunov" in result:
                     result["lyapunov"][index] = self._linear.lyapunov_exponent
                 return closed.points[-1].copy()
-        z, phase, cycles, period, shortcut, outcome, multiplier = self._transient(
-            z, amplitude, poll
-        )
-        result["shortcut"][index] = shortcut
-        if outcome is not Outcome.COMPLETE:
-            return self._store_failure(result, row, index, z, cycles, outcome)
+        end = self._transient(z, amplitude, poll)
+        z, period = end.state, end.period
+        cycles = end.n_periods + end.n_newton
+        jumped = not math.isnan(end.multiplier)
+        if period:
+            result["shortcut"][index] = Shortcut.NEWTON if jumped else Shortcut.CONVERGED
+        if end.outcome is not Outcome.COMPLETE:
+            return self._store_failure(result, row, index, z, cycles, end.outcome)
         window = period or settings.sampling_cycles
         growth = "lyapunov" in result and not period
         seen = self.solver.observe(
@@ -110,14 +106,14 @@ class FrameSweep:
             z = seen.points[-1].copy() if len(seen.points) else z
             return self._store_failure(result, row, index, z, cycles, seen.outcome)
         if period:
-            seen, period = self._as_the_plain_end(seen, phase, settings.period_tolerance)
+            seen, period = self._as_the_plain_end(seen, end.n_periods, settings.period_tolerance)
         else:
             period = orbit_period(seen.points, settings.max_orbit_period, settings.period_tolerance)
         self._store(result, row, index, amplitude, seen, period, cycles)
         if "lyapunov" in result:
             time = window * 2 * math.pi / self.solver.omega
-            if shortcut is Shortcut.NEWTON:
-                exponent = exponent_of_multiplier(multiplier, time)
+            if jumped:
+                exponent = exponent_of_multiplier(end.multiplier, time)
             elif period:
                 exponent = self._orbit_exponent(seen.points[-1], amplitude, period)
             else:
@@ -125,56 +121,22 @@ class FrameSweep:
             result["lyapunov"][index] = exponent
         return seen.points[-1].copy()
 
-    def _transient(self, z, amplitude, poll):
-        """Integrate the transient, or what of it is needed.
-
-        Returns
-        -------
-        state : ndarray, shape (2n,)
-        phase : int
-            Forcing periods since the start of the run at which the motion is at `state`.
-        cycles : int
-            Forcing periods really integrated.
-        period : int
-            Orbit period if the orbit is known to be reached, else 0.
-        shortcut : Shortcut
-        outcome : Outcome
-        multiplier : float
-            Modulus of the orbit's largest Floquet multiplier after a Newton jump, else NaN.
-        """
+    def _transient(self, z, amplitude, poll) -> Approach:
+        """Integrate the transient, or what of it is needed."""
         settings = self.settings
         if "converged" not in settings.skip or not hasattr(self.solver, "settle"):
             done = self.solver.advance(z, amplitude, settings.transient_cycles, poll=poll)
-            n_done = done.n_periods
-            return done.state, n_done, n_done, 0, Shortcut.NONE, done.outcome, math.nan
-        near = NEAR if "newton" in settings.skip else 0.0
-        phase = cycles = 0
-        while True:
-            done, period, points = self.solver.settle(
-                z,
-                amplitude,
-                settings.transient_cycles - phase,
-                settings.max_orbit_period,
-                SETTLED,
-                settings.period_tolerance,
-                near,
-                poll,
-            )
-            z = done.state
-            phase += done.n_periods
-            cycles += done.n_periods
-            if period >= 0:
-                shortcut = Shortcut.CONVERGED if period else Shortcut.NONE
-                return z, phase, cycles, period, shortcut, done.outcome, math.nan
-            try:
-                jump = newton_orbit(self.solver, points, amplitude, -period)
-            except (ArithmeticError, np.linalg.LinAlgError):
-                jump = None
-            if jump is not None:
-                z, periods, multiplier = jump
-                cycles += periods
-                return z, phase, cycles, -period, Shortcut.NEWTON, done.outcome, multiplier
-            near *= NEARER
+            return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
+        return self.solver.settle(
+            z,
+            amplitude,
+            settings.transient_cycles,
+            settings.max_orbit_period,
+            SETTLED,
+            settings.period_tolerance,
+            NEAR if "newton" in settings.skip else 0.0,
+            poll,
+        )
 
     def _as_the_plain_end(self, seen: Observation, phase: int, same: float):
         """Give the points of an orbit in the order of the plain procedure's last ones.
@@ -193,14 +155,14 @@ class FrameSweep:
         if period == 1:
             return seen, 1
         for divisor in range(1, period):
-            if period % divisor == 0:
-                again = np.roll(points, divisor, axis=0)
-                if np.abs(points - again).max() <= same:
-                    period = divisor
-                    break
+            if period % divisor:
+                continue
+            if np.abs(points - _turned(points, divisor)).max() <= same:
+                period = divisor
+                break
         plain = self.settings.transient_cycles + self.settings.sampling_cycles
         shift = (plain - phase - len(points)) % len(points)
-        return replace(seen, points=np.roll(points, -shift, axis=0)), period
+        return replace(seen, points=_turned(points, shift)), period
 
     def _orbit_exponent(self, z, amplitude, period):
         """Largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
@@ -231,6 +193,11 @@ class FrameSweep:
         result["outcome"][index] = outcome
         row["final_state"][:] = z
         return z
+
+
+def _turned(points: np.ndarray, by: int) -> np.ndarray:
+    """Let the points of an orbit begin with number `by`."""
+    return np.concatenate((points[by:], points[:by]))
 
 
 def empty_block(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from matplotlib import pyplot
 from hpcsweep import sweep
 from hpcsweep.bench import peers, ratios, scaling, skips, startup, work_precision
 from hpcsweep.figures import work_precision as figure
+from hpcsweep.flow import FlowMap
 from hpcsweep.settings import SweepSettings
 from hpcsweep.structure import Structure
 
@@ -84,10 +86,13 @@ def test_a_plain_run_that_had_not_settled_is_called_undecided():
 
 
 def test_a_wrong_jump_is_found_and_not_explained(monkeypatch):
-    def wrong(_solver, points, _amplitude, period):
-        return points[-1] + 1e-3, period, 0.5
+    settle = FlowMap.settle
 
-    monkeypatch.setattr(sweep, "newton_orbit", wrong)
+    def wrong(*given, **named):
+        end = settle(*given, **named)
+        return replace(end, state=end.state + 1e-3)
+
+    monkeypatch.setattr(FlowMap, "settle", wrong)
     comparison = skips.Comparison(Structure(), 0.445, SweepSettings())
     _, _, difference = comparison.compare(0.06, np.zeros(6))
     assert "poincare" in difference.what

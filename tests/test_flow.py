@@ -269,11 +269,48 @@ def test_monodromy_is_the_derivative_of_the_map(amplitude):
 def test_settle_finds_the_period_and_agrees_with_the_long_run():
     flow = FlowMap(Structure(), OMEGA)
     for amplitude, period in ((0.06, 1), (0.1, 2)):
-        settled, found, _ = flow.settle(np.zeros(6), amplitude, 200, 16, 1e-10, 1e-6)
-        assert found == period
+        settled = flow.settle(np.zeros(6), amplitude, 200, 16, 1e-10, 1e-6)
+        assert (settled.period, settled.n_newton) == (period, 0)
+        assert math.isnan(settled.multiplier)
         assert settled.n_periods < 100
         further = flow.advance(settled.state, amplitude, 60 * period).state
         assert np.abs(further - settled.state).max() < 1e-9
+
+
+def test_a_jump_ends_on_the_orbit_with_its_multiplier():
+    flow = FlowMap(Structure(), OMEGA)
+    jumps = 0
+    for amplitude, period in ((0.06, 1), (0.1, 2), (0.03, 1)):
+        jump = flow.settle(np.zeros(6), amplitude, 300, 16, 1e-10, 1e-6, 1e-3)
+        assert jump.period == period
+        assert jump.n_newton >= period
+        jumps += not math.isnan(jump.multiplier)
+        image = flow.advance(jump.state, amplitude, period).state
+        assert np.abs(image - jump.state).max() < 1e-11
+        further = flow.advance(jump.state, amplitude, 60 * period).state
+        assert np.abs(further - jump.state).max() < 1e-9
+        _, matrix = flow.monodromy(jump.state, amplitude, period)
+        exact = np.abs(np.linalg.eigvals(matrix)).max()
+        assert jump.multiplier == pytest.approx(exact, rel=1e-5)
+    assert jumps == 3
+
+
+def test_no_jump_to_an_orbit_that_repels():
+    flow = FlowMap(Structure(), OMEGA)
+    rules = (2000, 16, 1e-10, 1e-6, 1e-3)
+    z = flow.settle(np.zeros(6), 0.07, *rules).state
+    # the orbit of period 1, followed beyond where it doubles
+    for amplitude in np.linspace(0.07, 0.0987, 60):
+        for _ in range(6):
+            image, matrix = flow.monodromy(z, amplitude, 1)
+            z = z - np.linalg.solve(matrix - np.eye(6), image - z)
+    assert np.abs(image - z).max() < 1e-10
+    assert np.abs(np.linalg.eigvals(matrix)).max() > 1.1
+    # the motion beside it stays near at first, and is not taken for one that approaches
+    found = flow.settle(z + 1e-7, 0.0987, *rules)
+    assert found.period == 2
+    assert found.multiplier < 1.0
+    assert np.abs(found.state - z).max() > 1e-3
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 12])
@@ -357,9 +394,9 @@ def test_polls_come_often_and_change_nothing():
     assert len(polls) == 6
     # an orbit that never closes to 0 exactly: the whole way is polled
     rules = (n_periods, 6, -1.0, 1e-6)
-    polled, period, _ = flow.settle(z, 0.0987, *rules, poll=lambda: polls.append(1))
-    assert (polled.n_periods, period) == (n_periods, 0)
-    assert np.array_equal(polled.state, flow.settle(z, 0.0987, *rules)[0].state)
+    polled = flow.settle(z, 0.0987, *rules, poll=lambda: polls.append(1))
+    assert (polled.n_periods, polled.period) == (n_periods, 0)
+    assert np.array_equal(polled.state, flow.settle(z, 0.0987, *rules).state)
     assert len(polls) == 9
 
 

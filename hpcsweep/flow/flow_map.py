@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from hpcsweep.flow.approach import approach, empty_watch
+from hpcsweep.flow.march import march
 from hpcsweep.flow.metrics import empty_tally
-from hpcsweep.flow.period import Work, empty_work, march_period
+from hpcsweep.flow.period import Work, empty_work
 from hpcsweep.flow.tables import Model, empty_tables
-from hpcsweep.jit import kernel
-from hpcsweep.observation import Advance, Observation, window_growth
+from hpcsweep.observation import Advance, Approach, Observation, window_growth
 from hpcsweep.outcome import Outcome
 from hpcsweep.structure import Structure
 
@@ -20,8 +21,6 @@ LAYER_TOLERANCE = 1e-5
 random states: a period has up to some thousand such steps, and passages amplify errors)."""
 NEGLIGIBLE_FORCE = 1e-13
 """Contact force (gaps omega_0^2) at the edge of the layer that is neglected outside it."""
-ROUNDING = 2e-14
-"""Points closer than this (relative) are the same to rounding."""
 POLL_PERIODS = 2000
 """Forcing periods between two polls, some tens of milliseconds."""
 
@@ -40,186 +39,6 @@ def layer_half_width(beta: float, rho: float) -> float:
     for _ in range(50):
         y = max(20.0, math.log(beta / rho * y / NEGLIGIBLE_FORCE))
     return y / rho
-
-
-@kernel
-def march(
-    z,
-    amplitude,
-    n_periods,
-    model,
-    tables,
-    tolerance,
-    max_steps,
-    work,
-    counts,
-    points,
-    previous,
-    stop_below,
-    tally=None,
-    tangent=None,
-    growth=None,
-):
-    """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n_periods, 2n) or (0, 2n)
-        Receives z(T), z(2T), ...; not written if empty.
-    previous : ndarray, shape (2n,)
-        Room.
-    stop_below : float
-        Stop early once the state moved by no more than this over a period, three times in a row.
-    tally, tangent
-        See `period.march_period`.
-    growth : ndarray, shape (n_periods,), optional
-        The first column of `tangent` is scaled to length 1 after each period, and the logarithm of
-        what it was written here.
-
-    Returns
-    -------
-    n_done : int
-    outcome : int
-    """
-    still = 0
-    for period in range(n_periods):
-        for k in range(z.shape[0]):
-            previous[k] = z[k]
-        outcome = march_period(
-            z,
-            amplitude,
-            model,
-            tables,
-            tolerance,
-            max_steps,
-            work,
-            counts,
-            tally,
-            tangent,
-        )
-        if outcome != 1:
-            for k in range(z.shape[0]):
-                z[k] = previous[k]
-            return period, outcome
-        if growth is not None:
-            square = 0.0
-            for k in range(z.shape[0]):
-                square += tangent[k, 0] ** 2
-            size = math.sqrt(square)
-            growth[period] = math.log(size) if size > 0.0 else -math.inf
-            for k in range(z.shape[0]):
-                tangent[k, 0] /= size if size > 0.0 else 1.0
-        moved = 0.0
-        for k in range(z.shape[0]):
-            moved = max(moved, abs(z[k] - previous[k]))
-        if points.shape[0] > 0:
-            for k in range(z.shape[0]):
-                points[period, k] = z[k]
-        still = still + 1 if moved <= stop_below else 0
-        if still == 3:
-            return period + 1, 1
-    return n_periods, 1
-
-
-@kernel
-def settle(
-    z,
-    amplitude,
-    first,
-    n_periods,
-    max_period,
-    settled,
-    same,
-    near,
-    model,
-    tables,
-    tolerance,
-    max_steps,
-    work,
-    counts,
-    history,
-    distance,
-    close,
-    falling,
-):
-    """Advance z until its orbit has closed on itself, to period `n_periods` at most.
-
-    Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and
-    distance e r / (1 - r) to go with r = e_k / e_(k-p), once that is at most `settled` at every
-    point of two orbits in a row. An orbit that closes after p also closes after multiples of p,
-    and may be seen to do so earlier: the answer is the smallest divisor of p for which the last
-    two points are the `same`.
-
-    Before that, once e_k(p) is at most `near` and has fallen at every point of two orbits in a
-    row, the orbit is approached: the period is returned with a minus sign.
-
-    Parameters
-    ----------
-    first : int
-        0, or the number of periods done by calls before, with the arrays they left.
-    history : ndarray, shape (2 max_period + 1, 2n)
-        Room: the last points, cyclic.
-    distance : ndarray, shape (max_period + 1, max_period + 1)
-        Room: the last e_k of every p, cyclic.
-    close, falling : ndarray of int, shape (max_period + 1,)
-        Zeros at first: for how many points each p has been closed, or approached.
-
-    Returns
-    -------
-    n_done, period, outcome : int
-        `period` is 0 if the orbit has not closed, negative if it is only approached.
-    """
-    size = z.shape[0]
-    ring = max_period + 1
-    long = history.shape[0]
-    if first == 0:
-        for k in range(size):
-            history[0, k] = z[k]
-    for period in range(first + 1, n_periods + 1):
-        outcome = march_period(
-            z,
-            amplitude,
-            model,
-            tables,
-            tolerance,
-            max_steps,
-            work,
-            counts,
-        )
-        slot = period % ring
-        if outcome != 1:
-            for k in range(size):
-                z[k] = history[(period - 1) % long, k]
-            return period - 1, 0, outcome
-        largest = 0.0
-        for k in range(size):
-            history[period % long, k] = z[k]
-            largest = max(largest, abs(z[k]))
-        for p in range(1, min(max_period, period) + 1):
-            past = (period - p) % ring
-            e = 0.0
-            for k in range(size):
-                e = max(e, abs(z[k] - history[(period - p) % long, k]))
-            to_go = math.inf
-            approached = False
-            if period >= 2 * p:
-                before = distance[p, past]
-                approached = e <= near and e < before
-                if e <= ROUNDING * (1.0 + largest):
-                    to_go = 0.0
-                elif e < before:
-                    to_go = e * e / (before - e)
-            distance[p, slot] = e
-            close[p] = close[p] + 1 if to_go <= settled else 0
-            if close[p] >= 2 * p + 1:
-                for divisor in range(1, p):
-                    if p % divisor == 0 and distance[divisor, slot] <= same:
-                        return period, divisor, 1
-                return period, p, 1
-            falling[p] = falling[p] + 1 if approached else 0
-            if falling[p] >= 2 * p + 1:
-                return period, -p, 1
-    return n_periods, 0, 1
 
 
 def _between_polls(n_periods: int, poll: Callable[[], None] | None) -> Iterator[tuple[int, int]]:
@@ -269,6 +88,7 @@ class FlowMap:
         )
         self._tables = empty_tables(structure)
         self._work: Work = empty_work(structure.n_floors)
+        self._watch = empty_watch(structure.n_floors, 1)
         self._tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         self.counts = np.zeros(4, np.int64)
         self._no_points = np.empty((0, 2 * structure.n_floors))
@@ -320,32 +140,37 @@ class FlowMap:
         same: float,
         near: float = 0.0,
         poll: Callable[[], None] | None = None,
-    ) -> tuple[Advance, int, np.ndarray]:
-        """Advance until the orbit has closed on itself, for at most `n_periods`; see `settle`.
+    ) -> Approach:
+        """Advance until the orbit is known, for at most `n_periods`; see `approach`.
 
-        Returns
-        -------
-        advance : Advance
-        period : int
-            Orbit period, 0 if the orbit has not closed, negative if it is only approached.
-        points : ndarray, shape (3, 2n)
-            The motion two orbit periods ago, one orbit period ago, and now, if `period` is not 0.
+        Parameters
+        ----------
+        state : ndarray, shape (2n,)
+        amplitude : float
+            A.
+        n_periods, max_period : int
+            Of the transient, and of the orbit, at most.
+        settled, same : float
+            Distance (gaps, gaps omega_0) from the orbit, and between points that count as one.
+        near : float
+            Distance between points a period apart from which on Newton's method tries to jump to
+            the orbit; 0: never.
+        poll : callable, optional
+            Called before the work, and every `POLL_PERIODS`.
         """
         z = np.array(state, dtype=float)
-        ring = max_period + 1
-        room = (
-            np.empty((2 * max_period + 1, z.size)),
-            np.empty((ring, ring)),
-            np.zeros(ring, np.int64),
-            np.zeros(ring, np.int64),
-        )
-        done, period, outcome = 0, 0, int(Outcome.COMPLETE)
+        watch = self._watch
+        if watch.close.size != max_period + 1:
+            watch = self._watch = empty_watch(self.structure.n_floors, max_period)
+        watch.since[0] = 0
+        done = newton = period = 0
+        multiplier = math.nan
+        outcome = int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll):
-            done, period, outcome = settle(
+            more, by_newton, period, multiplier, near, outcome = approach(
                 z,
                 float(amplitude),
-                first,
-                last,
+                last - first,
                 max_period,
                 settled,
                 same,
@@ -356,13 +181,13 @@ class FlowMap:
                 MAX_STEPS,
                 self._work,
                 self.counts,
-                *room,
+                watch,
             )
-            if period != 0 or outcome != Outcome.COMPLETE:
+            done += more
+            newton += by_newton
+            if period or outcome != Outcome.COMPLETE:
                 break
-        history = room[0]
-        past = history[[(done - k * abs(period)) % len(history) for k in (2, 1, 0)]]
-        return Advance(z, done, Outcome(outcome)), period, past
+        return Approach(z, done, newton, period, multiplier, Outcome(outcome))
 
     def points(
         self,

@@ -1,0 +1,85 @@
+"""Forcing periods in a row."""
+
+import math
+
+from hpcsweep.flow.period import march_period
+from hpcsweep.jit import kernel
+
+
+@kernel
+def march(
+    z,
+    amplitude,
+    n_periods,
+    model,
+    tables,
+    tolerance,
+    max_steps,
+    work,
+    counts,
+    points,
+    previous,
+    stop_below,
+    tally=None,
+    tangent=None,
+    growth=None,
+):
+    """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_periods, 2n) or (0, 2n)
+        Receives z(T), z(2T), ...; not written if empty.
+    previous : ndarray, shape (2n,)
+        Room.
+    stop_below : float
+        Stop early once the state moved by no more than this over a period, three times in a row.
+    tally, tangent
+        See `period.march_period`.
+    growth : ndarray, shape (n_periods,), optional
+        The first column of `tangent` is scaled to length 1 after each period, and the logarithm of
+        what it was written here.
+
+    Returns
+    -------
+    n_done : int
+    outcome : int
+    """
+    still = 0
+    for period in range(n_periods):
+        for k in range(z.shape[0]):
+            previous[k] = z[k]
+        outcome = march_period(
+            z,
+            amplitude,
+            model,
+            tables,
+            tolerance,
+            max_steps,
+            work,
+            counts,
+            tally,
+            tangent,
+        )
+        if outcome != 1:
+            for k in range(z.shape[0]):
+                z[k] = previous[k]
+            return period, outcome
+        if growth is not None:
+            square = 0.0
+            for k in range(z.shape[0]):
+                square += tangent[k, 0] ** 2
+            size = math.sqrt(square)
+            growth[period] = math.log(size) if size > 0.0 else -math.inf
+            for k in range(z.shape[0]):
+                tangent[k, 0] /= size if size > 0.0 else 1.0
+        moved = 0.0
+        for k in range(z.shape[0]):
+            moved = max(moved, abs(z[k] - previous[k]))
+        if points.shape[0] > 0:
+            for k in range(z.shape[0]):
+                points[period, k] = z[k]
+        still = still + 1 if moved <= stop_below else 0
+        if still == 3:
+            return period + 1, 1
+    return n_periods, 1

@@ -38,7 +38,21 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from hpcsweep.equations import contact_stiffness, switch
-from hpcsweep.jit import LANES, combine, fma, kernel, subtract_contact
+from hpcsweep.jit import (
+    LANES,
+    combine,
+    fma,
+    greatest,
+    inlined,
+    kernel,
+    load,
+    modulus,
+    peak,
+    store,
+    subtract_contact,
+    switches,
+    total,
+)
 from hpcsweep.outcome import Outcome
 
 N_STAGES = LANES
@@ -128,6 +142,7 @@ POSITION_ROWS = np.ascontiguousarray(STAGES_SQUARED.T)
 POSITION_WEIGHTS = WEIGHTS @ STAGES
 """b^T A: u_1 = u_0 + h v_0 + h^2 sum_k (b^T A)_k G_k."""
 CHECK_NODES, CHECK_ROWS, CHECK_GAUSS, CHECK_ADDED, CHECK_START = _check()
+GAUSS_SLOPE, ADDED_SLOPE = 2.0 * NODES - 1.0, 2.0 * CHECK_NODES - 1.0
 
 
 class LayerRoom(NamedTuple):
@@ -142,7 +157,7 @@ class LayerRoom(NamedTuple):
     free, speeds : ndarray, shape (n, N_STAGES)
         u_0 + c_j h v_0 and v_0: the stages without acceleration.
     check : ndarray, shape (N_STAGES,)
-    forces : ndarray, shape (2 N_STAGES,)
+        Room.
     spring : ndarray, shape (n, N_STAGES)
         Room.
     """
@@ -156,7 +171,6 @@ class LayerRoom(NamedTuple):
     free: np.ndarray
     speeds: np.ndarray
     check: np.ndarray
-    forces: np.ndarray
     spring: np.ndarray
 
 
@@ -173,7 +187,6 @@ def empty_room(n: int) -> LayerRoom:
         np.zeros(stages),
         np.zeros(stages),
         np.zeros(N_STAGES),
-        np.zeros(2 * N_STAGES),
         np.zeros(stages),
     )
 
@@ -212,8 +225,7 @@ def _stage_accelerations(u, v, ground, active, model, out):
         row = i * N_STAGES
         subtract_linear(i, u, v, model.stiffness, model.damping, ground, 0, out)
         if active[i] == 1:
-            for j in range(N_STAGES):
-                out[i, j] -= beta * (u[i, j] - 1.0)
+            store(out, row, fma(1.0 - load(u, row), beta, load(out, row)))
         elif active[i] == 2:
             subtract_contact(out, row, u, row, beta, rho)
 
@@ -228,12 +240,11 @@ def _ground(tau, h, amplitude, omega, out):
         return
     sine = -amplitude * math.sin(omega * tau)
     cosine = -amplitude * math.cos(omega * tau)
-    for j in range(N_STAGES):
-        s = angle * NODES[j]
-        q = s * s
-        s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
-        c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
-        out[j] = fma(sine, c, cosine * s)
+    s = load(NODES, 0) * angle
+    q = s * s
+    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+    store(out, 0, fma(sine, c, s * cosine))
 
 
 @kernel
@@ -330,6 +341,19 @@ def stages(h, free, speeds, g, u, v):
         combine(v, row, speeds, row, h, SPEED_ROWS, 0, N_STAGES, g, row, N_STAGES)
 
 
+@inlined
+def replace(g, fresh):
+    """Write `fresh` into g; return the largest change and the largest entry, NaN if one is."""
+    change = load(fresh, 0) * 0.0
+    size = change
+    for at in range(0, g.size, LANES):
+        new = load(fresh, at)
+        change = greatest(change, modulus(new - load(g, at)))
+        size = greatest(size, modulus(new))
+        store(g, at, new)
+    return peak(change), peak(size)
+
+
 @kernel
 def collocate(tau, h, z, a, amplitude, stiffness, model, room):
     """Solve the collocation equations of one step.
@@ -355,30 +379,29 @@ def collocate(tau, h, z, a, amplitude, stiffness, model, room):
     u, v, g, fresh, ground, active = (room.u, room.v, room.g, room.fresh, room.ground, room.active)
     free, speeds = room.free, room.speeds
     n = a.shape[0]
-    speed = 0.0
-    for i in range(n):
-        speed = max(speed, abs(z[n + i]))
-        for j in range(N_STAGES):
-            g[i, j] = a[i]
-            free[i, j] = fma(NODES[j] * h, z[n + i], z[i])
-            speeds[i, j] = z[n + i]
     _ground(tau, h, amplitude, model.omega, ground)
     _find_active(h, z, a, model, active)
+    nodes = load(NODES, 0)
+    half_squares = nodes * nodes * 0.5
+    speed = 0.0
+    for i in range(n):
+        row = i * N_STAGES
+        speed = max(speed, abs(z[n + i]))
+        free_stages = fma(nodes, h * z[n + i], z[i])
+        store(free, row, free_stages)
+        store(speeds, row, z[n + i])
+        store(u, row, fma(half_squares, h * h * a[i], free_stages))
+        store(v, row, fma(nodes, h * a[i], z[n + i]))
+    _stage_accelerations(u, v, ground, active, model, g)
     unchecked, ratio = iterations_needed(h * h * stiffness)
-    for _ in range(unchecked):
+    for _ in range(unchecked - 1):
         stages(h, free, speeds, g, u, v)
         _stage_accelerations(u, v, ground, active, model, g)
     first = previous = math.inf
     for _ in range(MAX_ITERATIONS):
         stages(h, free, speeds, g, u, v)
         _stage_accelerations(u, v, ground, active, model, fresh)
-        change = 0.0
-        size = 0.0
-        for i in range(n):
-            for j in range(N_STAGES):
-                change = max(change, abs(fresh[i, j] - g[i, j]))
-                size = max(size, abs(fresh[i, j]))
-                g[i, j] = fresh[i, j]
+        change, size = replace(g, fresh)
         if not size < math.inf:
             return False
         rounding = 4e-16 * (size + speed / h)
@@ -405,31 +428,42 @@ def quadrature_error(h, z, model, room):
     linear, and resolved far better.
     """
     beta, rho = model.beta, model.rho
-    u = room.check
+    n = z.shape[0] // 2
     worst = 0.0
-    for i in range(z.shape[0] // 2):
+    for i in range(n):
         if room.active[i] != 2:
             continue
-        for j in range(N_STAGES):
-            u[j] = fma(CHECK_NODES[j] * h, z[z.shape[0] // 2 + i], z[i])
-        combine(u, 0, u, 0, h * h, CHECK_ROWS, 0, N_STAGES, room.g, i * N_STAGES, N_STAGES)
+        store(room.check, 0, fma(load(CHECK_NODES, 0), h * z[n + i], z[i]))
+        combine(
+            room.check,
+            0,
+            room.check,
+            0,
+            h * h,
+            CHECK_ROWS,
+            0,
+            N_STAGES,
+            room.g,
+            i * N_STAGES,
+            N_STAGES,
+        )
         x = z[i] - 1.0
-        mean = -beta * CHECK_START * switch(x, rho) * x
-        slope = -mean
-        forces = room.forces
-        for k in range(2 * N_STAGES):
-            forces[k] = 0.0
-        subtract_contact(forces, 0, room.u, i * N_STAGES, beta, rho)
-        subtract_contact(forces, N_STAGES, u, 0, beta, rho)
-        for j in range(N_STAGES):
-            force = CHECK_GAUSS[j] * forces[j]
-            mean += force
-            slope += force * (2.0 * NODES[j] - 1.0)
-            force = CHECK_ADDED[j] * forces[N_STAGES + j]
-            mean += force
-            slope += force * (2.0 * CHECK_NODES[j] - 1.0)
+        start = beta * CHECK_START * switch(x, rho) * x
+        x = load(room.u, i * N_STAGES) - 1.0
+        gauss = beta * switches(rho * x) * x * load(CHECK_GAUSS, 0)
+        x = load(room.check, 0) - 1.0
+        added = beta * switches(rho * x) * x * load(CHECK_ADDED, 0)
+        mean = start + total(gauss + added)
+        slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
         worst = max(worst, max(abs(mean), abs(slope)))
     return h * worst
+
+
+@inlined
+def integrals(g, i):
+    """Integrate row i of the accelerations g twice and once over the step, over h^2 and over h."""
+    row = load(g, i * N_STAGES)
+    return total(load(POSITION_WEIGHTS, 0) * row), total(load(WEIGHTS, 0) * row)
 
 
 @kernel
@@ -437,11 +471,7 @@ def finish(h, z, g, out):
     """Write the state at the end of the step into `out`, shape (2n,)."""
     n = g.shape[0]
     for i in range(n):
-        du = 0.0
-        dv = 0.0
-        for k in range(N_STAGES):
-            du = fma(POSITION_WEIGHTS[k], g[i, k], du)
-            dv = fma(WEIGHTS[k], g[i, k], dv)
+        du, dv = integrals(g, i)
         out[i] = fma(h, fma(h, du, z[n + i]), z[i])
         out[n + i] = fma(h, dv, z[n + i])
 

@@ -51,7 +51,13 @@ from hpcsweep.flow.tables import (
     product,
     product_of_moduli,
 )
-from hpcsweep.flow.tangent import layer_tangent, linear_tangent, passage_tangent
+from hpcsweep.flow.tangent import (
+    TangentRoom,
+    empty_tangent_room,
+    layer_tangent,
+    linear_tangent,
+    passage_tangent,
+)
 from hpcsweep.jit import fma, inlined, kernel
 
 OVERFLOW = 1e100
@@ -85,9 +91,7 @@ class Work(NamedTuple):
     stack: np.ndarray
     a: np.ndarray
     a_end: np.ndarray
-    propagator: np.ndarray
-    matrix: np.ndarray
-    kicks: np.ndarray
+    tangent: TangentRoom
     layer: LayerRoom
     stage_u: np.ndarray
     stage_v: np.ndarray
@@ -114,9 +118,7 @@ def empty_work(n: int) -> Work:
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
         a_end=np.zeros(n),
-        propagator=np.zeros((2 * n, 2 * n)),
-        matrix=np.zeros((2 * n, 2 * n)),
-        kicks=np.zeros((4, 2 * n)),
+        tangent=empty_tangent_room(n),
         layer=empty_room(n),
         stage_u=np.zeros(N_STAGES),
         stage_v=np.zeros(N_STAGES),
@@ -593,9 +595,9 @@ def march_period(
                 if tangent is not None:
                     evaluate_rows(rows, h, at_stop, z_end)
                     z_end[floor] = 1.0
-                    linear_tangent(tables, index, at_stop, tangent, work.propagator, work.matrix)
+                    linear_tangent(tables, index, at_stop, tangent, work.tangent)
                     after = key ^ (np.uint64(1) << np.uint64(floor))
-                    passage_tangent(floor, after, z_end, a, jerk, model, work.kicks, tangent)
+                    passage_tangent(floor, after, z_end, a, jerk, model, work.tangent, tangent)
                 counts[1] += 1
                 span = at_stop
                 for i in range(2 * n):
@@ -604,7 +606,7 @@ def march_period(
                 span = time
                 evaluate_rows(rows, h, span, z_end)
         if tangent is not None and not passed:
-            linear_tangent(tables, index, span, tangent, work.propagator, work.matrix)
+            linear_tangent(tables, index, span, tangent, work.tangent)
         for i in range(2 * n):
             if not abs(z_end[i]) < OVERFLOW:
                 return NON_FINITE

@@ -82,6 +82,9 @@ class Tables(NamedTuple):
     padded with zeros to a multiple of `LANES`."""
     poly: np.ndarray
     """(MAX_TABLES, 2n, N, N_COEFFICIENTS)"""
+    columns: np.ndarray
+    """(MAX_TABLES, N_COEFFICIENTS, 2n, padded 2n): the same once more, without the forcing, by
+    coefficient, column, then row."""
     bound4: np.ndarray
     """(MAX_TABLES, N, padded n): column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray
@@ -107,6 +110,7 @@ def empty_tables(structure: Structure) -> Tables:
         h=np.zeros(capacity),
         step=np.zeros((capacity, size, padded(2 * n))),
         poly=np.empty((capacity, 2 * n, size, N_COEFFICIENTS)),
+        columns=np.zeros((capacity, N_COEFFICIENTS, 2 * n, padded(2 * n))),
         bound4=np.zeros((capacity, size, padded(n))),
         rotation=np.empty((capacity, 2)),
         modal=np.zeros((1, size, padded(n * N_MODAL))),
@@ -192,6 +196,10 @@ def _build(key, model, tables, index):
                 entry = term[row, column] * unit[row] / unit[column]
                 for p in range(N_COEFFICIENTS):
                     poly[row, column, p] += ECONOMISATION[p, k] * entry
+    for p in range(N_COEFFICIENTS):
+        for column in range(2 * n):
+            for row in range(2 * n):
+                tables.columns[index, p, column, row] = poly[row, column, p]
     if key == np.uint64(0):
         _build_modal(model, poly, tables.modal)
     for row in range(n):

@@ -195,7 +195,7 @@ FAR = 45.0
 """rho |u - 1| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
 
 
-@kernel
+@inlined
 def subtract_linear(i, u, v, stiffness, damping, init, at, out):
     """Write init[at:] less the linear forces on floor i at all stages into its row of `out`."""
     n = u.shape[0]
@@ -206,7 +206,7 @@ def subtract_linear(i, u, v, stiffness, damping, init, at, out):
     combine(out, row, out, row, -1.0, v, 0, N_STAGES, damping, i * n, n)
 
 
-@kernel
+@inlined
 def _stage_accelerations(u, v, ground, active, model, out):
     """Evaluate G at all stages.
 
@@ -230,7 +230,7 @@ def _stage_accelerations(u, v, ground, active, model, out):
             subtract_contact(out, row, u, row, beta, rho)
 
 
-@kernel
+@inlined
 def _ground(tau, h, amplitude, omega, out):
     """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
     angle = omega * h
@@ -247,7 +247,7 @@ def _ground(tau, h, amplitude, omega, out):
     store(out, 0, fma(sine, c, s * cosine))
 
 
-@kernel
+@inlined
 def _find_active(h, z, a, model, active):
     """Tell for each floor whether its sigmoid is 0, 1 or neither within twice its possible way."""
     n = a.shape[0]
@@ -332,7 +332,7 @@ def iterations_needed(square):
     return k, square / ((2 * k + 2) * (2 * k + 1))
 
 
-@kernel
+@inlined
 def stages(h, free, speeds, g, u, v):
     """Write displacements and velocities at the stages from the accelerations g."""
     for i in range(u.shape[0]):
@@ -354,7 +354,7 @@ def replace(g, fresh):
     return peak(change), peak(size)
 
 
-@kernel
+@inlined
 def collocate(tau, h, z, a, amplitude, stiffness, model, room):
     """Solve the collocation equations of one step.
 
@@ -420,7 +420,7 @@ def collocate(tau, h, z, a, amplitude, stiffness, model, room):
     return False
 
 
-@kernel
+@inlined
 def quadrature_error(h, z, model, room):
     """Measure the velocity error of the step from z that `collocate` has left in `room`.
 
@@ -466,7 +466,7 @@ def integrals(g, i):
     return total(load(POSITION_WEIGHTS, 0) * row), total(load(WEIGHTS, 0) * row)
 
 
-@kernel
+@inlined
 def finish(h, z, g, out):
     """Write the state at the end of the step into `out`, shape (2n,)."""
     n = g.shape[0]

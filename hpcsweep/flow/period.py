@@ -558,6 +558,7 @@ def march_period(
             expand_rows(poly, index, x, rows, expanded, 2 * n)
             evaluate_rows(rows, h, span, z_end)
         passed = False
+        jerk = 0.0
         beyond = False
         product_of_moduli(bound4, index, x, bounds)
         floor, time = _first_event(
@@ -592,21 +593,21 @@ def march_period(
                     promised,
                 )
             if passed:
-                if tangent is not None:
-                    evaluate_rows(rows, h, at_stop, z_end)
-                    z_end[floor] = 1.0
-                    linear_tangent(tables, index, at_stop, tangent, work.tangent)
-                    after = key ^ (np.uint64(1) << np.uint64(floor))
-                    passage_tangent(floor, after, z_end, a, jerk, model, work.tangent, tangent)
                 counts[1] += 1
                 span = at_stop
-                for i in range(2 * n):
-                    z_end[i] = z[i]
             else:
                 span = time
                 evaluate_rows(rows, h, span, z_end)
-        if tangent is not None and not passed:
+        if tangent is not None:
             linear_tangent(tables, index, span, tangent, work.tangent)
+            if passed:
+                evaluate_rows(rows, h, span, z_end)
+                z_end[floor] = 1.0
+                after = key ^ (np.uint64(1) << np.uint64(floor))
+                passage_tangent(floor, after, z_end, a, jerk, model, work.tangent, tangent)
+        if passed:
+            for i in range(2 * n):
+                z_end[i] = z[i]
         for i in range(2 * n):
             if not abs(z_end[i]) < OVERFLOW:
                 return NON_FINITE

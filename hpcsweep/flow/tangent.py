@@ -43,7 +43,6 @@ from hpcsweep.jit import (
     combine,
     fma,
     inlined,
-    kernel,
     load,
     peak,
     root,
@@ -92,7 +91,7 @@ def empty_tangent_room(n: int) -> TangentRoom:
     )
 
 
-@kernel
+@inlined
 def linear_tangent(tables, index, s, tangent, room):
     """Multiply `tangent` by exp(M s) of table `index`, in place.
 
@@ -224,7 +223,7 @@ def _half_passage(side, v, a, j, beta, rho):
     )
 
 
-@kernel
+@inlined
 def passage_tangent(floor, key_after, z, a, jerk, model, room, tangent):
     """Multiply `tangent` by the matrix S of a fast passage, in place.
 
@@ -280,7 +279,7 @@ def passage_tangent(floor, key_after, z, a, jerk, model, room, tangent):
             )
 
 
-@kernel
+@inlined
 def layer_tangent(h, model, room, tangent):
     """Multiply `tangent` by the tangent map of one collocation step, in place.
 

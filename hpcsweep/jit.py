@@ -233,7 +233,7 @@ def _folding(fold, doc: str):
 
 
 total = _folding(lambda builder, a, b: builder.fadd(a, b), "The sum (kernels only).")
-peak = _folding(
+maximum = _folding(
     lambda builder, a, b: builder.call(_on_vectors(builder, "maximum", 2), [a, b]),
     "The greatest, NaN if one is (kernels only).",
 )
@@ -350,7 +350,7 @@ def switches(typingctx, y):
 
 
 @inlined
-def subtract_contact(out, o, u, i, beta, rho):
-    """Subtract the contact forces beta S(rho x) x of `LANES` displacements x = u[i:] - 1."""
-    x = load(u, i) - 1.0
-    store(out, o, fma(-beta * switches(rho * x), x, load(out, o)))
+def less_contact(force, u, beta, rho):
+    """Subtract the contact forces beta S(rho x) x of `LANES` displacements x = u - 1."""
+    x = u - 1.0
+    return fma(switches(rho * x), -1.0 * beta * x, force)

@@ -29,6 +29,7 @@ from hpcsweep.flow.layer import (
     finish,
     inside_layer,
     quadrature_error,
+    shortening,
     step_limit,
 )
 from hpcsweep.flow.metrics import drift_on_segment, modal_norm_on_segment, observe_layer_step
@@ -58,7 +59,7 @@ from hpcsweep.flow.tangent import (
     linear_tangent,
     passage_tangent,
 )
-from hpcsweep.jit import fma, inlined, kernel
+from hpcsweep.jit import LANES, fma, inlined, kernel
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -86,7 +87,8 @@ class Work(NamedTuple):
     modal_series: np.ndarray
     modal_powers: np.ndarray
     """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
-    modal_size: np.ndarray
+    modal_summary: np.ndarray
+    """(LANES,): see `metrics.SUMMARY`."""
     ways: np.ndarray
     stack: np.ndarray
     a: np.ndarray
@@ -113,7 +115,7 @@ def empty_work(n: int) -> Work:
         modal_part=np.zeros(n),
         modal_series=np.zeros(N_MODAL),
         modal_powers=np.zeros((N_COEFFICIENTS, N_MODAL)),
-        modal_size=np.zeros(N_MODAL),
+        modal_summary=np.zeros(LANES),
         ways=np.zeros(n),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
@@ -413,7 +415,9 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tall
                     speed = max(speed, abs(work.z_end[i]))
                 if error <= tolerance * speed:
                     break
-            h *= 0.5
+                h *= shortening(tolerance * speed, error)
+            else:
+                h *= 0.5
             if not h > 1e-14 * left:
                 return tau, SOLVER_FAILED, steps
         tau = end if h >= left else tau + h

@@ -33,9 +33,9 @@ from hpcsweep.flow.layer import (
     NODES,
     integrals,
     iterations_needed,
+    less_linear,
     replace,
     stages,
-    subtract_linear,
 )
 from hpcsweep.flow.tables import N_COEFFICIENTS, ZERO, padded
 from hpcsweep.jit import (
@@ -44,7 +44,7 @@ from hpcsweep.jit import (
     fma,
     inlined,
     load,
-    peak,
+    maximum,
     root,
     store,
     switches,
@@ -305,7 +305,7 @@ def layer_tangent(h, model, room, tangent):
             s = switches(rho * x)
             stiff = beta * s * (1.0 + rho * x * (1.0 - s))
             store(spring, row, stiff)
-            hardest = max(hardest, peak(stiff))
+            hardest = max(hardest, maximum(stiff))
         else:
             store(spring, row, beta * room.active[i])
             hardest = max(hardest, beta * room.active[i])
@@ -342,5 +342,5 @@ def _variations(u, v, spring, stiffness, damping, out):
     """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
     for i in range(u.shape[0]):
         row = i * N_STAGES
-        store(out, row, -1.0 * load(spring, row) * load(u, row))
-        subtract_linear(i, u, v, stiffness, damping, out, row, out)
+        force = -1.0 * load(spring, row) * load(u, row)
+        store(out, row, less_linear(force, i, u, v, stiffness, damping))

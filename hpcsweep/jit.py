@@ -17,6 +17,7 @@ import os
 from pathlib import Path
 
 import numba
+import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core import config as _numba_config
@@ -64,6 +65,18 @@ inlined = functools.partial(kernel, forceinline=True)
 
 LANES = 8
 """Doubles worked on together: what a vector register of 64 bytes holds."""
+
+
+def aligned_zeros(*shape: int) -> np.ndarray:
+    """Allocate zeros that begin where a vector does.
+
+    A vector that lies across two lines of the cache takes two accesses; so would all of an array
+    whose start is off.
+    """
+    size = math.prod(shape)
+    raw = np.zeros(size + LANES)
+    first = -(raw.ctypes.data // raw.itemsize) % LANES
+    return raw[first : first + size].reshape(shape)
 
 
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)

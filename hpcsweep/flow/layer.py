@@ -40,6 +40,7 @@ from numpy.polynomial import legendre
 from hpcsweep.equations import contact_stiffness, switch
 from hpcsweep.jit import (
     LANES,
+    aligned_zeros,
     fma,
     greatest,
     inlined,
@@ -174,15 +175,15 @@ def empty_room(n: int) -> LayerRoom:
     """Allocate the stages of n floors."""
     stages = (n, N_STAGES)
     return LayerRoom(
-        np.zeros(stages),
-        np.zeros(stages),
-        np.zeros(stages),
-        np.zeros(stages),
-        np.zeros(N_STAGES),
-        np.zeros(n, np.int64),
-        np.zeros(stages),
-        np.zeros(stages),
-        np.zeros(stages),
+        u=aligned_zeros(*stages),
+        v=aligned_zeros(*stages),
+        g=aligned_zeros(*stages),
+        fresh=aligned_zeros(*stages),
+        ground=aligned_zeros(N_STAGES),
+        active=np.zeros(n, np.int64),
+        free=aligned_zeros(*stages),
+        speeds=aligned_zeros(*stages),
+        spring=aligned_zeros(*stages),
     )
 
 

@@ -7,8 +7,8 @@ step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
     G_j = G(tau + c_j h, U_j, V_j)
 
 (implicit Runge-Kutta of Gauss type, order 2 N_STAGES; Hairer, Norsett and Wanner, Solving
-Ordinary Differential Equations I, II.7), solved by fixed-point iteration from the polynomial of
-the step before. The step has two limits.
+Ordinary Differential Equations I, II.7), solved by fixed-point iteration from the
+accelerations at the start. The step has two limits.
 
 - The sigmoid has poles at y = rho x = +-i pi (2 m + 1). On a step on which y moves by L, Gauss
   quadrature converges as kappa^-16, kappa the parameter of the Bernstein ellipse about the step
@@ -28,7 +28,7 @@ the error of the velocity is the error of the Gauss rule along the collocation p
 is measured by a rule of 17 points, exact to degree 16, which adds to the Gauss nodes the nodes of
 Kronrod (Laurie, Math. Comp. 66 (1997) 1133) with the start of the step in place of the first. The
 same difference with the weight 2 s - 1 tells of residuals whose mean vanishes. A step whose error
-is above the tolerance is cut and taken again.
+is above the tolerance is cut, by what its order promises, and taken again.
 """
 
 import math
@@ -62,8 +62,8 @@ ELLIPSE = 5.5
 """kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 1.2
 MAX_ITERATIONS = 40
-UNCHECKED = 1e-13
-"""Relative error from which on the iteration is looked at: a look costs as much as an iteration."""
+UNCHECKED = 1e-11
+"""Relative error from which on the iteration is looked at."""
 COMPLETE = int(Outcome.COMPLETE)
 NON_FINITE = int(Outcome.NON_FINITE)
 STEP_LIMIT = int(Outcome.STEP_LIMIT)

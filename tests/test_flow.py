@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from hpcsweep.flow import FlowMap, crossing, layer, search, tables
+from hpcsweep import jit
+from hpcsweep.flow import FlowMap, crossing, layer, search, tables, tangent
 from hpcsweep.flow.flow_map import POLL_PERIODS, layer_half_width
-from hpcsweep.jit import LANES, kernel, subtract_contact
+from hpcsweep.jit import LANES, kernel, less_contact, load, store
 from hpcsweep.linear import LinearOrbit
 from hpcsweep.observation import window_growth
 from hpcsweep.outcome import Outcome
@@ -100,7 +101,7 @@ def test_contact_forces_in_lanes_are_those_of_the_equations():
     @kernel
     def forces(u, beta, rho, out):
         for k in range(0, out.size, LANES):
-            subtract_contact(out, k, u, k, beta, rho)
+            store(out, k, less_contact(load(out, k), load(u, k), beta, rho))
 
     y = np.concatenate((np.linspace(-45, 45, 2001), [-1e4, -700.1, -699.9, 0.0, 700.1, 1e4, 1e12]))
     for rho in (0.0, 3.0, 1e4):
@@ -114,6 +115,53 @@ def test_contact_forces_in_lanes_are_those_of_the_equations():
     out = np.zeros(LANES)
     forces(np.full(LANES, np.nan), 1.0, 1e4, out)
     assert np.all(np.isnan(out))
+
+
+def test_lanes_reckon_as_numbers_do():
+    @kernel
+    def reckon(a, b, out, folded):
+        x, y = jit.load(a, 0), jit.load(b, 0)
+        jit.store(out, 0, jit.fma(x, y, 3.0) / (1.0 + y * 2) - x)
+        jit.store(out, LANES, jit.root(y))
+        jit.store(out, 2 * LANES, jit.greatest(jit.modulus(x), 0.5))
+        folded[0], folded[1], folded[2] = jit.total(x), jit.maximum(x), jit.negative(x)
+
+    rng = np.random.default_rng(2)
+    a, b = rng.standard_normal(LANES), rng.random(LANES)
+    out, folded = jit.aligned_zeros(3, LANES), np.zeros(3)
+    assert out.ctypes.data % (8 * LANES) == 0
+    reckon(a, b, out, folded)
+    assert out[0] == pytest.approx((a * b + 3) / (1 + 2 * b) - a, rel=1e-14)
+    assert np.array_equal(out[1:], [np.sqrt(b), np.maximum(abs(a), 0.5)])
+    assert folded[:2] == pytest.approx([a.sum(), a.max()], rel=1e-14)
+    assert folded[2] == np.sum((a < 0) * 2 ** np.arange(LANES))
+    for place in range(LANES):
+        a[:] = 1.0
+        a[place] = np.nan
+        reckon(a, b, out, folded)
+        assert np.isnan(folded[1])
+
+
+@pytest.mark.parametrize("v", [0.7, -0.7])
+def test_derivatives_of_a_passage_are_those_of_its_moments(v):
+    @kernel
+    def differentiate(v, a, j, beta, rho, out):
+        free = tangent._half_passage(-1.0, v, a, j, beta, rho)
+        contact = tangent._half_passage(1.0, v, a, j, beta, rho)
+        for row in range(3):
+            sums = tangent._sums(free[row], contact[row])
+            for k in range(7):
+                out[row, k] = sums[k]
+
+    a, j, beta, rho = 3.0, 40.0, 1000.0, 3000.0
+    out = np.zeros((3, 7))
+    differentiate(v, a, j, beta, rho, out)
+    exact = np.array(crossing.moments(v, a, j, beta, rho))
+    assert out[0] == pytest.approx(exact, rel=1e-12)
+    step = 1e-4
+    for row, (dv, da) in enumerate(((step, 0.0), (0.0, step)), start=1):
+        ends = [crossing.moments(v + k * dv, a + k * da, j, beta, rho) for k in (1, -1)]
+        assert out[row] == pytest.approx(np.subtract(*ends) / (2 * step), rel=1e-5)
 
 
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-250])

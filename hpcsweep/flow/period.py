@@ -29,6 +29,7 @@ from hpcsweep.flow.layer import (
     finish,
     inside_layer,
     quadrature_error,
+    shortening,
     step_limit,
 )
 from hpcsweep.flow.metrics import drift_on_segment, modal_norm_on_segment, observe_layer_step
@@ -51,8 +52,14 @@ from hpcsweep.flow.tables import (
     product,
     product_of_moduli,
 )
-from hpcsweep.flow.tangent import layer_tangent, linear_tangent, passage_tangent
-from hpcsweep.jit import fma, inlined, kernel
+from hpcsweep.flow.tangent import (
+    TangentRoom,
+    empty_tangent_room,
+    layer_tangent,
+    linear_tangent,
+    passage_tangent,
+)
+from hpcsweep.jit import LANES, aligned_zeros, fma, inlined, kernel
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -80,14 +87,13 @@ class Work(NamedTuple):
     modal_series: np.ndarray
     modal_powers: np.ndarray
     """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
-    modal_size: np.ndarray
+    modal_summary: np.ndarray
+    """(LANES,): see `metrics.SUMMARY`."""
     ways: np.ndarray
     stack: np.ndarray
     a: np.ndarray
     a_end: np.ndarray
-    propagator: np.ndarray
-    matrix: np.ndarray
-    kicks: np.ndarray
+    tangent: TangentRoom
     layer: LayerRoom
     stage_u: np.ndarray
     stage_v: np.ndarray
@@ -97,26 +103,24 @@ class Work(NamedTuple):
 def empty_work(n: int) -> Work:
     """Allocate the room for n floors."""
     return Work(
-        x=np.zeros(2 * n + 3),
+        x=aligned_zeros(2 * n + 3),
         z_end=np.zeros(2 * n),
-        wide=np.zeros(padded(2 * n)),
-        bounds=np.zeros(padded(n)),
-        rows=np.zeros((2 * n, N_COEFFICIENTS)),
+        wide=aligned_zeros(padded(2 * n)),
+        bounds=aligned_zeros(padded(n)),
+        rows=aligned_zeros(2 * n, N_COEFFICIENTS),
         expanded=np.zeros(2 * n, np.bool_),
-        drift_rows=np.zeros((1, N_COEFFICIENTS)),
-        modal_rows=np.zeros((n, N_COEFFICIENTS)),
-        modal_nodes=np.zeros(padded(n * N_MODAL)),
-        modal_part=np.zeros(n),
-        modal_series=np.zeros(N_MODAL),
-        modal_powers=np.zeros((N_COEFFICIENTS, N_MODAL)),
-        modal_size=np.zeros(N_MODAL),
+        drift_rows=aligned_zeros(1, N_COEFFICIENTS),
+        modal_rows=aligned_zeros(n, N_COEFFICIENTS),
+        modal_nodes=aligned_zeros(padded(n * N_MODAL)),
+        modal_part=aligned_zeros(n),
+        modal_series=aligned_zeros(N_MODAL),
+        modal_powers=aligned_zeros(N_COEFFICIENTS, N_MODAL),
+        modal_summary=aligned_zeros(LANES),
         ways=np.zeros(n),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
         a_end=np.zeros(n),
-        propagator=np.zeros((2 * n, 2 * n)),
-        matrix=np.zeros((2 * n, 2 * n)),
-        kicks=np.zeros((4, 2 * n)),
+        tangent=empty_tangent_room(n),
         layer=empty_room(n),
         stage_u=np.zeros(N_STAGES),
         stage_v=np.zeros(N_STAGES),
@@ -411,7 +415,9 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tall
                     speed = max(speed, abs(work.z_end[i]))
                 if error <= tolerance * speed:
                     break
-            h *= 0.5
+                h *= shortening(tolerance * speed, error)
+            else:
+                h *= 0.5
             if not h > 1e-14 * left:
                 return tau, SOLVER_FAILED, steps
         tau = end if h >= left else tau + h
@@ -556,6 +562,7 @@ def march_period(
             expand_rows(poly, index, x, rows, expanded, 2 * n)
             evaluate_rows(rows, h, span, z_end)
         passed = False
+        jerk = 0.0
         beyond = False
         product_of_moduli(bound4, index, x, bounds)
         floor, time = _first_event(
@@ -590,21 +597,21 @@ def march_period(
                     promised,
                 )
             if passed:
-                if tangent is not None:
-                    evaluate_rows(rows, h, at_stop, z_end)
-                    z_end[floor] = 1.0
-                    linear_tangent(tables, index, at_stop, tangent, work.propagator, work.matrix)
-                    after = key ^ (np.uint64(1) << np.uint64(floor))
-                    passage_tangent(floor, after, z_end, a, jerk, model, work.kicks, tangent)
                 counts[1] += 1
                 span = at_stop
-                for i in range(2 * n):
-                    z_end[i] = z[i]
             else:
                 span = time
                 evaluate_rows(rows, h, span, z_end)
-        if tangent is not None and not passed:
-            linear_tangent(tables, index, span, tangent, work.propagator, work.matrix)
+        if tangent is not None:
+            linear_tangent(tables, index, span, tangent, work.tangent)
+            if passed:
+                evaluate_rows(rows, h, span, z_end)
+                z_end[floor] = 1.0
+                after = key ^ (np.uint64(1) << np.uint64(floor))
+                passage_tangent(floor, after, z_end, a, jerk, model, work.tangent, tangent)
+        if passed:
+            for i in range(2 * n):
+                z_end[i] = z[i]
         for i in range(2 * n):
             if not abs(z_end[i]) < OVERFLOW:
                 return NON_FINITE

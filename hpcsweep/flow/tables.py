@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from hpcsweep.jit import LANES, combine, combine_moduli, jit, kernel
+from hpcsweep.jit import LANES, aligned_zeros, combine, combine_moduli, jit, kernel
 from hpcsweep.structure import Structure
 
 DEGREE = 15
@@ -82,6 +82,9 @@ class Tables(NamedTuple):
     padded with zeros to a multiple of `LANES`."""
     poly: np.ndarray
     """(MAX_TABLES, 2n, N, N_COEFFICIENTS)"""
+    columns: np.ndarray
+    """(MAX_TABLES, N_COEFFICIENTS, 2n, padded 2n): the same once more, without the forcing, by
+    coefficient, column, then row."""
     bound4: np.ndarray
     """(MAX_TABLES, N, padded n): column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray
@@ -105,11 +108,12 @@ def empty_tables(structure: Structure) -> Tables:
         count=np.zeros(1, dtype=np.int64),
         keys=np.zeros(capacity, dtype=np.uint64),
         h=np.zeros(capacity),
-        step=np.zeros((capacity, size, padded(2 * n))),
-        poly=np.empty((capacity, 2 * n, size, N_COEFFICIENTS)),
-        bound4=np.zeros((capacity, size, padded(n))),
+        step=aligned_zeros(capacity, size, padded(2 * n)),
+        poly=aligned_zeros(capacity, 2 * n, size, N_COEFFICIENTS),
+        columns=aligned_zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
+        bound4=aligned_zeros(capacity, size, padded(n)),
         rotation=np.empty((capacity, 2)),
-        modal=np.zeros((1, size, padded(n * N_MODAL))),
+        modal=aligned_zeros(1, size, padded(n * N_MODAL)),
     )
 
 
@@ -192,6 +196,10 @@ def _build(key, model, tables, index):
                 entry = term[row, column] * unit[row] / unit[column]
                 for p in range(N_COEFFICIENTS):
                     poly[row, column, p] += ECONOMISATION[p, k] * entry
+    for p in range(N_COEFFICIENTS):
+        for column in range(2 * n):
+            for row in range(2 * n):
+                tables.columns[index, p, column, row] = poly[row, column, p]
     if key == np.uint64(0):
         _build_modal(model, poly, tables.modal)
     for row in range(n):

@@ -10,77 +10,222 @@ segment of `period` give
 
       S = I + Dk - (Dk f_- + dk/dtau - M_+ k) e_f^T / v_f,        f_+(z + k) - f_-(z) = M_+ k
 
-  (the derivative of k with respect to speed, acceleration and jerk by central differences);
+  The kick depends on z through the speed v and the acceleration a (and through the jerk, so little
+  that it is left out). Its moments are sums over nodes X of c t^k / w, with w(X)^2 of `crossing`
+  and t = +-2 X / (|v*| + w), so that their derivatives are those sums with the factors
+  -w' / w - k (|v*|' + w') / (|v*| + w), where, upper signs at x > 0,
+
+      d|v*|/dv = v / |v*|,    dw/dv = (v - sigma j X^2 v / (2 |v*|^3)) / w,    dw/da = +-X / w;
+
 - inside a layer: the variational equations of the collocation solution, at the same stages.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.equations import contact_stiffness
-from hpcsweep.flow.crossing import add_kick, moments
+from hpcsweep.flow import crossing
+from hpcsweep.flow.crossing import FULL_POTENTIAL, add_kick
 from hpcsweep.flow.layer import (
     MAX_ITERATIONS,
     N_STAGES,
     NODES,
-    POSITION_WEIGHTS,
-    WEIGHTS,
+    integrals,
     iterations_needed,
+    less_linear,
+    replace,
     stages,
-    subtract_linear,
 )
-from hpcsweep.flow.tables import N_COEFFICIENTS
-from hpcsweep.jit import fma, kernel
+from hpcsweep.flow.tables import N_COEFFICIENTS, ZERO, padded
+from hpcsweep.jit import (
+    LANES,
+    aligned_zeros,
+    combine,
+    fma,
+    inlined,
+    load,
+    maximum,
+    root,
+    store,
+    switches,
+    total,
+)
 
 CONVERGED = 1e-13
 """Last change of the stage accelerations, or the next one, relative."""
-DIFFERENCE = 1e-4
-"""Relative step of the central differences; their error, its square, multiplies a small kick."""
+PASSAGE_NODES, PASSAGE_WEIGHTS, PASSAGE_POTENTIAL = (
+    crossing.NODES,
+    crossing.WEIGHTS,
+    crossing.POTENTIAL,
+)
 
 
-@kernel
-def _multiply(matrix, tangent, room):
-    """Multiply `tangent` by a matrix from the left, in place; `room` is another (2n, 2n)."""
-    size, columns = tangent.shape
-    for row in range(size):
-        factor = matrix[row, 0]
-        for column in range(columns):
-            room[row, column] = factor * tangent[0, column]
-        for k in range(1, size):
-            factor = matrix[row, k]
-            for column in range(columns):
-                room[row, column] = fma(factor, tangent[k, column], room[row, column])
-    for row in range(size):
-        for column in range(columns):
-            tangent[row, column] = room[row, column]
+class TangentRoom(NamedTuple):
+    """Room.
+
+    Attributes
+    ----------
+    propagator : ndarray, shape (2n, padded 2n)
+        By columns.
+    powers : ndarray, shape (N_COEFFICIENTS,)
+    column, product : ndarray, shape (padded 2n,)
+    kicks : ndarray, shape (4, 2n)
+    """
+
+    propagator: np.ndarray
+    powers: np.ndarray
+    column: np.ndarray
+    product: np.ndarray
+    kicks: np.ndarray
 
 
-@kernel
-def linear_tangent(tables, index, s, tangent, propagator, room):
+def empty_tangent_room(n: int) -> TangentRoom:
+    """Allocate the room for n floors."""
+    rows = padded(2 * n)
+    return TangentRoom(
+        aligned_zeros(2 * n, rows),
+        aligned_zeros(N_COEFFICIENTS),
+        aligned_zeros(rows),
+        aligned_zeros(rows),
+        aligned_zeros(4, 2 * n),
+    )
+
+
+@inlined
+def linear_tangent(tables, index, s, tangent, room):
     """Multiply `tangent` by exp(M s) of table `index`, in place.
 
-    `propagator` and `room` are (2n, 2n).
+    Parameters
+    ----------
+    tables : Tables
+    index : int
+    s : float
+    tangent : ndarray, shape (2n, m)
+    room : TangentRoom
     """
     size = tangent.shape[0]
+    rows = room.propagator.shape[1]
     h = tables.h[index]
     if s == h:
-        for row in range(size):
-            for k in range(size):
-                propagator[row, k] = tables.step[index, k, row]
-    else:
-        sigma = 2.0 * s / h - 1.0
-        for row in range(size):
-            for k in range(size):
-                value = tables.poly[index, row, k, N_COEFFICIENTS - 1]
-                for p in range(N_COEFFICIENTS - 2, -1, -1):
-                    value = fma(value, sigma, tables.poly[index, row, k, p])
-                propagator[row, k] = value
-    _multiply(propagator, tangent, room)
+        _multiply(tables.step, index * tables.step.shape[1] * rows, tangent, room)
+        return
+    sigma = 2.0 * s / h - 1.0
+    powers = room.powers
+    powers[0] = 1.0
+    powers[1] = sigma
+    for p in range(2, N_COEFFICIENTS):
+        powers[p] = powers[p - 2] * (sigma * sigma)
+    start = index * N_COEFFICIENTS * size * rows
+    for place in range(0, size * rows, LANES):
+        combine(
+            room.propagator,
+            place,
+            ZERO,
+            0,
+            1.0,
+            tables.columns,
+            start + place,
+            size * rows,
+            powers,
+            0,
+            N_COEFFICIENTS,
+        )
+    _multiply(room.propagator, 0, tangent, room)
 
 
-@kernel
-def passage_tangent(floor, key_after, z, a, jerk, model, kicks, tangent):
+@inlined
+def _multiply(table, start, tangent, room):
+    """Multiply `tangent` by the matrix with the columns table[start:], padded, in place."""
+    size, columns = tangent.shape
+    rows = room.column.shape[0]
+    for column in range(columns):
+        for k in range(size):
+            room.column[k] = tangent[k, column]
+        for first in range(0, rows, LANES):
+            combine(
+                room.product, first, ZERO, 0, 1.0, table, start + first, rows, room.column, 0, size
+            )
+        for k in range(size):
+            tangent[k, column] = room.product[k]
+
+
+@inlined
+def _sums(free, contact):
+    """Give what `crossing.add_kick` wants from s^k r ds, k = 0 to 4, of both halves."""
+    return (
+        total(free[0] + contact[0]),
+        total(free[1] + contact[1]),
+        total(free[2]),
+        total(contact[2]),
+        total(free[3]),
+        total(contact[3]),
+        total(contact[4]),
+    )
+
+
+@inlined
+def _powers(share, t):
+    """Give share t^k, k = 0 to 4."""
+    first = share * t
+    second = first * t
+    third = second * t
+    return share, first, second, third, third * t
+
+
+@inlined
+def _rates(powers, shares, times):
+    """Differentiate c t^k / w, k = 0 to 4, of logarithmic derivatives -`shares` and -`times`."""
+    return (
+        -1.0 * powers[0] * shares,
+        -1.0 * powers[1] * (shares + times),
+        -1.0 * powers[2] * fma(2.0, times, shares),
+        -1.0 * powers[3] * fma(3.0, times, shares),
+        -1.0 * powers[4] * fma(4.0, times, shares),
+    )
+
+
+@inlined
+def _half_passage(side, v, a, j, beta, rho):
+    """Give the moments of half a passage node by node; see the module.
+
+    Parameters
+    ----------
+    side : float
+        1 for the half at x > 0, -1 for that at x < 0.
+    beta : float
+    v, a, j, rho : float
+        As for `crossing.moments`.
+
+    Returns
+    -------
+    moments, by_speed, by_acceleration : tuple of Lanes
+        m_0 to m_4 and their derivatives.
+    """
+    sigma = 1.0 if v > 0.0 else -1.0
+    unit = beta / (rho * rho)
+    square = v * v + sigma * 2.0 * unit * FULL_POTENTIAL
+    speed = math.sqrt(square)
+    x = load(PASSAGE_NODES, 0) * (1.0 / rho)
+    bend = sigma * j / speed
+    work = fma(x, a, load(PASSAGE_POTENTIAL, 0) * unit) * (2.0 * side)
+    spring = beta if side > 0.0 else 0.0
+    w = root(fma(x * x, bend - spring, work + square))
+    inverse = 1.0 / w
+    later = 1.0 / (w + speed)
+    t = x * later * (2.0 * sigma * side)
+    powers = _powers(load(PASSAGE_WEIGHTS, 0) * inverse * unit, t)
+    faster = fma(x * x, -0.5 * bend * v / square, v) * inverse
+    pushed = x * inverse * side
+    return (
+        powers,
+        _rates(powers, faster * inverse, (faster + v / speed) * later),
+        _rates(powers, pushed * inverse, pushed * later),
+    )
+
+
+@inlined
+def passage_tangent(floor, key_after, z, a, jerk, model, room, tangent):
     """Multiply `tangent` by the matrix S of a fast passage, in place.
 
     Parameters
@@ -94,8 +239,7 @@ def passage_tangent(floor, key_after, z, a, jerk, model, kicks, tangent):
         Accelerations there without the contact force of `floor`.
     jerk : float
         Its derivative for `floor`.
-    kicks : ndarray, shape (4, 2n)
-        Room.
+    room : TangentRoom
     tangent : ndarray, shape (2n, m)
     """
     if model.rho == math.inf or model.beta == 0.0:
@@ -103,32 +247,26 @@ def passage_tangent(floor, key_after, z, a, jerk, model, kicks, tangent):
     stiffness, damping = model.stiffness, model.damping
     n = stiffness.shape[0]
     v = z[n + floor]
-    dv = DIFFERENCE * abs(v)
-    da = DIFFERENCE * v * v / model.layer
-    kicks[:] = 0.0
     beta, rho = model.beta, model.rho
-    for factor, row, speed, acceleration in (
-        (1.0, 0, v, a[floor]),
-        (0.5 / dv, 1, v + dv, a[floor]),
-        (-0.5 / dv, 1, v - dv, a[floor]),
-        (0.5 / da, 2, v, a[floor] + da),
-        (-0.5 / da, 2, v, a[floor] - da),
-    ):
-        m = moments(speed, acceleration, jerk, beta, rho)
-        add_kick(factor, m, floor, stiffness, damping, beta, kicks[row])
-    kick, by_speed, by_acceleration, room = kicks[0], kicks[1], kicks[2], kicks[3]
+    free = _half_passage(-1.0, v, a[floor], jerk, beta, rho)
+    contact = _half_passage(1.0, v, a[floor], jerk, beta, rho)
+    kicks = room.kicks
+    kicks[:] = 0.0
+    for row in range(3):
+        add_kick(1.0, _sums(free[row], contact[row]), floor, stiffness, damping, beta, kicks[row])
+    kick, by_speed, by_acceleration, drift = kicks[0], kicks[1], kicks[2], kicks[3]
     # along f_- the speed changes by a and the acceleration by the jerk
-    # M_+ k, with the sign of the formula, takes the place of k
     for i in range(n):
         force = 0.0
         if (key_after >> np.uint64(i)) & np.uint64(1):
             force = beta * kick[i]
         for j in range(n):
             force += stiffness[i, j] * kick[j] + damping[i, j] * kick[n + j]
-        room[i] = force
-    for i in range(n):
-        kick[i] = -kick[n + i]
-        kick[n + i] = room[i]
+        # less M_+ k
+        drift[i] = -kick[n + i]
+        drift[n + i] = force
+    for row in range(2 * n):
+        drift[row] += by_speed[row] * a[floor] + by_acceleration[row] * jerk
     for column in range(tangent.shape[1]):
         later = tangent[floor, column] / v
         faster = tangent[n + floor, column]
@@ -137,15 +275,18 @@ def passage_tangent(floor, key_after, z, a, jerk, model, kicks, tangent):
             pushed -= stiffness[floor, j] * tangent[j, column]
             pushed -= damping[floor, j] * tangent[n + j, column]
         for row in range(2 * n):
-            drift = by_speed[row] * a[floor] + by_acceleration[row] * jerk + kick[row]
             tangent[row, column] += (
-                by_speed[row] * faster + by_acceleration[row] * pushed - drift * later
+                by_speed[row] * faster + by_acceleration[row] * pushed - drift[row] * later
             )
 
 
-@kernel
+@inlined
 def layer_tangent(h, model, room, tangent):
     """Multiply `tangent` by the tangent map of one collocation step, in place.
+
+    The first guess are the accelerations of the variation without acceleration, which is what the
+    iteration makes of 0. The last iteration is looked at, and its result is better than the change
+    it makes.
 
     Parameters
     ----------
@@ -157,26 +298,28 @@ def layer_tangent(h, model, room, tangent):
     u, v, g, fresh, spring = room.u, room.v, room.g, room.fresh, room.spring
     free, speeds = room.free, room.speeds
     n = u.shape[0]
-    hardest = 4.0
+    beta, rho = model.beta, model.rho
+    hardest = 0.0
     for i in range(n):
-        for j in range(N_STAGES):
-            spring[i, j] = model.beta * room.active[i]
-            if room.active[i] == 2:
-                spring[i, j] = contact_stiffness(u[i, j] - 1.0, model.beta, model.rho)
-            hardest = max(hardest, 4.0 + spring[i, j])
+        row = i * N_STAGES
+        if room.active[i] == 2:
+            x = load(u, row) - 1.0
+            s = switches(rho * x)
+            stiff = beta * s * (1.0 + rho * x * (1.0 - s))
+            store(spring, row, stiff)
+            hardest = max(hardest, maximum(stiff))
+        else:
+            store(spring, row, beta * room.active[i])
+            hardest = max(hardest, beta * room.active[i])
     stiffness, damping = model.stiffness, model.damping
-    unchecked, least_ratio = iterations_needed(h * h * hardest)
+    unchecked, least_ratio = iterations_needed(h * h * (4.0 + hardest))
     for column in range(tangent.shape[1]):
         for i in range(n):
-            start = -spring[i, 0] * tangent[i, column]
-            for k in range(n):
-                start -= stiffness[i, k] * tangent[k, column]
-                start -= damping[i, k] * tangent[n + k, column]
-            for j in range(N_STAGES):
-                g[i, j] = start
-                free[i, j] = fma(NODES[j] * h, tangent[n + i, column], tangent[i, column])
-                speeds[i, j] = tangent[n + i, column]
-        for _ in range(unchecked):
+            row = i * N_STAGES
+            store(free, row, fma(load(NODES, 0), h * tangent[n + i, column], tangent[i, column]))
+            store(speeds, row, tangent[n + i, column])
+        _variations(free, speeds, spring, stiffness, damping, g)
+        for _ in range(unchecked - 2):
             stages(h, free, speeds, g, u, v)
             _variations(u, v, spring, stiffness, damping, g)
         ratio = least_ratio
@@ -184,34 +327,22 @@ def layer_tangent(h, model, room, tangent):
         for _ in range(MAX_ITERATIONS):
             stages(h, free, speeds, g, u, v)
             _variations(u, v, spring, stiffness, damping, fresh)
-            change = 0.0
-            largest = 0.0
-            for i in range(n):
-                for j in range(N_STAGES):
-                    change = max(change, abs(fresh[i, j] - g[i, j]))
-                    largest = max(largest, abs(fresh[i, j]))
-                    g[i, j] = fresh[i, j]
+            change, largest = replace(g, fresh)
             if previous < math.inf:
                 ratio = change / previous
             if change * min(ratio, 1.0) <= CONVERGED * largest:
                 break
             previous = change
         for i in range(n):
-            du = 0.0
-            dv = 0.0
-            for k in range(N_STAGES):
-                du = fma(POSITION_WEIGHTS[k], g[i, k], du)
-                dv = fma(WEIGHTS[k], g[i, k], dv)
+            du, dv = integrals(g, i)
             tangent[i, column] += h * (tangent[n + i, column] + h * du)
             tangent[n + i, column] += h * dv
 
 
-@kernel
+@inlined
 def _variations(u, v, spring, stiffness, damping, out):
     """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
-    n = u.shape[0]
-    for i in range(n):
+    for i in range(u.shape[0]):
         row = i * N_STAGES
-        for j in range(N_STAGES):
-            out[i, j] = -spring[i, j] * u[i, j]
-        subtract_linear(i, u, v, stiffness, damping, out, row, out)
+        force = -1.0 * load(spring, row) * load(u, row)
+        store(out, row, less_linear(force, i, u, v, stiffness, damping))

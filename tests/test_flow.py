@@ -234,7 +234,7 @@ def test_a_floor_said_to_leave_its_layer_stays_away():
         if search.leaves(h, u0 - level, v0, u1 - level, v1, bound):
             said += 1
             assert np.count_nonzero(np.diff((u >= level).astype(int))) == 1
-    assert said > 100
+    assert said > 50
 
 
 def test_a_touch_just_over_the_level_is_found_however_short():

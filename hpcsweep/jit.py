@@ -17,6 +17,7 @@ import os
 from pathlib import Path
 
 import numba
+import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core import config as _numba_config
@@ -64,6 +65,18 @@ inlined = functools.partial(kernel, forceinline=True)
 
 LANES = 8
 """Doubles worked on together: what a vector register of 64 bytes holds."""
+
+
+def aligned_zeros(*shape: int) -> np.ndarray:
+    """Allocate zeros that begin where a vector does.
+
+    A vector that lies across two lines of the cache takes two accesses; so would all of an array
+    whose start is off.
+    """
+    size = math.prod(shape)
+    raw = np.zeros(size + LANES)
+    first = -(raw.ctypes.data // raw.itemsize) % LANES
+    return raw[first : first + size].reshape(shape)
 
 
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -233,7 +246,7 @@ def _folding(fold, doc: str):
 
 
 total = _folding(lambda builder, a, b: builder.fadd(a, b), "The sum (kernels only).")
-peak = _folding(
+maximum = _folding(
     lambda builder, a, b: builder.call(_on_vectors(builder, "maximum", 2), [a, b]),
     "The greatest, NaN if one is (kernels only).",
 )
@@ -350,7 +363,7 @@ def switches(typingctx, y):
 
 
 @inlined
-def subtract_contact(out, o, u, i, beta, rho):
-    """Subtract the contact forces beta S(rho x) x of `LANES` displacements x = u[i:] - 1."""
-    x = load(u, i) - 1.0
-    store(out, o, fma(-beta * switches(rho * x), x, load(out, o)))
+def less_contact(force, u, beta, rho):
+    """Subtract the contact forces beta S(rho x) x of `LANES` displacements x = u - 1."""
+    x = u - 1.0
+    return fma(switches(rho * x), -1.0 * beta * x, force)

@@ -40,16 +40,16 @@ from numpy.polynomial import legendre
 from hpcsweep.equations import contact_stiffness, switch
 from hpcsweep.jit import (
     LANES,
-    combine,
+    aligned_zeros,
     fma,
     greatest,
     inlined,
     kernel,
+    less_contact,
     load,
+    maximum,
     modulus,
-    peak,
     store,
-    subtract_contact,
     switches,
     total,
 )
@@ -156,8 +156,6 @@ class LayerRoom(NamedTuple):
         Room.
     free, speeds : ndarray, shape (n, N_STAGES)
         u_0 + c_j h v_0 and v_0: the stages without acceleration.
-    check : ndarray, shape (N_STAGES,)
-        Room.
     spring : ndarray, shape (n, N_STAGES)
         Room.
     """
@@ -170,7 +168,6 @@ class LayerRoom(NamedTuple):
     active: np.ndarray
     free: np.ndarray
     speeds: np.ndarray
-    check: np.ndarray
     spring: np.ndarray
 
 
@@ -178,16 +175,15 @@ def empty_room(n: int) -> LayerRoom:
     """Allocate the stages of n floors."""
     stages = (n, N_STAGES)
     return LayerRoom(
-        np.zeros(stages),
-        np.zeros(stages),
-        np.zeros(stages),
-        np.zeros(stages),
-        np.zeros(N_STAGES),
-        np.zeros(n, np.int64),
-        np.zeros(stages),
-        np.zeros(stages),
-        np.zeros(N_STAGES),
-        np.zeros(stages),
+        u=aligned_zeros(*stages),
+        v=aligned_zeros(*stages),
+        g=aligned_zeros(*stages),
+        fresh=aligned_zeros(*stages),
+        ground=aligned_zeros(N_STAGES),
+        active=np.zeros(n, np.int64),
+        free=aligned_zeros(*stages),
+        speeds=aligned_zeros(*stages),
+        spring=aligned_zeros(*stages),
     )
 
 
@@ -196,14 +192,14 @@ FAR = 45.0
 
 
 @inlined
-def subtract_linear(i, u, v, stiffness, damping, init, at, out):
-    """Write init[at:] less the linear forces on floor i at all stages into its row of `out`."""
+def less_linear(force, i, u, v, stiffness, damping):
+    """Subtract the linear forces on floor i at all stages from `force` (Lanes)."""
     n = u.shape[0]
-    row = i * N_STAGES
-    low, high = max(i - 1, 0), min(i + 2, n)  # K is tridiagonal
-    first, count = i * n + low, high - low
-    combine(out, row, init, at, -1.0, u, low * N_STAGES, N_STAGES, stiffness, first, count)
-    combine(out, row, out, row, -1.0, v, 0, N_STAGES, damping, i * n, n)
+    for k in range(max(i - 1, 0), min(i + 2, n)):  # K is tridiagonal
+        force = fma(-stiffness[i, k], load(u, k * N_STAGES), force)
+    for k in range(n):
+        force = fma(-damping[i, k], load(v, k * N_STAGES), force)
+    return force
 
 
 @inlined
@@ -218,16 +214,14 @@ def _stage_accelerations(u, v, ground, active, model, out):
     active : ndarray of int, shape (n,)
         0 or 1 where the sigmoid is that on the whole step, 2 where it has to be evaluated.
     """
-    n = u.shape[0]
-    beta = model.beta
-    rho = model.rho
-    for i in range(n):
+    for i in range(u.shape[0]):
         row = i * N_STAGES
-        subtract_linear(i, u, v, model.stiffness, model.damping, ground, 0, out)
+        force = less_linear(load(ground, 0), i, u, v, model.stiffness, model.damping)
         if active[i] == 1:
-            store(out, row, fma(1.0 - load(u, row), beta, load(out, row)))
+            force = fma(1.0 - load(u, row), model.beta, force)
         elif active[i] == 2:
-            subtract_contact(out, row, u, row, beta, rho)
+            force = less_contact(force, load(u, row), model.beta, model.rho)
+        store(out, row, force)
 
 
 @inlined
@@ -333,12 +327,22 @@ def iterations_needed(square):
 
 
 @inlined
+def _weighted(rows, g, i):
+    """Sum the rows with the factors g[i]: even and odd ones apart, which takes half as long."""
+    even, odd = load(rows, 0) * g[i, 0], load(rows, N_STAGES) * g[i, 1]
+    for k in range(2, N_STAGES, 2):
+        even = fma(load(rows, k * N_STAGES), g[i, k], even)
+        odd = fma(load(rows, (k + 1) * N_STAGES), g[i, k + 1], odd)
+    return even + odd
+
+
+@inlined
 def stages(h, free, speeds, g, u, v):
     """Write displacements and velocities at the stages from the accelerations g."""
     for i in range(u.shape[0]):
         row = i * N_STAGES
-        combine(u, row, free, row, h * h, POSITION_ROWS, 0, N_STAGES, g, row, N_STAGES)
-        combine(v, row, speeds, row, h, SPEED_ROWS, 0, N_STAGES, g, row, N_STAGES)
+        store(u, row, fma(_weighted(POSITION_ROWS, g, i), h * h, load(free, row)))
+        store(v, row, fma(_weighted(SPEED_ROWS, g, i), h, load(speeds, row)))
 
 
 @inlined
@@ -351,7 +355,7 @@ def replace(g, fresh):
         change = greatest(change, modulus(new - load(g, at)))
         size = greatest(size, modulus(new))
         store(g, at, new)
-    return peak(change), peak(size)
+    return maximum(change), maximum(size)
 
 
 @inlined
@@ -433,30 +437,23 @@ def quadrature_error(h, z, model, room):
     for i in range(n):
         if room.active[i] != 2:
             continue
-        store(room.check, 0, fma(load(CHECK_NODES, 0), h * z[n + i], z[i]))
-        combine(
-            room.check,
-            0,
-            room.check,
-            0,
-            h * h,
-            CHECK_ROWS,
-            0,
-            N_STAGES,
-            room.g,
-            i * N_STAGES,
-            N_STAGES,
-        )
         x = z[i] - 1.0
         start = beta * CHECK_START * switch(x, rho) * x
         x = load(room.u, i * N_STAGES) - 1.0
         gauss = beta * switches(rho * x) * x * load(CHECK_GAUSS, 0)
-        x = load(room.check, 0) - 1.0
+        x = fma(load(CHECK_NODES, 0), h * z[n + i], z[i] - 1.0)
+        x = fma(_weighted(CHECK_ROWS, room.g, i), h * h, x)
         added = beta * switches(rho * x) * x * load(CHECK_ADDED, 0)
         mean = start + total(gauss + added)
         slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
         worst = max(worst, max(abs(mean), abs(slope)))
     return h * worst
+
+
+@kernel
+def shortening(allowed, error):
+    """Choose by how much a step is cut whose error, of order h^(2 N_STAGES + 1), is too large."""
+    return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
 
 
 @inlined
@@ -483,7 +480,11 @@ def accelerations(tau, z, amplitude, model, out):
     ground = amplitude * math.sin(model.omega * tau)
     for i in range(n):
         x = z[i] - 1.0
-        force = -ground - model.beta * switch(x, model.rho) * x
+        force = -ground
+        if not model.rho * abs(x) > FAR:
+            force -= model.beta * switch(x, model.rho) * x
+        elif x > 0.0:
+            force -= model.beta * x
         for j in range(n):
             force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
         out[i] = force

@@ -22,7 +22,20 @@ from hpcsweep.flow.tables import (
     ZERO,
     product,
 )
-from hpcsweep.jit import LANES, combine, inlined, kernel
+from hpcsweep.jit import (
+    LANES,
+    combine,
+    fma,
+    inlined,
+    kernel,
+    load,
+    maximum,
+    modulus,
+    negative,
+    root,
+    store,
+    total,
+)
 
 SAME_PEAK = 1e-11
 """Relative excess over the largest drift so far that is not looked for."""
@@ -39,8 +52,8 @@ MODAL_TOLERANCE = 1e-5
 are then right to about 1e-10 (measured: 8e-10 with a tolerance of 1e-4, 5e-12 with 1e-6)."""
 SHORTEST_INTERVAL = 1e-9
 """Part of a step below which an interval counts as resolved in any case."""
-ZERO_TOLERANCE = 1e-6
-"""Of a sign change; the integral of the modulus depends on its square."""
+ZERO_TOLERANCE = 1e-4
+"""Of a sign change, on [-1, 1]; the integral of the modulus depends on its cube."""
 MODAL_TRANSFORM = np.ascontiguousarray(
     (
         (np.arange(N_MODAL)[:, None] + 0.5)
@@ -49,6 +62,15 @@ MODAL_TRANSFORM = np.ascontiguousarray(
     ).T
 )
 """Row: node; column: coefficient of the Legendre series."""
+SUMMARY = np.zeros((N_MODAL, LANES))
+"""Row: node; columns: the first and the last two of these coefficients, the series at -1 and 1."""
+MEAN, LAST, BUT_LAST, LEFT, RIGHT = range(5)
+SUMMARY[:, MEAN] = MODAL_TRANSFORM[:, 0]
+SUMMARY[:, LAST], SUMMARY[:, BUT_LAST] = MODAL_TRANSFORM[:, -1], MODAL_TRANSFORM[:, -2]
+SUMMARY[:, LEFT] = MODAL_TRANSFORM @ (-1.0) ** np.arange(N_MODAL)
+SUMMARY[:, RIGHT] = MODAL_TRANSFORM.sum(axis=1)
+ALL_NEGATIVE = 2 ** (N_MODAL + 2) - 1
+PLACES = np.concatenate(([-1.0], MODAL_NODES, [1.0]))
 TINY = 1e-300
 """Added to the square of ||q||, which may vanish."""
 STAGE_WEIGHTS = layer_module.WEIGHTS
@@ -224,12 +246,13 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
         length = min(length, s - left)
         powers = work.modal_powers
         middle, half = (2.0 * left + length) / h - 1.0, length / h
-        for node in range(N_MODAL):
-            powers[0, node] = 1.0
-            powers[1, node] = middle + half * MODAL_NODES[node]
-        for p in range(2, N_COEFFICIENTS):
-            for node in range(N_MODAL):
-                powers[p, node] = powers[p - 1, node] * powers[1, node]
+        for node in range(0, N_MODAL, LANES):
+            sigma = fma(load(MODAL_NODES, node), half, middle)
+            power = sigma
+            store(powers, node, 1.0)
+            for p in range(1, N_COEFFICIENTS):
+                store(powers, p * N_MODAL + node, power)
+                power = power * sigma
         for j in range(n):
             for node in range(0, N_MODAL, LANES):
                 combine(
@@ -266,103 +289,93 @@ def _add_interval(length, accept, n, tally, work):
         Whether it was added; always if `accept`.
     """
     f = work.modal_nodes
-    size = work.modal_size
-    for node in range(N_MODAL):
-        size[node] = TINY
-    for j in range(n):
-        for node in range(N_MODAL):
-            size[node] += f[j * N_MODAL + node] ** 2
-    for node in range(N_MODAL):
-        size[node] = 1.0 / math.sqrt(size[node])
-    for j in range(n):
-        for node in range(N_MODAL):
-            f[j * N_MODAL + node] *= size[node]
-    c = work.modal_series
+    summary = work.modal_summary
+    for node in range(0, N_MODAL, LANES):
+        square = load(f, node) * load(f, node) + TINY
+        for at in range(N_MODAL + node, n * N_MODAL, N_MODAL):
+            square = fma(load(f, at), load(f, at), square)
+        size = 1.0 / root(square)
+        for at in range(node, n * N_MODAL, N_MODAL):
+            store(f, at, load(f, at) * size)
     for j in range(n):
         start = j * N_MODAL
-        for k in range(0, N_MODAL, LANES):
-            combine(c, k, ZERO, 0, 1.0, MODAL_TRANSFORM, k, N_MODAL, f, start, N_MODAL)
-        tail = max(abs(c[N_MODAL - 2]), abs(c[N_MODAL - 1]))
-        if tail > MODAL_TOLERANCE:
+        combine(summary, 0, ZERO, 0, 1.0, SUMMARY, 0, LANES, f, start, N_MODAL)
+        if max(abs(summary[LAST]), abs(summary[BUT_LAST])) > MODAL_TOLERANCE:
             if not accept:
                 return False
             mean = 0.0
-            for node in range(N_MODAL):
-                mean += 0.5 * MODAL_WEIGHTS[node] * abs(f[start + node])
-            work.modal_part[j] = mean
+            for node in range(0, N_MODAL, LANES):
+                mean += total(load(MODAL_WEIGHTS, node) * modulus(load(f, start + node)))
+            work.modal_part[j] = 0.5 * mean
+            continue
+        signs = np.int64(summary[LEFT] < 0.0) | np.int64(summary[RIGHT] < 0.0) << (N_MODAL + 1)
+        for node in range(0, N_MODAL, LANES):
+            signs |= negative(load(f, start + node)) << (node + 1)
+        if signs == 0 or signs == ALL_NEGATIVE:
+            work.modal_part[j] = abs(summary[MEAN])
         else:
-            work.modal_part[j] = 0.5 * _integral_of_modulus(f, start, c)
+            work.modal_part[j] = 0.5 * _integral_of_modulus(f, start, summary, work.modal_series)
     for j in range(n):
         tally.modal[j] += length * work.modal_part[j]
     return True
 
 
 @kernel
-def _integral_of_modulus(f, start, c):
-    """Integrate the modulus of a Legendre series c over [-1, 1]; f[start:] are its node values."""
-    first, last = 0.0, 0.0
-    for k in range(0, N_MODAL, 2):
-        first += c[k] - c[k + 1]
-        last += c[k] + c[k + 1]
-    a, fa = -1.0, first
-    total, done = 0.0, 0.0
-    for node in range(N_MODAL + 1):
-        if node < N_MODAL:
-            b, fb = MODAL_NODES[node], f[start + node]
-        else:
-            b, fb = 1.0, last
+def _integral_of_modulus(f, start, summary, c):
+    """Integrate the modulus of a Legendre series over [-1, 1]; f[start:] are its node values.
+
+    It is that of the series between its zeros. At s beside a zero the antiderivative at the zero is
+    F(s) - f(s)^2 / (2 f'(s)), up to the cube of the distance. `c` is room for the coefficients.
+    """
+    for k in range(0, N_MODAL, LANES):
+        combine(c, k, ZERO, 0, 1.0, MODAL_TRANSFORM, k, N_MODAL, f, start, N_MODAL)
+    fa = summary[LEFT]
+    whole, done = 0.0, 0.0
+    for place in range(1, N_MODAL + 2):
+        fb = f[start + place - 1] if place <= N_MODAL else summary[RIGHT]
         if fa * fb < 0.0:
-            zero = _zero_between(c, a, fa, b, fb)
-            _, integral = _series_and_integral(c, zero)
-            total += abs(integral - done)
+            a, b = PLACES[place - 1], PLACES[place]
+            s = b - fb * (b - a) / (fb - fa)
+            integral = 0.0
+            for _ in range(60):
+                value, slope, integral = _series(c, s)
+                if value * fb > 0.0:
+                    b = s
+                else:
+                    a = s
+                step = -value / slope if slope != 0.0 else math.inf
+                if abs(step) < ZERO_TOLERANCE or b - a < ZERO_TOLERANCE:
+                    if abs(step) < ZERO_TOLERANCE:
+                        integral += 0.5 * value * step
+                    break
+                s = s + step if a < s + step < b else 0.5 * (a + b)
+            whole += abs(integral - done)
             done = integral
-        a, fa = b, fb
-    return total + abs(2.0 * c[0] - done)
+        fa = fb
+    return whole + abs(2.0 * c[0] - done)
 
 
-@kernel
-def _series_and_integral(c, s):
-    """Evaluate a Legendre series at s, and its integral from -1.
+@inlined
+def _series(c, s):
+    """Evaluate a Legendre series and its slope at s, and its integral from -1.
 
-    The antiderivative of P_k is (P_(k+1) - P_(k-1)) / (2 k + 1), 0 at -1.
+    P'_(k+1) = P'_(k-1) + (2 k + 1) P_k; the antiderivative of P_k is
+    (P_(k+1) - P_(k-1)) / (2 k + 1), 0 at -1.
     """
     before, current = 1.0, s
+    slope_before, slope_current = 0.0, 1.0
     value = c[0]
+    slope = 0.0
     integral = c[0] * (s + 1.0)
     for k in range(1, N_MODAL):
-        following = LEGENDRE_UP[k] * s * current - LEGENDRE_DOWN[k] * before
-        value += c[k] * current
-        integral += c[k] * (following - before) * LEGENDRE_INTEGRAL[k]
+        following = fma(LEGENDRE_UP[k] * s, current, -LEGENDRE_DOWN[k] * before)
+        slope_following = fma(2.0 * k + 1.0, current, slope_before)
+        value = fma(c[k], current, value)
+        slope = fma(c[k], slope_current, slope)
+        integral = fma(c[k] * LEGENDRE_INTEGRAL[k], following - before, integral)
         before, current = current, following
-    return value, integral
-
-
-@kernel
-def _series(c, s):
-    """Evaluate a Legendre series at s (Clenshaw)."""
-    following, after = 0.0, 0.0
-    for k in range(N_MODAL - 1, 0, -1):
-        current = c[k] + LEGENDRE_UP[k] * s * following - LEGENDRE_DOWN[k + 1] * after
-        following, after = current, following
-    return c[0] + s * following - LEGENDRE_DOWN[1] * after
-
-
-@kernel
-def _zero_between(c, a, fa, b, fb):
-    """Find a zero of a Legendre series between a and b where the signs differ (Illinois)."""
-    middle = a
-    for _ in range(60):
-        middle = b - fb * (b - a) / (fb - fa)
-        value = _series(c, middle)
-        if value * fb > 0.0:
-            b, fb = middle, value
-            fa *= 0.5
-        else:
-            a, fa = middle, value
-            fb *= 0.5
-        if abs(value) < ZERO_TOLERANCE or b - a < ZERO_TOLERANCE:
-            break
-    return middle
+        slope_before, slope_current = slope_current, slope_following
+    return value, slope, integral
 
 
 @inlined
@@ -380,8 +393,7 @@ def observe_layer_step(h, z0, z1, model, tally, work):
     touching = False
     for i in range(n):
         hardest = max(abs(work.a[i]), abs(work.a_end[i]))
-        for k in range(N_STAGES):
-            hardest = max(hardest, abs(room.g[i, k]))
+        hardest = max(hardest, maximum(modulus(load(room.g, i * N_STAGES))))
         # at most, were the acceleration between the stages twice what it is at any of them
         ways[i] = h * (abs(z0[n + i]) + 2.0 * h * hardest)
         bit = np.uint64(1) << np.uint64(i)
@@ -407,14 +419,12 @@ def observe_layer_step(h, z0, z1, model, tally, work):
             q = work.modal_nodes
             for j in range(n):
                 combine(q, j * LANES, ZERO, 0, 1.0, room.u, 0, N_STAGES, model.shapes, j * n, n)
-            for k in range(N_STAGES):
-                square = 0.0
-                for j in range(n):
-                    square += q[j * LANES + k] ** 2
-                if square > 0.0:
-                    weight = share * h * STAGE_WEIGHTS[k] / math.sqrt(square)
-                    for j in range(n):
-                        tally.modal[j] += weight * abs(q[j * LANES + k])
+            square = load(q, 0) * load(q, 0) + TINY
+            for j in range(1, n):
+                square = fma(load(q, j * LANES), load(q, j * LANES), square)
+            weight = load(STAGE_WEIGHTS, 0) / root(square)
+            for j in range(n):
+                tally.modal[j] += share * h * total(weight * modulus(load(q, j * LANES)))
 
 
 @kernel

@@ -29,6 +29,7 @@ from hpcsweep.flow.layer import (
     finish,
     inside_layer,
     quadrature_error,
+    shortening,
     step_limit,
 )
 from hpcsweep.flow.metrics import drift_on_segment, modal_norm_on_segment, observe_layer_step
@@ -59,7 +60,7 @@ from hpcsweep.flow.tangent import (
     linear_tangent,
     passage_tangent,
 )
-from hpcsweep.jit import fma, inlined, kernel
+from hpcsweep.jit import LANES, aligned_zeros, fma, inlined, kernel
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -87,7 +88,8 @@ class Work(NamedTuple):
     modal_series: np.ndarray
     modal_powers: np.ndarray
     """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
-    modal_size: np.ndarray
+    modal_summary: np.ndarray
+    """(LANES,): see `metrics.SUMMARY`."""
     ways: np.ndarray
     stack: np.ndarray
     a: np.ndarray
@@ -102,19 +104,19 @@ class Work(NamedTuple):
 def empty_work(n: int) -> Work:
     """Allocate the room for n floors."""
     return Work(
-        x=np.zeros(2 * n + 3),
+        x=aligned_zeros(2 * n + 3),
         z_end=np.zeros(2 * n),
-        wide=np.zeros(padded(2 * n)),
-        bounds=np.zeros(padded(n)),
-        rows=np.zeros((2 * n, N_COEFFICIENTS)),
+        wide=aligned_zeros(padded(2 * n)),
+        bounds=aligned_zeros(padded(n)),
+        rows=aligned_zeros(2 * n, N_COEFFICIENTS),
         expanded=np.zeros(2 * n, np.bool_),
-        drift_rows=np.zeros((1, N_COEFFICIENTS)),
-        modal_rows=np.zeros((n, N_COEFFICIENTS)),
-        modal_nodes=np.zeros(padded(n * N_MODAL)),
-        modal_part=np.zeros(n),
-        modal_series=np.zeros(N_MODAL),
-        modal_powers=np.zeros((N_COEFFICIENTS, N_MODAL)),
-        modal_size=np.zeros(N_MODAL),
+        drift_rows=aligned_zeros(1, N_COEFFICIENTS),
+        modal_rows=aligned_zeros(n, N_COEFFICIENTS),
+        modal_nodes=aligned_zeros(padded(n * N_MODAL)),
+        modal_part=aligned_zeros(n),
+        modal_series=aligned_zeros(N_MODAL),
+        modal_powers=aligned_zeros(N_COEFFICIENTS, N_MODAL),
+        modal_summary=aligned_zeros(LANES),
         ways=np.zeros(n),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
@@ -460,7 +462,9 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tall
                     speed = max(speed, abs(work.z_end[i]))
                 if error <= tolerance * speed:
                     break
-            h *= 0.5
+                h *= shortening(tolerance * speed, error)
+            else:
+                h *= 0.5
             if not h > 1e-14 * left:
                 return tau, SOLVER_FAILED, steps
         tau = end if h >= left else tau + h

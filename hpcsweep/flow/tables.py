@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from hpcsweep.jit import LANES, combine, combine_moduli, jit, kernel
+from hpcsweep.jit import LANES, aligned_zeros, combine, combine_moduli, jit, kernel
 from hpcsweep.structure import Structure
 
 DEGREE = 15
@@ -108,12 +108,12 @@ def empty_tables(structure: Structure) -> Tables:
         count=np.zeros(1, dtype=np.int64),
         keys=np.zeros(capacity, dtype=np.uint64),
         h=np.zeros(capacity),
-        step=np.zeros((capacity, size, padded(2 * n))),
-        poly=np.empty((capacity, 2 * n, size, N_COEFFICIENTS)),
-        columns=np.zeros((capacity, N_COEFFICIENTS, 2 * n, padded(2 * n))),
-        bound4=np.zeros((capacity, size, padded(n))),
+        step=aligned_zeros(capacity, size, padded(2 * n)),
+        poly=aligned_zeros(capacity, 2 * n, size, N_COEFFICIENTS),
+        columns=aligned_zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
+        bound4=aligned_zeros(capacity, size, padded(n)),
         rotation=np.empty((capacity, 2)),
-        modal=np.zeros((1, size, padded(n * N_MODAL))),
+        modal=aligned_zeros(1, size, padded(n * N_MODAL)),
     )
 
 

@@ -33,18 +33,19 @@ from hpcsweep.flow.layer import (
     NODES,
     integrals,
     iterations_needed,
+    less_linear,
     replace,
     stages,
-    subtract_linear,
 )
 from hpcsweep.flow.tables import N_COEFFICIENTS, ZERO, padded
 from hpcsweep.jit import (
     LANES,
+    aligned_zeros,
     combine,
     fma,
     inlined,
     load,
-    peak,
+    maximum,
     root,
     store,
     switches,
@@ -83,11 +84,11 @@ def empty_tangent_room(n: int) -> TangentRoom:
     """Allocate the room for n floors."""
     rows = padded(2 * n)
     return TangentRoom(
-        np.zeros((2 * n, rows)),
-        np.zeros(N_COEFFICIENTS),
-        np.zeros(rows),
-        np.zeros(rows),
-        np.zeros((4, 2 * n)),
+        aligned_zeros(2 * n, rows),
+        aligned_zeros(N_COEFFICIENTS),
+        aligned_zeros(rows),
+        aligned_zeros(rows),
+        aligned_zeros(4, 2 * n),
     )
 
 
@@ -284,7 +285,8 @@ def layer_tangent(h, model, room, tangent):
     """Multiply `tangent` by the tangent map of one collocation step, in place.
 
     The first guess are the accelerations of the variation without acceleration, which is what the
-    iteration makes of 0.
+    iteration makes of 0. The last iteration is looked at, and its result is better than the change
+    it makes.
 
     Parameters
     ----------
@@ -305,7 +307,7 @@ def layer_tangent(h, model, room, tangent):
             s = switches(rho * x)
             stiff = beta * s * (1.0 + rho * x * (1.0 - s))
             store(spring, row, stiff)
-            hardest = max(hardest, peak(stiff))
+            hardest = max(hardest, maximum(stiff))
         else:
             store(spring, row, beta * room.active[i])
             hardest = max(hardest, beta * room.active[i])
@@ -317,7 +319,7 @@ def layer_tangent(h, model, room, tangent):
             store(free, row, fma(load(NODES, 0), h * tangent[n + i, column], tangent[i, column]))
             store(speeds, row, tangent[n + i, column])
         _variations(free, speeds, spring, stiffness, damping, g)
-        for _ in range(unchecked - 1):
+        for _ in range(unchecked - 2):
             stages(h, free, speeds, g, u, v)
             _variations(u, v, spring, stiffness, damping, g)
         ratio = least_ratio
@@ -342,5 +344,5 @@ def _variations(u, v, spring, stiffness, damping, out):
     """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
     for i in range(u.shape[0]):
         row = i * N_STAGES
-        store(out, row, -1.0 * load(spring, row) * load(u, row))
-        subtract_linear(i, u, v, stiffness, damping, out, row, out)
+        force = -1.0 * load(spring, row) * load(u, row)
+        store(out, row, less_linear(force, i, u, v, stiffness, damping))

@@ -282,20 +282,30 @@ def _combination(moduli: bool):
             return make(context, builder, arguments[argument]).data
 
         fused = _on_vectors(builder, "fma", 3)
-        total = cgutils.alloca_once(builder, _VECTOR)
-        builder.store(builder.load(_lanes(builder, data(2), arguments[3]), align=8), total)
         table, x = data(5), data(8)
-        with cgutils.for_range(builder, arguments[10]) as loop:
-            place = builder.add(arguments[6], builder.mul(loop.index, arguments[7]))
+
+        def add(term, total):
+            place = builder.add(arguments[6], builder.mul(term, arguments[7]))
             column = builder.load(_lanes(builder, table, place), align=8)
-            factor = builder.load(builder.gep(x, [builder.add(arguments[9], loop.index)]))
+            factor = builder.load(builder.gep(x, [builder.add(arguments[9], term)]))
             if moduli:
                 modulus = builder.module.declare_intrinsic("llvm.fabs", [ir.DoubleType()])
                 factor = builder.call(modulus, [factor])
-            factor = builder.fmul(factor, arguments[4])
-            factors = _everywhere(builder, factor)
-            value = builder.call(fused, [column, factors, builder.load(total)])
-            builder.store(value, total)
+            factors = _everywhere(builder, builder.fmul(factor, arguments[4]))
+            builder.store(builder.call(fused, [column, factors, builder.load(total)]), total)
+
+        # even and odd terms apart: a sum waits for the one before
+        total, odd = (cgutils.alloca_once(builder, _VECTOR) for _ in range(2))
+        builder.store(builder.load(_lanes(builder, data(2), arguments[3]), align=8), total)
+        builder.store(_everywhere(builder, 0.0), odd)
+        n, one = arguments[10], ir.Constant(arguments[10].type, 1)
+        with cgutils.for_range(builder, builder.lshr(n, one)) as loop:
+            even = builder.shl(loop.index, one)
+            add(even, total)
+            add(builder.add(even, one), odd)
+        with builder.if_then(builder.trunc(n, ir.IntType(1))):
+            add(builder.sub(n, one), total)
+        builder.store(builder.fadd(builder.load(total), builder.load(odd)), total)
         builder.store(builder.load(total), _lanes(builder, data(0), arguments[1]), align=8)
         return context.get_dummy_value()
 

@@ -220,6 +220,15 @@ def test_fourth_derivative_bound_holds():
             assert flow._tables.bound4[index, :, i] @ np.abs(x) >= largest
 
 
+def first_root(rows, h, level, bound, stack):
+    """Time at which polynomial 0 first reaches the level on the step; -1 if it does not."""
+    (u0, v0), (u1, v1) = (search.value_and_slope(rows, 0, h, s) for s in (0.0, h))
+    a, ga, b, gb = search.first_passage(
+        rows, 0, h, 0.0, u0 - level, v0, h, u1 - level, v1, level, 1.0, bound, stack
+    )
+    return a if a < 0 else search.rising_root(rows, 0, h, a, ga, b, gb, level, 1.0)
+
+
 def test_first_passage_finds_the_first_root_and_proves_there_is_none():
     rng = np.random.default_rng(5)
     stack = np.zeros((search.MAX_DEPTH + 2, 3))
@@ -232,7 +241,7 @@ def test_first_passage_finds_the_first_root_and_proves_there_is_none():
         bound = np.abs(fourth).sum() * (2 / h) ** 4
         values = np.polynomial.polynomial.polyval(2 * fine / h - 1, rows[0])
         level = values[0] + 10 ** rng.uniform(-6, 0.3)
-        time = search.first_passage(rows, 0, h, 0.0, h, level, 1.0, bound, stack)
+        time = first_root(rows, h, level, bound, stack)
         above = np.flatnonzero(values >= level)
         if above.size:
             found += 1
@@ -244,16 +253,48 @@ def test_first_passage_finds_the_first_root_and_proves_there_is_none():
     assert min(found, missed) > 50
 
 
+def test_derivatives_of_a_step():
+    rng = np.random.default_rng(8)
+    rows = rng.standard_normal((3, tables.N_COEFFICIENTS))
+    h, state = 0.7, np.empty(3)
+    for s in np.linspace(0, 1.005 * h, 9):
+        search.evaluate_rows(rows, h, s, state)
+        for row, value in enumerate(state):
+            p = np.polynomial.Polynomial(rows[row], domain=[0, h])
+            expected = p(s), p.deriv(1)(s), p.deriv(2)(s)
+            assert value == pytest.approx(expected[0], rel=1e-13, abs=1e-13)
+            found = search.value_slope_bend(rows, row, h, s)
+            assert found == pytest.approx(expected, rel=1e-12, abs=1e-10)
+
+
+def test_a_floor_said_to_leave_its_layer_stays_away():
+    rng = np.random.default_rng(6)
+    h, fine = 0.7, np.linspace(0, 0.7, 4001)
+    said = 0
+    for _ in range(3000):
+        rows = np.zeros((1, tables.N_COEFFICIENTS))
+        rows[0, :7] = rng.standard_normal(7) / np.arange(1, 8) ** 2
+        fourth = np.polynomial.polynomial.polyder(rows[0], 4)
+        bound = np.abs(fourth).sum() * (2 / h) ** 4
+        u = np.polynomial.polynomial.polyval(2 * fine / h - 1, rows[0])
+        level = u[0] - 10 ** rng.uniform(-6, 0)
+        (u0, v0), (u1, v1) = (search.value_and_slope(rows, 0, h, s) for s in (0.0, h))
+        if search.leaves(h, u0 - level, v0, u1 - level, v1, bound):
+            said += 1
+            assert np.count_nonzero(np.diff((u >= level).astype(int))) == 1
+    assert said > 50
+
+
 def test_a_touch_just_over_the_level_is_found_however_short():
     stack = np.zeros((search.MAX_DEPTH + 2, 3))
     rows = np.zeros((1, tables.N_COEFFICIENTS))
     for over in 10.0 ** np.arange(-15, -2):
         peak = 0.2371
         rows[0, :3] = over - peak**2, 2 * peak, -1.0  # over - (sigma - peak)^2
-        time = search.first_passage(rows, 0, 1.0, 0.0, 1.0, 0.0, 1.0, 1e-3, stack)
+        time = first_root(rows, 1.0, 0.0, 1e-3, stack)
         assert time == pytest.approx(0.5 * (1 + peak - math.sqrt(over)), abs=3e-8)
         rows[0, 0] = -1e-12 - peak**2
-        assert search.first_passage(rows, 0, 1.0, 0.0, 1.0, 0.0, 1.0, 1e-3, stack) == -1
+        assert first_root(rows, 1.0, 0.0, 1e-3, stack) == -1
 
 
 def test_layer_width_leaves_out_only_a_negligible_force():

@@ -27,9 +27,9 @@ import math
 
 import numpy as np
 
-from hpcsweep.jit import kernel
+from hpcsweep.jit import LANES, fma, inlined, kernel, load, root, total
 
-N_NODES = 8
+N_NODES = LANES
 FAST = 0.3
 """Largest relative change of w^2 inside the layer for which the closed form is used."""
 NEGLECTED = 1e-12
@@ -100,18 +100,53 @@ def passage_is_fast(v, a, j, beta, rho, layer):
     )
     if not change <= FAST * square:
         return False
-    impulse = 2.0 * FULL_POTENTIAL * beta / (rho * rho * speed)
-    time = 1.0 / (rho * speed)
+    inverse = 1.0 / speed
+    time = inverse / rho
+    impulse = 2.0 * FULL_POTENTIAL * beta * time / rho
     stiffness = 4.0 + beta
     phase = stiffness * time * time
     fourth = 24.0 * impulse * phase * time * time
     fifth = impulse * phase * phase * (8.0 * time + 9.0 * phase)
     centre = 3.0 * time
-    bend = abs(j) * centre * centre / speed
-    tilt = abs(a) * centre / speed
-    snap = (2.0 * abs(j) + 4.0 * abs(a)) * centre**3 / (6.0 * speed)
+    bend = abs(j) * centre * centre * inverse
+    tilt = abs(a) * centre * inverse
+    snap = (2.0 * abs(j) + 4.0 * abs(a)) * centre**3 * inverse / 6.0
     left_out = impulse * (bend * (tilt + stiffness * centre * centre) + snap)
     return fourth + fifth <= NEGLECTED and left_out <= NEGLECTED
+
+
+@inlined
+def powers(share, t):
+    """Give share t^k, k = 0 to 4."""
+    first = share * t
+    second = first * t
+    third = second * t
+    return share, first, second, third, third * t
+
+
+@inlined
+def half_passage(side, v, a, j, beta, rho):
+    """Give s^k r ds, k = 0 to 4, at the nodes of half a passage; see `moments` and the module.
+
+    Parameters
+    ----------
+    side : float
+        1 for the half at x > 0, -1 for that at x < 0.
+
+    Returns
+    -------
+    tuple of Lanes
+    """
+    unit = beta / (rho * rho)
+    sigma = 1.0 if v > 0.0 else -1.0
+    square = v * v + sigma * 2.0 * unit * FULL_POTENTIAL
+    speed = math.sqrt(square)
+    spring = beta if side > 0.0 else 0.0
+    x = load(NODES, 0) * (1.0 / rho)
+    work = fma(x, a, load(POTENTIAL, 0) * unit) * (2.0 * side)
+    w = root(fma(x * x, sigma * j / speed - spring, work + square))
+    t = x * (2.0 * sigma * side) / (w + speed)
+    return powers(load(WEIGHTS, 0) * unit / w, t)
 
 
 @kernel
@@ -132,50 +167,17 @@ def moments(v, a, j, beta, rho):
         m_0 and m_1 of both halves together, m_2 and m_3 of the half at x < 0 and of that at
         x > 0, m_4 of that at x > 0.
     """
-    unit = beta / (rho * rho)
-    sigma = 1.0 if v > 0.0 else -1.0
-    square = v * v + sigma * 2.0 * unit * FULL_POTENTIAL
-    speed = math.sqrt(square)
-    impulse = 0.0
-    first = 0.0
-    before_second = 0.0
-    after_second = 0.0
-    before_third = 0.0
-    after_third = 0.0
-    before_fourth = 0.0
-    after_fourth = 0.0
-    before_contact = 0.0 if v > 0.0 else beta
-    after_contact = beta - before_contact
-    for k in range(N_NODES):
-        distance = NODES[k] / rho
-        work = 2.0 * sigma * (a * distance + unit * POTENTIAL[k])
-        bend = sigma * j * distance * distance / speed
-        spring = distance * distance
-        w_before = math.sqrt(square - work + bend - before_contact * spring)
-        w_after = math.sqrt(square + work + bend - after_contact * spring)
-        t_before = 2.0 * distance / (speed + w_before)
-        t_after = 2.0 * distance / (speed + w_after)
-        share_before = unit * WEIGHTS[k] / w_before
-        share_after = unit * WEIGHTS[k] / w_after
-        impulse += share_before + share_after
-        first += share_after * t_after - share_before * t_before
-        before_second += share_before * t_before * t_before
-        after_second += share_after * t_after * t_after
-        before_third -= share_before * t_before**3
-        after_third += share_after * t_after**3
-        before_fourth += share_before * t_before**4
-        after_fourth += share_after * t_after**4
-    if v > 0.0:
-        return (
-            impulse,
-            first,
-            before_second,
-            after_second,
-            before_third,
-            after_third,
-            after_fourth,
-        )
-    return impulse, first, after_second, before_second, after_third, before_third, before_fourth
+    free = half_passage(-1.0, v, a, j, beta, rho)
+    contact = half_passage(1.0, v, a, j, beta, rho)
+    return (
+        total(free[0] + contact[0]),
+        total(free[1] + contact[1]),
+        total(free[2]),
+        total(contact[2]),
+        total(free[3]),
+        total(contact[3]),
+        total(contact[4]),
+    )
 
 
 @kernel

@@ -34,14 +34,15 @@ from hpcsweep.flow.layer import (
 )
 from hpcsweep.flow.metrics import drift_on_segment, modal_norm_on_segment, observe_layer_step
 from hpcsweep.flow.search import (
-    HERMITE_VALUE,
     MAX_DEPTH,
     UNDECIDED,
     evaluate_rows,
     expand_row,
     expand_rows,
     first_passage,
+    leaves,
     may_reach,
+    rising_root,
     value_and_slope,
 )
 from hpcsweep.flow.tables import (
@@ -129,11 +130,11 @@ def empty_work(n: int) -> Work:
 
 
 @kernel
-def set_forcing(x, tau, amplitude, omega):
-    """Write the forcing part (A sin, A cos, 1) of the augmented state at time tau."""
+def set_forcing(x, ground, quadrature):
+    """Write the forcing part (A sin, A cos, 1) of the augmented state."""
     size = x.shape[0]
-    x[size - 3] = amplitude * math.sin(omega * tau)
-    x[size - 2] = amplitude * math.cos(omega * tau)
+    x[size - 3] = ground
+    x[size - 2] = quadrature
     x[size - 1] = 1.0
 
 
@@ -175,6 +176,25 @@ def contact_key(tau, z, amplitude, model, a):
 
 
 @kernel
+def _clear(key, i, d, x, z_end, n, layer, bound4):
+    """Tell whether floor i keeps away from its layer, or leaves it, within d; True is proved."""
+    sign, level = _edge(key, i, layer)
+    g0, slope0 = sign * (x[i] - level), sign * x[n + i]
+    g1, slope1 = sign * (z_end[i] - level), sign * z_end[n + i]
+    return not may_reach(d, g0, slope0, g1, slope1, bound4) or leaves(
+        d, g0, slope0, g1, slope1, bound4
+    )
+
+
+@kernel
+def _edge(key, i, layer):
+    """Give the edge of the layer of floor i in its contact state, and the sign of its way there."""
+    if (key >> np.uint64(i)) & np.uint64(1):
+        return -1.0, 1.0 + layer
+    return 1.0, 1.0 - layer
+
+
+@kernel
 def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, bounds, steps_left):
     """Take linear steps while no floor can reach the edge of its layer (proved) and time is left.
 
@@ -183,33 +203,23 @@ def _coast(key, h, tau, end, layer, step, bound4, index, cosine, sine, x, wide, 
     tau : float
     n_steps : int
         `x` holds the augmented state there.
+    known : bool
+        Whether `wide` and `bounds` are those of a step from there.
     """
     n = (x.shape[0] - 3) // 2
-    third = h / 3.0
-    margin = HERMITE_VALUE * h**4
     n_steps = 0
     while tau + h < end and n_steps < steps_left:
         product(step, index, x, wide)
         product_of_moduli(bound4, index, x, bounds)
-        reaches = False
         for i in range(n):
-            g0 = x[i] - 1.0
-            g1 = wide[i] - 1.0
-            d0 = third * x[n + i]
-            d1 = third * wide[n + i]
-            if (key >> np.uint64(i)) & np.uint64(1):
-                g0, g1, d0, d1 = -g0, -g1, -d0, -d1
-            top = max(max(g0, g1), max(g0 + d0, g1 - d1))
-            if top + layer + margin * bounds[i] >= 0.0:
-                reaches = True
-        if reaches:
-            break
+            if not _clear(key, i, h, x, wide, n, layer, bounds[i]):
+                return tau, n_steps, True
         for row in range(2 * n):
             x[row] = wide[row]
         _rotate(x, cosine, sine)
         tau += h
         n_steps += 1
-    return tau, n_steps
+    return tau, n_steps, False
 
 
 @kernel
@@ -220,33 +230,55 @@ def _first_event(key, index, span, h, x, z_end, layer, bounds, poly, rows, expan
     -------
     floor : int
         -1 if none does (proved), `UNDECIDED` if rounding forbids to tell.
-    time : float
-        Of the step.
+    a, ga, b, gb : float
+        See `first_passage`. No other floor reaches the edge of its layer before b.
     """
     n = z_end.shape[0] // 2
     floor = -1
-    earliest = span
+    a = b = span
+    ga = gb = 0.0
     for i in range(n):
-        if (key >> np.uint64(i)) & np.uint64(1):
-            sign = -1.0
-            level = 1.0 + layer
-        else:
-            sign = 1.0
-            level = 1.0 - layer
         bound = bounds[i]
-        g0 = sign * (x[i] - level)
-        g1 = sign * (z_end[i] - level)
-        if may_reach(span, g0, sign * x[n + i], g1, sign * z_end[n + i], bound):
-            if not expanded[i]:
-                expand_row(poly, index, i, x, rows)
-                expanded[i] = True
-            time = first_passage(rows, i, h, 0.0, earliest, level, sign, bound, stack)
-            if time == UNDECIDED:
-                return UNDECIDED, time
-            if time >= 0.0:
-                floor = i
-                earliest = time
-    return floor, earliest
+        if _clear(key, i, span, x, z_end, n, layer, bound):
+            continue
+        if not expanded[i]:
+            expand_row(poly, index, i, x, rows)
+            expanded[i] = True
+        sign, level = _edge(key, i, layer)
+        value, slope = z_end[i], z_end[n + i]
+        if b < span:
+            value, slope = value_and_slope(rows, i, h, b)
+        found, g_found, after, g_after = first_passage(
+            rows,
+            i,
+            h,
+            0.0,
+            sign * (x[i] - level),
+            sign * x[n + i],
+            b,
+            sign * (value - level),
+            sign * slope,
+            level,
+            sign,
+            bound,
+            stack,
+        )
+        if found == UNDECIDED:
+            return UNDECIDED, found, g_found, after, g_after
+        if found < 0.0:
+            continue
+        if floor >= 0:
+            # both within one interval: the time of the first
+            other_sign, other_level = _edge(key, floor, layer)
+            a = rising_root(rows, floor, h, a, ga, b, gb, other_level, other_sign)
+            found = rising_root(rows, i, h, found, g_found, after, g_after, level, sign)
+            g_found = 0.0
+            if found >= a:
+                b, ga, gb = a, 0.0, 0.0
+                continue
+            after, g_after = found, 0.0
+        floor, a, ga, b, gb = i, found, g_found, after, g_after
+    return floor, a, ga, b, gb
 
 
 @kernel
@@ -342,9 +374,25 @@ def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rh
 
 @kernel
 def _passes(
-    floor, key, tau, z, amplitude, stiffness, damping, beta, rho, omega, layer, a, promised
+    floor,
+    key,
+    tau,
+    ground,
+    quadrature,
+    z,
+    amplitude,
+    stiffness,
+    damping,
+    beta,
+    rho,
+    omega,
+    layer,
+    a,
+    promised,
 ):
     """Take floor `floor`, at the stop in state z, through its layer if that is fast.
+
+    `ground` and `quadrature` are A sin(Omega tau) and A cos(Omega tau).
 
     Returns
     -------
@@ -359,7 +407,6 @@ def _passes(
     n = stiffness.shape[0]
     v = z[n + floor]
     z[floor] = 1.0
-    ground = amplitude * math.sin(omega * tau)
     for i in range(n):
         force = -ground
         if i != floor and (key >> np.uint64(i)) & np.uint64(1):
@@ -367,7 +414,7 @@ def _passes(
         for j in range(n):
             force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
         a[i] = force
-    jerk = -omega * amplitude * math.cos(omega * tau)
+    jerk = -omega * quadrature
     for j in range(n):
         jerk -= stiffness[floor, j] * z[n + j] + damping[floor, j] * a[j]
     if not passage_is_fast(v, a[floor], jerk, beta, rho, layer):
@@ -528,10 +575,11 @@ def march_period(
                 index = lookup(key, model, tables)
             for i in range(2 * n):
                 x[i] = z[i]
-            set_forcing(x, tau, amplitude, omega)
+            set_forcing(x, amplitude * math.sin(omega * tau), amplitude * math.cos(omega * tau))
         h = lengths[index]
+        known = False
         if tally is None and tangent is None:
-            tau, coasted = _coast(
+            tau, coasted, known = _coast(
                 key,
                 h,
                 tau,
@@ -554,7 +602,8 @@ def march_period(
             expanded[row] = False
         span = h
         if tau + h < end:
-            product(step, index, x, wide)
+            if not known:
+                product(step, index, x, wide)
             for row in range(2 * n):
                 z_end[row] = wide[row]
         else:
@@ -563,28 +612,41 @@ def march_period(
             evaluate_rows(rows, h, span, z_end)
         passed = False
         jerk = 0.0
+        ground = 0.0
+        quadrature = 0.0
         beyond = False
-        product_of_moduli(bound4, index, x, bounds)
-        floor, time = _first_event(
+        if not known:
+            product_of_moduli(bound4, index, x, bounds)
+        floor, time, g_before, after, g_after = _first_event(
             key, index, span, h, x, z_end, layer, bounds, poly, rows, expanded, stack
         )
         if floor == UNDECIDED:
             return SOLVER_FAILED
         if floor >= 0:
             expand_rows(poly, index, x, rows, expanded, 2 * n)
-            touching = (key >> np.uint64(floor)) & np.uint64(1)
-            sign = -1.0 if touching else 1.0
-            at_stop = _time_at_stop(rows, floor, h, time, sign)
-            floor, at_stop = _first_at_stop(floor, at_stop, key, rows, h, n)
+            first = floor
+            sign, level = _edge(key, floor, layer)
+            if time < after and g_after >= layer:
+                # the floor is at the stop before any other is at its layer
+                at_stop = rising_root(
+                    rows, floor, h, time, g_before - layer, after, g_after - layer, 1.0, sign
+                )
+            else:
+                time = rising_root(rows, floor, h, time, g_before, after, g_after, level, sign)
+                after = time
+                at_stop = _time_at_stop(rows, floor, h, time, sign)
+                floor, at_stop = _first_at_stop(floor, at_stop, key, rows, h, n)
             inside = time <= at_stop <= EXTRAPOLATION * h
-            # a floor that reaches the stop after this step: try again from the layer's edge
-            beyond = at_stop > EXTRAPOLATION * h and time > 0.01 * h
             if inside and tau + at_stop < end:
                 evaluate_rows(rows, h, at_stop, z)
+                ground = amplitude * math.sin(omega * (tau + at_stop))
+                quadrature = amplitude * math.cos(omega * (tau + at_stop))
                 passed, jerk, promised = _passes(
                     floor,
                     key,
                     tau + at_stop,
+                    ground,
+                    quadrature,
                     z,
                     amplitude,
                     stiffness,
@@ -600,7 +662,9 @@ def march_period(
                 counts[1] += 1
                 span = at_stop
             else:
-                span = time
+                span = rising_root(rows, first, h, time, g_before, after, g_after, level, sign)
+                # a floor that reaches the stop after this step: try again from the layer's edge
+                beyond = at_stop > EXTRAPOLATION * h and span > 0.01 * h
                 evaluate_rows(rows, h, span, z_end)
         if tangent is not None:
             linear_tangent(tables, index, span, tangent, work.tangent)
@@ -630,7 +694,7 @@ def march_period(
             if span == h:
                 _rotate(x, rotation[index, 0], rotation[index, 1])
         elif beyond:
-            set_forcing(x, tau, amplitude, omega)
+            set_forcing(x, amplitude * math.sin(omega * tau), amplitude * math.cos(omega * tau))
             for i in range(2 * n):
                 x[i] = z[i]
         elif passed:
@@ -640,7 +704,7 @@ def march_period(
                 index = lookup(key, model, tables)
             for i in range(2 * n):
                 x[i] = z[i]
-            set_forcing(x, tau, amplitude, omega)
+            set_forcing(x, ground, quadrature)
         else:
             index = -1
             if model.rho != math.inf:

@@ -146,10 +146,10 @@ def test_lanes_reckon_as_numbers_do():
 def test_derivatives_of_a_passage_are_those_of_its_moments(v):
     @kernel
     def differentiate(v, a, j, beta, rho, out):
-        free = tangent._half_passage(-1.0, v, a, j, beta, rho)
-        contact = tangent._half_passage(1.0, v, a, j, beta, rho)
+        free = tangent._differentiated(-1.0, v, a, j, beta, rho)
+        contact = tangent._differentiated(1.0, v, a, j, beta, rho)
         for row in range(3):
-            sums = tangent._sums(free[row], contact[row])
+            sums = crossing.sums(free[row], contact[row])
             for k in range(7):
                 out[row, k] = sums[k]
 

@@ -116,15 +116,6 @@ def passage_is_fast(v, a, j, beta, rho, layer):
 
 
 @inlined
-def powers(share, t):
-    """Give share t^k, k = 0 to 4."""
-    first = share * t
-    second = first * t
-    third = second * t
-    return share, first, second, third, third * t
-
-
-@inlined
 def half_passage(side, v, a, j, beta, rho):
     """Give s^k r ds, k = 0 to 4, at the nodes of half a passage; see `moments` and the module.
 
@@ -135,7 +126,11 @@ def half_passage(side, v, a, j, beta, rho):
 
     Returns
     -------
-    tuple of Lanes
+    moments : tuple of Lanes
+    x, w : Lanes
+        Distances from the stop, and the speeds there.
+    speed : float
+        |v*|
     """
     unit = beta / (rho * rho)
     sigma = 1.0 if v > 0.0 else -1.0
@@ -146,7 +141,25 @@ def half_passage(side, v, a, j, beta, rho):
     work = fma(x, a, load(POTENTIAL, 0) * unit) * (2.0 * side)
     w = root(fma(x * x, sigma * j / speed - spring, work + square))
     t = x * (2.0 * sigma * side) / (w + speed)
-    return powers(load(WEIGHTS, 0) * unit / w, t)
+    share = load(WEIGHTS, 0) * unit / w
+    first = share * t
+    second = first * t
+    third = second * t
+    return (share, first, second, third, third * t), x, w, speed
+
+
+@inlined
+def sums(free, contact):
+    """Add up what `half_passage` gives of both halves, for `add_kick`; see `moments`."""
+    return (
+        total(free[0] + contact[0]),
+        total(free[1] + contact[1]),
+        total(free[2]),
+        total(contact[2]),
+        total(free[3]),
+        total(contact[3]),
+        total(contact[4]),
+    )
 
 
 @kernel
@@ -167,17 +180,9 @@ def moments(v, a, j, beta, rho):
         m_0 and m_1 of both halves together, m_2 and m_3 of the half at x < 0 and of that at
         x > 0, m_4 of that at x > 0.
     """
-    free = half_passage(-1.0, v, a, j, beta, rho)
-    contact = half_passage(1.0, v, a, j, beta, rho)
-    return (
-        total(free[0] + contact[0]),
-        total(free[1] + contact[1]),
-        total(free[2]),
-        total(contact[2]),
-        total(free[3]),
-        total(contact[3]),
-        total(contact[4]),
-    )
+    free, _, _, _ = half_passage(-1.0, v, a, j, beta, rho)
+    contact, _, _, _ = half_passage(1.0, v, a, j, beta, rho)
+    return sums(free, contact)
 
 
 @kernel

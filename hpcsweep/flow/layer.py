@@ -62,7 +62,7 @@ ELLIPSE = 5.5
 """kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 1.2
 MAX_ITERATIONS = 40
-UNCHECKED = 1e-11
+UNCHECKED = 1e-13
 """Relative error from which on the iteration is looked at."""
 COMPLETE = int(Outcome.COMPLETE)
 NON_FINITE = int(Outcome.NON_FINITE)

@@ -13,7 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.flow import layer as layer_module
-from hpcsweep.flow.search import expand_rows, may_reach, value_and_slope, value_slope_bend
+from hpcsweep.flow.search import (
+    HERMITE_BEND,
+    expand_rows,
+    may_reach,
+    value_and_slope,
+    value_slope_bend,
+)
 from hpcsweep.flow.tables import (
     MODAL_NODES,
     MODAL_WEIGHTS,
@@ -46,7 +52,6 @@ LEAST_PART = 0.5**11
 beside a turning point of the slope, an extremum differs from its neighbours by 1e-10."""
 NOTHING = 1e-200
 """Of drifts below this the ends of the steps are enough."""
-HERMITE_BEND = 1.0 / 12.0
 MODAL_TOLERANCE = 1e-5
 """Largest tail of the interpolant of q_j / ||q|| on an interval that counts as resolved. The norms
 are then right to about 1e-10 (measured: 8e-10 with a tolerance of 1e-4, 5e-12 with 1e-6)."""

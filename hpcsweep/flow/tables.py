@@ -21,12 +21,26 @@ terms (theta/2)^k / k! never exceed 1.7 (no cancellation), economised to degree 
 Chebyshev basis. Velocities are scaled by the largest frequency first, so that M is balanced.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from hpcsweep.jit import LANES, aligned_zeros, combine, combine_moduli, jit, kernel
+from hpcsweep.jit import (
+    LANES,
+    aligned_zeros,
+    combine,
+    combine_moduli,
+    fma,
+    greatest,
+    jit,
+    kernel,
+    load,
+    maximum,
+    modulus,
+    store,
+)
 from hpcsweep.structure import Structure
 
 DEGREE = 15
@@ -37,7 +51,7 @@ THETA_FREE = 2.2
 """Free flight: shorter, because the proof that no floor reaches the stop weakens with h^4."""
 MAX_TABLES = 64
 """Tables kept; when more contact sets occur the table store is emptied and filled anew."""
-N_BOUND_SAMPLES = 65
+BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
 MODAL_NODES, MODAL_WEIGHTS = np.polynomial.legendre.leggauss(2 * LANES)
 """Of the modal norms (`metrics`), on a step."""
 N_MODAL = MODAL_NODES.shape[0]
@@ -54,7 +68,8 @@ def _economisation() -> np.ndarray:
     return matrix
 
 
-ECONOMISATION = _economisation()
+ECONOMISATION = np.ascontiguousarray(_economisation().T)
+"""(TAYLOR + 1, N_COEFFICIENTS)"""
 
 
 class Model(NamedTuple):
@@ -159,6 +174,21 @@ def _generator(key, model, scale, out):
 
 
 @jit
+def _spectral_bound(key, model):
+    """Bound the moduli of the eigenvalues of M.
+
+    For an eigenvector with displacements q, |q| = 1, lambda^2 + d lambda + k = 0 with d = q* D q
+    and k = q* (K + beta diag(c)) q. If the roots are complex |lambda|^2 = k, if not |lambda| <= d.
+    """
+    contact = model.stiffness.copy()
+    for i in range(contact.shape[0]):
+        if (key >> np.uint64(i)) & np.uint64(1):
+            contact[i, i] += model.beta
+    hardest = math.sqrt(np.linalg.eigvalsh(contact)[-1])
+    return max(hardest, max(np.linalg.eigvalsh(model.damping)[-1], model.omega))
+
+
+@jit
 def _build(key, model, tables, index):
     """Fill table `index` with the propagators of contact set `key`."""
     n = model.stiffness.shape[0]
@@ -166,7 +196,7 @@ def _build(key, model, tables, index):
     scale = np.sqrt(4.0 + (model.beta if key != np.uint64(0) else 0.0))
     generator = np.empty((size, size))
     _generator(key, model, scale, generator)
-    radius = np.abs(np.linalg.eigvals(generator.astype(np.complex128))).max()
+    radius = _spectral_bound(key, model)
     h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
     tables.h[index] = h
     tables.rotation[index, 0] = np.cos(model.omega * h)
@@ -194,8 +224,10 @@ def _build(key, model, tables, index):
         for row in range(2 * n):
             for column in range(size):
                 entry = term[row, column] * unit[row] / unit[column]
-                for p in range(N_COEFFICIENTS):
-                    poly[row, column, p] += ECONOMISATION[p, k] * entry
+                place = (row * size + column) * N_COEFFICIENTS
+                for p in range(0, N_COEFFICIENTS, LANES):
+                    more = load(ECONOMISATION, k * N_COEFFICIENTS + p) * entry
+                    store(poly, place + p, load(poly, place + p) + more)
     for p in range(N_COEFFICIENTS):
         for column in range(2 * n):
             for row in range(2 * n):
@@ -239,23 +271,21 @@ def product_of_moduli(table, index, x, out):
         combine_moduli(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
 
 
-@jit
+@kernel
 def _max_fourth_derivative(coefficients, h):
     """Bound |d^4/ds^4| of one polynomial on the step.
 
     The largest of equidistant samples plus half their distance times a bound (the sum of the
     moduli of its coefficients) of the fifth derivative.
     """
-    fourth = np.zeros(N_COEFFICIENTS)
     fifth = 0.0
-    for p in range(4, N_COEFFICIENTS):
-        fourth[p - 4] = coefficients[p] * p * (p - 1) * (p - 2) * (p - 3)
-        fifth += abs(fourth[p - 4]) * (p - 4)
-    largest = 0.0
-    for sample in range(N_BOUND_SAMPLES):
-        sigma = -1.0 + 2.0 * sample / (N_BOUND_SAMPLES - 1)
-        value = 0.0
-        for p in range(N_COEFFICIENTS - 1, -1, -1):
-            value = value * sigma + fourth[p]
-        largest = max(largest, abs(value))
-    return (largest + fifth / (N_BOUND_SAMPLES - 1)) * (2.0 / h) ** 4
+    for p in range(5, N_COEFFICIENTS):
+        fifth += abs(coefficients[p]) * p * (p - 1) * (p - 2) * (p - 3) * (p - 4)
+    largest = load(ZERO, 0)
+    for first in range(0, BOUND_SAMPLES.shape[0], LANES):
+        sigma = load(BOUND_SAMPLES, first)
+        value = load(ZERO, 0)
+        for p in range(N_COEFFICIENTS - 1, 3, -1):
+            value = fma(value, sigma, coefficients[p] * p * (p - 1) * (p - 2) * (p - 3))
+        largest = greatest(largest, modulus(value))
+    return (maximum(largest) + fifth / (BOUND_SAMPLES.shape[0] - 1)) * (2.0 / h) ** 4

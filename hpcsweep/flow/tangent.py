@@ -25,8 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.flow import crossing
-from hpcsweep.flow.crossing import FULL_POTENTIAL, add_kick
+from hpcsweep.flow.crossing import add_kick, half_passage, sums
 from hpcsweep.flow.layer import (
     MAX_ITERATIONS,
     N_STAGES,
@@ -46,19 +45,12 @@ from hpcsweep.jit import (
     inlined,
     load,
     maximum,
-    root,
     store,
     switches,
-    total,
 )
 
 CONVERGED = 1e-13
 """Last change of the stage accelerations, or the next one, relative."""
-PASSAGE_NODES, PASSAGE_WEIGHTS, PASSAGE_POTENTIAL = (
-    crossing.NODES,
-    crossing.WEIGHTS,
-    crossing.POTENTIAL,
-)
 
 
 class TangentRoom(NamedTuple):
@@ -151,29 +143,6 @@ def _multiply(table, start, tangent, room):
 
 
 @inlined
-def _sums(free, contact):
-    """Give what `crossing.add_kick` wants from s^k r ds, k = 0 to 4, of both halves."""
-    return (
-        total(free[0] + contact[0]),
-        total(free[1] + contact[1]),
-        total(free[2]),
-        total(contact[2]),
-        total(free[3]),
-        total(contact[3]),
-        total(contact[4]),
-    )
-
-
-@inlined
-def _powers(share, t):
-    """Give share t^k, k = 0 to 4."""
-    first = share * t
-    second = first * t
-    third = second * t
-    return share, first, second, third, third * t
-
-
-@inlined
 def _rates(powers, shares, times):
     """Differentiate c t^k / w, k = 0 to 4, of logarithmic derivatives -`shares` and -`times`."""
     return (
@@ -186,7 +155,7 @@ def _rates(powers, shares, times):
 
 
 @inlined
-def _half_passage(side, v, a, j, beta, rho):
+def _differentiated(side, v, a, j, beta, rho):
     """Give the moments of half a passage node by node; see the module.
 
     Parameters
@@ -202,20 +171,11 @@ def _half_passage(side, v, a, j, beta, rho):
     moments, by_speed, by_acceleration : tuple of Lanes
         m_0 to m_4 and their derivatives.
     """
-    sigma = 1.0 if v > 0.0 else -1.0
-    unit = beta / (rho * rho)
-    square = v * v + sigma * 2.0 * unit * FULL_POTENTIAL
-    speed = math.sqrt(square)
-    x = load(PASSAGE_NODES, 0) * (1.0 / rho)
-    bend = sigma * j / speed
-    work = fma(x, a, load(PASSAGE_POTENTIAL, 0) * unit) * (2.0 * side)
-    spring = beta if side > 0.0 else 0.0
-    w = root(fma(x * x, bend - spring, work + square))
+    powers, x, w, speed = half_passage(side, v, a, j, beta, rho)
     inverse = 1.0 / w
     later = 1.0 / (w + speed)
-    t = x * later * (2.0 * sigma * side)
-    powers = _powers(load(PASSAGE_WEIGHTS, 0) * inverse * unit, t)
-    faster = fma(x * x, -0.5 * bend * v / square, v) * inverse
+    bend = j / speed if v > 0.0 else -j / speed
+    faster = fma(x * x, -0.5 * bend * v / (speed * speed), v) * inverse
     pushed = x * inverse * side
     return (
         powers,
@@ -248,12 +208,12 @@ def passage_tangent(floor, key_after, z, a, jerk, model, room, tangent):
     n = stiffness.shape[0]
     v = z[n + floor]
     beta, rho = model.beta, model.rho
-    free = _half_passage(-1.0, v, a[floor], jerk, beta, rho)
-    contact = _half_passage(1.0, v, a[floor], jerk, beta, rho)
+    free = _differentiated(-1.0, v, a[floor], jerk, beta, rho)
+    contact = _differentiated(1.0, v, a[floor], jerk, beta, rho)
     kicks = room.kicks
     kicks[:] = 0.0
     for row in range(3):
-        add_kick(1.0, _sums(free[row], contact[row]), floor, stiffness, damping, beta, kicks[row])
+        add_kick(1.0, sums(free[row], contact[row]), floor, stiffness, damping, beta, kicks[row])
     kick, by_speed, by_acceleration, drift = kicks[0], kicks[1], kicks[2], kicks[3]
     # along f_- the speed changes by a and the acceleration by the jerk
     for i in range(n):

@@ -12,6 +12,7 @@ from hpcsweep import farm, memory, provenance, sweep
 from hpcsweep.job import Job
 from hpcsweep.outcome import REMEDIES, Outcome
 from hpcsweep.pilot import BLOCK_COST, KnownCosts
+from hpcsweep.progress import note
 from hpcsweep.store import Journal, Lock, StoreError, WriteError, create, open_campaign
 from hpcsweep.store.commit import Blocks, check_file, check_writable, path_blocks
 
@@ -88,7 +89,7 @@ def run(
         _on_master(comm, lambda: _prepare(job, output, lock, comm, hosts))
         lock.join()
         campaign = open_campaign(output, job, comm)
-        _compile(comm, job, sweep_block, flag)
+        _compile(comm, job, sweep_block, flag, note if progress else lambda text: None)
         todo, done_runs, done_blocks = _unfinished(comm, campaign.blocks, job)
         try:
             frame_costs = KnownCosts(comm, job, output, todo, done_blocks, sweep_block)
@@ -166,10 +167,10 @@ def _check_same_job(job: Job, output: Path) -> None:
         )
 
 
-def _compile(comm, job: Job, sweep_block, flag: farm.StopFlag) -> None:
+def _compile(comm, job: Job, sweep_block, flag: farm.StopFlag, say: Callable) -> None:
     """Let one rank of each node compile the kernels, or load them, before the others.
 
-    That may take a minute, so a signal ends the ranks then and there: nothing is being written.
+    That may take minutes, so a signal ends the ranks then and there: nothing is being written.
     """
     if sweep_block is not None:
         return
@@ -184,7 +185,7 @@ def _compile(comm, job: Job, sweep_block, flag: farm.StopFlag) -> None:
         leave(flag.reason)
     first = comm.node_rank() == 0
     if first:
-        sweep.warm_up(job.settings)
+        sweep.warm_up(job.settings, say if comm.rank == 0 else lambda text: None)
     comm.barrier()
     if not first:
         sweep.warm_up(job.settings)

@@ -10,6 +10,7 @@ import numpy as np
 from hpcsweep import costs, memory, sweep
 from hpcsweep.costs import FrameCosts
 from hpcsweep.job import Job
+from hpcsweep.progress import note
 from hpcsweep.schedule import (
     DEDICATED_MASTER,
     MESSAGE_SECONDS,
@@ -57,7 +58,7 @@ class Forecast:
 
 def sample(job: Job, seconds: float = SAMPLE_SECONDS) -> Forecast:
     """Time runs spread evenly over frames and amplitudes for about `seconds`, two at least."""
-    sweep.warm_up(job.settings)
+    sweep.warm_up(job.settings, note)
     frame_costs = FrameCosts(job)
     per_run: list[float] = []
     most = costs.PILOT_PER_FRAME * job.omega.size

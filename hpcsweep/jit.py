@@ -45,6 +45,12 @@ def _cache_folder() -> Path:
 
 _numba_config.CACHE_DIR = str(_cache_folder())
 
+
+def is_cold() -> bool:
+    """Tell whether the kernels have not been compiled yet."""
+    return not any(Path(_numba_config.CACHE_DIR).rglob("*.nbi"))
+
+
 jit = functools.partial(numba.njit, cache=True, error_model="numpy", _nrt=True)
 """Compile a kernel: cached, IEEE arithmetic.
 

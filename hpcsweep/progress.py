@@ -6,6 +6,11 @@ import time
 LOG_INTERVAL = 60.0
 
 
+def note(text: str) -> None:
+    """Write one line with the time of day to standard error."""
+    print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
+
+
 def make_progress(total: int, done: int, unit: str = "run"):
     """Make the display that suits standard error."""
     return (Bar if sys.stderr.isatty() else Log)(total, done, unit)
@@ -56,7 +61,7 @@ class Log:
 
     def message(self, text: str) -> None:
         """Write one line with the time of day."""
-        print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
+        note(text)
 
     def close(self) -> None:
         """Write the last line."""

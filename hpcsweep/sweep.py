@@ -28,6 +28,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from hpcsweep.jit import is_cold
 from hpcsweep.linear import LinearOrbit
 from hpcsweep.observation import Approach, Observation
 from hpcsweep.orbit import orbit_period
@@ -267,11 +268,17 @@ def _frame_sweep(structure: Structure, omega: float, settings: SweepSettings) ->
     return FrameSweep(structure, omega, settings)
 
 
-def warm_up(settings: SweepSettings) -> None:
-    """Compile the kernels of a solver, or load them from the disk, by a run of a few periods."""
-    tiny = replace(
-        settings, transient_cycles=2, sampling_cycles=2, max_orbit_period=1, skip=frozenset()
-    )
-    structure = Structure(n_floors=1, stiffness_ratio=10.0)
-    for skip in (frozenset(), settings.skip - {"linear"}):
-        sweep_block(structure, 1.0, [1.0], np.zeros(2), replace(tiny, skip=skip))
+def warm_up(settings: SweepSettings, say: Callable[[str], None] = lambda text: None) -> None:
+    """Compile what runs with these settings call, or load it from the disk, by a few periods."""
+    if is_cold():
+        say("compiling the kernels, once on this machine: two minutes or so")
+    solver = make_solver(settings.solver, Structure(1, 10.0), 1.0, settings.rtol)
+    z = np.zeros(2)
+    if "converged" in settings.skip and hasattr(solver, "settle"):
+        solver.settle(z, 1.0, 1, 1, SETTLED, SETTLED)
+    else:
+        solver.advance(z, 1.0, 1)
+    solver.observe(z, 1.0, 1)
+    if "lyapunov" in settings.metrics:
+        solver.observe(z, 1.0, 1, growth=True)
+        solver.monodromy(z, 1.0, 1)

@@ -1,6 +1,8 @@
 """Sweeps: the published regions, the skip rules against the plain procedure, failures as data."""
 
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -195,3 +197,31 @@ def test_orbit_period_is_the_smallest_that_repeats():
     golden = 2 * np.pi * j * 0.6180339887
     assert orbit_period(np.stack((np.cos(golden), np.sin(golden)), axis=1), 10, 1e-3) == 0
     assert orbit_period(np.zeros((1, 2)), 10, 1e-9) == 0
+
+
+LEFT_TO_COMPILE = """
+import numpy as np
+from hpcsweep import sweep
+from hpcsweep.flow import approach, march
+from hpcsweep.settings import SweepSettings
+from hpcsweep.structure import Structure
+
+settings = SweepSettings(metrics=frozenset({metrics!r}))
+sweep.warm_up(settings)
+kernels = march.march, approach.approach
+before = [len(kernel.signatures) for kernel in kernels]
+amplitude = np.linspace(0.01, 0.25, 40)
+found = sweep.sweep_block(Structure(), 0.21, amplitude, np.zeros(6), settings)
+assert set(found["shortcut"].tolist()) >= {{0, 1, 3}}
+print(sum(before), sum(len(kernel.signatures) for kernel in kernels))
+"""
+
+
+@pytest.mark.parametrize("metrics", [("contact",), ("poincare", "drift", "modal_norm", "lyapunov")])
+def test_the_warm_up_leaves_nothing_to_compile(metrics):
+    script = LEFT_TO_COMPILE.format(metrics=metrics)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    before, after = done.stdout.split()
+    assert before == after

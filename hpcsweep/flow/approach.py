@@ -12,6 +12,9 @@ differences). The orbit z* is accepted if
   z* and to nothing else.
 
 `approach` does the one and the other, until the orbit is known or the transient is over.
+
+What `march` is not to do is given as None rather than left out: calls with the same types share
+their compiled code with those of `flow_map`, and it takes half a minute to compile.
 """
 
 import math
@@ -142,6 +145,9 @@ def settle(
             watch.no_points,
             watch.previous,
             -1.0,
+            None,
+            None,
+            None,
         )
         if outcome != 1:
             return period - 1 - first, 0, outcome
@@ -223,6 +229,9 @@ def newton_orbit(period, amplitude, model, tables, tolerance, max_steps, work, c
                 watch.no_points,
                 watch.previous,
                 -1.0,
+                None,
+                None,
+                None,
             )
         else:
             for i in range(size):
@@ -244,6 +253,7 @@ def newton_orbit(period, amplitude, model, tables, tolerance, max_steps, work, c
                 -1.0,
                 None,
                 matrix,
+                None,
             )
         n_periods += done
         if outcome != 1:

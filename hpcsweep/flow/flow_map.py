@@ -77,10 +77,11 @@ class FlowMap:
         self.rtol = float(rtol)
         beta, rho = structure.stiffness_ratio, structure.sharpness
         layer = layer_half_width(beta, rho)
+        # writable copies for every n, so that all structures share the compiled kernels
         self._model = Model(
             stiffness=structure.stiffness_matrix.copy(),
-            damping=np.ascontiguousarray(structure.damping_matrix),
-            shapes=np.ascontiguousarray(structure.mode_shapes.T),
+            damping=structure.damping_matrix.copy(),
+            shapes=structure.mode_shapes.T.copy(),
             beta=beta,
             rho=rho,
             omega=self.omega,

@@ -183,7 +183,10 @@ def _one_curve(points: np.ndarray) -> bool:
     first, second = radius[: count // 2].mean(), radius[count // 2 :].mean()
     if abs(first - second) > CURVE_DRIFT * max(first, second):
         return False
-    phase = np.outer(_rotation_numbers(points), np.arange(count)) % 1.0
+    rotation = _rotation_numbers(points)
+    if rotation.size == 0:
+        return False
+    phase = np.outer(rotation, np.arange(count)) % 1.0
     along = points[np.argsort(phase, axis=1)]
     steps = np.linalg.norm(along - np.roll(along, 1, axis=1), axis=2)
     best = int(steps.sum(axis=1).argmin())
@@ -198,7 +201,10 @@ def _one_curve(points: np.ndarray) -> bool:
 
 
 def _rotation_numbers(points: np.ndarray) -> np.ndarray:
-    """Give rotation numbers near the largest peaks of the points' spectrum, shape (k,)."""
+    """Give rotation numbers near the largest peaks of the points' spectrum, shape (k,).
+
+    There are none if it only rises towards 0 or 1/2: the points go one way, or to and fro.
+    """
     count = len(points)
     window = np.hanning(count)[:, None]
     power = np.abs(np.fft.rfft((points - points.mean(axis=0)) * window, 8 * count, axis=0)) ** 2

@@ -198,3 +198,10 @@ def test_a_torus_and_chaos_of_the_structure_itself():
 
 STATE = (0.47812, 0.317291, 0.446605, -0.93638, 0.063818, -0.081978)
 """Near both attractors, from a sweep up."""
+
+
+def test_points_that_go_to_and_fro_are_on_no_curve():
+    # a spectrum that only rises towards 1/2: to and fro, farthest in the middle of the window
+    j = np.arange(20)
+    to_and_fro = (-1.0) ** j * (1 + 5 * np.exp(-(((j - 9.5) / 2) ** 2)))
+    assert on_closed_curve(np.column_stack((to_and_fro, 0.5 * to_and_fro))) is False

@@ -524,3 +524,15 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
     assert seen.modal_norm == pytest.approx(closed, abs=1e-8)
     assert closed == pytest.approx(dense, abs=1e-9)
     assert closed.shape == (n,)
+
+
+@pytest.mark.parametrize("sharpness", [1e4, math.inf])
+@pytest.mark.parametrize("place", [0.0, 1e-16, -1e-16, 5e-324, 1e-12, -1e-12])
+def test_floors_at_rest_against_the_stop_come_away(sharpness, place):
+    structure = Structure(3, 1000.0, sharpness, 0.0)
+    for omega in (0.445, 2.0):
+        state = np.array([1.0 + place] * 3 + [0.0, -0.0, place])
+        points, outcome = FlowMap(structure, omega).points(state, 0.0, 2)
+        assert outcome is Outcome.COMPLETE
+        exact = reference_points(structure, 0.0, omega, state, 2)
+        assert np.abs(points - exact).max() < 1e-9

@@ -224,7 +224,7 @@ def test_predicted_makespan_is_the_measured_one_on_oversubscribed_ranks(tmp_path
 def test_frames_that_move_between_ranks_give_the_same_bytes(tmp_path):
     job = tmp_path / "equal.toml"
     text = SMALL.replace("{from = 0.5, to = 0.8, count = 4}", "[0.6, 0.6001, 0.6002, 0.6003]")
-    text = text.replace("block = 4", "block = 1").replace("cycles = 30", "cycles = 1000")
+    text = text.replace("block = 4", "block = 1").replace("cycles = 30", "cycles = 5000")
     job.write_text(text.replace("[output]", '[solver]\nskip = "none"\n[output]'))
     assert hpcsweep(0, "run", job, "-o", tmp_path / "one.h5").returncode == 0
     done = hpcsweep(3, "run", job, "-o", tmp_path / "three.h5")

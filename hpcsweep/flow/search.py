@@ -36,6 +36,8 @@ LEAST_ADVANCE = 1e-9
 """Part of a step after which a floor that starts at the level, leaving it, is looked at again."""
 LAST_STEP = 1e-6
 """Of the search for a root, in steps h: one more cubes the error."""
+TOUCH = 5e-16
+"""Excess over the level (gaps) that rounding hides: a floor that rests there has not passed it."""
 SAME = 1e-17
 """Error of a displacement at a root (gaps)."""
 MAX_DEPTH = 48
@@ -148,10 +150,16 @@ def _inner(d, g0, slope0, g1, slope1, bound4):
 
 
 @kernel
+def _top(d, g0, slope0, g1, slope1, bound4):
+    """Bound g on an interval of length d from above."""
+    early, middle, late = _inner(d, g0, slope0, g1, slope1, bound4)
+    return max(max(max(g0, g1), max(early, late)), middle)
+
+
+@kernel
 def may_reach(d, g0, slope0, g1, slope1, bound4):
     """Tell whether g may reach 0 on an interval of length d; False is proved."""
-    early, middle, late = _inner(d, g0, slope0, g1, slope1, bound4)
-    return max(max(max(g0, g1), max(early, late)), middle) >= 0.0
+    return _top(d, g0, slope0, g1, slope1, bound4) >= 0.0
 
 
 @kernel
@@ -202,7 +210,9 @@ def first_passage(rows, row, h, a, ga, da, end, gb, db, level, sign, bound4, sta
         g > 0 at the start and is falling (the floor is just leaving its layer) the search begins
         where g has become negative; if it is rising, the root is at the start.
     """
-    if ga >= 0.0:
+    if 0.0 <= ga <= TOUCH and da > 0.0:
+        return a, ga, a, ga
+    if ga > TOUCH:
         if da >= 0.0:
             return a, ga, a, ga
         for _ in range(60):
@@ -231,7 +241,7 @@ def first_passage(rows, row, h, a, ga, da, end, gb, db, level, sign, bound4, sta
         gb = stack[depth, 1]
         db = stack[depth, 2]
         d = b - a
-        if not may_reach(d, ga, da, gb, db, bound4):
+        if _top(d, ga, da, gb, db, bound4) < TOUCH:
             a, ga, da = b, gb, db
             depth -= 1
             continue

@@ -21,7 +21,7 @@ from conftest import (
     hpcsweep,
 )
 
-LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 12000").replace(
+LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 30000").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
 """About six seconds of work on one core, in 24 blocks."""

@@ -13,7 +13,7 @@ from conftest import ROOT, SMALL, assert_same_datasets, hpcsweep
 from slurm_cluster import Cluster, SlurmError, edited, launchers
 
 SCRIPTS = ("once.sh", "requeue.sh", "array.sh", "chain.sh")
-LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 32000").replace(
+LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 80000").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
 """Half a minute of work on one core in 24 blocks: many times what stands between two writes."""

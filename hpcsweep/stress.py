@@ -28,6 +28,8 @@ CAP = 3000
 BATCH = 1000
 PER_STRUCTURE = 20
 """Random runs that share a structure and a frequency."""
+HUGE_STATE = 1e4
+"""Size of a state from which on rounding may hide the stop and a solver may give up."""
 WORST_ERROR = {"flow": 1e-7, "bdf": 1e-2}
 """Error of one period (over max(1, |z|)) from which on a case counts as wrong."""
 ENERGY_DRIFT = 1e-8
@@ -315,6 +317,8 @@ def _random_runs(case: Case) -> Answer:
                     problem = f"{outcome.name} with points {points.tolist()}"
             found[outcome.name] += 1
             now = steps_taken(solver)
+            if outcome is Outcome.SOLVER_FAILED and np.abs(z).max() < HUGE_STATE:
+                problem = "the solver gave up a state of ordinary size"
             if now - taken > CAP + 1:
                 problem = f"{now - taken} steps under a cap of {CAP}"
             taken = now

@@ -536,3 +536,35 @@ def test_floors_at_rest_against_the_stop_come_away(sharpness, place):
         assert outcome is Outcome.COMPLETE
         exact = reference_points(structure, 0.0, omega, state, 2)
         assert np.abs(points - exact).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("structure", "omega", "amplitude", "state"),
+    [
+        (
+            Structure(2, 6.080601496764445, math.inf, 0.00026299908830782853),
+            0.1153360569798371,
+            0.002390226251498504,
+            [1.0, 1.0, 1.4201393440337693e-07, 0.0],
+        ),
+        (
+            Structure(2, 32177.937784416823, math.inf, 0.04640026478487522),
+            1.1289729326440363,
+            3.5326261392257922e-09,
+            [1.0, 0.9999999999999998, 5.398997376153249e-10, 1.2564435428552595e-08],
+        ),
+        (
+            Structure(3, 9200907.402634297, math.inf, 0.007495611591940803),
+            23.669928528932267,
+            0.0047833464049873205,
+            [0.9840169725099585, 1.0127601254144663, 1.0, -0.12247, 0.596, 1.966e-13],
+        ),
+    ],
+)
+def test_floors_that_stay_at_the_stop_within_rounding_are_not_given_up(
+    structure, omega, amplitude, state
+):
+    points, outcome = FlowMap(structure, omega).points(np.array(state), amplitude, 1)
+    assert outcome is Outcome.COMPLETE
+    exact = reference_points(structure, amplitude, omega, np.array(state), 1)
+    assert np.abs(points - exact).max() < 1e-10

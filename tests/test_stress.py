@@ -87,6 +87,25 @@ def test_a_named_outcome_passes_and_a_wrong_state_does_not(monkeypatch):
     assert not answer(case).passed
 
 
+def test_a_solver_may_give_up_huge_states_only(monkeypatch):
+    class GivesUp:
+        counts = np.zeros(4)
+
+        def observe(self, state, *arguments, **options):
+            return seen(points=np.zeros((0, state.size)), outcome=Outcome.SOLVER_FAILED)
+
+        def points(self, state, *arguments):
+            return np.zeros((0, state.size)), Outcome.SOLVER_FAILED
+
+    monkeypatch.setattr("hpcsweep.stress.make_solver", lambda *arguments: GivesUp())
+    case = Case("random", "x", "x", n_periods=8)
+    found = answer(case)
+    assert not found.passed
+    assert "gave up" in found.remark
+    monkeypatch.setattr("hpcsweep.stress.random_state", lambda rng, s: np.full(2 * s.n_floors, 1e9))
+    assert answer(case).passed
+
+
 def test_json_has_no_infinities():
     row = {"structure": {"sharpness": math.inf}, "passed": True, "state": (0.0, 1.0)}
     text = json.dumps(as_json([row]), allow_nan=False)

@@ -42,9 +42,12 @@ SAME = 1e-17
 """Error of a displacement at a root (gaps)."""
 MAX_DEPTH = 48
 """Halvings; below h 2^-48 a tangency is within rounding of the level."""
-MAX_PARTS = 20_000
-"""Parts looked at in one search. A tangency takes some hundred; more are left where the rounding
-of states beyond 1e16 hides the level."""
+PATIENCE = 1_000
+"""Parts looked at before `TOUCH` is quadrupled. A tangency takes some hundred; more are left where
+a floor rests at the level and the rounding of all others moves it."""
+MOST_TOUCH = 4.0**5 * TOUCH
+MAX_PARTS = 20 * PATIENCE
+"""Parts looked at in one search. The rounding of states beyond 1e4 may take more."""
 UNDECIDED = -2
 
 
@@ -230,18 +233,21 @@ def first_passage(rows, row, h, a, ga, da, end, gb, db, level, sign, bound4, sta
             return a, ga, a, ga
     depth = 0
     parts = 0
+    touch = TOUCH
     stack[0, 0] = end
     stack[0, 1] = gb
     stack[0, 2] = db
     while depth >= 0:
         parts += 1
-        if parts > MAX_PARTS:
-            return float(UNDECIDED), ga, a, ga
+        if parts % PATIENCE == 0:
+            touch = min(4.0 * touch, MOST_TOUCH)
+            if parts == MAX_PARTS:
+                return float(UNDECIDED), ga, a, ga
         b = stack[depth, 0]
         gb = stack[depth, 1]
         db = stack[depth, 2]
         d = b - a
-        if _top(d, ga, da, gb, db, bound4) < TOUCH:
+        if _top(d, ga, da, gb, db, bound4) < touch:
             a, ga, da = b, gb, db
             depth -= 1
             continue

@@ -226,6 +226,11 @@ def period(z, amplitude, omega, beta, rho, stiffness, damping, part, starts, siz
             # the real part is exactly at the stop; the imaginary part (a tangent) is kept
             z[event] += 1.0 - z[event].real
             closed[event] = is_closed(0.0, z[n + event].real)
+        if rho == np.inf:
+            # a way through the stop that rounding has hidden from the roots
+            for i in range(n):
+                if z[i].real != 1.0:
+                    closed[i] = is_closed(z[i].real - 1.0, z[n + i].real)
         tau = end if h >= end - tau else tau + h
         if not np.isfinite(z[0].real) or count > 10_000_000:
             z[:] = np.nan

@@ -568,3 +568,13 @@ def test_floors_that_stay_at_the_stop_within_rounding_are_not_given_up(
     assert outcome is Outcome.COMPLETE
     exact = reference_points(structure, amplitude, omega, np.array(state), 1)
     assert np.abs(points - exact).max() < 1e-10
+
+
+def test_a_floor_that_moves_by_less_than_rounding_at_the_stop_is_not_held_there():
+    structure = Structure(5, 143924.97344661702, math.inf, 0.6156771719378836)
+    state = np.array([1.0, 1.0 - 3e-16, 1.0, 1.0, 1.0, 2e-8, -5e-4, 0.0, 1e-12, 0.0])
+    flow_map = FlowMap(structure, 0.5027829265897744)
+    points, _ = flow_map.points(state, 1.2e-5, 1)
+    beside = state - np.repeat([1e-11, 0.0], 5)
+    exact = reference_points(structure, 1.2e-5, flow_map.omega, beside, 1)
+    assert np.abs(points - exact).max() < 1e-10

@@ -206,6 +206,57 @@ def store(typingctx, array, index, value):
     return types.void(array, _INDEX, _LANES if value == _LANES else _NUMBER), generate
 
 
+@intrinsic
+def size_of(typingctx, value):
+    """Count the bytes of a value as the kernels hold it."""
+    del typingctx
+
+    def generate(context, builder, signature, arguments):
+        del builder, arguments
+        size = context.get_abi_sizeof(context.get_value_type(signature.args[0]))
+        return context.get_constant(_INDEX, size)
+
+    return _INDEX(value), generate
+
+
+def _place_of(context, builder, signature, arguments, which: int, kind):
+    """Point at a value of type `kind` at the start of the array that is argument `which`."""
+    array = context.make_array(signature.args[which])(context, builder, arguments[which])
+    return builder.bitcast(array.data, context.get_value_type(kind).as_pointer())
+
+
+@intrinsic
+def write(typingctx, value, buffer):
+    """Write a value into an array of bytes, as the kernels hold it; arrays by their addresses."""
+    del typingctx
+
+    def generate(context, builder, signature, arguments):
+        place = _place_of(context, builder, signature, arguments, 1, signature.args[0])
+        builder.store(arguments[0], place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(value, buffer), generate
+
+
+def reader(kind):
+    """Make the function of kernels that reads a value of a type of numba from where it was written.
+
+    Nothing is checked, and nothing is counted: see `kernel`.
+    """
+
+    @intrinsic
+    def read(typingctx, buffer):
+        del typingctx
+
+        def generate(context, builder, signature, arguments):
+            place = _place_of(context, builder, signature, arguments, 0, kind)
+            return builder.load(place, align=8)
+
+        return kind(buffer), generate
+
+    return read
+
+
 def _lanewise(name: str, count: int, doc: str):
     """Make a function of so many `Lanes` or numbers from that of LLVM."""
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpcsweep import jit
-from hpcsweep.flow import FlowMap, crossing, layer, search, tables, tangent
+from hpcsweep.flow import FlowMap, crossing, layer, packed, search, tables, tangent
 from hpcsweep.flow.flow_map import POLL_PERIODS, layer_half_width
 from hpcsweep.jit import LANES, kernel, less_contact, load, store
 from hpcsweep.linear import LinearOrbit
@@ -65,21 +65,22 @@ def test_error_of_a_layer_step_is_measured():
     for _ in range(400):
         n, rho, beta = int(rng.integers(1, 4)), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(1, 5)
         flow = FlowMap(Structure(n, beta, rho, 0.05), OMEGA)
-        model, room = flow._model, flow._work.layer
+        model, room = flow._shared.model, flow._shared.work.layer
         z = np.concatenate((rng.uniform(-0.5, 0.9, n), rng.uniform(-0.3, 0.3, n)))
         z[n - 1] = 1 + rng.uniform(-25, 10) / rho
         z[2 * n - 1] = 10 ** rng.uniform(-4, 0) * rng.choice([-1, 1])
         tau = rng.uniform(0, PERIOD)
         a = np.zeros(n)
-        layer.accelerations(tau, z, 0.3, model, a)
-        length, stiffness = layer.step_limit(z, a, model, PERIOD)
+        layer.accelerations(layer.forcing_at(tau, 0.3, OMEGA)[1], z, model, a)
+        length, stiffness = layer.step_limit(z, a, model, layer.longest_step(model))
         ends, measured = [], math.inf
         for parts in (1, 6):
             h, end = length / parts, z.copy()
             for part in range(parts):
                 start = end.copy()
-                layer.accelerations(tau + part * h, start, 0.3, model, a)
-                if layer.collocate(tau + part * h, h, start, a, 0.3, stiffness, model, room):
+                forcing = layer.forcing_at(tau + part * h, 0.3, OMEGA)
+                layer.accelerations(forcing[1], start, model, a)
+                if layer.collocate(tau + part * h, h, start, a, forcing, stiffness, model, room):
                     layer.finish(h, start, room.g, end)
                     if parts == 1:
                         measured = layer.quadrature_error(h, z, model, room)
@@ -182,7 +183,7 @@ def test_tables_are_the_matrix_exponential(key):
 
     structure = Structure(3, 1000.0, 1e4, (0.05, 0.3, 1.4))
     flow = FlowMap(structure, OMEGA)
-    model, store = flow._model, flow._tables
+    model, store = flow._shared.model, flow._shared.tables
     index = tables.lookup(np.uint64(key), model, store)
     assert tables.lookup(np.uint64(key), model, store) == index
     n = 3
@@ -207,17 +208,17 @@ def test_tables_are_the_matrix_exponential(key):
 
 def test_fourth_derivative_bound_holds():
     flow = FlowMap(Structure(), OMEGA)
-    index = tables.lookup(np.uint64(0), flow._model, flow._tables)
-    h = flow._tables.h[index]
+    index = tables.lookup(np.uint64(0), flow._shared.model, flow._shared.tables)
+    h = flow._shared.tables.h[index]
     rng = np.random.default_rng(3)
     sigma = np.linspace(-1, 1, 401)
     for _ in range(20):
         x = rng.standard_normal(9)
-        rows = np.einsum("rkp,k->rp", flow._tables.poly[index], x)
+        rows = np.einsum("rkp,k->rp", flow._shared.tables.poly[index], x)
         for i in range(3):
             fourth = np.polynomial.polynomial.polyder(rows[i], 4)
             largest = np.abs(np.polynomial.polynomial.polyval(sigma, fourth)).max() * (2 / h) ** 4
-            assert flow._tables.bound4[index, :, i] @ np.abs(x) >= largest
+            assert flow._shared.tables.bound4[index, :, i] @ np.abs(x) >= largest
 
 
 def first_root(rows, h, level, bound, stack):
@@ -410,7 +411,7 @@ def test_more_floors_stay_bounded_and_keep_few_tables(n):
     assert seen.outcome is Outcome.COMPLETE
     assert np.abs(seen.points).max() < 50
     assert seen.contact != 0
-    assert flow._tables.count[0] <= min(2**n, 64)
+    assert flow._shared.tables.count[0] <= min(2**n, 64)
 
 
 def test_a_run_beyond_double_precision_is_an_outcome():
@@ -524,6 +525,14 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
     assert seen.modal_norm == pytest.approx(closed, abs=1e-8)
     assert closed == pytest.approx(dense, abs=1e-9)
     assert closed.shape == (n,)
+
+
+def test_what_the_kernels_would_misread_is_not_packed():
+    shared = FlowMap(Structure(2), OMEGA)._shared
+    packed.pack(shared)
+    for name, value in (("tolerance", 1), ("counts", np.zeros(4)), ("model", shared.tables)):
+        with pytest.raises(TypeError, match="the kernels read"):
+            packed.pack(shared._replace(**{name: value}))
 
 
 @pytest.mark.parametrize("sharpness", [1e4, math.inf])

@@ -18,11 +18,11 @@ their compiled code with those of `flow_map`, and it takes half a minute to comp
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.flow.march import march
+from hpcsweep.flow.packed import read_shared, read_watch
 from hpcsweep.jit import jit, kernel
 
 ROUNDING = 2e-14
@@ -39,68 +39,8 @@ NEWTON_STABLE = 0.9999
 NEWTON_LINEAR = 0.05
 
 
-class Watch(NamedTuple):
-    """What is kept of the points a motion has passed, and room for Newton's method."""
-
-    since: np.ndarray
-    """(1,) int: forcing periods since the watch began; with 0 it begins anew."""
-    history: np.ndarray
-    """(2 max_period + 1, 2n): the last points, cyclic."""
-    distance: np.ndarray
-    """(max_period + 1, max_period + 1): the last e_k of every p, cyclic (`settle`)."""
-    close: np.ndarray
-    """(max_period + 1,) int: for how many points each p has been closed ..."""
-    falling: np.ndarray
-    """... or approached."""
-    no_points: np.ndarray
-    previous: np.ndarray
-    point: np.ndarray
-    """(2n,): start of a step of Newton's method, after a jump the orbit's point."""
-    taken: np.ndarray
-    """(2n,): where `matrix` was taken."""
-    matrix: np.ndarray
-    """(2n, 2n): tangent map over an orbit."""
-    factors: np.ndarray
-    left: np.ndarray
-
-
-def empty_watch(n: int, max_period: int) -> Watch:
-    """Allocate the room for n floors and orbits of up to `max_period` forcing periods."""
-    size = 2 * n
-    ring = max_period + 1
-    return Watch(
-        since=np.zeros(1, np.int64),
-        history=np.empty((2 * max_period + 1, size)),
-        distance=np.empty((ring, ring)),
-        close=np.zeros(ring, np.int64),
-        falling=np.zeros(ring, np.int64),
-        no_points=np.empty((0, size)),
-        previous=np.empty(size),
-        point=np.empty(size),
-        taken=np.empty(size),
-        matrix=np.empty((size, size)),
-        factors=np.empty((size, size)),
-        left=np.empty(size),
-    )
-
-
 @kernel
-def settle(
-    z,
-    amplitude,
-    n_periods,
-    max_period,
-    settled,
-    same,
-    near,
-    model,
-    tables,
-    tolerance,
-    max_steps,
-    work,
-    counts,
-    watch,
-):
+def settle(shared, watch, no_points, z, amplitude, n_periods, max_period, settled, same, near):
     """Advance z until its orbit has closed on itself, for `n_periods` at most.
 
     Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and
@@ -132,23 +72,7 @@ def settle(
             close[p] = 0
             falling[p] = 0
     for period in range(first + 1, first + n_periods + 1):
-        _, outcome = march(
-            z,
-            amplitude,
-            1,
-            model,
-            tables,
-            tolerance,
-            max_steps,
-            work,
-            counts,
-            watch.no_points,
-            watch.previous,
-            -1.0,
-            None,
-            None,
-            None,
-        )
+        _, outcome = march(shared, z, amplitude, 1, no_points, -1.0, None, None, None)
         if outcome != 1:
             return period - 1 - first, 0, outcome
         watch.since[0] = period
@@ -185,7 +109,7 @@ def settle(
 
 
 @kernel
-def newton_orbit(period, amplitude, model, tables, tolerance, max_steps, work, counts, watch):
+def newton_orbit(shared, watch, no_points, period, amplitude):
     """Jump from the motion that is watched to the orbit it approaches, if that is proved.
 
     The matrix is kept while it was taken within `NEWTON_SAME` of where it is used; what an orbit's
@@ -217,21 +141,7 @@ def newton_orbit(period, amplitude, model, tables, tolerance, max_steps, work, c
             left[k] = point[k]
         if moved <= NEWTON_SAME:
             done, outcome = march(
-                point,
-                amplitude,
-                period,
-                model,
-                tables,
-                tolerance,
-                max_steps,
-                work,
-                counts,
-                watch.no_points,
-                watch.previous,
-                -1.0,
-                None,
-                None,
-                None,
+                shared, point, amplitude, period, no_points, -1.0, None, None, None
             )
         else:
             for i in range(size):
@@ -239,21 +149,7 @@ def newton_orbit(period, amplitude, model, tables, tolerance, max_steps, work, c
                 for k in range(size):
                     matrix[i, k] = 1.0 if i == k else 0.0
             done, outcome = march(
-                point,
-                amplitude,
-                period,
-                model,
-                tables,
-                tolerance,
-                max_steps,
-                work,
-                counts,
-                watch.no_points,
-                watch.previous,
-                -1.0,
-                None,
-                matrix,
-                None,
+                shared, point, amplitude, period, no_points, -1.0, None, matrix, None
             )
         n_periods += done
         if outcome != 1:
@@ -298,26 +194,13 @@ def newton_orbit(period, amplitude, model, tables, tolerance, max_steps, work, c
 
 
 @kernel
-def approach(
-    z,
-    amplitude,
-    n_periods,
-    max_period,
-    settled,
-    same,
-    near,
-    model,
-    tables,
-    tolerance,
-    max_steps,
-    work,
-    counts,
-    watch,
-):
+def approach(shared, watch, z, amplitude, n_periods, max_period, settled, same, near):
     """Advance z to the end of its transient: until its orbit is known, for `n_periods` at most.
 
     Parameters
     ----------
+    shared, watch : ndarray of bytes
+        A packed `Shared` and a packed `Watch`.
     z : ndarray, shape (2n,)
         Changed in place; after a jump the point of the orbit.
     settled, same : float
@@ -339,10 +222,15 @@ def approach(
         Distance from which on to try next.
     outcome : int
     """
+    no_points = read_shared(shared).no_points
+    kept = read_watch(watch)
     n_done = 0
     n_newton = 0
     while True:
         more, period, outcome = settle(
+            shared,
+            kept,
+            no_points,
             z,
             amplitude,
             n_periods - n_done,
@@ -350,32 +238,23 @@ def approach(
             settled,
             same,
             near,
-            model,
-            tables,
-            tolerance,
-            max_steps,
-            work,
-            counts,
-            watch,
         )
         n_done += more
         if outcome != 1 or period >= 0:
             return n_done, n_newton, period, math.nan, near, outcome
         # an orbit may be seen to approach after a multiple of its period first
-        slot = watch.since[0] % (max_period + 1)
+        slot = kept.since[0] % (max_period + 1)
         for divisor in range(1, 1 - period):
-            if period % divisor != 0 or watch.distance[divisor, slot] > near:
+            if period % divisor != 0 or kept.distance[divisor, slot] > near:
                 continue
-            accepted, more, multiplier = newton_orbit(
-                divisor, amplitude, model, tables, tolerance, max_steps, work, counts, watch
-            )
+            accepted, more, multiplier = newton_orbit(shared, kept, no_points, divisor, amplitude)
             n_newton += more
             if accepted:
                 for k in range(z.shape[0]):
-                    z[k] = watch.point[k]
+                    z[k] = kept.point[k]
                 return n_done, n_newton, divisor, multiplier, near, outcome
         near *= NEARER
-        watch.since[0] = 0
+        kept.since[0] = 0
 
 
 @kernel

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hpcsweep.flow.approach import approach, empty_watch
+from hpcsweep.flow.approach import approach
 from hpcsweep.flow.march import march
 from hpcsweep.flow.metrics import empty_tally
-from hpcsweep.flow.period import Work, empty_work
-from hpcsweep.flow.tables import Model, empty_tables
+from hpcsweep.flow.packed import new_shared, new_watch, pack
+from hpcsweep.flow.tables import Model
 from hpcsweep.observation import Advance, Approach, Observation, window_growth
 from hpcsweep.outcome import Outcome
 from hpcsweep.structure import Structure
@@ -78,27 +78,26 @@ class FlowMap:
         beta, rho = structure.stiffness_ratio, structure.sharpness
         layer = layer_half_width(beta, rho)
         # writable copies for every n, so that all structures share the compiled kernels
-        self._model = Model(
+        model = Model(
             stiffness=structure.stiffness_matrix.copy(),
             damping=structure.damping_matrix.copy(),
             shapes=structure.mode_shapes.T.copy(),
-            beta=beta,
-            rho=rho,
+            beta=float(beta),
+            rho=float(rho),
             omega=self.omega,
             layer=layer,
         )
-        self._tables = empty_tables(structure)
-        self._work: Work = empty_work(structure.n_floors)
-        self._watch = empty_watch(structure.n_floors, 1)
-        self._tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        self.counts = np.zeros(4, np.int64)
-        self._no_points = np.empty((0, 2 * structure.n_floors))
-        self._previous = np.empty(2 * structure.n_floors)
+        tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
+        self._shared = new_shared(model, structure, tolerance, MAX_STEPS)
+        self._packed = pack(self._shared)
+        self._watch = new_watch(structure.n_floors, 1)
+        self._packed_watch = pack(self._watch)
+        self.counts = self._shared.counts
 
     @property
     def n_tables(self) -> int:
         """Contact sets for which propagators are kept now."""
-        return int(self._tables.count[0])
+        return int(self._shared.tables.count[0])
 
     def advance(
         self,
@@ -125,7 +124,7 @@ class FlowMap:
         z = np.array(state, dtype=float)
         done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll if tol < 0 else None):
-            more, outcome = self._march(z, amplitude, last - first, self._no_points, tol)
+            more, outcome = self._march(z, amplitude, last - first, self._shared.no_points, tol)
             done += more
             if outcome != Outcome.COMPLETE:
                 break
@@ -162,13 +161,16 @@ class FlowMap:
         z = np.array(state, dtype=float)
         watch = self._watch
         if watch.close.size != max_period + 1:
-            watch = self._watch = empty_watch(self.structure.n_floors, max_period)
+            watch = self._watch = new_watch(self.structure.n_floors, max_period)
+            self._packed_watch = pack(watch)
         watch.since[0] = 0
         done = newton = period = 0
         multiplier = math.nan
         outcome = int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll):
             more, by_newton, period, multiplier, near, outcome = approach(
+                self._packed,
+                self._packed_watch,
                 z,
                 float(amplitude),
                 last - first,
@@ -176,13 +178,6 @@ class FlowMap:
                 settled,
                 same,
                 near,
-                self._model,
-                self._tables,
-                self._tolerance,
-                MAX_STEPS,
-                self._work,
-                self.counts,
-                watch,
             )
             done += more
             newton += by_newton
@@ -251,7 +246,9 @@ class FlowMap:
         """
         z = np.array(state, dtype=float)
         tangent = np.eye(z.size)
-        done, outcome = self._march(z, amplitude, n_periods, self._no_points, tangent=tangent)
+        done, outcome = self._march(
+            z, amplitude, n_periods, self._shared.no_points, tangent=tangent
+        )
         if outcome != Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {done + 1}")
         return z, tangent
@@ -281,19 +278,5 @@ class FlowMap:
         self, z, amplitude, n_periods, points, tol=-1.0, tally=None, tangent=None, growth=None
     ):
         return march(
-            z,
-            float(amplitude),
-            n_periods,
-            self._model,
-            self._tables,
-            self._tolerance,
-            MAX_STEPS,
-            self._work,
-            self.counts,
-            points,
-            self._previous,
-            float(tol),
-            tally,
-            tangent,
-            growth,
+            self._packed, z, float(amplitude), n_periods, points, float(tol), tally, tangent, growth
         )

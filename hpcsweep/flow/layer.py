@@ -62,8 +62,10 @@ ELLIPSE = 5.5
 """kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 1.2
 MAX_ITERATIONS = 40
-UNCHECKED = 1e-13
+UNCHECKED = 1e-9
 """Relative error from which on the iteration is looked at."""
+CONVERGED = 2e-15
+"""Error left by the iteration, of the accelerations or of the velocity over h, relative."""
 COMPLETE = int(Outcome.COMPLETE)
 NON_FINITE = int(Outcome.NON_FINITE)
 STEP_LIMIT = int(Outcome.STEP_LIMIT)
@@ -189,6 +191,11 @@ def empty_room(n: int) -> LayerRoom:
 
 FAR = 45.0
 """rho |u - 1| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
+DISTANT = 100.0
+"""rho |u - 1| from which on a floor that takes half its way to the stop stays beyond `FAR`."""
+STIFFEST = 2.4
+"""rho (u - 1) at which the contact is stiffest, `MOST_STIFFNESS` times beta."""
+MOST_STIFFNESS = 1.0999
 
 
 @inlined
@@ -225,20 +232,38 @@ def _stage_accelerations(u, v, ground, active, model, out):
 
 
 @inlined
-def _ground(tau, h, amplitude, omega, out):
+def _ground(tau, h, forcing, omega, out):
     """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
+    amplitude, sine, cosine = forcing
     angle = omega * h
     if angle > SHORT_ANGLE:
         for j in range(N_STAGES):
             out[j] = -amplitude * math.sin(omega * (tau + NODES[j] * h))
         return
-    sine = -amplitude * math.sin(omega * tau)
-    cosine = -amplitude * math.cos(omega * tau)
     s = load(NODES, 0) * angle
     q = s * s
     s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
     c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
-    store(out, 0, fma(sine, c, s * cosine))
+    store(out, 0, fma(s, -cosine, -sine * c))
+
+
+@inlined
+def forcing_at(tau, amplitude, omega):
+    """Give A, A sin(Omega tau) and A cos(Omega tau)."""
+    return amplitude, amplitude * math.sin(omega * tau), amplitude * math.cos(omega * tau)
+
+
+@inlined
+def later_forcing(tau, h, forcing, omega):
+    """Give `forcing_at` the end tau of a step h from that at its start, rounding added up."""
+    amplitude, sine, cosine = forcing
+    s = omega * h
+    if s > SHORT_ANGLE:
+        return forcing_at(tau, amplitude, omega)
+    q = s * s
+    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+    return amplitude, fma(s, cosine, c * sine), fma(-s, sine, c * cosine)
 
 
 @inlined
@@ -261,8 +286,23 @@ def _reach(y):
 
 
 @kernel
-def step_limit(z, a, model, tau_left):
-    """Choose the length of a step from state z and accelerations a; see the module.
+def longest_step(model):
+    """Limit the steps by damping and forcing, see the module."""
+    n = model.stiffness.shape[0]
+    drag = 0.4 * model.omega
+    for i in range(n):
+        row = 0.0
+        for j in range(n):
+            row += abs(model.damping[i, j])
+        drag = max(drag, row)
+    return 0.4 / drag
+
+
+@kernel
+def step_limit(z, a, model, most):
+    """Choose the length of a step, `most` at most, from state z and accelerations a.
+
+    See the module.
 
     Returns
     -------
@@ -271,13 +311,16 @@ def step_limit(z, a, model, tau_left):
         Largest stiffness expected on the step.
     """
     n = a.shape[0]
-    h = tau_left
     stiffness = 4.0
     hardest = 0.0
-    for i in range(n):
+    h = min(most, CONTRACTION / math.sqrt(stiffness))
+    for i in range(n - 1, -1, -1):
         x = z[i] - 1.0
         v = z[n + i]
-        if model.rho > 0.0:
+        if model.rho * abs(x) > DISTANT and (abs(v) + abs(a[i]) * h) * h < 0.5 * abs(x):
+            # its reach is longer than 0.53 |x|
+            nearest = x
+        elif model.rho > 0.0:
             y = model.rho * x
             along = y if v >= 0.0 else -y
             reach = _reach(along) / model.rho
@@ -290,19 +333,11 @@ def step_limit(z, a, model, tau_left):
             nearest = x + reach
         else:
             nearest = 0.0
-        if model.rho * nearest > -FAR or model.rho == 0.0:
-            highest = min(nearest, 2.4 / max(model.rho, 1e-300))
-            hardest = max(hardest, contact_stiffness(highest, model.beta, model.rho))
-    h = min(h, CONTRACTION / math.sqrt(stiffness + max(hardest, 0.0)))
-    drag = 0.0
-    for i in range(n):
-        row = 0.0
-        for j in range(n):
-            row += abs(model.damping[i, j])
-        drag = max(drag, row)
-    if drag > 0.0:
-        h = min(h, 0.4 / drag)
-    return min(h, 1.0 / model.omega), stiffness + max(hardest, 0.0)
+        if model.rho * nearest >= STIFFEST:
+            hardest = max(hardest, MOST_STIFFNESS * model.beta)
+        elif model.rho * nearest > -FAR:
+            hardest = max(hardest, contact_stiffness(nearest, model.beta, model.rho))
+    return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
 
 
 @kernel
@@ -359,7 +394,7 @@ def replace(g, fresh):
 
 
 @inlined
-def collocate(tau, h, z, a, amplitude, stiffness, model, room):
+def collocate(tau, h, z, a, forcing, stiffness, model, room):
     """Solve the collocation equations of one step.
 
     Parameters
@@ -370,6 +405,8 @@ def collocate(tau, h, z, a, amplitude, stiffness, model, room):
         State at `tau`; not changed.
     a : ndarray, shape (n,)
         Accelerations at `tau`, the first guess.
+    forcing : tuple
+        As `forcing_at` gives it.
     stiffness : float
         Largest |dG/du| expected.
     room : LayerRoom
@@ -378,12 +415,12 @@ def collocate(tau, h, z, a, amplitude, stiffness, model, room):
     Returns
     -------
     bool
-        Whether the iteration converged to rounding.
+        Whether the iteration converged.
     """
     u, v, g, fresh, ground, active = (room.u, room.v, room.g, room.fresh, room.ground, room.active)
     free, speeds = room.free, room.speeds
     n = a.shape[0]
-    _ground(tau, h, amplitude, model.omega, ground)
+    _ground(tau, h, forcing, model.omega, ground)
     _find_active(h, z, a, model, active)
     nodes = load(NODES, 0)
     half_squares = nodes * nodes * 0.5
@@ -408,7 +445,7 @@ def collocate(tau, h, z, a, amplitude, stiffness, model, room):
         change, size = replace(g, fresh)
         if not size < math.inf:
             return False
-        rounding = 4e-16 * (size + speed / h)
+        rounding = CONVERGED * (size + speed / h)
         if previous < math.inf:
             ratio = change / previous
         # the next change is smaller at least by that ratio
@@ -474,10 +511,9 @@ def finish(h, z, g, out):
 
 
 @kernel
-def accelerations(tau, z, amplitude, model, out):
-    """Evaluate u'' at one state into `out`, shape (n,)."""
+def accelerations(ground, z, model, out):
+    """Evaluate u'' at one state into `out`, shape (n,), `ground` being A sin(Omega tau)."""
     n = out.shape[0]
-    ground = amplitude * math.sin(model.omega * tau)
     for i in range(n):
         x = z[i] - 1.0
         force = -ground

@@ -2,23 +2,18 @@
 
 import math
 
+from hpcsweep.flow.packed import read_shared
 from hpcsweep.flow.period import march_period
 from hpcsweep.jit import kernel
 
 
 @kernel
 def march(
+    shared,
     z,
     amplitude,
     n_periods,
-    model,
-    tables,
-    tolerance,
-    max_steps,
-    work,
-    counts,
     points,
-    previous,
     stop_below,
     tally=None,
     tangent=None,
@@ -28,10 +23,10 @@ def march(
 
     Parameters
     ----------
+    shared : ndarray of bytes
+        A packed `Shared`.
     points : ndarray, shape (n_periods, 2n) or (0, 2n)
         Receives z(T), z(2T), ...; not written if empty.
-    previous : ndarray, shape (2n,)
-        Room.
     stop_below : float
         Stop early once the state moved by no more than this over a period, three times in a row.
     tally, tangent
@@ -45,6 +40,7 @@ def march(
     n_done : int
     outcome : int
     """
+    model, tables, work, counts, previous, _, tolerance, max_steps = read_shared(shared)
     still = 0
     for period in range(n_periods):
         for k in range(z.shape[0]):

@@ -27,7 +27,10 @@ from hpcsweep.flow.layer import (
     collocate,
     empty_room,
     finish,
+    forcing_at,
     inside_layer,
+    later_forcing,
+    longest_step,
     quadrature_error,
     shortening,
     step_limit,
@@ -169,7 +172,7 @@ def contact_key(tau, z, amplitude, model, a):
     for i in range(n):
         x = z[i] - 1.0
         if x == 0.0 and z[n + i] == 0.0:
-            accelerations(tau, z, amplitude, model, a)
+            accelerations(amplitude * math.sin(model.omega * tau), z, model, a)
         if x > 0.0 or (x == 0.0 and (z[n + i] > 0.0 or (z[n + i] == 0.0 and a[i] > 0.0))):
             key |= np.uint64(1) << np.uint64(i)
     return key
@@ -443,18 +446,20 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tall
     steps : int
         Steps taken.
     """
-    accelerations(tau, z, amplitude, model, work.a)
+    forcing = forcing_at(tau, amplitude, model.omega)
+    accelerations(forcing[1], z, model, work.a)
+    most = longest_step(model)
     steps = 0
     while True:
         left = end - tau
-        h, stiffness = step_limit(z, work.a, model, left)
+        h, stiffness = step_limit(z, work.a, model, min(left, most))
         if not tau + h > tau:
             return tau, SOLVER_FAILED, steps
         while True:
             steps += 1
             if steps > steps_left:
                 return tau, STEP_LIMIT, steps
-            if collocate(tau, h, z, work.a, amplitude, stiffness, model, work.layer):
+            if collocate(tau, h, z, work.a, forcing, stiffness, model, work.layer):
                 finish(h, z, work.layer.g, work.z_end)
                 error = quadrature_error(h, z, model, work.layer)
                 speed = 1.0
@@ -468,7 +473,8 @@ def visit_layer(tau, end, z, amplitude, model, tolerance, steps_left, work, tall
             if not h > 1e-14 * left:
                 return tau, SOLVER_FAILED, steps
         tau = end if h >= left else tau + h
-        accelerations(tau, work.z_end, amplitude, model, work.a_end)
+        forcing = later_forcing(tau, h, forcing, model.omega)
+        accelerations(forcing[1], work.z_end, model, work.a_end)
         if tally is not None:
             observe_layer_step(h, z, work.z_end, model, tally, work)
         if tangent is not None:

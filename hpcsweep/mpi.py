@@ -4,9 +4,15 @@ A serial run is a communicator of size 1 that needs no MPI. Whether there is mor
 is told by the launcher's environment, so that a program started alone never initialises MPI.
 """
 
+import array
 import atexit
+import contextlib
+import fcntl
 import os
+import stat
 import sys
+import termios
+import time
 import warnings
 from typing import Any
 
@@ -15,6 +21,11 @@ LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "M
 
 HYDRA = "MPI_LOCALNRANKS"
 """A variable that only Hydra sets."""
+
+LET_OUT_SECONDS = 5.0
+"""Longest wait for the launcher to read what a rank has said before it is aborted ..."""
+PASS_ON_SECONDS = 0.1
+"""... and for what it passes on."""
 
 
 class LauncherError(RuntimeError):
@@ -61,6 +72,20 @@ class Serial:
         return code
 
 
+def _let_out() -> None:
+    """Wait until the launcher has read what this rank has said: after an abort it need not."""
+    deadline = time.monotonic() + LET_OUT_SECONDS
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+        with contextlib.suppress(OSError, ValueError):
+            if stat.S_ISFIFO(os.fstat(stream.fileno()).st_mode):
+                unread = array.array("i", [1])
+                while unread[0] > 0 and time.monotonic() < deadline:
+                    fcntl.ioctl(stream.fileno(), termios.FIONREAD, unread)
+                    time.sleep(0.001)
+    time.sleep(PASS_ON_SECONDS)
+
+
 class Ranks:
     """The ranks of an MPI job; methods as `Serial`."""
 
@@ -104,8 +129,7 @@ class Ranks:
 
     def abort(self, code: int) -> None:
         """End all ranks at once."""
-        sys.stdout.flush()
-        sys.stderr.flush()
+        _let_out()
         self.raw.Abort(code)
         # where it returns, MPI must not be finalised: messages are under way
         os._exit(code)
@@ -119,9 +143,9 @@ class Ranks:
         """
         if code != 0 and self.size > 1 and HYDRA in os.environ:
             self.barrier()
+            _let_out()
+            self.barrier()
             if self.rank == 0:
-                sys.stdout.flush()
-                sys.stderr.flush()
                 # MPICH says that it was aborted: that is no news for the user
                 os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
                 self.raw.Abort(code)

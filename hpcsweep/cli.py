@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 
+from hpcsweep import one_thread  # noqa: F401  before numpy is loaded
 from hpcsweep.commands import (
     RAW,
     USER_ERROR,

@@ -351,3 +351,23 @@ def test_help_and_version():
     assert "numba" in version
     refuse(hpcsweep(0, "rnu"), "rnu")
     assert sys.version_info >= (3, 11)
+
+
+def test_a_rank_has_one_thread_of_linear_algebra():
+    program = (
+        "import hpcsweep.cli, os\n"
+        "import numpy as np, scipy.linalg\n"
+        "a = np.eye(600)\n"
+        "a @ a, scipy.linalg.blas.dgemm(1.0, a, a)\n"
+        "print(len(os.listdir('/proc/self/task')))\n"
+    )
+    env = {k: v for k, v in environment().items() if not k.endswith("_NUM_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**env, "PYTHONPATH": str(JOBS.parent)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert done.stdout.split() == ["1"]

@@ -74,6 +74,20 @@ def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: s
     )
 
 
+def run_script(ranks: int, script: Path, *arguments: object):
+    """Run a script that uses hpcsweep, as `hpcsweep` does the command."""
+    line = command(ranks)
+    line[line.index("-m") :] = [str(script), *map(str, arguments)]
+    return subprocess.run(
+        line,
+        env=environment(PYTHONPATH=str(JOBS.parent)),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
 def datasets(path: Path) -> dict[str, np.ndarray]:
     """Every dataset of a file, as raw bytes."""
     found = {}

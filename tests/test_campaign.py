@@ -19,6 +19,7 @@ from conftest import (
     datasets,
     environment,
     hpcsweep,
+    run_script,
 )
 
 LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 30000").replace(
@@ -277,17 +278,7 @@ def test_an_exception_on_a_worker_ends_the_job_with_one_traceback(tmp_path, smal
         "sweep.sweep_block = broken\n"
         "sys.exit(cli.main(sys.argv[1:]))\n"
     )
-    line = command(2, "run", small_job, "-o", tmp_path / "b.h5")
-    place = line.index("-m")
-    line[place : place + 2] = [str(script)]
-    done = subprocess.run(
-        line,
-        env=environment(PYTHONPATH=str(JOBS.parent)),
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    done = run_script(2, script, "run", small_job, "-o", tmp_path / "b.h5")
     assert done.returncode not in (0, 2, 75)
     assert done.stderr.count("Traceback") == 1
     assert "the worker broke" in done.stderr

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import JOBS, SMALL, assert_same_datasets, command, environment, hpcsweep
+from conftest import JOBS, SMALL, assert_same_datasets, hpcsweep, run_script
 
 from hpcsweep import costs, schedule
 from hpcsweep.costs import FrameCosts
@@ -199,16 +199,8 @@ if comm.rank == 0:
 def test_predicted_makespan_is_the_measured_one_on_oversubscribed_ranks(tmp_path, ranks, master):
     script = tmp_path / "replay.py"
     script.write_text(REPLAY)
-    line = command(ranks)
-    line[line.index("-m") :] = [str(script), master]
-    done = subprocess.run(
-        line,
-        env=environment(PYTHONPATH=str(JOBS.parent)),
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
+    done = run_script(ranks, script, master)
+    assert done.returncode == 0, done.stderr
     found, capacity = json.loads(done.stdout)
     for name, measured, predicted, bound, moved, told in found:
         assert measured > 0.99 * bound, name
@@ -228,17 +220,8 @@ def test_frames_that_move_between_ranks_give_the_same_bytes(tmp_path):
     job.write_text(text.replace("block = 4", "block = 1"))
     assert hpcsweep(0, "run", job, "-o", tmp_path / "one.h5").returncode == 0
     # four frames of 22 blocks of equal cost on three ranks: one must move
-    line = command(3, "run", job, "-o", tmp_path / "three.h5")
-    place = line.index("-m")
-    line[place : place + 2] = [str(Path(__file__).with_name("paced.py")), "0.05"]
-    done = subprocess.run(
-        line,
-        env=environment(PYTHONPATH=str(JOBS.parent)),
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    paced = Path(__file__).with_name("paced.py")
+    done = run_script(3, paced, 0.05, "run", job, "-o", tmp_path / "three.h5")
     assert done.returncode == 0, done.stderr
     ranks_of = {}
     for record in journal(tmp_path / "three.h5", "block"):
@@ -317,10 +300,8 @@ def test_memory_of_a_rank_does_not_grow_with_the_frames(tmp_path, physics, frame
         text = SMALL.replace("to = 0.8, count = 4", f"to = 0.52, count = {count}")
         job.write_text(text.replace("to = 0.3, count = 11", "to = 0.021, count = 2"))
         path = tmp_path / f"{count}.h5"
-        line = command(2)
-        line[line.index("-m") :] = [str(script), str(job), str(path), physics]
-        paths = environment(PYTHONPATH=str(JOBS.parent))
-        subprocess.run(line, env=paths, timeout=300, check=True)
+        done = run_script(2, script, job, path, physics)
+        assert done.returncode == 0, done.stderr
         peaks.append(journal(path, "end")[0]["peak_memory"])
     (few, few_largest), (many, many_largest) = peaks
     assert many_largest < few_largest + 16e6

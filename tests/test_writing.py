@@ -1,14 +1,13 @@
 """A disk that takes no more, and what writing costs."""
 
 import json
-import subprocess
 import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from conftest import ROOT, SMALL, assert_same_datasets, command, environment, hpcsweep
+from conftest import SMALL, assert_same_datasets, hpcsweep, run_script
 
 from hpcsweep.job import parse_job
 from hpcsweep.store import Lock, StoreError, WriteError, file_size
@@ -32,17 +31,7 @@ sys.exit(cli.main(sys.argv[1:]))
 def run_on_a_full_disk(folder: Path, ranks: int, limit: int, *arguments):
     script = folder / "full.py"
     script.write_text(FULL.replace("@", str(limit)))
-    line = command(ranks, *arguments)
-    place = line.index("-m")
-    line[place : place + 2] = [str(script)]
-    return subprocess.run(
-        line,
-        env=environment(PYTHONPATH=str(ROOT)),
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    return run_script(ranks, script, *arguments)
 
 
 def journal(path: Path, kind: str) -> list[dict]:

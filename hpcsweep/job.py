@@ -8,7 +8,7 @@ import hashlib
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -87,9 +87,14 @@ class Job:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of what the job means, whatever its text looks like and its name is."""
+        """Hash of what the job means, whatever its text looks like and its name is.
+
+        The fields that the first version knew are hashed in its order. Every other field of the
+        structure, the settings and the job counts where it differs from its default, so that a new
+        one changes the jobs that use it and leaves the files of all others theirs.
+        """
         settings = self.settings
-        meaning = [
+        meaning: list[object] = [
             MEANING_VERSION,
             self.structure.n_floors,
             self.structure.stiffness_ratio.hex(),
@@ -107,13 +112,61 @@ class Job:
             self.block,
         ]
         if settings.stored_points < settings.sampling_cycles:
-            # not said where all are stored: jobs from before this key keep their fingerprint
             meaning.append(("max_points", settings.stored_points))
+        for part, first in ((self.structure, FIRST), (settings, FIRST), (self, FIRST)):
+            for field in fields(part):
+                value = getattr(part, field.name)
+                if field.name not in first and not _is_default(field, value):
+                    meaning.append((field.name, _canonical(value)))
         digest = hashlib.sha256(repr(meaning).encode())
         for array in (self.omega, self.amplitude, self.initial_state):
             digest.update(str(array.size).encode())
             digest.update(array.astype("<f8").tobytes())
         return digest.hexdigest()
+
+
+FIRST = frozenset(
+    {
+        *("n_floors", "stiffness_ratio", "sharpness", "damping_ratio", "_ratios"),
+        *("transient_cycles", "sampling_cycles", "max_orbit_period", "period_tolerance"),
+        *("solver", "rtol", "skip", "metrics", "max_points"),
+        *("name", "text", "structure", "omega", "amplitude", "directions", "initial_state"),
+        *("settings", "block"),
+    }
+)
+"""Fields whose part in the fingerprint is written out; a job's name and text have none."""
+
+
+def _is_default(field: Field, value: object) -> bool:
+    """Tell whether a field has its default; one without a default never has."""
+    if field.default_factory is not MISSING:
+        return bool(value == field.default_factory())
+    return field.default is not MISSING and bool(value == field.default)
+
+
+def _canonical(value: object) -> object:
+    """Write a value so that equal ones are written equally, to the last bit.
+
+    Raises
+    ------
+    TypeError
+        If it is of a kind that has no such form: a field must not be left out silently.
+    """
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value.hex()
+    if isinstance(value, np.ndarray):
+        return [str(value.dtype), value.shape, [_canonical(v) for v in value.ravel().tolist()]]
+    if isinstance(value, frozenset | set):
+        return sorted(value)
+    if isinstance(value, tuple | list):
+        return [_canonical(item) for item in value]
+    if isinstance(value, Mapping):
+        return sorted((key, _canonical(item)) for key, item in value.items())
+    if is_dataclass(value):
+        return [(f.name, _canonical(getattr(value, f.name))) for f in fields(value)]
+    raise TypeError(f"a {type(value).__name__} has no place in a job's fingerprint")
 
 
 def load_job(path: str | Path) -> Job:

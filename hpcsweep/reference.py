@@ -17,8 +17,9 @@ by `extended`, by a Runge-Kutta method and by closed forms in `test_reference.py
 import itertools
 import math
 
-import numba
 import numpy as np
+
+from hpcsweep.jit import jit
 
 ORDER = 26
 PART_OF_RADIUS = 0.3
@@ -30,7 +31,7 @@ OMEGA = 0.445
 """The cases (beta, A) whose accuracy is promised, at rho = 1e4, zeta = 0.05, from rest."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@jit
 def expand(z, tau, closed, amplitude, omega, beta, rho, stiffness, damping, x, v):
     """Fill x and v, shape (n, ORDER + 1), with the Taylor coefficients at tau."""
     n = stiffness.shape[0]
@@ -80,7 +81,7 @@ def expand(z, tau, closed, amplitude, omega, beta, rho, stiffness, damping, x, v
                 d[i, k + 1] = -s[i, k + 1]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@jit
 def horner(c, t):
     """Evaluate a polynomial with ascending coefficients c at t."""
     total = c[-1]
@@ -89,7 +90,7 @@ def horner(c, t):
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@jit
 def majorant(c, t):
     """Bound |x(t) - x(0)|."""
     total = 0.0
@@ -98,7 +99,7 @@ def majorant(c, t):
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@jit
 def step_size(x, v, rho, part, largest):
     """Choose the step: truncation error, and a part of the radius of analyticity of S."""
     n = x.shape[0]
@@ -122,7 +123,7 @@ def step_size(x, v, rho, part, largest):
     return h
 
 
-@numba.njit(cache=True, error_model="numpy")
+@jit
 def shifted(p, t, out):
     """Write the coefficients of p about t into `out` (Horner's scheme, repeated)."""
     out[:] = p
@@ -131,7 +132,7 @@ def shifted(p, t, out):
             out[k] += t * out[k + 1]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@jit
 def first_root(c, h):
     """First root in (0, h] of a real polynomial, the root at 0 left out; inf if none.
 
@@ -182,13 +183,13 @@ def first_root(c, h):
     return np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@jit
 def is_closed(x, v):
     """Tell (1.0 or 0.0) whether a floor touches a stop of infinite sharpness."""
     return 1.0 if x > 0 or (x == 0 and v > 0) else 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@jit
 def period(z, amplitude, omega, beta, rho, stiffness, damping, part, starts, sizes, series):
     """Integrate z over one period in place; record the steps where `starts` has room.
 

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -5,6 +6,10 @@ import pytest
 from conftest import JOBS, SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.settings import SweepSettings
+
+
+FIRST_FINGERPRINT = "762b76682a39fa2cd8788ff1a7cdc12fe982b17a50d4755e18c3508ffe025f39"
 
 
 def job(text: str):
@@ -100,3 +105,71 @@ def test_infinite_sharpness_and_a_list_of_frames():
     found = job(text)
     assert found.structure.sharpness == math.inf
     assert np.array_equal(found.omega, [0.7, 0.5])
+
+
+OTHER = {
+    "n_floors": 4,
+    "stiffness_ratio": 7.0,
+    "sharpness": 77.0,
+    "damping_ratio": 0.07,
+    "transient_cycles": 7,
+    "sampling_cycles": 70,
+    "max_orbit_period": 7,
+    "period_tolerance": 7e-7,
+    "solver": "bdf",
+    "rtol": 7e-7,
+    "skip": frozenset({"linear"}),
+    "metrics": frozenset({"poincare"}),
+    "max_points": 40,
+    "omega": np.array([0.7]),
+    "amplitude": np.array([0.07]),
+    "directions": ("up",),
+    "initial_state": np.full(6, 0.07),
+    "block": 7,
+}
+"""Another value than that of the job below, for every field that has a meaning."""
+
+
+@pytest.mark.parametrize("part", ["structure", "settings", "job"])
+def test_every_field_is_part_of_the_fingerprint(part):
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    owner = job if part == "job" else getattr(job, part)
+    silent = {"name", "text", "structure", "settings", "_ratios"}
+    names = [field.name for field in dataclasses.fields(owner) if field.name not in silent]
+    assert names
+    for name in names:
+        assert name in OTHER, f"{name}: give it another value here, and it must change the hash"
+        changed = dataclasses.replace(owner, **{name: OTHER[name]})
+        if part != "job":
+            changed = dataclasses.replace(job, **{part: changed})
+        assert changed.fingerprint != job.fingerprint, name
+
+
+@dataclasses.dataclass(frozen=True)
+class Later(SweepSettings):
+    """Settings of a later version."""
+
+    weights: tuple[float, ...] = ()
+    offset: float = 0.0
+
+
+def test_a_new_field_counts_only_where_it_is_not_its_default():
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    assert dataclasses.replace(job, settings=Later()).fingerprint == job.fingerprint
+    hashes = {
+        dataclasses.replace(job, settings=later).fingerprint
+        for later in (Later(), Later(offset=1e-300), Later(weights=(0.1,)), Later(weights=(0.2,)))
+    }
+    assert len(hashes) == 4
+
+
+def test_a_field_that_cannot_be_hashed_is_refused():
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    strange = dataclasses.replace(job, settings=Later(weights=object()))
+    with pytest.raises(TypeError, match="no place in a job's fingerprint"):
+        _ = strange.fingerprint
+
+
+def test_the_fingerprint_of_the_first_version_stays():
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    assert job.fingerprint == FIRST_FINGERPRINT

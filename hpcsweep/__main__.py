@@ -2,6 +2,6 @@
 
 import sys
 
-from hpcsweep.cli import main
+from hpcsweep.commands.cli import main
 
 sys.exit(main())

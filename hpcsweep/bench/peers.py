@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpcsweep.equations import jacobian, right_hand_side
-from hpcsweep.outcome import Outcome
-from hpcsweep.solver import make_solver
-from hpcsweep.structure import Structure
+from hpcsweep.model.equations import jacobian, right_hand_side
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.solver import make_solver
 
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 TIGHT = (1e-6, 1e-9, 1e-12)

@@ -12,10 +12,10 @@ import numpy as np
 from hpcsweep.bench import cpu_seconds
 from hpcsweep.bench.peers import Regime, absent, methods
 from hpcsweep.job import Job
-from hpcsweep.reference import reference_points
-from hpcsweep.solver import make_solver
-from hpcsweep.structure import Structure
-from hpcsweep.sweep import sweep_block
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.reference import reference_points
+from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies.amplitude_sweep import sweep_block
 
 FIGURE_3 = """
 [sweep]

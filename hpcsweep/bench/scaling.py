@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.bench import cpu_seconds
-from hpcsweep.solver import make_solver
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.solver import make_solver
 from hpcsweep.store import Journal
-from hpcsweep.structure import Structure
 
 JOB = """
 [sweep]

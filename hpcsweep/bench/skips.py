@@ -17,10 +17,10 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from hpcsweep.outcome import Outcome, Shortcut
-from hpcsweep.settings import SweepSettings
-from hpcsweep.structure import Structure
-from hpcsweep.sweep import FrameSweep, warm_up
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome, Shortcut
+from hpcsweep.studies.amplitude_sweep import FrameSweep, warm_up
+from hpcsweep.studies.settings import SweepSettings
 
 OMEGA = (0.2, 0.8)
 AMPLITUDE = 0.35

@@ -2,7 +2,7 @@
 
 All methods take the same periods from the same states, in turn, and the turns are repeated; the
 median and the spread (half the range between quartiles) are told. Errors are against
-`hpcsweep.reference`, which shares no code with any of them.
+`hpcsweep.solvers.reference`, which shares no code with any of them.
 """
 
 from collections.abc import Callable
@@ -13,9 +13,9 @@ import numpy as np
 
 from hpcsweep.bench import cpu_seconds
 from hpcsweep.bench.peers import Regime, absent, methods
-from hpcsweep.reference import reference_points
-from hpcsweep.solver import make_solver
-from hpcsweep.structure import Structure
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.reference import reference_points
+from hpcsweep.solvers.solver import make_solver
 
 REPEATS = 5
 PER_LINE = 3

@@ -14,15 +14,15 @@ import numpy as np
 
 from hpcsweep.claims.data import Map, Sweep, is_chaotic, stretches
 from hpcsweep.claims.judgement import C3, C23, BranchEnd, Hits, windows
-from hpcsweep.equations import right_hand_side
-from hpcsweep.linear import LinearOrbit
-from hpcsweep.outcome import Outcome
-from hpcsweep.settings import METRICS, SweepSettings
-from hpcsweep.solver import make_solver
-from hpcsweep.stability import floquet_multipliers
+from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.model.equations import right_hand_side
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.linear import LinearOrbit
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.solver import make_solver
 from hpcsweep.store import Frames, StoreError
-from hpcsweep.structure import Structure
-from hpcsweep.sweep import sweep_block
+from hpcsweep.studies.amplitude_sweep import sweep_block
+from hpcsweep.studies.settings import METRICS, SweepSettings
 
 GAMMA = 0.05
 RESONANCE, PROBE = 0.445, 0.09877
@@ -239,7 +239,13 @@ class Study:
         """Mean modal norms without contact, closed form, shape (n,)."""
         orbit = LinearOrbit(self.structure, self.sweep.omega)
         amplitude = 0.1 * self.structure.grazing_amplitude(self.sweep.omega)
-        window = orbit.steady_window(orbit.state(amplitude), amplitude, self._settings)
+        window = orbit.steady_window(
+            orbit.state(amplitude),
+            amplitude,
+            self._settings.transient_cycles,
+            self._settings.sampling_cycles,
+            self._settings.period_tolerance,
+        )
         return window.modal_norm
 
     def linear_distance(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The commands of `hpcsweep.cli`, one module each.
+"""The commands of `hpcsweep.commands.cli`, one module each.
 
 Every module has ``add_to(commands)``, which adds its parser, and a function that does the work and
 returns the exit code. What is slow to import is imported when it is used.
@@ -13,7 +13,7 @@ RAW = argparse.RawDescriptionHelpFormatter
 
 def complain(message: str, rank: int | None = None) -> None:
     """Say on one line, from one rank, what was wrong."""
-    from hpcsweep.mpi import launched_rank
+    from hpcsweep.parallel.mpi import launched_rank
 
     if (launched_rank() if rank is None else rank) == 0:
         print(f"hpcsweep: error: {message}", file=sys.stderr, flush=True)

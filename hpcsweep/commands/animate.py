@@ -66,7 +66,7 @@ def add_to(commands) -> None:
 
 def _animate(options) -> int:
     """Make the film on all ranks."""
-    from hpcsweep.mpi import LauncherError, world
+    from hpcsweep.parallel.mpi import LauncherError, world
 
     try:
         comm = world()
@@ -84,9 +84,9 @@ def _animate(options) -> int:
 
 
 def _make(options, comm) -> int:
-    from hpcsweep.figures import film
+    from hpcsweep.campaign.progress import make_progress
+    from hpcsweep.figures.film import film
     from hpcsweep.figures.style import PlotError
-    from hpcsweep.progress import make_progress
     from hpcsweep.store import StoreError
 
     request = film.Request(

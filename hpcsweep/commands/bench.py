@@ -80,8 +80,8 @@ def add_to(commands) -> None:
 
 
 def _tolerance(options) -> int:
-    from hpcsweep import tolerance
-    from hpcsweep.figures import tolerance as figure
+    from hpcsweep.checks import tolerance
+    from hpcsweep.figures.diagrams import tolerance as figure
     from hpcsweep.figures.style import PlotError
 
     rows = tolerance.measure(say=lambda text: print(f"  {text}", file=sys.stderr))
@@ -150,7 +150,7 @@ def _work_precision(options, _job):
     rows = work_precision.work_precision(say=_say)
     drawn = True
     if options.plot:
-        from hpcsweep.figures import work_precision as figure
+        from hpcsweep.figures.diagrams import work_precision as figure
 
         try:
             figure.draw(rows, options.plot)

@@ -110,8 +110,8 @@ def _plot(options) -> int:
 
 def _read(kind: str, file: Path, given: dict):
     """Read what a kind of figure is drawn of, of a file that may be larger than the memory."""
-    from hpcsweep.figures.frames import choose
-    from hpcsweep.figures.mesh import open_map
+    from hpcsweep.figures.diagrams.frames import choose
+    from hpcsweep.figures.diagrams.mesh import open_map
     from hpcsweep.figures.style import nearest_frame
     from hpcsweep.store import Frames
 
@@ -131,7 +131,7 @@ def _read(kind: str, file: Path, given: dict):
 
 def _draw(kind: str, results, output: Path, given: dict) -> None:
     """Draw one kind of figure with the options that were given."""
-    from hpcsweep.figures import benefit, frames, metrics, orbit_diagram, period_map, phase
+    from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
 
     if kind == "phase":
         given = dict(given)

@@ -4,8 +4,8 @@ import sys
 import traceback
 from pathlib import Path
 
+from hpcsweep.campaign.progress import make_progress
 from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
-from hpcsweep.progress import make_progress
 
 RUN_HELP = """\
 Run a job. If its results file exists already, the run goes on where it stopped, on any number
@@ -46,8 +46,8 @@ def add_to(commands) -> None:
 
 def _run(options) -> int:
     """Run a job on all ranks."""
-    from hpcsweep.farm import StopFlag
-    from hpcsweep.mpi import LauncherError, launched_size, world
+    from hpcsweep.parallel.farm import StopFlag
+    from hpcsweep.parallel.mpi import LauncherError, launched_size, world
 
     # heard from here to the end of the process: a signal while a library is loaded is not lost,
     # and one that comes when all is done does no harm
@@ -75,7 +75,7 @@ def _run(options) -> int:
             try:
                 if options.dry_run:
                     return _dry_run(job, output, comm)
-                from hpcsweep import campaign
+                from hpcsweep.campaign import run as campaign
 
                 code = campaign.run(
                     job,
@@ -110,7 +110,7 @@ def _dry_run(job, output: Path, comm) -> int:
     """Tell what a job will cost."""
     if comm.rank != 0:
         return 0
-    from hpcsweep.estimate import estimate
+    from hpcsweep.campaign.forecast import estimate
 
     print(estimate(job, output))
     return 0

@@ -48,7 +48,7 @@ def _counts(text: str) -> tuple[int, ...]:
 
 
 def _schedule(options) -> int:
-    from hpcsweep.mpi import LauncherError, world
+    from hpcsweep.parallel.mpi import LauncherError, world
 
     try:
         comm = world()
@@ -70,7 +70,7 @@ def _schedule(options) -> int:
 
 def _costs(source: Path) -> tuple:
     """Give (job, forecast) and None, or None and what is wrong."""
-    from hpcsweep import estimate
+    from hpcsweep.campaign import forecast as estimate
     from hpcsweep.job import JobError, load_job
     from hpcsweep.store import StoreError
     from hpcsweep.store.reader import job_of
@@ -90,8 +90,8 @@ def _costs(source: Path) -> tuple:
 
 def _replay(comm, known, seconds: float) -> dict | None:
     """Sleep through the job's costs, scaled; compare with the simulation on rank 0."""
-    from hpcsweep import replay
-    from hpcsweep.schedule import MESSAGE_SECONDS, simulate
+    from hpcsweep.parallel import replay
+    from hpcsweep.parallel.schedule import MESSAGE_SECONDS, simulate
 
     messages = replay.time_messages(comm)
     pieces = None
@@ -116,8 +116,8 @@ def _replay(comm, known, seconds: float) -> dict | None:
 
 
 def _show(options, job, forecast, checked) -> None:
-    from hpcsweep import estimate
-    from hpcsweep.schedule import ranks_that_help
+    from hpcsweep.campaign import forecast as estimate
+    from hpcsweep.parallel.schedule import ranks_that_help
 
     each = {}
     if checked and checked["messages"]:

@@ -27,7 +27,7 @@ def add_to(commands) -> None:
 
 
 def _status(options) -> int:
-    from hpcsweep.monitor import monitor
+    from hpcsweep.campaign.status import monitor
     from hpcsweep.store import StoreError, job_of
 
     try:

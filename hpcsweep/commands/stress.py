@@ -36,7 +36,7 @@ def add_to(commands) -> None:
 
 
 def _stress(options) -> int:
-    from hpcsweep import stress
+    from hpcsweep.checks import stress
 
     rows = stress.stress(
         options.quick, options.seed, say=lambda text: print(f"  {text}", file=sys.stderr)

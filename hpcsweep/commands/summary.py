@@ -31,8 +31,8 @@ def add_to(commands) -> None:
 
 
 def _summary(options) -> int:
+    from hpcsweep.campaign.summary import summarize
     from hpcsweep.store import StoreError
-    from hpcsweep.summary import summarize
 
     try:
         found = [summarize(path) for path in options.files]

@@ -50,8 +50,8 @@ def add_to(commands) -> None:
 
 
 def _validate(options) -> int:
+    from hpcsweep.checks.validate import validate
     from hpcsweep.store import StoreError
-    from hpcsweep.validate import validate
 
     try:
         report = validate(options.file, options.samples, options.seed)

@@ -6,7 +6,7 @@ stay apart in grey print and for every kind of colour blindness; hues tell neigh
 
 import numpy as np
 
-from hpcsweep.classify import CLASS_NAMES, MotionClass
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 
 SHADES = (
     ("no contact", "#ffffff"),

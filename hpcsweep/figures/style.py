@@ -141,6 +141,13 @@ def job_of(results):
     return parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
 
 
+def classes_of(results) -> np.ndarray:
+    """Classify every run of results by the settings of their job (`hpcsweep.dynamics`)."""
+    from hpcsweep.dynamics.classify import classify
+
+    return classify(results, job_of(results).settings)
+
+
 def caption(results, omega: float | None = None) -> str:
     """Write the parameters of a campaign, of one frame if `omega` is given, on one line."""
     return parameters(job_of(results).structure, omega)
@@ -175,11 +182,11 @@ def percent(share: float) -> str:
 
 def shares_text(results, classes: np.ndarray) -> str:
     """Write the shares of the motion classes on one line, always with the undecided ones."""
-    from hpcsweep.classify import CLASS_NAMES, MotionClass, class_shares
+    from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares
 
     parts = [
         f"{CLASS_NAMES[kind]} {percent(share)}"
-        for kind, share in class_shares(results, classes).items()
+        for kind, share in class_shares(classes).items()
         if share > 0 or kind is MotionClass.UNDECIDED
     ]
     hint = "" if "lyapunov" in results else "; chaos is not told: the file holds no lyapunov"

@@ -14,9 +14,9 @@ Versions
 validates and draws it (``tests/data/layout1.h5`` is kept for that), even if it writes another
 layout. A change that a reader of today would misread gets a new number, and a reader for each old
 number stays. Two things outside this module are part of version 1, because every file holds them:
-the job's text, which must go on being accepted by `hpcsweep.job`, and its fingerprint, which is the
-seed of all checksums; where `hpcsweep.job.MEANING_VERSION` is raised, the formula of the old number
-stays for old files. Files of a newer version are refused with both numbers.
+the job's text, which must go on being accepted by `hpcsweep.job`, and its fingerprint, which is the seed
+of all checksums; where `job.MEANING_VERSION` is raised, the formula of the old number stays for
+old files. Files of a newer version are refused with both numbers.
 
 A file may be packed (`hpcsweep.store.packing`): the same datasets, chunked and compressed, with the
 same values, attributes and checksums. It is read like any other and written never again.

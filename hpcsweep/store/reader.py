@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.job import Job, JobError, parse_job
-from hpcsweep.outcome import Outcome, Shortcut
+from hpcsweep.solvers.outcome import Outcome, Shortcut
 from hpcsweep.store.commit import Blocks, check_file, path_blocks
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import DamagedError

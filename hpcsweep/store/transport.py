@@ -101,7 +101,7 @@ class MpiIoTransport:
     name = "mpiio"
 
     def __init__(self, path: Path):
-        from hpcsweep.mpi import open_file
+        from hpcsweep.parallel.mpi import open_file
 
         self._path = path
         self._offsets = Offsets(path)

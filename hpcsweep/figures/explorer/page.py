@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.classify import MotionClass
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.explorer.pack import (
     predict_points,
     predict_rows,
@@ -19,7 +19,7 @@ from hpcsweep.figures.explorer.pack import (
 )
 from hpcsweep.figures.explorer.study import Study
 from hpcsweep.figures.style import PALETTE, UNDECIDED, contact_name
-from hpcsweep.outcome import Outcome
+from hpcsweep.solvers.outcome import Outcome
 
 SCRIPTS = (
     "codec.js",

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.classify import classify
-from hpcsweep.structure import Structure
+from hpcsweep.figures.style import classes_of
+from hpcsweep.model.structure import Structure
 
 POINT_BUDGET = 30_000_000
 """Displacements of the orbit diagrams that a page holds unless told how many points a run has."""
@@ -125,7 +125,7 @@ def gather(
 
 def _codes(frame) -> dict[str, np.ndarray]:
     codes = {
-        "motion": classify(frame)[:, 0].astype(np.uint8),
+        "motion": classes_of(frame)[:, 0].astype(np.uint8),
         "period": frame["orbit_period"].values[:, 0].astype(np.uint32),
         "outcome": frame["outcome"].values[:, 0].astype(np.uint8),
         "cycles": frame["cycles"].values[:, 0].astype(np.uint32),

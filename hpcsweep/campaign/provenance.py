@@ -1,0 +1,68 @@
+"""Where results come from: versions, machine, time."""
+
+import platform
+import shlex
+import socket
+import subprocess
+import sys
+import time
+from importlib import metadata
+from pathlib import Path
+
+LIBRARIES = ("numpy", "scipy", "numba", "h5py", "mpi4py")
+
+
+def version() -> str:
+    """Return the version of hpcsweep."""
+    try:
+        return metadata.version("hpcsweep")
+    except metadata.PackageNotFoundError:
+        return "unknown (not installed)"
+
+
+def library_versions() -> str:
+    """Return the versions of Python and of the libraries the results depend on."""
+    versions = [f"python {platform.python_version()}"]
+    for name in LIBRARIES:
+        try:
+            versions.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            versions.append(f"{name} not installed")
+    return ", ".join(versions)
+
+
+def git_commit() -> str:
+    """Return the commit of a source checkout, with ``+`` if it was changed; else ''."""
+    folder = Path(__file__).resolve().parent.parent
+    if not (folder.parent / ".git").exists():
+        return ""
+    try:
+        commit = subprocess.run(
+            ["git", "-C", folder, "describe", "--always", "--abbrev=40", "--dirty=+"],
+            capture_output=True,
+            text=True,
+            timeout=10,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return commit.stdout.strip()
+
+
+def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
+    """Collect what a campaign file stores as attributes when it is made."""
+    return {
+        "hpcsweep_version": version(),
+        "git_commit": git_commit(),
+        "libraries": library_versions(),
+        "mpi": mpi_library,
+        "hosts": " ".join(sorted(set(hosts))),
+        "ranks": len(hosts),
+        "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        "command": shlex.join(["hpcsweep", *sys.argv[1:]]),
+    }
+
+
+def host() -> str:
+    """Return this node's name."""
+    return socket.gethostname()

@@ -1,0 +1,1 @@
+"""Whether results and solvers are right: files, invariants, runs computed again, extremes."""

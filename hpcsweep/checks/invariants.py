@@ -1,0 +1,123 @@
+"""What every committed run promises about its own numbers."""
+
+import numpy as np
+
+from hpcsweep.dynamics.orbit import orbit_period
+from hpcsweep.job import Job
+from hpcsweep.solvers.outcome import Outcome, Shortcut
+
+ROUNDING = 1e-9
+"""Excess over 1 allowed a mean modal norm."""
+
+
+def broken_promises(
+    job: Job, amplitude: np.ndarray, rows: dict[str, np.ndarray]
+) -> list[tuple[int, str]]:
+    """Check k runs against what `hpcsweep.studies.amplitude_sweep` says of its results.
+
+    Parameters
+    ----------
+    job : Job
+    amplitude : ndarray, shape (k,)
+    rows : dict of str to ndarray
+        The file's variables, first axis the k runs.
+
+    Returns
+    -------
+    list of (int, str)
+        Row and what is wrong there.
+    """
+    broken = {**_of_the_run(job, rows), **_of_failures(rows)}
+    if "poincare" in rows:
+        broken.update(_of_points(job, rows))
+    if "contact" in rows:
+        broken.update(_of_contact(job, rows))
+    complete = rows["outcome"] == Outcome.COMPLETE
+    if "drift" in rows:
+        drift = rows["drift"]
+        good = np.where(amplitude == 0, np.isnan(drift), np.isfinite(drift) & (drift >= 0))
+        broken["drift is finite and not negative"] = complete & ~good
+    if "modal_norm" in rows:
+        norm = rows["modal_norm"]
+        with np.errstate(invalid="ignore"):
+            good = ((norm >= 0) & (norm <= 1 + ROUNDING)).all(axis=1)
+        broken["modal_norm lies between 0 and 1"] = complete & ~(good | np.isnan(norm).all(axis=1))
+    if "lyapunov" in rows:
+        broken["lyapunov is not +inf"] = rows["lyapunov"] == np.inf
+    return sorted(
+        (int(row), f"not so: {promise}")
+        for promise, where in broken.items()
+        for row in np.flatnonzero(where)
+    )
+
+
+def _of_the_run(job: Job, rows: dict) -> dict[str, np.ndarray]:
+    settings = job.settings
+    outcome, shortcut = rows["outcome"], rows["shortcut"]
+    period, cycles = rows["orbit_period"], rows["cycles"]
+    complete = outcome == Outcome.COMPLETE
+    known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
+    used = [Shortcut.NONE, *(Shortcut[rule.upper()] for rule in settings.skip)]
+    plain = settings.transient_cycles + settings.sampling_cycles
+    linear = complete & (shortcut == Shortcut.LINEAR)
+    return {
+        "outcome is one of 1 to 4": ~np.isin(outcome, known),
+        "shortcut is a rule the job allows": ~np.isin(shortcut, used),
+        "orbit_period is at most max_orbit_period": (period < 0)
+        | (period > settings.max_orbit_period),
+        "a run that was cut short has an orbit_period": complete
+        & (shortcut != Shortcut.NONE)
+        & (period == 0),
+        "a linear run has orbit_period 1 and no cycles": linear & ((period != 1) | (cycles != 0)),
+        "cycles is at least that of transient and window": (cycles < 0)
+        | (complete & (shortcut == Shortcut.NONE) & (cycles < plain)),
+        "final_state is finite": ~np.isfinite(rows["final_state"]).all(axis=1),
+    }
+
+
+def _of_failures(rows: dict) -> dict[str, np.ndarray]:
+    """See to it that a failed run has no results but the state it reached."""
+    failed = rows["outcome"] != Outcome.COMPLETE
+    broken = {}
+    for name in ("orbit_period", "n_points", "contact"):
+        if name in rows:
+            broken[f"{name} of a failed run is 0"] = failed & (rows[name] != 0)
+    for name in ("poincare", "drift", "modal_norm", "lyapunov"):
+        if name in rows:
+            kept = ~np.isnan(rows[name]).reshape(failed.size, -1).all(axis=1)
+            broken[f"{name} of a failed run is NaN"] = failed & kept
+    return broken
+
+
+def _of_points(job: Job, rows: dict) -> dict[str, np.ndarray]:
+    settings = job.settings
+    points, n_points, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
+    complete = rows["outcome"] == Outcome.COMPLETE
+    window = points.shape[1]
+    expected = np.where(period > 0, period, window)
+    stored = np.arange(window)[None, :] < np.clip(n_points, 0, window)[:, None]
+    finite, missing = np.isfinite(points).all(axis=2), np.isnan(points).all(axis=2)
+    last = points[np.arange(len(points)), np.clip(n_points, 1, window) - 1]
+    hidden = np.zeros(complete.size, bool)
+    for row in np.flatnonzero(complete & (period == 0) & (n_points == window)):
+        hidden[row] = (
+            orbit_period(points[row], settings.max_orbit_period, settings.period_tolerance) > 0
+        )
+    return {
+        "n_points is the orbit_period, or all that are stored without one": complete
+        & (n_points != expected),
+        "poincare is finite in n_points points and NaN after": complete
+        & (np.where(stored, finite, missing) == 0).any(axis=1),
+        "final_state is the last point of poincare": complete
+        & (last != rows["final_state"]).any(axis=1),
+        "orbit_period is 0 only where the points do not repeat": hidden,
+    }
+
+
+def _of_contact(job: Job, rows: dict) -> dict[str, np.ndarray]:
+    contact, n = rows["contact"], job.structure.n_floors
+    floors = np.uint64(2**n - 1)
+    return {
+        "contact has bits of existing floors only": (contact & ~floors) != 0,
+        "contact of a linear run is empty": (rows["shortcut"] == Shortcut.LINEAR) & (contact != 0),
+    }

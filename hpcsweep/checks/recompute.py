@@ -1,0 +1,236 @@
+"""One stored run computed again, with the other solver and as it was.
+
+With the other solver, at a tight tolerance:
+
+periodic run (period p)
+    From the stored last point, p forcing periods: every point on the way must be the stored one, so
+    that the orbit closes; where the run ended on the orbit (it was cut short by a rule), contact
+    set, drift and modal norms must be those of the orbit, otherwise they must not exceed the
+    stored ones.
+aperiodic run
+    From a few stored points, one forcing period each: the next stored point must come out, with
+    contact and drift within the stored ones. A longer comparison would measure chaos, not errors.
+
+The difference allowed is what the two tolerances promise, times the growth of the tangent map on
+the way.
+
+As it was: the whole run from the stored state of the run before it, by ``flow``. This proves the
+path: if the run was periodic and the file's solver is ``flow``, the same points must come out.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hpcsweep.job import Job
+from hpcsweep.solvers.outcome import Outcome, Shortcut
+from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies import amplitude_sweep as sweep
+
+TIGHT = {"bdf": 1e-10, "flow": 1e-11}
+"""Relative tolerance of the other solver."""
+STEPS = 3
+"""Forcing periods of an aperiodic run that are computed again."""
+ERROR = {"bdf": 3e3, "flow": 1e3}
+"""Error of one forcing period in units of the relative tolerance, at beta = 1000 and a tangent map
+of norm 1: some three times the largest measured (`hpcsweep.solvers.bdf.BdfMap`)."""
+ERROR_GROWTH = 0.7
+"""Power of beta / 1000 with which that error grows beyond beta = 1000."""
+MODAL_ALLOWED = 2e-4
+"""Difference allowed a modal norm: a mean of |q_j| / ||q||, which turns within a short time where
+the largest q_j changes sign; the quadrature of `bdf` errs by some 1e-5 there."""
+LEAST_ALLOWED = 1e-7
+"""Smallest difference allowed; closed forms and integrators meet no closer."""
+
+
+@dataclass
+class RunAgain:
+    """One run computed again.
+
+    Attributes
+    ----------
+    direction : str
+    omega, amplitude : float
+    orbit_period : int
+    solver : str
+        The other solver.
+    compared : str
+        What was compared with it.
+    difference, allowed : float or None
+        Largest difference of a point (gaps, gaps omega_0), and what is allowed; None if nothing
+        could be compared.
+    whole_run : str
+        Outcome of the whole run by ``flow``: ``equal`` to the last bit, ``same`` within the
+        allowed difference, ``other`` points.
+    problem : str
+        '' if all is well.
+    """
+
+    direction: str
+    omega: float
+    amplitude: float
+    orbit_period: int
+    solver: str
+    compared: str = ""
+    difference: float | None = None
+    allowed: float | None = None
+    whole_run: str = ""
+    problem: str = ""
+
+
+def compute_again(
+    job: Job, direction: int, frame: int, amplitude: float, run: dict, start: np.ndarray
+) -> RunAgain:
+    """Compute one complete run again.
+
+    Parameters
+    ----------
+    job : Job
+    direction, frame : int
+    amplitude : float
+    run : dict of str to ndarray
+        The run's variables.
+    start : ndarray, shape (2n,)
+        State the run started from.
+
+    Returns
+    -------
+    RunAgain
+    """
+    other = "bdf" if job.settings.solver == "flow" else "flow"
+    omega = float(job.omega[frame])
+    period = int(run["orbit_period"])
+    again = RunAgain(job.directions[direction], omega, amplitude, period, other)
+    solver = make_solver(other, job.structure, omega, TIGHT[other])
+    tangent = make_solver("flow", job.structure, omega, TIGHT["flow"])
+    try:
+        if period:
+            _compare_orbit(job, again, solver, tangent, run)
+        elif "poincare" in run:
+            _compare_steps(job, again, solver, tangent, run)
+        else:
+            again.compared = "nothing: the file holds no points of an aperiodic run"
+    except ArithmeticError as error:
+        again.compared, again.difference = f"nothing: {error}", None
+    _compare_whole(job, again, run, start)
+    return again
+
+
+def _allowed(job: Job, other: str, growth: float) -> float:
+    settings = job.settings
+    stiff = max(job.structure.stiffness_ratio / 1000.0, 1.0) ** ERROR_GROWTH
+    error = ERROR[settings.solver] * settings.rtol + ERROR[other] * TIGHT[other]
+    return max(error * stiff, LEAST_ALLOWED) * max(growth, 1.0)
+
+
+def _norm(tangent: np.ndarray) -> float:
+    """Give the growth of a tangent map; 1 if it is not known, which allows the least."""
+    return float(np.linalg.norm(tangent, 2)) if np.all(np.isfinite(tangent)) else 1.0
+
+
+def _observe(solver, z, amplitude: float, n_periods: int, name: str):
+    seen = solver.observe(z, amplitude, n_periods, True)
+    if seen.outcome is not Outcome.COMPLETE:
+        raise ArithmeticError(f"{name}: {seen.outcome.name}")
+    return seen
+
+
+def _compare_orbit(job: Job, again: RunAgain, solver, tangent, run: dict) -> None:
+    """Carry the last point of a periodic run once round its orbit."""
+    period, amplitude = again.orbit_period, again.amplitude
+    last = run["final_state"]
+    stored = run["poincare"][:period] if "poincare" in run else last[None]
+    seen = _observe(solver, last, amplitude, period, again.solver)
+    growth, product, z = 1.0, np.eye(last.size), last
+    for _ in range(period):
+        z, step = tangent.monodromy(z, amplitude, 1)
+        product = step @ product
+        growth = max(growth, _norm(product))
+    again.compared = f"{len(stored)} points once round the orbit"
+    again.difference = float(np.abs(seen.points[-len(stored) :] - stored).max())
+    again.allowed = _allowed(job, again.solver, growth)
+    on_orbit = int(run["shortcut"]) != Shortcut.NONE
+    if not on_orbit:
+        # all that is promised is that the points repeat within this
+        again.allowed += job.settings.period_tolerance * growth
+    _judge_points(again)
+    _judge_metrics(job, again, seen, run, on_orbit)
+
+
+def _compare_steps(job: Job, again: RunAgain, solver, tangent, run: dict) -> None:
+    """Carry a few points of an aperiodic run to the next ones."""
+    points = run["poincare"][: int(run["n_points"])]
+    places = (
+        np.unique(np.linspace(0, len(points) - 2, STEPS).astype(int)) if len(points) > 1 else []
+    )
+    worst = -1.0
+    for place in places:
+        seen = _observe(solver, points[place], again.amplitude, 1, again.solver)
+        _, step = tangent.monodromy(points[place], again.amplitude, 1)
+        difference = float(np.abs(seen.points[0] - points[place + 1]).max())
+        allowed = _allowed(job, again.solver, _norm(step))
+        if difference / allowed > worst:
+            worst = difference / allowed
+            again.difference, again.allowed = difference, allowed
+        _judge_metrics(job, again, seen, run, False)
+    again.compared = f"{len(places)} points, each carried to the next"
+    if len(places):
+        _judge_points(again)
+
+
+def _judge_points(again: RunAgain) -> None:
+    if not again.difference <= again.allowed:
+        again.problem = (
+            f"{again.solver} finds points that differ by {again.difference:.2g}, allowed are "
+            f"{again.allowed:.2g} ({again.compared})"
+        )
+
+
+def _judge_metrics(job: Job, again: RunAgain, seen, run: dict, equal: bool) -> None:
+    """Compare contact set, drift and modal norms with those of a part of the stored window."""
+    if again.problem:
+        return
+    if "contact" in run:
+        stored = int(run["contact"])
+        if seen.contact != stored if equal else seen.contact & ~stored:
+            again.problem = f"{again.solver} finds contact set {seen.contact}, stored is {stored}"
+    allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
+    if "drift" in run and again.amplitude:
+        stored = float(run["drift"]) * again.amplitude / again.omega**2
+        excess = seen.peak_drift - stored
+        if (abs(excess) if equal else excess) > 2 * allowed:
+            again.problem = (
+                f"{again.solver} finds a peak drift of {seen.peak_drift:.9g} gaps, stored is "
+                f"{stored:.9g}"
+            )
+    if "modal_norm" in run and equal and again.amplitude:
+        stored = run["modal_norm"]
+        if not np.allclose(seen.modal_norm, stored, rtol=0, atol=MODAL_ALLOWED, equal_nan=True):
+            again.problem = (
+                f"{again.solver} finds modal norms {_short(seen.modal_norm)}, stored are "
+                f"{_short(stored)}"
+            )
+
+
+def _short(values: np.ndarray) -> str:
+    return " ".join(f"{value:.4g}" for value in values)
+
+
+def _compare_whole(job: Job, again: RunAgain, run: dict, start: np.ndarray) -> None:
+    """Do the whole run again by `flow`, from where the run before it ended."""
+    own = job.settings.solver == "flow"
+    settings = job.settings if own else replace(job.settings, solver="flow", rtol=TIGHT["flow"])
+    result = sweep.sweep_block(job.structure, again.omega, [again.amplitude], start, settings)
+    if own and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
+        again.whole_run = "equal"
+        return
+    difference = float(np.abs(result["final_state"][0] - run["final_state"]).max())
+    again.whole_run = "other"
+    allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
+    if int(result["orbit_period"][0]) == again.orbit_period and difference <= 10 * allowed:
+        again.whole_run = "same"
+    elif own and again.orbit_period and not again.problem:
+        again.problem = (
+            f"from the state stored before it, the run ends {difference:.2g} away from the stored "
+            f"end, with period {int(result['orbit_period'][0])} in place of {again.orbit_period}"
+        )

@@ -1,0 +1,404 @@
+"""Numerical stability: the solvers at, and beyond, the ends of what anyone would ask of them.
+
+Every case passes if the run ends with COMPLETE and finite, consistent results, or with a named
+outcome (non-finite, step limit, solver failed: data for whoever asked). It fails on a NaN that is
+called complete, on an error above its limit, on a missed cap, on an exception, and if it does not
+answer in `Case.seconds`.
+"""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+from scipy.special import spence
+
+from hpcsweep.model.structure import Structure
+from hpcsweep.parallel.watchdog import Lost, each
+from hpcsweep.solvers.flow import flow_map
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.reference import reference_points
+from hpcsweep.solvers.solver import make_solver
+
+RTOL = {"flow": 1e-9, "bdf": 1e-6}
+CAP = 3000
+"""Steps a forcing period may take in the random runs; the solver's own cap is far larger."""
+BATCH = 1000
+PER_STRUCTURE = 20
+"""Random runs that share a structure and a frequency."""
+BATCH_SECONDS = 900.0
+"""For a batch: each step of each run of one structure may ask for a new table, up to 10 ms for 50
+floors."""
+HUGE_STATE = 1e4
+"""Size of a state from which on rounding may hide the stop and a solver may give up."""
+WORST_ERROR = {"flow": 1e-7, "bdf": 1e-2}
+"""Error of one period (over max(1, |z|)) from which on a case counts as wrong."""
+ENERGY_DRIFT = 1e-8
+"""Relative change of the energy allowed over all periods of an energy case."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One question to a solver.
+
+    Attributes
+    ----------
+    kind : str
+        ``"run"``, ``"reference"``, ``"energy"``, ``"linear"`` or ``"random"``; see `answer`.
+    group, asked : str
+        For the reader.
+    structure : dict
+        Arguments of `Structure`.
+    state : tuple of 2n floats
+        Empty: at rest.
+    n_periods : int
+        For random runs their number.
+    seconds : float
+        Time in which it must answer.
+    complete : bool
+        Whether any outcome but COMPLETE is a failure.
+    """
+
+    kind: str
+    group: str
+    asked: str
+    structure: dict = field(default_factory=dict)
+    omega: float = 0.445
+    amplitude: float = 0.1
+    state: tuple[float, ...] = ()
+    n_periods: int = 3
+    solver: str = "flow"
+    seed: int = 0
+    seconds: float = 60.0
+    complete: bool = False
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What happened: an outcome by name (or several), a remark, and whether that is well."""
+
+    outcome: str
+    remark: str
+    passed: bool
+
+
+def cases(quick: bool, seed: int) -> Iterator[Case]:
+    """Give all cases; the quick ones take less than a minute together on one core."""
+    yield from _extremes(quick)
+    yield from _at_rest()
+    long = 1000 if quick else 10_000
+    yield from _grazing(long)
+    yield from _energy(long)
+    for k in range(3 if quick else 1000):
+        yield Case(
+            "random", "random runs", f"{BATCH} runs, seed {seed}.{k}", n_periods=BATCH,
+            seed=seed * 1_000_000 + k, seconds=BATCH_SECONDS,
+        )  # fmt: skip
+
+
+def _extremes(quick):
+    values = {
+        "stiffness_ratio": (0.0, 1e-9, 1.0, 1e5, 1e7, 1e12),
+        "sharpness": (0.0, 1e-6, 1.0, 100.0, 1e6, 1e8, 1e15, math.inf),
+        "damping_ratio": (0.0, 1e-12, 1.0, 2.0, 50.0),
+        "n_floors": (1, 10, 50, 64),
+    }
+    base = {"n_floors": 3, "stiffness_ratio": 1000.0, "sharpness": 1e4, "damping_ratio": 0.05}
+    for name, list_of in values.items():
+        for value in list_of:
+            asked = f"{name} = {value:g}"
+            yield Case("reference", "structure", asked, {**base, name: value}, 0.5, 1.0)
+    for rho in (0.0, 1e4, math.inf):
+        hard = {**base, "stiffness_ratio": 1e7, "sharpness": rho}
+        yield Case("run", "structure", f"stiffness_ratio = 1e7, sharpness = {rho:g}", hard)
+    for omega in (1e-3, 1e-2, 50.0, 1e4):
+        periods = 1 if omega < 0.1 else 100
+        yield Case("run", "forcing", f"omega = {omega:g}", base, omega, n_periods=periods)
+    for amplitude in (0.0, 1e-300, 1e-12, 1e3, 1e12, 1e200):
+        asked = f"amplitude = {amplitude:g}"
+        yield Case("run", "forcing", asked, base, amplitude=amplitude, n_periods=20)
+    for big in (1e6, 1e99, 1e308):
+        yield Case("run", "state", f"|z| = {big:g}", base, state=(big,) * 6)
+    yield Case("run", "state", "denormal", base, state=(5e-324,) * 6, amplitude=0.0)
+    for name, value in (("sharpness", math.inf), ("stiffness_ratio", 1e7), ("n_floors", 10)):
+        asked = f"bdf: {name} = {value:g}"
+        hard = {**base, name: value}
+        periods = 1
+        yield Case("reference", "structure", asked, hard, 3.0, 1.0, n_periods=periods, solver="bdf")
+    if not quick:
+        for solver in ("flow", "bdf"):
+            asked = f"{solver}: omega = 1e-3, amplitude = 1e3"
+            seconds = 1800.0
+            yield Case(
+                "run", "forcing", asked, base, 1e-3, 1e3, n_periods=1, solver=solver,
+                seconds=seconds,
+            )  # fmt: skip
+
+
+def _at_rest():
+    places = (0.0, 1e-16, -1e-16, 5e-324, 1e-9, -1e-9)
+    for rho in (0.0, 10.0, 1e4, 1e8, math.inf):
+        for place in places:
+            structure = {"n_floors": 3, "sharpness": rho, "damping_ratio": 0.0}
+            state = (1.0 + place,) * 3 + (0.0, -0.0, place)
+            asked = f"all floors at 1 {place:+g}, sharpness = {rho:g}"
+            yield Case("reference", "at rest", asked, structure, 2.0, 0.0, state, complete=True)
+
+
+def _grazing(n_periods):
+    for rho in (1e4, math.inf):
+        for part in (1 - 1e-2, 1 - 1e-6, 1 - 1e-12, 1 + 1e-12, 1 + 1e-6, 1 + 1e-2):
+            structure = Structure(3, 1000.0, rho, 0.05)
+            amplitude = part * structure.grazing_amplitude(0.445)
+            response = amplitude * structure.linear_steady_state(0.445)
+            state = (*response.imag.tolist(), *(0.445 * response.real).tolist())
+            kind = "linear" if rho == math.inf and part < 1 else "run"
+            asked = f"A/A_grazing - 1 = {part - 1:+.0e}, sharpness = {rho:g}"
+            yield Case(
+                kind, "grazing orbit", asked, {"sharpness": rho}, 0.445, amplitude, state, n_periods
+            )  # fmt: skip
+
+
+def _energy(n_periods):
+    for n, beta, rho in (
+        (1, 1000.0, math.inf), (1, 1000.0, 1e4), (2, 1000.0, math.inf), (3, 1000.0, 1e4),
+        (3, 1e5, 1e6), (3, 10.0, 50.0), (6, 1e4, math.inf),
+    ):  # fmt: skip
+        structure = {
+            "n_floors": n, "stiffness_ratio": beta, "sharpness": rho, "damping_ratio": 0.0,
+        }  # fmt: skip
+        state = (*np.linspace(0.5, 0.9, n).tolist(), *np.linspace(1.0, 0.3, n).tolist())
+        asked = f"n = {n}, beta = {beta:g}, rho = {rho:g}, {n_periods} periods"
+        yield Case("energy", "energy", asked, structure, 1.0, 0.0, state, n_periods)
+
+
+def energy(structure: Structure, z: np.ndarray) -> float:
+    """Energy of the undamped structure and its stop, in units of k gap^2.
+
+    The contact force beta S(x) x, x = u - 1, has the potential beta (max(x, 0)^2 / 2 - P(x)), with
+    P(x) = int_-inf^x |s| / (1 + exp(rho |s|)) ds, by the dilogarithm.
+    """
+    n = structure.n_floors
+    u, v = z[:n], z[n:]
+    x = u - 1.0
+    potential = 0.5 * np.maximum(x, 0.0) ** 2
+    rho = structure.sharpness
+    if rho == 0.0:
+        potential = 0.25 * x**2
+    elif rho < math.inf:
+        y = rho * np.abs(x)
+        tail = y * np.log1p(np.exp(-y)) - spence(1.0 + np.exp(-y))
+        potential = potential - np.where(x < 0, tail, math.pi**2 / 6 - tail) / rho**2
+    contact = structure.stiffness_ratio * potential.sum()
+    return float(0.5 * (v @ v + u @ structure.stiffness_matrix @ u) + contact)
+
+
+def answer(case: Case | None) -> Answer | None:
+    """Run one case; None compiles what all of them need."""
+    if case is None:
+        make_solver("flow", Structure(1), 1.0, 1e-9).observe(np.array([0.9, 1.0]), 0.1, 1, True)
+        reference_points(Structure(1), 0.1, 1.0, np.array([0.9, 1.0]), 1)
+        return None
+    if case.kind == "random":
+        return _random_runs(case)
+    structure = Structure(**case.structure)
+    state = np.array(case.state) if case.state else np.zeros(2 * structure.n_floors)
+    solver = make_solver(case.solver, structure, case.omega, RTOL[case.solver])
+    seen = solver.observe(state, case.amplitude, case.n_periods, modal_norm=True)
+    problem = _inconsistent(structure, seen, case.n_periods)
+    if problem:
+        return Answer(seen.outcome.name, problem, False)
+    if seen.outcome is not Outcome.COMPLETE:
+        remark = f"in period {len(seen.points) + 1}"
+        return Answer(seen.outcome.name, remark, not case.complete)
+    check = {"reference": _against_reference, "energy": _energy_kept, "linear": _still_linear}
+    if case.kind in check:
+        remark, passed = check[case.kind](case, structure, state, seen)
+        return Answer(seen.outcome.name, remark, passed)
+    size = float(np.abs(seen.points).max()) if seen.points.size else 0.0
+    return Answer(seen.outcome.name, f"max |z| {size:.3g}, contact {seen.contact:b}", True)
+
+
+def _inconsistent(structure, seen, n_periods):
+    """Name what a run may never do, or give an empty text."""
+    if not np.all(np.isfinite(seen.points)):
+        return "points that are not finite are handed out"
+    if seen.outcome is not Outcome.COMPLETE:
+        return "" if len(seen.points) < n_periods else "failed, but all periods are there"
+    if len(seen.points) != n_periods:
+        return f"complete, but {len(seen.points)} of {n_periods} periods are there"
+    if not math.isfinite(seen.peak_drift) or seen.peak_drift < 0:
+        return f"drift is {seen.peak_drift}"
+    if seen.contact >> structure.n_floors:
+        return f"contact bits {seen.contact:b} beyond the last floor"
+    norms = seen.modal_norm
+    if np.any(norms < 0) or np.any(norms > 1 + 1e-9) or len(np.unique(np.isnan(norms))) > 1:
+        return f"modal norms {norms.tolist()}"
+    return ""
+
+
+def _against_reference(case, structure, state, seen):
+    exact = reference_points(structure, case.amplitude, case.omega, state, 1)[0]
+    if not np.all(np.isfinite(exact)):
+        return "the reference gave up", True
+    error = float(np.abs(seen.points[0] - exact).max()) / max(1.0, float(np.abs(exact).max()))
+    return f"error of one period {error:.1e}", error <= WORST_ERROR[case.solver]
+
+
+def _energy_kept(case, structure, state, seen):
+    levels = np.array([energy(structure, z) for z in seen.points]) / energy(structure, state) - 1
+    end, most = float(levels[-1]), float(np.abs(levels).max())
+    touched = "" if seen.contact else ", but no contact"
+    remark = f"relative drift {end:+.1e} at the end, {most:.1e} at most{touched}"
+    return remark, most <= ENERGY_DRIFT and not touched
+
+
+def _still_linear(case, structure, state, seen):
+    away = float(np.abs(seen.points - state).max())
+    remark = f"moved {away:.1e} from the closed form, contact {seen.contact:b}"
+    return remark, away <= 1e-10 and seen.contact == 0
+
+
+def _log_uniform(rng, low, high):
+    return float(10.0 ** rng.uniform(math.log10(low), math.log10(high)))
+
+
+def random_structure(rng) -> tuple[Structure, float]:
+    """Draw a structure and a frequency from all that the model defines, ends included."""
+    n = int(rng.integers(1, 7)) if rng.random() < 0.97 else int(rng.integers(7, 51))
+    beta = rng.choice([0.0, _log_uniform(rng, 1e-3, 1e7)], p=[0.02, 0.98])
+    sharp = [0.0, _log_uniform(rng, 1e-3, 1e2), _log_uniform(rng, 1e2, 1e8), math.inf]
+    rho = rng.choice(sharp, p=[0.02, 0.03, 0.65, 0.3])
+    zeta = rng.choice([0.0, 2.0, _log_uniform(rng, 1e-4, 2.0)], p=[0.05, 0.05, 0.9])
+    slow = rng.random() < 0.01
+    omega = _log_uniform(rng, 1e-3, 0.1) if slow else _log_uniform(rng, 0.1, 50.0)
+    return Structure(n, float(beta), float(rho), float(zeta)), omega
+
+
+def random_state(rng, structure: Structure) -> np.ndarray:
+    """Draw a state: anywhere, resting, or with floors at the stop; at times a huge one."""
+    n = structure.n_floors
+    z = rng.normal(0.0, 0.7, 2 * n)
+    if rng.random() < 0.4:
+        near = rng.random(n) < 0.5
+        size = 10.0 ** rng.uniform(-17, 0, n) * rng.choice([-1.0, 0.0, 1.0], n)
+        z[:n] = np.where(near, 1.0 + size, z[:n])
+        z[n:] = np.where(near, 10.0 ** rng.uniform(-17, 0, n) * rng.choice([-1, 0, 1], n), z[n:])
+    if rng.random() < 0.02:
+        z *= 10.0 ** rng.uniform(0, 120)
+    return z
+
+
+def steps_taken(solver: flow_map.FlowMap) -> int:
+    """Count the linear steps, and the steps in layers, of all periods not observed so far."""
+    counts = solver.counts
+    return int(counts[0] + counts[2])
+
+
+def _random_runs(case: Case) -> Answer:
+    """Run a batch of one-period runs under a cap of steps and count their outcomes."""
+    rng = np.random.default_rng(case.seed)
+    found, wrong = Counter(), []
+    own_cap, flow_map.MAX_STEPS = flow_map.MAX_STEPS, CAP
+    try:
+        for k in range(case.n_periods):
+            if k % PER_STRUCTURE == 0:
+                structure, omega = random_structure(rng)
+                solver = make_solver("flow", structure, omega, RTOL["flow"])
+                taken = steps_taken(solver)
+            amplitude = float(rng.choice([0.0, _log_uniform(rng, 1e-12, 1e3)], p=[0.02, 0.98]))
+            z = random_state(rng, structure)
+            problem = ""
+            if k % 4 == 0:
+                seen = solver.observe(z, amplitude, 1, modal_norm=k % 8 == 0)
+                outcome, problem = seen.outcome, _inconsistent(structure, seen, 1)
+            else:
+                points, outcome = solver.points(z, amplitude, 1)
+                if len(points) != (outcome is Outcome.COMPLETE) or not np.isfinite(points).all():
+                    problem = f"{outcome.name} with points {points.tolist()}"
+            found[outcome.name] += 1
+            now = steps_taken(solver)
+            if outcome is Outcome.SOLVER_FAILED and np.abs(z).max() < HUGE_STATE:
+                problem = "the solver gave up a state of ordinary size"
+            if now - taken > CAP + 1:
+                problem = f"{now - taken} steps under a cap of {CAP}"
+            taken = now
+            if problem:
+                told = f"{structure}, omega {omega!r}, A {amplitude!r}, z {z.tolist()}"
+                wrong.append(f"run {k}: {problem} ({told})")
+    finally:
+        flow_map.MAX_STEPS = own_cap
+    outcome = ", ".join(f"{name} {count}" for name, count in found.most_common())
+    return Answer(outcome, wrong[0] if wrong else "", not wrong)
+
+
+def stress(quick: bool, seed: int, say: Callable = lambda text: None) -> list[dict]:
+    """Put all cases to the solvers, in a process that is ended if it hangs.
+
+    Returns
+    -------
+    list of dict
+        One a case: what was asked, ``outcome``, ``remark``, ``passed``, ``seconds``.
+    """
+    rows = []
+    begun = time.perf_counter()
+    for case, told in each(answer, cases(quick, seed), lambda case: case.seconds):
+        now = time.perf_counter()
+        got = Answer("LOST", told.reason, False) if isinstance(told, Lost) else told
+        rows.append({**asdict(case), **asdict(got), "took": now - begun})
+        begun = now
+        say(row_text(rows[-1]))
+    return rows
+
+
+def merged(rows: list[dict]) -> list[dict]:
+    """Put all batches of random runs that passed into one row."""
+    random = [row for row in rows if row["kind"] == "random" and row["passed"]]
+    if len(random) < 2:
+        return rows
+    total: Counter = Counter()
+    for row in random:
+        for part in row["outcome"].split(", "):
+            name, count = part.split(" ")
+            total[name] += int(count)
+    runs = sum(row["n_periods"] for row in random)
+    one = dict(
+        random[0],
+        asked=f"{runs} runs of one period",
+        outcome=", ".join(f"{name} {count}" for name, count in total.most_common()),
+        took=sum(row["took"] for row in random),
+    )
+    return [row for row in rows if row not in random] + [one]
+
+
+def row_text(row: dict) -> str:
+    """Write one case on one line."""
+    verdict = "pass" if row["passed"] else "FAIL"
+    head = f"{verdict}  {row['group']:14s} {row['asked']:48s}"
+    return f"{head} {row['took']:7.2f} s  {row['outcome']}  {row['remark']}".rstrip()
+
+
+def as_text(rows: list[dict]) -> str:
+    """Write the table."""
+    failed = sum(not row["passed"] for row in rows)
+    lines = [row_text(row) for row in merged(rows)]
+    seconds = sum(row["took"] for row in rows)
+    lines.append(f"{len(rows)} cases, {failed} failed, {seconds:.0f} s")
+    return "\n".join(lines)
+
+
+def as_json(rows: list[dict]) -> dict:
+    """Put everything into plain types; infinite numbers become text."""
+
+    def plain(value):
+        if isinstance(value, float) and not math.isfinite(value):
+            return str(value)
+        if isinstance(value, dict):
+            return {key: plain(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(item) for item in value]
+        return value
+
+    return {"cases": plain(rows), "failed": sum(not row["passed"] for row in rows)}

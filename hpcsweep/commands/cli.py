@@ -1,0 +1,112 @@
+"""The command line: `hpcsweep.commands` put together."""
+
+import argparse
+import os
+import sys
+
+from hpcsweep.commands import (
+    RAW,
+    USER_ERROR,
+    animate,
+    bench,
+    claims,
+    complain,
+    explore,
+    one_thread,  # noqa: F401  before numpy is loaded
+    pack,
+    plot,
+    run,
+    schedule,
+    status,
+    stress,
+    summary,
+    validate,
+)
+
+COMMANDS = (
+    run,
+    status,
+    summary,
+    schedule,
+    validate,
+    pack,
+    plot,
+    animate,
+    explore,
+    claims,
+    bench,
+    stress,
+)
+
+DESCRIPTION = """\
+Parameter studies of base-excited structures impacting a rigid stop.
+
+Start under mpirun or srun to use many ranks; alone, one rank does it all."""
+
+EPILOG = """\
+examples:
+  mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or go on with, figure3.h5
+  hpcsweep status figure3.h5                    what is done, live
+  hpcsweep validate figure3.h5                  is it sound? checksums, values, a sample recomputed
+  hpcsweep summary figure3.h5                   what it cost, what kinds of motion it found
+  hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
+  mpirun -n 4 hpcsweep animate map.h5 -o m.mp4  film the orbit diagrams over Omega
+  hpcsweep claims figure3.h5                    answer the paper's claims
+  hpcsweep explore figure3.h5 -o figure3.html   explore it in a browser
+
+exit codes:
+  0   complete
+  75  stopped in good order before the end (time limit or signal): run again to go on
+  2   a mistake in what was asked: one line says which; nothing was written
+  1   anything else, with a traceback"""
+
+
+CLOSED_PIPE = 141
+"""Exit code when standard output is closed, as the shell gives it: 128 + SIGPIPE."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose mistakes take one line, from one rank."""
+
+    def error(self, message: str):
+        complain(f"{message} (see {self.prog} --help)")
+        raise SystemExit(USER_ERROR)
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Build the parser of all commands."""
+    parser = _Parser(prog="hpcsweep", description=DESCRIPTION, epilog=EPILOG, formatter_class=RAW)
+    parser.add_argument(
+        "--version", action="store_true", help="print the versions of hpcsweep and its libraries"
+    )
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    for command in COMMANDS:
+        command.add_to(commands)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    parser = build_parser()
+    options = parser.parse_args(arguments)
+    if options.version:
+        return _version()
+    if options.command is None:
+        parser.error("a command is needed")
+    try:
+        code = options.function(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # whoever read has enough (``| head``); nothing more is to be said, at exit neither
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
+    return code
+
+
+def _version() -> int:
+    from hpcsweep.campaign.provenance import git_commit, library_versions, version
+
+    commit = git_commit()
+    print(f"hpcsweep {version()}{f' ({commit})' if commit else ''}")
+    print(library_versions())
+    return 0

@@ -1,0 +1,237 @@
+"""What kind of motion each run of a campaign ended in.
+
+A run whose orbit period was found is periodic; "no period found" is not yet chaos. The rest is
+told apart by the largest Lyapunov exponent lambda of the steady window, of exact tangent maps,
+and by the stroboscopic points. With N forcing periods T in the window, the window's growth is
+G = lambda N T, the logarithm of the factor by which a small difference grew over the window:
+
+- chaotic: G > `CHAOS_GROWTH`;
+- quasi-periodic: G within `NEUTRAL_GROWTH` of 0, and the points lie on one closed curve, or a
+  few, that they go round without approaching anything (`on_closed_curve`);
+- long period: the points repeat after more periods than the job looked for, at most N / 2;
+- undecided: everything else. G well below 0 is a motion that contracts to an orbit: a transient
+  slower than the window, or a period above N / 2. G between the bounds is not told from either
+  side by a window of this length; a longer one (``sweep.sampling_cycles``) decides.
+
+What is said is said of the window: chaos may be a transient that would end later.
+"""
+
+import math
+from enum import IntEnum
+
+import numpy as np
+
+from hpcsweep.dynamics.orbit import orbit_period
+from hpcsweep.solvers.outcome import Outcome
+
+CHAOS_GROWTH = 5.0
+"""Least growth of chaos over the window. The finite window leaves an error of the order of 1 in G:
+the tangent vector starts and ends at different angles to the growing direction, and an impact
+stretches it by up to a few e-folds within one period. Followed for 1,000 more periods, of 84
+windows of 100 periods above 5 (Figures 4 and 7 as described) 74 kept a positive exponent, of 120
+drawn from the maps of Figure 6 112; the others had left a transient chaos. Of 20 between 3 and 5
+(Figures 4 and 7) 14 did."""
+NEUTRAL_GROWTH = 3.0
+"""Largest growth, either sign, of a quasi-periodic window, whose true exponent is 0. Of 120 windows
+on closed curves (maps of Figure 6) 87 were neutral over 1,000 more periods, |G| <= 5; 12 had
+settled on an orbit, 12 were contracting to one, 9 were weakly chaotic."""
+MOTION = "motion"
+"""Variable of the classes in datasets that do not hold what they are told by."""
+UNSTABLE = 0.01
+"""ln |mu_1| per orbit above which a repeated orbit is one that repels. Within the window it
+repeats only because the motion has not left it yet: it is not what the run ends in."""
+CURVES = (1, 2, 3, 4, 5, 6)
+"""Numbers of closed curves (a torus born of P2 has two) that are tried."""
+LEAST_ON_CURVE = 20
+"""Fewest points by which a closed curve is recognised; with 100 there can be five curves."""
+CURVE_STEP = 0.2
+"""Longest step between neighbours along a closed curve, in units of its diameter. Points spread
+evenly round a circle are pi / k diameters apart, k of them: 0.16 at 20. Long orbits and weak chaos
+near grazing, whose points lie on open arcs, have steps from 0.24."""
+CURVE_SCATTER = 0.03
+"""Largest root mean square distance of the points from the chords between their neighbours along
+the curve, in its diameters; on a circle 0.02 at 20 points, and falling with their square."""
+CURVE_DRIFT = 0.1
+"""Relative change of a curve's mean radius between the two halves of the window above which the
+motion is on its way to somewhere."""
+PEAKS, NEAR_PEAK = 3, 10
+"""Spectral peaks tried as rotation number, and values tried on either side of each."""
+PEAK_WIDTH = 0.12
+"""Half width of what is tried, in 1 / N: twice the error of a peak read off the padded spectrum."""
+
+
+class MotionClass(IntEnum):
+    """Kind of motion of one run."""
+
+    NOT_COMPUTED = 0
+    """No committed result."""
+    NO_CONTACT = 1
+    """No floor touches in the steady window (only where the file holds ``contact``)."""
+    PERIODIC = 2
+    """The variable ``orbit_period`` tells the period."""
+    LONG_PERIOD = 3
+    """Repeats within the window, with a period above the job's ``max_orbit_period``."""
+    QUASI_PERIODIC = 4
+    CHAOTIC = 5
+    UNDECIDED = 6
+    """None of these can be told from this window, or the file holds no ``lyapunov``."""
+    FAILED = 7
+    """The solver failed."""
+
+
+CLASS_NAMES = {
+    MotionClass.NOT_COMPUTED: "not computed",
+    MotionClass.NO_CONTACT: "no contact",
+    MotionClass.PERIODIC: "periodic",
+    MotionClass.LONG_PERIOD: "long period",
+    MotionClass.QUASI_PERIODIC: "quasi-periodic",
+    MotionClass.CHAOTIC: "chaotic",
+    MotionClass.UNDECIDED: "undecided",
+    MotionClass.FAILED: "failed",
+}
+
+
+def classify(results, settings) -> np.ndarray:
+    """Classify every run of a campaign.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+        Of `hpcsweep.open_results`. Without ``lyapunov`` nothing is chaotic or quasi-periodic;
+        without ``poincare`` nothing has a long period or is quasi-periodic; without ``contact``
+        nothing is free of contact. What cannot be told is undecided. With a variable `MOTION`,
+        of classes told before, those are returned.
+    settings : SweepSettings
+        Of the runs: their ``sampling_cycles`` and ``period_tolerance``.
+
+    Returns
+    -------
+    ndarray of int8, shape (direction, frame, amplitude)
+        `MotionClass` of each run.
+    """
+    if MOTION in results:
+        return results[MOTION].values
+    period = results["orbit_period"].values
+    outcome = results["outcome"].values
+    cycles = np.where(period > 0, period, settings.sampling_cycles)
+    time = cycles * (2 * math.pi / results["omega"].values)[None, :, None]
+    if "lyapunov" in results:
+        growth = results["lyapunov"].values * time
+    else:
+        growth = np.full(period.shape, math.nan)
+
+    classes = np.full(period.shape, MotionClass.UNDECIDED, np.int8)
+    classes[(period == 0) & (growth > CHAOS_GROWTH)] = MotionClass.CHAOTIC
+    classes[(period > 0) & ~(growth > UNSTABLE)] = MotionClass.PERIODIC
+    if "contact" in results:
+        classes[results["contact"].values == 0] = MotionClass.NO_CONTACT
+    classes[outcome != Outcome.COMPLETE] = MotionClass.FAILED
+    classes[outcome == Outcome.NOT_COMPUTED] = MotionClass.NOT_COMPUTED
+    if "poincare" in results:
+        open_ones = np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0))
+        points, counts = results["poincare"].values, results["n_points"].values
+        for at in map(tuple, open_ones):
+            classes[at] = classify_points(
+                points[at][: counts[at]], growth[at], settings.period_tolerance
+            )
+    return classes
+
+
+def classify_points(points: np.ndarray, growth: float, tolerance: float) -> MotionClass:
+    """Classify a window that is not chaotic and in which no short period was found.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 2n)
+        Stroboscopic points of the window.
+    growth : float
+        G of the window, NaN if not known.
+    tolerance : float
+        Points closer than this are the same.
+    """
+    if orbit_period(points, len(points) // 2, tolerance):
+        return MotionClass.LONG_PERIOD
+    if abs(growth) <= NEUTRAL_GROWTH and on_closed_curve(points):
+        return MotionClass.QUASI_PERIODIC
+    return MotionClass.UNDECIDED
+
+
+def on_closed_curve(points: np.ndarray) -> bool:
+    """Tell whether the points go round one closed curve, or every m-th point round one of m.
+
+    On such a curve z_j = f(j theta mod 1) with a smooth f: in the order of j theta mod 1 they are
+    a closed polygon of short steps for the right rotation number theta, and for no theta if they
+    scatter. The curve must also stay: its radius is compared between the halves of the window.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 2n)
+        Consecutive.
+    """
+    return any(
+        len(points) // m >= LEAST_ON_CURVE and all(_one_curve(points[k::m]) for k in range(m))
+        for m in CURVES
+    )
+
+
+def _one_curve(points: np.ndarray) -> bool:
+    count = len(points)
+    radius = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    diameter = 2 * radius.max()
+    if diameter == 0:
+        return False
+    first, second = radius[: count // 2].mean(), radius[count // 2 :].mean()
+    if abs(first - second) > CURVE_DRIFT * max(first, second):
+        return False
+    rotation = _rotation_numbers(points)
+    if rotation.size == 0:
+        return False
+    phase = np.outer(rotation, np.arange(count)) % 1.0
+    along = points[np.argsort(phase, axis=1)]
+    steps = np.linalg.norm(along - np.roll(along, 1, axis=1), axis=2)
+    best = int(steps.sum(axis=1).argmin())
+    if steps[best].max() > CURVE_STEP * diameter:
+        return False
+    left, right = np.roll(along[best], 1, axis=0), np.roll(along[best], -1, axis=0)
+    chord = right - left
+    square = np.maximum(np.sum(chord**2, axis=1), np.finfo(float).tiny)
+    part = np.clip(np.sum((along[best] - left) * chord, axis=1) / square, 0.0, 1.0)
+    scatter = np.linalg.norm(along[best] - left - part[:, None] * chord, axis=1)
+    return bool(np.sqrt(np.mean(scatter**2)) <= CURVE_SCATTER * diameter)
+
+
+def _rotation_numbers(points: np.ndarray) -> np.ndarray:
+    """Give rotation numbers near the largest peaks of the points' spectrum, shape (k,).
+
+    There are none if it only rises towards 0 or 1/2: the points go one way, or to and fro.
+    """
+    count = len(points)
+    window = np.hanning(count)[:, None]
+    power = np.abs(np.fft.rfft((points - points.mean(axis=0)) * window, 8 * count, axis=0)) ** 2
+    power = power.sum(axis=1)
+    inner = power[1:-1]
+    peaks = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
+    peaks = peaks[np.argsort(-power[peaks], kind="stable")][:PEAKS]
+    near = np.linspace(-PEAK_WIDTH, PEAK_WIDTH, 2 * NEAR_PEAK + 1) / count
+    return (peaks[:, None] / (8 * count) + near).ravel()
+
+
+def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
+    """Give the share of every class among the runs that were computed.
+
+    Parameters
+    ----------
+    classes : ndarray of int
+        Of `classify`.
+
+    Returns
+    -------
+    dict of MotionClass to float
+        All classes but NOT_COMPUTED; the shares add up to 1, or are all 0 if nothing was computed.
+    """
+    computed = max(int((classes != MotionClass.NOT_COMPUTED).sum()), 1)
+    return {
+        kind: int((classes == kind).sum()) / computed
+        for kind in MotionClass
+        if kind is not MotionClass.NOT_COMPUTED
+    }

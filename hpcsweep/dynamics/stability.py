@@ -1,0 +1,50 @@
+"""Stability of orbits: Floquet multipliers and the largest Lyapunov exponent."""
+
+import math
+
+import numpy as np
+
+
+def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues of a monodromy matrix, largest modulus first, shape (2n,).
+
+    The system is forced, so no multiplier is trivial and all are returned. Their product is
+    exp(-p T tr(2 gamma C)).
+    """
+    multipliers = np.linalg.eigvals(matrix)
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+
+def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> float:
+    """Give the largest Lyapunov exponent per unit time of a periodic orbit: ln |mu_1| / (p T).
+
+    mu_1 is the largest Floquet multiplier. Of other motions the exponent is the growth of a
+    tangent vector over a window, over its time (`hpcsweep.solvers.records`).
+
+    Parameters
+    ----------
+    solver : Solver
+    state : ndarray, shape (2n,)
+        Point of the orbit at tau = 0.
+    amplitude : float
+    period : int
+        Orbit period p.
+
+    Returns
+    -------
+    float
+        -inf if the tangent map vanishes.
+
+    Raises
+    ------
+    ArithmeticError
+        If the solver fails.
+    """
+    _, matrix = solver.monodromy(state, amplitude, period)
+    time = period * 2 * math.pi / solver.omega
+    return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)
+
+
+def exponent_of_multiplier(multiplier: float, time: float) -> float:
+    """Turn the modulus of an orbit's largest multiplier over a time into an exponent."""
+    return math.log(multiplier) / time if multiplier > 0 else -math.inf

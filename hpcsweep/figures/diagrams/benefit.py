@@ -1,0 +1,118 @@
+"""Map of where impact lowers the drift and where it raises it, for chaos and for period 1."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures.diagrams.mesh import by_frequency, draw_grazing, draw_mesh, grazing_key
+from hpcsweep.figures.style import (
+    caption,
+    classes_of,
+    direction_index,
+    foot,
+    job_of,
+    need,
+    new_grid,
+    percent,
+    save,
+)
+
+LEVELS = (0.8, 1.0, 1.25)
+"""Ratios of drift with impact to drift without at which the shade changes."""
+SHADES = (
+    ("no contact", "#ffffff"),
+    ("other motion", "#ececec"),
+    (r"beneficial, $r \leq$ 0.8", "#b5dcf5"),
+    (r"beneficial, 0.8 < $r \leq$ 1", "#62a6d6"),
+    (r"adverse, 1 < $r \leq$ 1.25", "#a3510f"),
+    (r"adverse, $r$ > 1.25", "#4a1206"),
+)
+"""(name, colour), light to dark, blue against brown: apart in grey and to the colour-blind."""
+
+
+def draw(results, path: Path, direction: str | None = None) -> None:
+    """Draw the two maps of one direction and write them to `path`.
+
+    Raises
+    ------
+    PlotError
+        If the file does not hold what is to be drawn.
+    """
+    need(results, "drift", "contact", "lyapunov")
+    results = by_frequency(results)
+    results = results.isel(direction=[direction_index(results, direction)])
+    classes = classes_of(results)
+    ratio = drift_ratio(results)[0]
+    period = results["orbit_period"].values[0]
+    panels = (
+        ("(a) chaotic impacting", classes[0] == MotionClass.CHAOTIC),
+        ("(b) P1 impacting", (classes[0] == MotionClass.PERIODIC) & (period == 1)),
+    )
+    figure, axes = new_grid(1, 2, (7.2, 4.3), sharex=True, sharey=True)
+    for axis, (name, chosen) in zip(axes[0], panels, strict=True):
+        _panel(axis, results, classes[0], chosen, ratio, name)
+    axes[0, 1].set_ylabel("")
+    _legend(figure, results, classes)
+    swept = str(results["direction"].values[0])
+    figure.suptitle(
+        f"{caption(results)},  sweep {swept}\n"
+        r"$r$ = drift with the stop / drift without it",
+        fontsize=9,
+    )
+    save(figure, path)
+
+
+def free_drift(structure, omega: float) -> float:
+    """Give the normalised drift (18) of the steady state without stop, in A/Omega^2.
+
+    Closed form: Omega^2 max_i |U_i - U_(i-1)|, U of `Structure.linear_steady_state`, U_0 = 0; NaN
+    at an undamped resonance.
+    """
+    try:
+        response = structure.linear_steady_state(omega)
+    except ZeroDivisionError:
+        return np.nan
+    return float(omega**2 * np.abs(np.diff(response, prepend=0.0)).max())
+
+
+def drift_ratio(results) -> np.ndarray:
+    """Give drift over drift without stop at the same A and Omega, shape of the runs."""
+    structure = job_of(results).structure
+    free = np.array([free_drift(structure, float(omega)) for omega in results["omega"].values])
+    return results["drift"].values / free[None, :, None]
+
+
+def _panel(axis, results, classes, chosen, ratio, name) -> None:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    index = np.full(classes.shape, 1)
+    index[classes == MotionClass.NO_CONTACT] = 0
+    known = chosen & np.isfinite(ratio)
+    index[known] = 2 + np.searchsorted(LEVELS, ratio[known], side="left")
+    index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
+    draw_mesh(
+        axis,
+        results,
+        np.ma.masked_less(index, 0),
+        cmap=ListedColormap([colour for _, colour in SHADES]),
+        norm=BoundaryNorm(np.arange(len(SHADES) + 1) - 0.5, len(SHADES)),
+    )
+    draw_grazing(axis, results, job_of(results).structure)
+    count = int(known.sum())
+    told = "no such run"
+    if count:
+        share = percent(float((ratio[known] <= 1).mean()))
+        told = f"beneficial: {share} of {count} runs"
+    axis.set_title(f"{name}\n{told}", fontsize=9)
+
+
+def _legend(figure, results, classes) -> None:
+    from matplotlib.patches import Patch
+
+    handles = [
+        Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=name)
+        for name, colour in (*SHADES[2:], *SHADES[:2])
+    ]
+    handles.append(grazing_key())
+    foot(figure, handles, results, classes, 4)

@@ -1,0 +1,136 @@
+"""Small orbit diagrams of several frames side by side."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures.style import (
+    AMPLITUDE,
+    PALETTE,
+    UNDECIDED,
+    PlotError,
+    caption,
+    classes_of,
+    direction_index,
+    foot,
+    need,
+    new_grid,
+    save,
+)
+
+MOST_FRAMES = 12
+COLUMNS = 3
+KINDS = (
+    ((MotionClass.NO_CONTACT,), "no contact", "#9a9a9a"),
+    ((MotionClass.PERIODIC, MotionClass.LONG_PERIOD), "periodic", PALETTE[0]),
+    ((MotionClass.QUASI_PERIODIC,), "quasi-periodic", PALETTE[2]),
+    ((MotionClass.CHAOTIC,), "chaotic", "#15152a"),
+    ((MotionClass.UNDECIDED,), "undecided", PALETTE[1]),
+)
+
+
+def draw(
+    results,
+    path: Path,
+    direction: str | None = None,
+    frames: int | None = None,
+    floor: int | None = None,
+) -> None:
+    """Draw frames spread evenly over the frequencies and write them to `path`.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+    path : Path
+    direction : {"up", "down"}, optional
+        Default the first.
+    frames : int, optional
+        How many; default all, at most `MOST_FRAMES`.
+    floor : int, optional
+        Whose displacement is drawn, from 1; default the top one.
+
+    Raises
+    ------
+    PlotError
+        If the file does not hold what is to be drawn.
+    """
+    need(results, "poincare")
+    n = results.sizes["state"] // 2
+    floor = n if floor is None else floor
+    if not 1 <= floor <= n:
+        raise PlotError(f"--floor {floor}: must be from 1 to {n}")
+    chosen = choose(results["omega"].values, frames)
+    count = len(chosen)
+    results = results.isel(frame=chosen, direction=[direction_index(results, direction)])
+    classes = classes_of(results)
+    columns = min(COLUMNS, count)
+    rows = -(-count // columns)
+    figure, axes = new_grid(rows, columns, (2.4 * columns, 1.75 * rows + 1.0), sharex=True)
+    for place, axis in enumerate(axes.flat):
+        if place >= count:
+            axis.set_visible(False)
+            continue
+        _panel(axis, results.isel(frame=place, direction=0), classes[0, place], floor)
+    figure.supylabel(rf"$u_{{{floor}}}(jT)$  [gaps]", fontsize=10)
+    for column in range(columns):
+        last = max(place for place in range(count) if place % columns == column)
+        axes.flat[last].set_xlabel("$A$" if columns > 1 else AMPLITUDE, fontsize=9)
+        axes.flat[last].tick_params(labelbottom=True)
+    _legend(figure, results, classes)
+    swept = str(results["direction"].values[0])
+    unit = r"$A$ in gaps $\cdot\,\omega_0^2$, $\Omega$ in $\omega_0$"
+    figure.suptitle(f"{caption(results)},  sweep {swept};  {unit}", fontsize=8.5)
+    save(figure, path)
+
+
+def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
+    """Choose frames spread evenly over the frequencies, in their order.
+
+    Raises
+    ------
+    PlotError
+        If there are not so many.
+    """
+    there = omegas.size
+    count = min(there, MOST_FRAMES) if frames is None else frames
+    if not 1 <= count <= there:
+        raise PlotError(f"--frames {count}: must be from 1 to {there}, the frames of the results")
+    order = np.argsort(omegas, kind="stable")
+    return order[np.linspace(0, there - 1, count).round().astype(int)]
+
+
+def _panel(axis, frame, classes, floor: int) -> None:
+    counts = frame["n_points"].values
+    poincare = frame["poincare"].values[:, :, floor - 1]
+    amplitude = frame["amplitude"].values
+    size = float(np.clip(300 / max(amplitude.size, 1), 0.5, 4.0))
+    for kinds, _name, colour in KINDS:
+        runs = np.flatnonzero(np.isin(classes, kinds))
+        if runs.size:
+            axis.scatter(
+                np.repeat(amplitude[runs], counts[runs]),
+                np.concatenate([poincare[run, : counts[run]] for run in runs]),
+                s=size,
+                color=colour,
+                linewidths=0,
+                rasterized=True,
+            )
+    axis.grid(True, color="0.92", linewidth=0.6)
+    axis.set_axisbelow(True)
+    axis.set_title(rf"$\Omega$ = {float(frame['omega']):.4g}", fontsize=8.5, pad=3)
+    axis.tick_params(labelsize=8)
+    axis.set_xlim(amplitude[0], amplitude[-1] if amplitude.size > 1 else amplitude[0] + 1e-9)
+
+
+def _legend(figure, results, classes) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], linestyle="none", marker="o", markersize=4, color=colour, label=name)
+        for kinds, name, colour in KINDS
+        if np.isin(classes, kinds).any()
+    ]
+    if (classes == MotionClass.FAILED).any():
+        handles.append(Line2D([], [], linestyle="none", color=UNDECIDED, label="failed: blank"))
+    foot(figure, handles, results, classes)

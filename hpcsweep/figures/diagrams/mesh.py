@@ -1,0 +1,143 @@
+"""Panels over amplitude and frequency: one cell a run."""
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures.style import AMPLITUDE, DPI, OMEGA, PlotError, classes_of
+
+GRAZING = "#b00000"
+"""Colour of the grazing curve."""
+
+
+NUMBERS = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
+"""Variables of maps, beside the classes."""
+
+
+def open_map(path, value: str | None = None, direction: str | None = None):
+    """Read what maps are drawn of, one frame at a time: not the points, of which classes are told.
+
+    Parameters
+    ----------
+    path : Path
+    value : str, optional
+        A further variable.
+    direction : {"up", "down"}, optional
+        Default the first.
+
+    Returns
+    -------
+    xarray.Dataset
+        `NUMBERS`, `value` and the motion classes of one direction.
+
+    Raises
+    ------
+    StoreError
+        If it is not a campaign file.
+    PlotError
+        If there is no such direction, or fewer than two frames or amplitudes.
+    """
+    from hpcsweep.store import Frames
+
+    frames = Frames(path)
+    try:
+        job = frames.job
+        least_cells(job.omega.size, job.amplitude.size)
+        direction = job.directions[0] if direction is None else direction
+        if direction not in job.directions:
+            there = " and ".join(job.directions)
+            raise PlotError(f"--direction {direction}: the results hold {there} only")
+        return frames.gather((*NUMBERS, value), direction=direction, derive={MOTION: classes_of})
+    finally:
+        frames.close()
+
+
+def least_cells(frames: int, amplitudes: int) -> None:
+    """Refuse what is no map.
+
+    Raises
+    ------
+    PlotError
+        If there are fewer than two frames or amplitudes.
+    """
+    if min(frames, amplitudes) < 2:
+        raise PlotError(
+            "a map needs at least 2 frames and 2 amplitudes, the results hold "
+            f"{frames} and {amplitudes}"
+        )
+
+
+def by_frequency(results):
+    """Sort the frames by frequency and refuse what is no map.
+
+    Raises
+    ------
+    PlotError
+        If there are fewer than two frames or amplitudes.
+    """
+    least_cells(results.sizes["frame"], results.sizes["amplitude"])
+    return results.isel(frame=np.argsort(results["omega"].values, kind="stable"))
+
+
+def draw_mesh(axis, results, values: np.ndarray, **options):
+    """Draw values of shape (n_frames, n_amplitudes); where they are masked the panel is hatched.
+
+    Of cells smaller than the picture's pixels, only so many are drawn as there are pixels.
+
+    Returns
+    -------
+    matplotlib.collections.QuadMesh
+    """
+    axis.set_facecolor("white")
+    if np.ma.getmaskarray(values).any():
+        axis.patch.set(hatch="xxxx", edgecolor="0.55")
+    width, height = axis.get_figure().get_size_inches() * DPI
+    rows = _thinned(values.shape[0], height)
+    columns = _thinned(values.shape[1], width)
+    mesh = axis.pcolormesh(
+        _edges(results["amplitude"].values[columns]),
+        _edges(results["omega"].values[rows]),
+        values[rows][:, columns],
+        rasterized=True,
+        **options,
+    )
+    axis.set_xlabel(AMPLITUDE)
+    axis.set_ylabel(OMEGA)
+    return mesh
+
+
+def _thinned(cells: int, pixels: float) -> np.ndarray:
+    """Choose cells spread evenly, the first and the last among them, at most one a pixel."""
+    count = min(cells, max(int(pixels), 2))
+    return np.linspace(0, cells - 1, count).round().astype(int)
+
+
+def draw_grazing(axis, results, structure) -> None:
+    """Draw the amplitude at which the free steady state touches the stop, in closed form."""
+    omega = np.linspace(*_edges(results["omega"].values)[[0, -1]], 800)
+    with np.errstate(divide="ignore"):
+        amplitude = [_grazing(structure, value) for value in omega]
+    limits = axis.get_xlim(), axis.get_ylim()
+    axis.plot(amplitude, omega, color="white", linewidth=1.6)
+    axis.plot(amplitude, omega, color=GRAZING, linewidth=0.9)
+    axis.set(xlim=limits[0], ylim=limits[1])
+
+
+def grazing_key():
+    """Make the legend's key of that curve."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")
+
+
+def _grazing(structure, omega: float) -> float:
+    try:
+        return structure.grazing_amplitude(float(omega))
+    except ZeroDivisionError:
+        return 0.0
+
+
+def _edges(centres: np.ndarray) -> np.ndarray:
+    middle = 0.5 * (centres[1:] + centres[:-1])
+    return np.concatenate(
+        ([1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]])
+    )

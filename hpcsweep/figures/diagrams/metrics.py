@@ -1,0 +1,127 @@
+"""Drift and mean modal norms of one frame against the amplitude, with those without a stop."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures.diagrams.benefit import free_drift
+from hpcsweep.figures.style import (
+    AMPLITUDE,
+    MARKERS,
+    PALETTE,
+    PlotError,
+    caption,
+    classes_of,
+    foot,
+    job_of,
+    nearest_frame,
+    need,
+    new_figure,
+    save,
+)
+from hpcsweep.solvers.linear import LinearOrbit
+from hpcsweep.solvers.outcome import Outcome
+
+CHAOS = ("#000000", "#882255")
+"""Colours of the chaotic runs, up and down."""
+DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
+
+
+def draw(results, path: Path, omega: float | None = None) -> None:
+    """Draw the frame nearest to `omega`, default the first, and write it to `path`.
+
+    Raises
+    ------
+    PlotError
+        If the file does not hold what is to be drawn.
+    """
+    need(results, "drift", "modal_norm")
+    results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
+    frame = results.isel(frame=0)
+    if not (frame["outcome"].values == Outcome.COMPLETE).any():
+        raise PlotError("no run of this frame is complete yet")
+    classes = classes_of(results)
+    structure, value = job_of(results).structure, float(frame["omega"])
+    figure, axes = new_figure(2, 6.6)
+    _drift(axes[0], frame, classes[:, 0], free_drift(structure, value))
+    _norms(axes[1], frame, free_modal_norms(structure, value))
+    axes[1].set_xlabel(AMPLITUDE)
+    span = frame["amplitude"].values
+    axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left", fontsize=9)
+    figure.suptitle(caption(results, value), fontsize=10)
+    axes[0].legend(fontsize=8, markerscale=1.5)
+    handles = axes[1].get_legend_handles_labels()[0]
+    foot(figure, handles, results, classes, 3)
+    save(figure, path)
+
+
+def free_modal_norms(structure, omega: float) -> np.ndarray:
+    """Give the mean modal norms (17) of the steady state without stop, shape (n,).
+
+    They do not depend on the amplitude; NaN at an undamped resonance.
+    """
+    orbit = LinearOrbit(replace(structure, stiffness_ratio=0.0), omega)
+    try:
+        small = 1e-3 * structure.grazing_amplitude(omega)
+    except ZeroDivisionError:
+        return np.full(structure.n_floors, np.nan)
+    seen = orbit.steady_window(orbit.state(small), small, 0, 1, math.inf)
+    return np.full(structure.n_floors, np.nan) if seen is None else seen.modal_norm
+
+
+def _drift(axis, frame, classes, free: float) -> None:
+    amplitude = frame["amplitude"].values
+    for d, direction in enumerate(frame["direction"].values):
+        name = str(direction)
+        chaos = classes[d] == MotionClass.CHAOTIC
+        for chosen, colour, label in (
+            (~chaos, PALETTE[d], name),
+            (chaos, CHAOS[d], f"{name}, chaotic"),
+        ):
+            if not chosen.any():
+                continue
+            axis.plot(
+                amplitude[chosen],
+                frame["drift"].values[d][chosen],
+                linestyle="none",
+                marker=MARKERS[name],
+                markersize=2.4,
+                color=colour,
+                markerfacecolor=colour if name == "up" else "none",
+                markeredgewidth=0.5,
+                label=label,
+            )
+    axis.axhline(free, color="black", linewidth=1.1, linestyle=DASHES[0], label="without stop")
+    axis.set_ylabel(r"normalised drift $\delta$  [$A/\Omega^2$]")
+
+
+def _norms(axis, frame, free: np.ndarray) -> None:
+    amplitude = frame["amplitude"].values
+    for mode in range(frame.sizes["mode"]):
+        colour = PALETTE[mode % len(PALETTE)]
+        for d, direction in enumerate(frame["direction"].values):
+            filled = str(direction) == "up"
+            axis.plot(
+                amplitude,
+                frame["modal_norm"].values[d, :, mode],
+                linestyle="none",
+                marker="os^D<>pX*h"[mode % 10],
+                markersize=2.4,
+                markeredgewidth=0.5,
+                color=colour,
+                markerfacecolor=colour if filled else "none",
+                label=f"mode {mode + 1}, {direction}",
+            )
+        axis.axhline(
+            free[mode],
+            color=colour,
+            linewidth=1.1,
+            linestyle=DASHES[mode % len(DASHES)],
+            label=f"mode {mode + 1}, without stop",
+        )
+    axis.set_ylabel(r"mean modal norm $\eta_j$ free of contact")

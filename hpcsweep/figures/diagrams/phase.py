@@ -1,0 +1,250 @@
+"""Phase portraits of all floors, with stroboscopic points and the stop."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures.style import (
+    PALETTE,
+    PlotError,
+    caption,
+    classes_of,
+    contact_name,
+    direction_index,
+    foot,
+    job_of,
+    nearest_frame,
+    need,
+    new_grid,
+    save,
+)
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.trajectory import trajectory
+
+MOST_CYCLES = 60
+"""Forcing periods drawn of a motion that does not repeat: more would fill the panel."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One run that is drawn: its place in the frame."""
+
+    direction: int
+    amplitude: int
+
+
+def draw(
+    results,
+    path: Path,
+    omega: float | None = None,
+    amplitudes: Sequence[float] = (),
+    periods: Sequence[int] = (),
+    direction: str | None = None,
+) -> None:
+    """Draw motions of one frame, one a row, and write them to `path`.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+    path : Path
+    omega : float, optional
+        The frame nearest to this frequency; default the first.
+    amplitudes : sequence of float
+        The nearest amplitudes of the sweep are drawn.
+    periods : sequence of int
+        For each a motion of that orbit period is found; see `find_period`.
+    direction : {"up", "down"}, optional
+        Of the amplitudes: default the first; of the periods: default any.
+
+    Raises
+    ------
+    PlotError
+        If there is no such motion, or the file does not hold what is to be drawn.
+    """
+    need(results, "poincare")
+    if not len(amplitudes) and not len(periods):
+        raise PlotError("--kind phase needs --amplitude or --period")
+    results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
+    frame = results.isel(frame=0)
+    classes = classes_of(results)[:, 0]
+    motions = [_at_amplitude(frame, value, direction) for value in amplitudes]
+    motions += [find_period(frame, classes, period, direction) for period in periods]
+    motions = sorted(dict.fromkeys(motions), key=lambda m: (m.amplitude, m.direction))
+    n = results.sizes["state"] // 2
+    figure, axes = new_grid(len(motions), n, (2.4 * n, 1.5 * len(motions) + 1.0), sharex="col")
+    structure = job_of(results).structure
+    for row, motion in enumerate(motions):
+        _row(axes[row], frame, motion, classes, structure, row)
+    for floor, axis in enumerate(axes[-1], 1):
+        axis.set_xlabel(rf"$u_{{{floor}}}$  [gaps]", fontsize=9)
+    _legend(figure, results, classes)
+    figure.suptitle(caption(results, float(frame["omega"])), fontsize=9)
+    save(figure, path)
+
+
+def find_period(frame, classes: np.ndarray, period: int, direction: str | None = None) -> Motion:
+    """Find a motion of an orbit period: the middle of its longest stretch of amplitudes.
+
+    Motions with impact come before those without; of equal stretches the first direction's.
+
+    Parameters
+    ----------
+    frame : xarray.Dataset
+        One frame.
+    classes : ndarray of int, shape (n_directions, n_amplitudes)
+        `MotionClass` of its runs.
+    period : int
+    direction : {"up", "down"}, optional
+        Default any.
+
+    Raises
+    ------
+    PlotError
+        If there is none, naming the periods that occur.
+    """
+    found = frame["orbit_period"].values
+    kinds = (MotionClass.PERIODIC, MotionClass.NO_CONTACT)
+    usable = np.isin(classes, kinds) & (found > 0)
+    if direction is not None:
+        own = np.zeros_like(usable)
+        own[direction_index(frame, direction)] = True
+        usable &= own
+    for kind in kinds:
+        best, length = None, 0
+        for d in range(found.shape[0]):
+            here = usable[d] & (classes[d] == kind) & (found[d] == period)
+            starts, ends = _stretches(here)
+            for start, end in zip(starts, ends, strict=True):
+                if end - start > length:
+                    best, length = Motion(d, int(start + end - 1) // 2), end - start
+        if best is not None:
+            return best
+    occur = ", ".join(str(p) for p in np.unique(found[usable])) or "none"
+    swept = f"the sweep {direction}" if direction else "the sweeps"
+    raise PlotError(f"--period {period}: not in {swept} of this frame; periods that occur: {occur}")
+
+
+def _stretches(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give first and last-plus-one index of every stretch of true flags."""
+    change = np.diff(np.concatenate(([0], flags.astype(int), [0])))
+    return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+
+
+def _at_amplitude(frame, value: float, direction: str | None) -> Motion:
+    amplitude = frame["amplitude"].values
+    step = float(np.diff(amplitude).max()) if amplitude.size > 1 else 0.0
+    if not amplitude[0] - step <= value <= amplitude[-1] + step:
+        raise PlotError(
+            f"--amplitude {value:g}: the sweep goes from {amplitude[0]:g} to {amplitude[-1]:g}"
+        )
+    motion = Motion(direction_index(frame, direction), int(np.argmin(np.abs(amplitude - value))))
+    if frame["outcome"].values[motion.direction, motion.amplitude] != Outcome.COMPLETE:
+        raise PlotError(f"--amplitude {value:g}: that run is not complete")
+    return motion
+
+
+def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate a motion again from each of its stroboscopic points.
+
+    Restarting from every point keeps a chaotic curve on the motion that was computed.
+
+    Returns
+    -------
+    points : ndarray, shape (k, 2n)
+    curves : ndarray, shape (k, n_samples, 2n)
+        Curve j goes from point j to point j + 1; after the last point to its successor.
+    """
+    at = motion.direction, motion.amplitude
+    count = min(int(frame["n_points"].values[at]), MOST_CYCLES)
+    points = frame["poincare"].values[at][:count]
+    amplitude, omega = float(frame["amplitude"].values[at[1]]), float(frame["omega"])
+    curves = np.array([trajectory(structure, amplitude, omega, point) for point in points])
+    return points, curves
+
+
+def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
+    points, curves = orbit_curves(frame, motion, structure)
+    n = structure.n_floors
+    many = len(points) > 16
+    for floor, axis in enumerate(axes):
+        for curve in curves:
+            axis.plot(
+                curve[:, floor],
+                curve[:, n + floor],
+                color=PALETTE[0],
+                linewidth=0.25 if many else 0.7,
+                alpha=0.6 if many else 1.0,
+                rasterized=many,
+            )
+        axis.plot(
+            points[:, floor],
+            points[:, n + floor],
+            linestyle="none",
+            marker="o",
+            markersize=2.2 if many else 4,
+            markerfacecolor=PALETTE[1],
+            markeredgecolor="black",
+            markeredgewidth=0.2 if many else 0.5,
+            zorder=4,
+        )
+        axis.axvline(1.0, color="black", linewidth=1.2, zorder=3)
+        right = max(axis.get_xlim()[1], 1.08)
+        axis.axvspan(1.0, right + 10, facecolor="0.88", edgecolor="0.5", hatch="////", zorder=0)
+        axis.set_xlim(right=right)
+        axis.grid(True, color="0.92", linewidth=0.6)
+        axis.set_axisbelow(True)
+        axis.tick_params(labelsize=8)
+        axis.set_ylabel(rf"$v_{{{floor + 1}}}$  [gaps $\omega_0$]", fontsize=8)
+    axes[0].annotate(
+        _label(frame, motion, classes, n, row),
+        (0, 1),
+        xycoords="axes fraction",
+        xytext=(-48, 4),
+        textcoords="offset points",
+        fontsize=8,
+        va="bottom",
+        ha="left",
+        annotation_clip=False,
+    )
+
+
+def _label(frame, motion: Motion, classes, n: int, row: int) -> str:
+    at = motion.direction, motion.amplitude
+    kind = MotionClass(int(classes[at]))
+    period = int(frame["orbit_period"].values[at])
+    name = f"P{period}" if period else CLASS_NAMES[kind]
+    if "contact" in frame:
+        sets = contact_name(int(frame["contact"].values[at]), n)
+        name += ", no contact" if sets == "none" else f", {sets}"
+    direction = str(frame["direction"].values[at[0]])
+    amplitude = float(frame["amplitude"].values[at[1]])
+    letter = chr(ord("a") + row) if row < 26 else str(row + 1)
+    return f"({letter}) A = {amplitude:.5g}, {direction}: {name}"
+
+
+def _legend(figure, results, classes) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    foot(
+        figure,
+        [
+            Line2D([], [], color=PALETTE[0], label="motion"),
+            Line2D(
+                [],
+                [],
+                linestyle="none",
+                marker="o",
+                markersize=5,
+                markerfacecolor=PALETTE[1],
+                markeredgecolor="black",
+                label="stroboscopic points",
+            ),
+            Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop"),
+        ],
+        results,
+        classes,
+    )

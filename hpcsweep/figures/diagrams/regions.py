@@ -1,0 +1,135 @@
+"""Contact regions of an orbit diagram: ranges of amplitude with the same contact sets.
+
+As in Figure 3 of the paper a region is told by the contact sets of the sweeps up and down, and by
+whether both sweeps of one set are on one solution or on two.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MotionClass
+
+APART = 0.02
+"""Distance (gaps, gaps omega_0) between the points of two orbits above which they are two."""
+LEAST_COEXISTENCE = 0.02
+"""Part of the amplitudes over which two solutions of one contact set must last to be a region:
+hysteresis at the ends of a periodic window is shorter and belongs to the window."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A range of amplitudes in which the pair of contact sets does not change.
+
+    Attributes
+    ----------
+    first, last : int
+        Amplitude indices, inclusive.
+    contacts : tuple of int
+        Contact sets seen, up first, each once; twice the same if two solutions have it.
+    """
+
+    first: int
+    last: int
+    contacts: tuple[int, ...]
+
+
+def contact_regions(
+    contact: np.ndarray,
+    valid: np.ndarray,
+    least: int = 3,
+    coexisting: np.ndarray | None = None,
+) -> list[Region]:
+    """Divide the amplitudes into regions of equal contact sets.
+
+    Parameters
+    ----------
+    contact : ndarray of int, shape (n_directions, n_amplitudes)
+    valid : ndarray of bool, same shape
+        Runs that are there and did not fail.
+    least : int
+        A shorter stretch (a single run in a chaotic band, say) belongs to the one before it.
+    coexisting : ndarray of bool, shape (n_amplitudes,), optional
+        Where up and down are on different solutions; see `coexistence`.
+
+    Returns
+    -------
+    list of Region
+        In ascending amplitude; amplitudes without a valid run are in none.
+    """
+    n_amplitudes = contact.shape[1]
+    seen = [
+        tuple(dict.fromkeys(int(c) for c in contact[valid[:, index], index]))
+        for index in range(n_amplitudes)
+    ]
+    merged = _merge(seen, least)
+    if coexisting is not None:
+        longest = max(least, round(LEAST_COEXISTENCE * n_amplitudes))
+        for first, last, sets in list(merged):
+            if len(sets) != 1:
+                continue
+            inside = [sets * 2 if there else sets for there in coexisting[first : last + 1]]
+            at = merged.index((first, last, sets))
+            merged[at : at + 1] = [
+                (first + a, first + b, part) for a, b, part in _merge(inside, longest, sets)
+            ]
+    return [Region(*group) for group in merged if group[2]]
+
+
+def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | None = None):
+    """Join equal neighbours into (first, last, value), short stretches to the one before.
+
+    A short stretch at the beginning counts as `start`, if that is given.
+    """
+    groups: list[list] = []
+    for index, value in enumerate(seen):
+        if groups and groups[-1][2] == value:
+            groups[-1][1] = index
+        else:
+            groups.append([index, index, value])
+    if start is not None and groups[0][1] - groups[0][0] + 1 < least:
+        groups[0][2] = start
+    merged: list[tuple[int, int, tuple[int, ...]]] = []
+    for first, last, value in groups:
+        short = last - first + 1 < least
+        if merged and (short or merged[-1][2] == value):
+            merged[-1] = (merged[-1][0], last, merged[-1][2])
+        else:
+            merged.append((first, last, value))
+    return merged
+
+
+def coexistence(frame, classes: np.ndarray) -> np.ndarray:
+    """Tell at which amplitudes the sweeps up and down of one frame are on different solutions.
+
+    Two periodic motions differ if their periods do or if a point of one is farther than `APART`
+    from all points of the other; a periodic motion and a chaotic one differ. Two chaotic motions
+    are not told apart, and what is undecided differs from nothing.
+
+    Parameters
+    ----------
+    frame : xarray.Dataset
+        One frame of a campaign, with ``poincare``.
+    classes : ndarray of int, shape (n_directions, n_amplitudes)
+        `MotionClass` of its runs.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_amplitudes,)
+    """
+    differ = np.zeros(classes.shape[1], bool)
+    if classes.shape[0] < 2:
+        return differ
+    repeats = np.isin(classes, (MotionClass.PERIODIC, MotionClass.NO_CONTACT))
+    chaos = classes == MotionClass.CHAOTIC
+    differ |= (repeats[0] & chaos[1]) | (chaos[0] & repeats[1])
+    points, counts = frame["poincare"].values, frame["n_points"].values
+    period = frame["orbit_period"].values
+    for index in np.flatnonzero(repeats.all(axis=0)):
+        up, down = (points[d, index, : counts[d, index]] for d in (0, 1))
+        gaps = np.abs(up[:, None] - down[None]).max(axis=2)
+        differ[index] = (
+            period[0, index] != period[1, index]
+            or max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) > APART
+        )
+    return differ

@@ -1,0 +1,1 @@
+"""The film of orbit diagrams over the forcing frequency."""

@@ -1,0 +1,141 @@
+"""Pieces of a film: surveyed, painted and encoded by one rank or process."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.figures.film import video
+from hpcsweep.figures.film.frame import Painter, Scene
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store import Frames
+
+VARIABLES = ("poincare", "orbit_period", "outcome")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What film is wanted.
+
+    Attributes
+    ----------
+    file, output : Path
+        Results, and the film; its ending tells MP4 or GIF.
+    poster : Path or None
+        Picture of the frame with most kinds of motion.
+    fps : float
+    every : int
+        Every so manieth frame, in ascending frequency.
+    direction : {"up", "down", "both"}
+    color : {"direction", "contact", "period"}
+    width : int
+        In pixels, even; 0 for the default.
+    """
+
+    file: Path
+    output: Path
+    poster: Path | None = None
+    fps: float = 25.0
+    every: int = 1
+    direction: str = "both"
+    color: str = "direction"
+    width: int = 0
+
+
+@dataclass
+class Found:
+    """What the first pass finds in frames.
+
+    Attributes
+    ----------
+    low, high : ndarray, shape (n_floors,), or None
+        Extremes of the points, in gaps.
+    periods, contacts : Counter
+        Runs of each orbit period and contact set.
+    richness : dict
+        For each frame that has any complete run: number of kinds of motion (period and contact
+        set), and of points.
+    """
+
+    low: np.ndarray | None = None
+    high: np.ndarray | None = None
+    periods: Counter = field(default_factory=Counter)
+    contacts: Counter = field(default_factory=Counter)
+    richness: dict[int, tuple[int, int]] = field(default_factory=dict)
+
+    def add(self, other: "Found") -> None:
+        """Take in what was found elsewhere."""
+        if other.low is not None:
+            self.low = other.low if self.low is None else np.minimum(self.low, other.low)
+            self.high = other.high if self.high is None else np.maximum(self.high, other.high)
+        self.periods.update(other.periods)
+        self.contacts.update(other.contacts)
+        self.richness.update(other.richness)
+
+
+class Film:
+    """Reads, paints and encodes pieces of one film; the same on every rank."""
+
+    def __init__(self, request: Request, folder: Path):
+        self.request = request
+        self.folder = folder
+        self.frames = Frames(request.file)
+        job = self.frames.job
+        self.variables = (*VARIABLES, *(("contact",) if "contact" in self.frames else ()))
+        wanted = job.directions if request.direction == "both" else (request.direction,)
+        self.rows = [job.directions.index(name) for name in wanted]
+        self.directions = wanted
+        self.order = [int(k) for k in np.argsort(job.omega, kind="stable")[:: request.every]]
+        self.painter: Painter | None = None
+
+    def read(self, frame: int) -> dict[str, np.ndarray]:
+        """Read one frame, runs that are not complete without points."""
+        found = {k: v[self.rows] for k, v in self.frames.read(frame, self.variables).items()}
+        n_floors = self.frames.job.structure.n_floors
+        found["poincare"] = found["poincare"][..., :n_floors]
+        found["poincare"][found["outcome"] != Outcome.COMPLETE] = np.nan
+        return found
+
+    def survey(self, frames: list[int]) -> Found:
+        """Find ranges and classes of some frames."""
+        total = Found()
+        for k in frames:
+            frame = self.read(k)
+            done = frame["outcome"] == Outcome.COMPLETE
+            points = frame["poincare"][np.isfinite(frame["poincare"][..., 0])]
+            if not points.size:
+                continue
+            periods = frame["orbit_period"][done].tolist()
+            contacts = frame["contact"][done].tolist() if "contact" in frame else []
+            kinds = set(zip(periods, contacts or periods, strict=True))
+            total.add(
+                Found(
+                    points.min(axis=0),
+                    points.max(axis=0),
+                    Counter(periods),
+                    Counter(contacts),
+                    {k: (len(kinds), len(points))},
+                )
+            )
+        return total
+
+    def paint(self, scene: Scene, frame: int) -> np.ndarray:
+        """Paint one frame; shape (height, width, 4)."""
+        if self.painter is None:
+            self.painter = Painter(scene)
+        return self.painter.paint(float(self.frames.job.omega[frame]), self.read(frame))
+
+    def encode(self, scene: Scene, frames: list[int], number: int) -> None:
+        """Paint some frames and encode them as segment `number`."""
+        pictures = (self.paint(scene, frame) for frame in frames)
+        video.encode(pictures, self.segment(number), self.request.fps, is_gif(self.request))
+
+    def segment(self, number: int) -> Path:
+        """Name a segment."""
+        return self.folder / f"{number:06d}.mp4"
+
+
+def is_gif(request: Request) -> bool:
+    """Tell whether a GIF is wanted."""
+    return request.output.suffix.lower() == ".gif"

@@ -1,0 +1,73 @@
+"""Shares the pieces of a film out over ranks or processes."""
+
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from hpcsweep.figures.film.frame import Scene
+from hpcsweep.figures.film.piece import Film, Request
+from hpcsweep.parallel import farm
+
+
+class Workers:
+    """Shares pieces out over ranks, or over processes where there is one rank."""
+
+    def __init__(self, comm, processes: int, film: Film, advance: Callable[[int], None]):
+        self._comm, self._film, self._advance = comm, film, advance
+        self._pool = None
+        if comm.size == 1 and processes > 1:
+            self._pool = ProcessPoolExecutor(
+                processes,
+                multiprocessing.get_context("spawn"),
+                _start,
+                (film.request, film.folder),
+            )
+
+    def __enter__(self) -> "Workers":
+        return self
+
+    def __exit__(self, *_exception) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def run(self, task: str, pieces: list[list[int]], scene: Scene | None, collect) -> bool:
+        """Do a task for all pieces; tell whether it was done to the end."""
+
+        def on_report(_rank, value) -> None:
+            count, result = value
+            collect(result)
+            self._advance(count)
+
+        if self._pool is not None:
+            jobs = [self._pool.submit(_do, task, scene, p, k) for k, p in enumerate(pieces)]
+            for job in jobs:
+                on_report(0, job.result())
+            return True
+
+        def compute(number, poll, report) -> None:
+            poll()
+            report(_run(self._film, task, scene, pieces[number], number))
+
+        with farm.StopFlag() as flag:
+            return farm.run(self._comm, range(len(pieces)), compute, flag, on_report)
+
+
+def _run(film: Film, task: str, scene: Scene | None, frames: list[int], number: int):
+    if task == "survey":
+        return len(frames), film.survey(frames)
+    film.encode(scene, frames, number)
+    return len(frames), None
+
+
+_film: Film | None = None
+"""The film of a worker process."""
+
+
+def _start(request: Request, folder: Path) -> None:
+    global _film
+    _film = Film(request, folder)
+
+
+def _do(task: str, scene: Scene | None, frames: list[int], number: int):
+    return _run(_film, task, scene, frames, number)

@@ -1,0 +1,5 @@
+"""Job files: what a user wrote, validated."""
+
+from hpcsweep.job.job import Job, JobError, load_job, parse_job
+
+__all__ = ["Job", "JobError", "load_job", "parse_job"]

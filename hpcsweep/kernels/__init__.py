@@ -1,0 +1,1 @@
+"""What numba is asked for: compilation and its cache, vectors, packed arguments."""

@@ -1,0 +1,1 @@
+"""The structure, its contact law and its equations of motion."""

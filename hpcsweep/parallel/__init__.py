@@ -1,0 +1,1 @@
+"""Ranks and the work they share; knows no physics and no files of results."""

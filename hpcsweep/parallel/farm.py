@@ -1,0 +1,405 @@
+"""Master and workers: hands opaque tasks to ranks as they become free. Knows no physics.
+
+Rank 0 keeps the list (`schedule`). On few ranks it also works, and looks after the others
+between two points of its own task; above `schedule.DEDICATED_MASTER` ranks it only looks after
+them. One rank runs the same code with nobody to look after.
+
+Messages are small tuples. A worker says ``ready``, ``report`` (things for the master's ears, e.g.
+progress, a few a second at most), ``done``, ``back`` (the rest of a task it was asked to give
+back), ``stopped`` (it was told, or has a signal of its own) or ``signal`` (it has one, but no
+task); the master answers ``task``, and at any time ``stop`` or ``recall``. The run ends when every
+worker has been sent ``end`` and has answered ``ended``.
+"""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from hpcsweep.parallel.schedule import BALANCE_SECONDS, Schedule, master_computes, report_interval
+
+LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
+"""Back-off (s) of a rank that waits for a message."""
+BALANCE_SHARE = 0.02
+"""Largest share of the master's time spent on which tasks to take back."""
+LOST_GRACE = 5.0
+"""Seconds that ranks whose launcher is gone have to stop in good order."""
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
+
+
+class Stop(Exception):
+    """Raised out of a task to leave it in good order."""
+
+
+class LauncherLostError(RuntimeError):
+    """The launcher has died, and with it perhaps other ranks: nobody will answer."""
+
+
+class StopFlag:
+    """Set by a signal, a time limit or the launcher's death; `reason` says which.
+
+    Parameters
+    ----------
+    deadline : float, optional
+        Time (s since the epoch) at which to stop.
+    launched : bool
+        Whether a launcher started this process, which then must not outlive it.
+
+    Attributes
+    ----------
+    deadline : float, optional
+    at_once : callable (reason), optional
+        Called in the signal's handler: for times at which nobody asks `is_set`.
+    """
+
+    def __init__(self, deadline: float | None = None, launched: bool = False):
+        self.reason: str | None = None
+        self.at_once: Callable[[str], None] | None = None
+        self.deadline = deadline
+        self._parent = os.getppid() if launched else None
+        self._lost_since: float | None = None
+        self._previous: dict[int, Any] = {}
+
+    def __enter__(self) -> "StopFlag":
+        self.listen()
+        return self
+
+    def listen(self) -> None:
+        """Hear the signals; for good, if the flag is not used in a ``with`` statement."""
+        for number in STOP_SIGNALS:
+            self._previous[number] = signal.signal(number, self._on_signal)
+
+    def ignore(self) -> None:
+        """Ignore the signals from now on: Python itself stops hearing them before it ends."""
+        for number in STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
+    def __exit__(self, *_exception) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _on_signal(self, number, _frame) -> None:
+        self.reason = signal.Signals(number).name
+        if self.at_once is not None:
+            self.at_once(self.reason)
+
+    def is_set(self) -> bool:
+        """Tell whether to stop.
+
+        Raises
+        ------
+        LauncherLostError
+            If the launcher has been gone for `LOST_GRACE` seconds and the ranks are still there.
+        """
+        if self._parent is not None and os.getppid() != self._parent:
+            self.reason = self.reason or "the launcher died"
+            self._lost_since = self._lost_since or time.monotonic()
+            if time.monotonic() - self._lost_since > LOST_GRACE:
+                raise LauncherLostError(self.reason)
+        if self.reason is None and self.deadline is not None and time.time() >= self.deadline:
+            self.reason = "time limit"
+        return self.reason is not None
+
+
+@dataclass
+class Traffic:
+    """What the master had to do."""
+
+    messages: int = 0
+    message_seconds: float = 0.0
+    """Time spent on them."""
+    seconds: float = 0.0
+    """Time spent on messages and on which tasks to take back."""
+    recalls: int = 0
+    """Tasks that moved from one rank to another."""
+
+    @property
+    def capacity(self) -> float | None:
+        """Messages per second that the master could handle."""
+        return self.messages / self.message_seconds if self.messages else None
+
+
+def run(
+    comm,
+    tasks: Iterable[int],
+    compute: Callable[..., Any],
+    flag: StopFlag,
+    on_report: Callable[[int, Any], None] = lambda rank, value: None,
+    cost: Callable[[int], float] = lambda task: 0.0,
+    traffic: Traffic | None = None,
+    tick: Callable[[], None] = lambda: None,
+    at_rest: Callable[[], None] = lambda: None,
+    computing_master: bool | None = None,
+) -> bool:
+    """Do all tasks on all ranks.
+
+    Parameters
+    ----------
+    comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
+    tasks : iterable of int
+        Read on rank 0 only.
+    compute : callable (task, poll, report), or (task, poll, report, rest)
+        Does one task on the rank it runs on. It calls ``poll()`` often, which may raise `Stop`,
+        and ``report(value)`` to have the value passed to `on_report` on rank 0. If that returns
+        True the task is wanted back: `compute` may then return, in place of None, whatever
+        (small) it takes to go on, and is called with it as `rest`, perhaps on another rank.
+    flag : StopFlag
+    on_report : callable (rank, value)
+        Called on rank 0.
+    cost : callable
+        Estimated cost (s) of what is left of a task, as of the last report; asked on rank 0, again
+        and again. The dearest are handed out first, equal ones in order.
+    traffic : Traffic, optional
+        Filled on rank 0.
+    tick : callable
+        Called on rank 0, with or without news, as often as it looks for messages.
+    at_rest : callable
+        Called on any other rank, again and again, while it has nothing to do.
+    computing_master : bool, optional
+        Whether rank 0 does tasks too. Default: on up to `schedule.DEDICATED_MASTER` ranks.
+
+    Returns
+    -------
+    bool
+        Whether all tasks were done; the same on every rank.
+    """
+    if comm.rank == 0:
+        traffic = traffic or Traffic()
+        if computing_master is None or comm.size == 1:
+            computing_master = master_computes(comm.size)
+        master = _Master(comm, tasks, flag, on_report, cost, traffic, tick, computing_master)
+        finished = master.run(compute)
+    else:
+        _work(comm, compute, flag, at_rest)
+        finished = None
+    return comm.bcast(finished)
+
+
+class _Master:
+    """The schedule, and who is free."""
+
+    def __init__(self, comm, tasks, flag: StopFlag, on_report, cost, traffic, tick, computes: bool):
+        self._comm = comm
+        self._computes = computes
+        self._schedule = Schedule(tasks, cost, comm.size if computes else comm.size - 1)
+        self._flag = flag
+        self._on_report = on_report
+        self._traffic: Traffic = traffic
+        self._tick = tick
+        self._idle: list[int] = []
+        self._busy: set[int] = set(range(1, comm.size))
+        self._task_of: dict[int, int] = {}
+        self._rest: dict[int, Any] = {}
+        self._recalled: set[int] = set()
+        self._next_balance = 0.0
+        self._stopping = False
+        self._unfinished = False
+
+    def run(self, compute) -> bool:
+        sleep = LEAST_SLEEP
+        while len(self._schedule) or self._busy:
+            if self._serve():
+                sleep = LEAST_SLEEP
+                continue
+            if self._computes and len(self._schedule) and not self._stopping:
+                self._compute(compute)
+                continue
+            time.sleep(sleep)
+            sleep = min(2 * sleep, MOST_SLEEP)
+        for rank in range(1, self._comm.size):
+            self._comm.send(("end", None), rank)
+        self._hear_out()
+        return not self._unfinished
+
+    def _compute(self, compute) -> None:
+        """Do a task, or a part of it, on this rank."""
+        task, *rest = self._take(0)
+
+        def report(value) -> bool:
+            self._on_report(0, value)
+            self._schedule.progress(task, time.monotonic())
+            return task in self._recalled
+
+        try:
+            left = compute(task, self._poll, report, *rest)
+        except Stop:
+            self._unfinished = True
+            self._stop()
+        else:
+            self._ended(0, left)
+
+    def _take(self, rank: int) -> tuple:
+        """Start a task on a rank; return what `compute` needs."""
+        task = self._schedule.take(time.monotonic())
+        self._task_of[rank] = task
+        return (task, self._rest.pop(task)) if task in self._rest else (task,)
+
+    def _ended(self, rank: int, rest=None) -> None:
+        """Note that a rank has done its task, or gives back the rest of it."""
+        task = self._task_of.pop(rank, None)
+        if task is None:
+            return
+        self._recalled.discard(task)
+        if rest is None:
+            self._schedule.end(task)
+        elif self._stopping:
+            self._unfinished = True
+        else:
+            self._traffic.recalls += 1
+            self._rest[task] = rest
+            self._schedule.put_back(task, time.monotonic())
+
+    def _hear_out(self) -> None:
+        """Receive what workers said before they ended: MPI cannot end with messages under way."""
+        left = self._comm.size - 1
+        while left:
+            message = self._comm.receive()
+            if message is None:
+                self._flag.is_set()
+                time.sleep(LEAST_SLEEP)
+            elif message[1][0] == "ended":
+                left -= 1
+
+    def _poll(self) -> None:
+        self._serve()
+        if self._stopping:
+            raise Stop
+
+    def _stop(self) -> None:
+        if not self._stopping:
+            self._stopping = True
+            for rank in self._busy:
+                self._comm.send(("stop", None), rank)
+        if len(self._schedule):
+            self._unfinished = True
+            self._schedule.clear()
+
+    def _serve(self) -> bool:
+        """Handle the waiting messages; tell whether there were any."""
+        if self._flag.is_set():
+            self._stop()
+        self._tick()
+        begun = time.perf_counter()
+        handled = 0
+        while (message := self._comm.receive()) is not None:
+            handled += 1
+            self._handle(*message)
+        while self._idle and len(self._schedule):
+            rank = self._idle.pop(0)
+            self._busy.add(rank)
+            self._comm.send(("task", self._take(rank)), rank)
+        self._traffic.messages += handled
+        if handled:
+            self._traffic.message_seconds += time.perf_counter() - begun
+        balanced = self._comm.size > 1 and begun >= self._next_balance
+        if balanced:
+            self._balance()
+        if handled or balanced:
+            spent = time.perf_counter() - begun
+            self._traffic.seconds += spent
+            if balanced:
+                self._next_balance = begun + max(BALANCE_SECONDS, spent / BALANCE_SHARE)
+        return handled > 0
+
+    def _handle(self, rank: int, message: tuple) -> None:
+        kind, value = message
+        reports, rest = value
+        for report in reports:
+            self._on_report(rank, report)
+        if kind == "report":
+            self._schedule.progress(self._task_of[rank], time.monotonic())
+            return
+        if kind == "signal":
+            self._flag.reason = self._flag.reason or rest
+            self._stop()
+            return
+        if kind == "stopped":
+            self._flag.reason = self._flag.reason or rest
+            self._task_of.pop(rank, None)
+            self._unfinished = True
+            self._stop()
+        else:
+            self._ended(rank, rest)
+        self._busy.discard(rank)
+        self._idle.append(rank)
+
+    def _balance(self) -> None:
+        """Ask for tasks back if others must start now."""
+        wanted = set(self._schedule.recalls(time.monotonic(), every=0.0))
+        if not wanted:
+            return
+        self._recalled |= wanted
+        for rank, task in self._task_of.items():
+            if rank != 0 and task in wanted:
+                self._comm.send(("recall", task), rank)
+
+
+def _work(comm, compute, flag: StopFlag, at_rest) -> None:
+    """Do what the master says, until it says ``end``."""
+    interval = report_interval(comm.size)
+    told_to_stop = told_master = False
+    recalled = None
+    task = None
+    reports: list[Any] = []
+    last_report = time.monotonic()
+
+    def listen() -> None:
+        nonlocal told_to_stop, recalled
+        while (message := comm.receive()) is not None:
+            kind, value = message[1]
+            if kind == "recall":
+                recalled = value
+            else:
+                told_to_stop = True
+
+    def poll() -> None:
+        if flag.is_set():
+            raise Stop
+        listen()
+        if told_to_stop:
+            raise Stop
+
+    def report(value) -> bool:
+        nonlocal last_report
+        reports.append(value)
+        if time.monotonic() - last_report >= interval:
+            say("report")
+        listen()
+        return recalled == task
+
+    def say(kind: str, rest=None) -> None:
+        nonlocal last_report
+        comm.send((kind, (tuple(reports), rest)), 0)
+        reports.clear()
+        last_report = time.monotonic()
+
+    say("ready")
+    sleep = LEAST_SLEEP
+    while True:
+        message = comm.receive()
+        if message is None:
+            if flag.is_set() and not told_master:
+                # idle, so that no poll says it: the others may have hours to go
+                told_master = True
+                say("signal", flag.reason)
+            if sleep == MOST_SLEEP:
+                at_rest()
+            time.sleep(sleep)
+            sleep = min(2 * sleep, MOST_SLEEP)
+            continue
+        sleep = LEAST_SLEEP
+        kind, value = message[1]
+        if kind == "end":
+            say("ended")
+            return
+        if kind != "task":
+            continue
+        recalled, task, rest = None, value[0], value[1:]
+        try:
+            left = compute(task, poll, report, *rest)
+        except Stop:
+            say("stopped", None if told_to_stop else flag.reason)
+        else:
+            say("done" if left is None else "back", left)

@@ -1,0 +1,110 @@
+"""Play a job's costs on real ranks with tasks that sleep, to check what was predicted.
+
+Sleeping ranks need no core, so more ranks than cores behave as they would with a core each.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.parallel import farm
+from hpcsweep.parallel.schedule import ExactCosts
+
+SLICE = 2e-3
+"""Seconds between two looks at the messages."""
+EMPTY_TASKS = 2000
+"""Empty tasks a rank with which messages are timed."""
+
+
+@dataclass(frozen=True)
+class Messages:
+    """How fast the master is.
+
+    Attributes
+    ----------
+    n_messages : int
+    per_second : float
+        By the wall clock; what these ranks could send.
+    capacity : float
+        By the time the master spent on them; what it could have handled.
+    """
+
+    n_messages: int
+    per_second: float
+    capacity: float
+
+
+def time_messages(comm) -> Messages | None:
+    """Time the master's messages with empty tasks (collective); None but on rank 0."""
+    traffic = farm.Traffic()
+
+    def compute(task, poll, report) -> None:
+        report(task)
+
+    if comm.size == 1:
+        return None
+    comm.barrier()
+    begun = time.perf_counter()
+    with farm.StopFlag() as flag:
+        tasks = range(EMPTY_TASKS * (comm.size - 1))
+        farm.run(comm, tasks, compute, flag, traffic=traffic, computing_master=False)
+    elapsed = time.perf_counter() - begun
+    if comm.rank != 0 or not traffic.messages:
+        return None
+    return Messages(traffic.messages, traffic.messages / elapsed, traffic.capacity or 0.0)
+
+
+def replay(
+    comm, pieces: Sequence[np.ndarray] | None, computing_master: bool | None = None
+) -> tuple[float, farm.Traffic]:
+    """Sleep through all pieces on all ranks, as the farm schedules them (collective).
+
+    Parameters
+    ----------
+    comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
+    pieces : sequence of ndarray
+        Cost (s) of the pieces of each task; of rank 0.
+    computing_master : bool, optional
+        As `farm.run`.
+
+    Returns
+    -------
+    makespan : float
+        Seconds, on rank 0.
+    traffic : farm.Traffic
+    """
+    pieces = comm.bcast(pieces)
+    known, traffic = ExactCosts(pieces), farm.Traffic()
+    ended = [0.0]
+
+    def compute(task, poll, report, first=0) -> int | None:
+        for position in range(first, len(pieces[task])):
+            due = time.monotonic() + pieces[task][position]
+            while (rest := due - time.monotonic()) > 0:
+                time.sleep(min(rest, SLICE))
+                poll()
+            last = position + 1 == len(pieces[task])
+            if report((task, position)) and not last:
+                return position + 1
+        return None
+
+    def on_report(_rank, value) -> None:
+        known.done(*value, 0.0)
+        ended[0] = time.monotonic()
+
+    comm.barrier()
+    begun = time.monotonic()
+    with farm.StopFlag() as flag:
+        farm.run(
+            comm,
+            range(len(pieces)),
+            compute,
+            flag,
+            on_report,
+            known.left,
+            traffic,
+            computing_master=computing_master,
+        )
+    return ended[0] - begun, traffic

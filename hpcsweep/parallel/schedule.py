@@ -1,0 +1,350 @@
+"""Which rank does which task when: the rule the farm follows, and a simulation of it.
+
+A task is a path: its pieces can only be done one after the other, but not all on one rank. With
+work W on N ranks and a dearest task d no schedule ends before max(W / N, d). The rule here comes
+close to that bound for any costs:
+
+* a free rank gets the dearest task that waits;
+* a waiting task whose rest is as long as the fair share W(t) / N of what is left must start now,
+  or it alone ends late. The running task with the least left is taken back after its piece, and
+  waits in its turn.
+
+Without the second rule (only dearest first, Graham 1969) three equal tasks on two ranks take 4/3
+of the bound; with it, and small pieces, the bound of McNaughton (1959): as long as no rank idles
+and no waiting task is longer than the fair share, both shrink at the same rate.
+"""
+
+import heapq
+from bisect import bisect_right, insort
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+DEDICATED_MASTER = 32
+"""Ranks from which on the master does not compute: it costs 1/32 of the ranks at most, and no
+rank waits any more for the master to come out of a run of its own."""
+CRITICAL = 0.95
+"""Share of W(t) / N from which on a waiting task must start."""
+SOON = 0.05
+"""A rank is not interrupted if it is free within this share of the waiting task's rest, nor for
+a task that is not longer than its own by this share."""
+BALANCE_SECONDS = 0.1
+"""Least time between two looks at the running tasks."""
+BALANCES = 200
+"""Times in the whole of a job that the rule looks at the running tasks, at most about."""
+MESSAGE_SECONDS = 1e-4
+"""Master's time for one message, the one assumed (`hpcsweep schedule --replay` measures it)."""
+REPORT_SECONDS = 0.5
+"""Least time between two reports of one rank, for up to `REPORTING_RANKS` ranks."""
+REPORTING_RANKS = 500
+
+
+def master_computes(n_ranks: int) -> bool:
+    """Tell whether rank 0 computes too."""
+    return n_ranks <= DEDICATED_MASTER
+
+
+def report_interval(n_ranks: int) -> float:
+    """Least time (s) between two reports of one rank: 1,000 a second on the master at most."""
+    return REPORT_SECONDS * max(1.0, n_ranks / REPORTING_RANKS)
+
+
+class Schedule:
+    """Tasks that wait and tasks that run.
+
+    Parameters
+    ----------
+    tasks : iterable of int
+    left : callable (task)
+        Estimated cost (s) of what is left of a task, as of its last piece. Asked again as time
+        goes on, so it may get better. Equal ones go in order.
+    n_computing : int
+        Ranks that compute.
+    """
+
+    def __init__(self, tasks: Iterable[int], left: Callable[[int], float], n_computing: int):
+        self._estimate = left
+        self._n = n_computing
+        self._waiting = sorted((left(task), -task) for task in tasks)
+        self._left: dict[int, float] = {}
+        self._since: dict[int, float] = {}
+        self._recalled: set[int] = set()
+        self._next_balance = -np.inf
+
+    def __len__(self) -> int:
+        """Count the tasks that wait."""
+        return len(self._waiting)
+
+    def clear(self) -> None:
+        """Forget the tasks that wait."""
+        self._waiting.clear()
+
+    def take(self, now: float) -> int:
+        """Start the dearest waiting task at time `now` (s)."""
+        left, task = self._waiting.pop()
+        self._left[-task] = left
+        self._since[-task] = now
+        return -task
+
+    def progress(self, task: int, now: float) -> None:
+        """Note that a running task has finished a piece."""
+        if task in self._since:
+            self._left[task] = max(self._left[task] - (now - self._since[task]), 0.0)
+            self._since[task] = now
+
+    def end(self, task: int) -> None:
+        """Note that a task is finished."""
+        del self._left[task], self._since[task]
+        self._recalled.discard(task)
+
+    def put_back(self, task: int, now: float) -> None:
+        """Let a running task wait again."""
+        self.progress(task, now)
+        insort(self._waiting, (self._left[task], -task))
+        self.end(task)
+
+    def recalls(self, now: float, every: float = BALANCE_SECONDS) -> list[int]:
+        """Tell which running tasks to take back; looks once in `every` (s) at most."""
+        if self._n == 1 or not self._waiting or now < self._next_balance:
+            return []
+        self._refresh()
+        rest = {
+            task: max(left - (now - self._since[task]), 0.0) for task, left in self._left.items()
+        }
+        share = (sum(rest.values()) + sum(left for left, _ in self._waiting)) / self._n
+        self._next_balance = now + max(every, share / BALANCES)
+        victims = iter(sorted((left, task) for task, left in rest.items()))
+        coming = len(self._recalled)
+        found: list[int] = []
+        first = bisect_right(self._waiting, (CRITICAL * share, 1))
+        for left, _ in reversed(self._waiting[first:]):
+            if coming > 0:
+                coming -= 1
+                continue
+            least, victim = next(victims, (np.inf, -1))
+            while victim in self._recalled:
+                least, victim = next(victims, (np.inf, -1))
+            if least >= (1 - SOON) * left:
+                break
+            if least > SOON * left:
+                found.append(victim)
+        self._recalled.update(found)
+        return found
+
+    def _refresh(self) -> None:
+        self._waiting = sorted((self._estimate(-task), task) for _, task in self._waiting)
+        for task in self._left:
+            self._left[task] = self._estimate(task)
+
+
+class ExactCosts:
+    """Cost of what is left of each task, known beforehand.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray
+        Cost (s) of the pieces of each task, in order.
+    """
+
+    def __init__(self, pieces: Sequence[np.ndarray]):
+        self._rest = [np.append(np.cumsum(piece[::-1])[::-1], 0.0).tolist() for piece in pieces]
+        self._done = [0] * len(pieces)
+
+    def done(self, task: int, piece: int, seconds: float) -> None:
+        """Learn that a piece is done, and what it cost."""
+        self._done[task] = piece + 1
+
+    def left(self, task: int) -> float:
+        """Give the cost (s) of what is left."""
+        return self._rest[task][self._done[task]]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a schedule comes to.
+
+    Attributes
+    ----------
+    n_ranks : int
+    makespan : float
+        Seconds from the start to the end of the last task.
+    bound : float
+        max(total / n_ranks, dearest): no schedule is faster.
+    efficiency : float
+        total / (n_ranks makespan).
+    recalls : int
+        Tasks that moved from one rank to another.
+    messages : int
+        Messages the master handled.
+    master_load : float
+        Share of the makespan the master spent on them.
+    """
+
+    n_ranks: int
+    makespan: float
+    bound: float
+    efficiency: float
+    recalls: int
+    messages: int
+    master_load: float
+
+
+def ranks_that_help(costs: Sequence[float]) -> float:
+    """Give total / dearest: with more ranks the dearest task is the bound."""
+    costs = np.asarray(costs, float)
+    return float(costs.sum() / costs.max()) if costs.size and costs.max() > 0 else 1.0
+
+
+def simulate(
+    pieces: Sequence[np.ndarray],
+    n_ranks: int,
+    *,
+    costs=None,
+    message_seconds: float = MESSAGE_SECONDS,
+    poll_seconds: float = 1e-3,
+    switch_seconds: float = 0.0,
+    computing_master: bool | None = None,
+) -> Prediction:
+    """Simulate the farm, event by event.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray
+        True cost (s) of the pieces of each task, in order.
+    n_ranks : int
+    costs : object with `done` and `left`, optional
+        What the master believes (`ExactCosts`, `campaign.costs.FrameCosts`). Default: the truth.
+    message_seconds : float
+        Master's time for one message.
+    poll_seconds : float
+        Time between two looks at the messages of a master that computes.
+    switch_seconds : float
+        What it costs a rank to begin, or go on with, a task.
+    computing_master : bool, optional
+        Default as the farm does it.
+
+    Returns
+    -------
+    Prediction
+    """
+    return _Simulation(
+        pieces,
+        n_ranks,
+        costs or ExactCosts(pieces),
+        message_seconds,
+        poll_seconds,
+        switch_seconds,
+        master_computes(n_ranks) if computing_master is None else computing_master,
+    ).run()
+
+
+class _Simulation:
+    """State of one simulation; arguments as `simulate`."""
+
+    def __init__(self, pieces, n_ranks, costs, message, poll, switch, computing_master):
+        self._pieces = [np.asarray(piece, float).tolist() for piece in pieces]
+        self._n_ranks = n_ranks
+        self._costs = costs
+        self._message, self._poll, self._switch = message, poll, switch
+        self._computing = computing_master or n_ranks == 1
+        self._schedule = Schedule(
+            range(len(pieces)), costs.left, n_ranks if self._computing else n_ranks - 1
+        )
+        self._position = [0] * len(pieces)
+        self._of_rank: dict[int, int] = {}
+        self._last_report: dict[int, float] = {}
+        self._unreported: dict[int, list[tuple]] = {rank: [] for rank in range(n_ranks)}
+        self._recalled: set[int] = set()
+        self._events: list[tuple[float, int]] = []
+        self._master_free = 0.0
+        self._master_debt = 0.0
+        self._busy = 0.0
+        self._messages = self._recalls = 0
+
+    def run(self) -> Prediction:
+        idle = list(range(0 if self._computing else 1, self._n_ranks))[::-1]
+        now = end = 0.0
+        while True:
+            while idle and len(self._schedule):
+                self._start(idle.pop(), now)
+            if not self._events:
+                break
+            now, rank = heapq.heappop(self._events)
+            if self._piece_ended(rank, now):
+                end = max(end, now)
+                idle.append(rank)
+            for task in self._schedule.recalls(now):
+                self._recalled.add(task)
+                self._serve(now)
+        total = sum(map(sum, self._pieces))
+        dearest = max(map(sum, self._pieces), default=0.0)
+        return Prediction(
+            n_ranks=self._n_ranks,
+            makespan=end,
+            bound=max(total / self._n_ranks, dearest),
+            efficiency=total / (self._n_ranks * end) if end > 0 else 1.0,
+            recalls=self._recalls,
+            messages=self._messages,
+            master_load=self._busy / end if end > 0 else 0.0,
+        )
+
+    def _serve(self, now: float) -> float:
+        """Let the master handle a message sent at `now`; return when it has."""
+        self._messages += 1
+        self._busy += self._message
+        noticed = max(now, self._master_free)
+        if 0 in self._of_rank:
+            # it computes: it looks up between two runs, and its own work waits meanwhile
+            noticed += 0.5 * self._poll
+            self._master_debt += self._message
+        self._master_free = noticed + self._message
+        return self._master_free
+
+    def _start(self, rank: int, now: float) -> None:
+        begun = now if rank == 0 else self._serve(now)
+        task = self._schedule.take(begun)
+        self._of_rank[rank] = task
+        self._last_report[rank] = begun
+        self._next_piece(rank, begun + self._switch)
+
+    def _next_piece(self, rank: int, now: float) -> None:
+        task = self._of_rank[rank]
+        heapq.heappush(self._events, (now + self._pieces[task][self._position[task]], rank))
+
+    def _report(self, rank: int, now: float) -> None:
+        """Let the master know what a rank has done."""
+        for task, position, seconds in self._unreported[rank]:
+            self._costs.done(task, position, seconds)
+        self._unreported[rank].clear()
+        self._last_report[rank] = now
+        self._schedule.progress(self._of_rank[rank], now)
+
+    def _piece_ended(self, rank: int, now: float) -> bool:
+        """Note the end of a piece; tell whether the rank is free."""
+        if rank == 0 and self._master_debt > 0:
+            heapq.heappush(self._events, (now + self._master_debt, rank))
+            self._master_debt = 0.0
+            return False
+        task = self._of_rank[rank]
+        position = self._position[task]
+        self._position[task] = position + 1
+        self._unreported[rank].append((task, position, self._pieces[task][position]))
+        if position + 1 == len(self._pieces[task]):
+            self._report(rank, now)
+            self._schedule.end(task)
+        elif task in self._recalled:
+            self._report(rank, now)
+            self._recalls += 1
+            self._schedule.put_back(task, now)
+        else:
+            due = now - self._last_report[rank] >= report_interval(self._n_ranks)
+            if rank == 0 or due:
+                self._report(rank, now)
+            if rank != 0 and due:
+                self._serve(now)
+            self._next_piece(rank, now)
+            return False
+        self._recalled.discard(task)
+        del self._of_rank[rank]
+        return True

@@ -1,0 +1,1 @@
+"""Solvers of one forcing period behind one interface, and independent references."""

@@ -1,0 +1,265 @@
+"""The solver `flow`: the kernels of this package behind the interface of `solvers.solver`."""
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from hpcsweep.model.contact import layer_half_width
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.approach import approach
+from hpcsweep.solvers.flow.march import march
+from hpcsweep.solvers.flow.metrics import empty_tally
+from hpcsweep.solvers.flow.packed import SHARED, WATCH, new_shared, new_watch
+from hpcsweep.solvers.flow.tables import Model
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
+
+MAX_STEPS = 2_000_000
+"""Cap of steps in one forcing period."""
+LAYER_TOLERANCE = 1e-5
+"""Error allowed a step inside a layer, per relative tolerance asked of a period (measured on
+random states: a period has up to some thousand such steps, and passages amplify errors)."""
+POLL_PERIODS = 2000
+"""Forcing periods between two polls, some tens of milliseconds."""
+
+
+def _between_polls(n_periods: int, poll: Callable[[], None] | None) -> Iterator[tuple[int, int]]:
+    """Cut `n_periods` into stretches (first, last), before each of which `poll` is called."""
+    if poll is None:
+        yield 0, n_periods
+        return
+    poll()
+    for first in range(0, n_periods, POLL_PERIODS):
+        if first:
+            poll()
+        yield first, min(first + POLL_PERIODS, n_periods)
+
+
+class FlowMap:
+    """Advance states of one structure at one frequency by the exact flow.
+
+    Parameters
+    ----------
+    structure : Structure
+    omega : float
+        Forcing frequency Omega.
+    rtol : float
+        Relative error asked of a period; sets the tolerance inside the layers. The linear
+        motion and the fast passages are exact to about 1e-12 whatever is asked.
+
+    Attributes
+    ----------
+    counts : ndarray of int, shape (4,)
+        Linear steps, fast passages, layer steps and layer visits so far.
+    """
+
+    def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
+        self.structure = structure
+        self.omega = float(omega)
+        self.rtol = float(rtol)
+        beta, rho = structure.stiffness_ratio, structure.sharpness
+        layer = layer_half_width(beta, rho)
+        # writable copies for every n, so that all structures share the compiled kernels
+        model = Model(
+            stiffness=structure.stiffness_matrix.copy(),
+            damping=structure.damping_matrix.copy(),
+            shapes=structure.mode_shapes.T.copy(),
+            beta=float(beta),
+            rho=float(rho),
+            omega=self.omega,
+            layer=layer,
+        )
+        tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
+        self._shared = new_shared(model, structure, tolerance, MAX_STEPS)
+        self._packed = SHARED.pack(self._shared)
+        self._watch = new_watch(structure.n_floors, 1)
+        self._packed_watch = WATCH.pack(self._watch)
+        self.counts = self._shared.counts
+
+    @property
+    def n_tables(self) -> int:
+        """Contact sets for which propagators are kept now."""
+        return int(self._shared.tables.count[0])
+
+    def advance(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        tol: float = -1.0,
+        poll: Callable[[], None] | None = None,
+    ) -> Advance:
+        """Integrate `n_periods` forcing periods from tau = 0 (mod T).
+
+        Parameters
+        ----------
+        state : ndarray, shape (2n,)
+        amplitude : float
+            A.
+        n_periods : int
+        tol : float
+            Stop early once the state moves by no more than this over a period, three times in
+            a row; negative: never.
+        poll : callable, optional
+            Called before the work and, without `tol`, every `POLL_PERIODS`.
+        """
+        z = np.array(state, dtype=float)
+        done, outcome = 0, int(Outcome.COMPLETE)
+        for first, last in _between_polls(n_periods, poll if tol < 0 else None):
+            more, outcome = self._march(z, amplitude, last - first, self._shared.no_points, tol)
+            done += more
+            if outcome != Outcome.COMPLETE:
+                break
+        return Advance(z, done, Outcome(outcome))
+
+    def settle(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        max_period: int,
+        settled: float,
+        same: float,
+        near: float = 0.0,
+        poll: Callable[[], None] | None = None,
+    ) -> Approach:
+        """Advance until the orbit is known, for at most `n_periods`; see `approach`.
+
+        Parameters
+        ----------
+        state : ndarray, shape (2n,)
+        amplitude : float
+            A.
+        n_periods, max_period : int
+            Of the transient, and of the orbit, at most.
+        settled, same : float
+            Distance (gaps, gaps omega_0) from the orbit, and between points that count as one.
+        near : float
+            Distance between points a period apart from which on Newton's method tries to jump to
+            the orbit; 0: never.
+        poll : callable, optional
+            Called before the work, and every `POLL_PERIODS`.
+        """
+        z = np.array(state, dtype=float)
+        watch = self._watch
+        if watch.close.size != max_period + 1:
+            watch = self._watch = new_watch(self.structure.n_floors, max_period)
+            self._packed_watch = WATCH.pack(watch)
+        watch.since[0] = 0
+        done = newton = period = 0
+        multiplier = math.nan
+        outcome = int(Outcome.COMPLETE)
+        for first, last in _between_polls(n_periods, poll):
+            more, by_newton, period, multiplier, near, outcome = approach(
+                self._packed,
+                self._packed_watch,
+                z,
+                float(amplitude),
+                last - first,
+                max_period,
+                settled,
+                same,
+                near,
+            )
+            done += more
+            newton += by_newton
+            if period or outcome != Outcome.COMPLETE:
+                break
+        return Approach(z, done, newton, period, multiplier, Outcome(outcome))
+
+    def points(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        poll: Callable[[], None] | None = None,
+    ) -> tuple[np.ndarray, Outcome]:
+        """Return the stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n)."""
+        return self._points(state, amplitude, n_periods, poll)
+
+    def observe(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        modal_norm: bool = False,
+        growth: bool = False,
+        poll: Callable[[], None] | None = None,
+    ) -> Observation:
+        """Integrate `n_periods` and gather points, contact set, drift and modal norms.
+
+        With `growth` also the growth of a tangent vector, (1, ..., 1) at first.
+        """
+        n = self.structure.n_floors
+        tally = empty_tally(n, modal_norm)
+        tangent = logarithms = None
+        if growth:
+            tangent = np.full((2 * n, 1), math.sqrt(0.5 / n))
+            logarithms = np.full(n_periods, math.nan)
+        points, outcome = self._points(
+            state, amplitude, n_periods, poll, tally, tangent, logarithms
+        )
+        free = tally.free_time[0]
+        norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
+        return Observation(
+            points,
+            int(tally.contact[0]),
+            float(tally.peak_drift[0]),
+            norms,
+            outcome,
+            window_growth(logarithms) if growth else math.nan,
+        )
+
+    def monodromy(
+        self, state: np.ndarray, amplitude: float, n_periods: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Integrate `n_periods` with the tangent map.
+
+        Returns
+        -------
+        state : ndarray, shape (2n,)
+        matrix : ndarray, shape (2n, 2n)
+            d z(n_periods T) / d z(0).
+
+        Raises
+        ------
+        ArithmeticError
+            If the solver fails.
+        """
+        z = np.array(state, dtype=float)
+        tangent = np.eye(z.size)
+        done, outcome = self._march(
+            z, amplitude, n_periods, self._shared.no_points, tangent=tangent
+        )
+        if outcome != Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {done + 1}")
+        return z, tangent
+
+    def _points(self, state, amplitude, n_periods, poll, tally=None, tangent=None, growth=None):
+        """Integrate `n_periods`; return the points that were reached, and the outcome."""
+        z = np.array(state, dtype=float)
+        points = np.empty((n_periods, z.size))
+        done, outcome = 0, int(Outcome.COMPLETE)
+        for first, last in _between_polls(n_periods, poll):
+            more, outcome = self._march(
+                z,
+                amplitude,
+                last - first,
+                points[first:last],
+                -1.0,
+                tally,
+                tangent,
+                None if growth is None else growth[first:last],
+            )
+            done += more
+            if outcome != Outcome.COMPLETE:
+                break
+        return points[:done], Outcome(outcome)
+
+    def _march(
+        self, z, amplitude, n_periods, points, tol=-1.0, tally=None, tangent=None, growth=None
+    ):
+        return march(
+            self._packed, z, float(amplitude), n_periods, points, float(tol), tally, tangent, growth
+        )

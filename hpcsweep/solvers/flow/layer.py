@@ -1,0 +1,534 @@
+r"""Motion while a floor is inside its contact layer: Gauss collocation of order 16.
+
+The whole smooth equation (19) is integrated, with any number of floors in their layers. On a
+step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
+
+    V_j = v_0 + h sum_k A_jk G_k,      U_j = u_0 + h c_j v_0 + h^2 sum_k (A^2)_jk G_k,
+    G_j = G(tau + c_j h, U_j, V_j)
+
+(implicit Runge-Kutta of Gauss type, order 2 N_STAGES; Hairer, Norsett and Wanner, Solving
+Ordinary Differential Equations I, II.7), solved by fixed-point iteration from the
+accelerations at the start. The step has two limits.
+
+- The sigmoid has poles at y = rho x = +-i pi (2 m + 1). On a step on which y moves by L, Gauss
+  quadrature converges as kappa^-16, kappa the parameter of the Bernstein ellipse about the step
+  on which the nearest poles lie: |i pi - y| + |i pi - y - L| = `ELLIPSE` L / 2 with `ELLIPSE` =
+  kappa + 1 / kappa. Hence, y negative on the way to the stop::
+
+      L = (ELLIPSE sqrt(pi^2 + y^2) + 2 y) / (ELLIPSE^2 / 4 - 1).
+
+  The force has the size beta / rho there, so that kappa^-16 = 2e-12 leaves a velocity error of
+  about 1e-14 on a step of h = 1e-3 to 1e-2. The limit also keeps a floor that is still far away
+  from stepping over its layer.
+- The iteration contracts as h^2 |dG/du| / 2, so h <= `CONTRACTION` / sqrt(|dG/du|), and likewise
+  for damping and forcing.
+
+Both limits are for a motion as uniform as it is at the start. What a step has become is checked:
+the error of the velocity is the error of the Gauss rule along the collocation polynomial, and that
+is measured by a rule of 17 points, exact to degree 16, which adds to the Gauss nodes the nodes of
+Kronrod (Laurie, Math. Comp. 66 (1997) 1133) with the start of the step in place of the first. The
+same difference with the weight 2 s - 1 tells of residuals whose mean vanishes. A step whose error
+is above the tolerance is cut, by what its order promises, and taken again.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.vectors import (
+    LANES,
+    aligned_zeros,
+    fma,
+    greatest,
+    less_contact,
+    load,
+    maximum,
+    modulus,
+    store,
+    switches,
+    total,
+)
+from hpcsweep.model.equations import contact_stiffness, switch
+from hpcsweep.solvers.outcome import Outcome
+
+N_STAGES = LANES
+SHORT_ANGLE = 0.03
+"""Omega h up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
+ELLIPSE = 5.5
+"""kappa + 1 / kappa with kappa = 5.3."""
+CONTRACTION = 1.2
+MAX_ITERATIONS = 40
+UNCHECKED = 1e-9
+"""Relative error from which on the iteration is looked at."""
+CONVERGED = 2e-15
+"""Error left by the iteration, of the accelerations or of the velocity over h, relative."""
+COMPLETE = int(Outcome.COMPLETE)
+NON_FINITE = int(Outcome.NON_FINITE)
+STEP_LIMIT = int(Outcome.STEP_LIMIT)
+SOLVER_FAILED = int(Outcome.SOLVER_FAILED)
+
+
+def _collocation():
+    """Gauss nodes and weights on [0, 1], A, A^2 and the Legendre transform."""
+    x, w = legendre.leggauss(N_STAGES)
+    transform = (np.arange(N_STAGES)[:, None] + 0.5) * legendre.legvander(x, N_STAGES - 1).T * w
+    stages = _integrals(x, 1) @ transform
+    return 0.5 * (x + 1.0), 0.5 * w, stages, stages @ stages, transform
+
+
+def _integrals(x, times):
+    """Integrate the Legendre polynomials of 2 s - 1 from s = 0 to (x + 1) / 2, so many times.
+
+    Returns
+    -------
+    ndarray, shape (x.size, N_STAGES)
+    """
+    columns = np.empty((x.size, N_STAGES))
+    for k in range(N_STAGES):
+        series = legendre.legint(np.eye(N_STAGES)[k], times, lbnd=-1)
+        columns[:, k] = 0.5**times * legendre.legval(x, series)
+    return columns
+
+
+def _kronrod_nodes():
+    """Find the zeros of the Stieltjes polynomial E_(N+1): orthogonal with P_N to all lower degrees.
+
+    Returns
+    -------
+    ndarray, shape (N_STAGES + 1,)
+    """
+    x, w = legendre.leggauss(2 * N_STAGES + 2)
+    values = legendre.legvander(x, N_STAGES + 1)
+    weighted = (w * values[:, N_STAGES])[:, None] * values[:, :-1]
+    series, *_ = np.linalg.lstsq(
+        weighted.T @ values[:, :-1], -weighted.T @ values[:, -1], rcond=None
+    )
+    return np.sort(legendre.legroots(np.append(series, 1.0)).real)
+
+
+def _check():
+    """Make the rule that checks the Gauss rule.
+
+    Returns
+    -------
+    nodes : ndarray, shape (N_STAGES,)
+        On [0, 1], beside the Gauss nodes and 0.
+    rows : ndarray, shape (N_STAGES, N_STAGES)
+        Row k: what G_k adds to the displacements at these nodes, over h^2 G_k.
+    gauss, added, start : ndarray, ndarray, float
+        Weights of the difference of both rules.
+    """
+    x, w = legendre.leggauss(N_STAGES)
+    new = _kronrod_nodes()[1:]
+    nodes = np.concatenate((x, new, [-1.0]))
+    moments = np.zeros(nodes.size)
+    moments[0] = 1.0
+    weights = np.linalg.solve(legendre.legvander(nodes, nodes.size - 1).T, moments)
+    rows = _integrals(new, 2) @ LEGENDRE
+    return (
+        0.5 * (new + 1.0),
+        np.ascontiguousarray(rows.T),
+        weights[:N_STAGES] - 0.5 * w,
+        weights[N_STAGES:-1],
+        float(weights[-1]),
+    )
+
+
+NODES, WEIGHTS, STAGES, STAGES_SQUARED, LEGENDRE = _collocation()
+SPEED_ROWS = np.ascontiguousarray(STAGES.T)
+POSITION_ROWS = np.ascontiguousarray(STAGES_SQUARED.T)
+POSITION_WEIGHTS = WEIGHTS @ STAGES
+"""b^T A: u_1 = u_0 + h v_0 + h^2 sum_k (b^T A)_k G_k."""
+CHECK_NODES, CHECK_ROWS, CHECK_GAUSS, CHECK_ADDED, CHECK_START = _check()
+GAUSS_SLOPE, ADDED_SLOPE = 2.0 * NODES - 1.0, 2.0 * CHECK_NODES - 1.0
+
+
+class LayerRoom(NamedTuple):
+    """Stages of a step, and room.
+
+    Attributes
+    ----------
+    u, v, g : ndarray, shape (n, N_STAGES)
+        Displacements, velocities and accelerations at the stages.
+    fresh, ground, active : ndarray
+        Room.
+    free, speeds : ndarray, shape (n, N_STAGES)
+        u_0 + c_j h v_0 and v_0: the stages without acceleration.
+    spring : ndarray, shape (n, N_STAGES)
+        Room.
+    """
+
+    u: np.ndarray
+    v: np.ndarray
+    g: np.ndarray
+    fresh: np.ndarray
+    ground: np.ndarray
+    active: np.ndarray
+    free: np.ndarray
+    speeds: np.ndarray
+    spring: np.ndarray
+
+
+def empty_room(n: int) -> LayerRoom:
+    """Allocate the stages of n floors."""
+    stages = (n, N_STAGES)
+    return LayerRoom(
+        u=aligned_zeros(*stages),
+        v=aligned_zeros(*stages),
+        g=aligned_zeros(*stages),
+        fresh=aligned_zeros(*stages),
+        ground=aligned_zeros(N_STAGES),
+        active=np.zeros(n, np.int64),
+        free=aligned_zeros(*stages),
+        speeds=aligned_zeros(*stages),
+        spring=aligned_zeros(*stages),
+    )
+
+
+FAR = 45.0
+"""rho |u - 1| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
+DISTANT = 100.0
+"""rho |u - 1| from which on a floor that takes half its way to the stop stays beyond `FAR`."""
+STIFFEST = 2.4
+"""rho (u - 1) at which the contact is stiffest, `MOST_STIFFNESS` times beta."""
+MOST_STIFFNESS = 1.0999
+
+
+@inlined
+def less_linear(force, i, u, v, stiffness, damping):
+    """Subtract the linear forces on floor i at all stages from `force` (Lanes)."""
+    n = u.shape[0]
+    for k in range(max(i - 1, 0), min(i + 2, n)):  # K is tridiagonal
+        force = fma(-stiffness[i, k], load(u, k * N_STAGES), force)
+    for k in range(n):
+        force = fma(-damping[i, k], load(v, k * N_STAGES), force)
+    return force
+
+
+@inlined
+def _stage_accelerations(u, v, ground, active, model, out):
+    """Evaluate G at all stages.
+
+    Parameters
+    ----------
+    u, v, out : ndarray, shape (n, N_STAGES)
+    ground : ndarray, shape (N_STAGES,)
+        Minus the ground acceleration at the stages.
+    active : ndarray of int, shape (n,)
+        0 or 1 where the sigmoid is that on the whole step, 2 where it has to be evaluated.
+    """
+    for i in range(u.shape[0]):
+        row = i * N_STAGES
+        force = less_linear(load(ground, 0), i, u, v, model.stiffness, model.damping)
+        if active[i] == 1:
+            force = fma(1.0 - load(u, row), model.beta, force)
+        elif active[i] == 2:
+            force = less_contact(force, load(u, row), model.beta, model.rho)
+        store(out, row, force)
+
+
+@inlined
+def _ground(tau, h, forcing, omega, out):
+    """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
+    amplitude, sine, cosine = forcing
+    angle = omega * h
+    if angle > SHORT_ANGLE:
+        for j in range(N_STAGES):
+            out[j] = -amplitude * math.sin(omega * (tau + NODES[j] * h))
+        return
+    s = load(NODES, 0) * angle
+    q = s * s
+    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+    store(out, 0, fma(s, -cosine, -sine * c))
+
+
+@inlined
+def forcing_at(tau, amplitude, omega):
+    """Give A, A sin(Omega tau) and A cos(Omega tau)."""
+    return amplitude, amplitude * math.sin(omega * tau), amplitude * math.cos(omega * tau)
+
+
+@inlined
+def later_forcing(tau, h, forcing, omega):
+    """Give `forcing_at` the end tau of a step h from that at its start, rounding added up."""
+    amplitude, sine, cosine = forcing
+    s = omega * h
+    if s > SHORT_ANGLE:
+        return forcing_at(tau, amplitude, omega)
+    q = s * s
+    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+    return amplitude, fma(s, cosine, c * sine), fma(-s, sine, c * cosine)
+
+
+@inlined
+def _find_active(h, z, a, model, active):
+    """Tell for each floor whether its sigmoid is 0, 1 or neither within twice its possible way."""
+    n = a.shape[0]
+    for i in range(n):
+        x = z[i] - 1.0
+        way = 2.0 * h * (abs(z[n + i]) + abs(a[i]) * h)
+        if model.rho * (abs(x) - way) > FAR:
+            active[i] = 1 if x > 0.0 else 0
+        else:
+            active[i] = 2
+
+
+@kernel
+def _reach(y):
+    """Choose how far y may move on a step from y (negative: towards the stop); see the module."""
+    return (ELLIPSE * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ELLIPSE**2 - 1.0)
+
+
+@kernel
+def longest_step(model):
+    """Limit the steps by damping and forcing, see the module."""
+    n = model.stiffness.shape[0]
+    drag = 0.4 * model.omega
+    for i in range(n):
+        row = 0.0
+        for j in range(n):
+            row += abs(model.damping[i, j])
+        drag = max(drag, row)
+    return 0.4 / drag
+
+
+@kernel
+def step_limit(z, a, model, most):
+    """Choose the length of a step, `most` at most, from state z and accelerations a.
+
+    See the module.
+
+    Returns
+    -------
+    h : float
+    stiffness : float
+        Largest stiffness expected on the step.
+    """
+    n = a.shape[0]
+    stiffness = 4.0
+    hardest = 0.0
+    h = min(most, CONTRACTION / math.sqrt(stiffness))
+    for i in range(n - 1, -1, -1):
+        x = z[i] - 1.0
+        v = z[n + i]
+        if model.rho * abs(x) > DISTANT and (abs(v) + abs(a[i]) * h) * h < 0.5 * abs(x):
+            # its reach is longer than 0.53 |x|
+            nearest = x
+        elif model.rho > 0.0:
+            y = model.rho * x
+            along = y if v >= 0.0 else -y
+            reach = _reach(along) / model.rho
+            if v * a[i] <= 0.0 and v * v < 2.0 * abs(a[i]) * reach:
+                reach = min(reach, _reach(-along) / model.rho)
+            v = abs(v)
+            root = math.sqrt(v * v + 2.0 * abs(a[i]) * reach)
+            if root > 0.0:
+                h = min(h, 2.0 * reach / (v + root))
+            nearest = x + reach
+        else:
+            nearest = 0.0
+        if model.rho * nearest >= STIFFEST:
+            hardest = max(hardest, MOST_STIFFNESS * model.beta)
+        elif model.rho * nearest > -FAR:
+            hardest = max(hardest, contact_stiffness(nearest, model.beta, model.rho))
+    return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
+
+
+@kernel
+def iterations_needed(square):
+    """Count the fixed-point iterations that leave `UNCHECKED` of the first error.
+
+    The error is integrated twice an iteration: after k it is at most square^k / (2 k)! of the
+    first, `square` = h^2 |dG/du|.
+
+    Returns
+    -------
+    n_iterations : int
+    ratio : float
+        By which the next iteration reduces the error.
+    """
+    error = 1.0
+    k = 0
+    while error > UNCHECKED and k < MAX_ITERATIONS:
+        k += 1
+        error *= square / (2 * k * (2 * k - 1))
+    return k, square / ((2 * k + 2) * (2 * k + 1))
+
+
+@inlined
+def _weighted(rows, g, i):
+    """Sum the rows with the factors g[i]: even and odd ones apart, which takes half as long."""
+    even, odd = load(rows, 0) * g[i, 0], load(rows, N_STAGES) * g[i, 1]
+    for k in range(2, N_STAGES, 2):
+        even = fma(load(rows, k * N_STAGES), g[i, k], even)
+        odd = fma(load(rows, (k + 1) * N_STAGES), g[i, k + 1], odd)
+    return even + odd
+
+
+@inlined
+def stages(h, free, speeds, g, u, v):
+    """Write displacements and velocities at the stages from the accelerations g."""
+    for i in range(u.shape[0]):
+        row = i * N_STAGES
+        store(u, row, fma(_weighted(POSITION_ROWS, g, i), h * h, load(free, row)))
+        store(v, row, fma(_weighted(SPEED_ROWS, g, i), h, load(speeds, row)))
+
+
+@inlined
+def replace(g, fresh):
+    """Write `fresh` into g; return the largest change and the largest entry, NaN if one is."""
+    change = load(fresh, 0) * 0.0
+    size = change
+    for at in range(0, g.size, LANES):
+        new = load(fresh, at)
+        change = greatest(change, modulus(new - load(g, at)))
+        size = greatest(size, modulus(new))
+        store(g, at, new)
+    return maximum(change), maximum(size)
+
+
+@inlined
+def collocate(tau, h, z, a, forcing, stiffness, model, room):
+    """Solve the collocation equations of one step.
+
+    Parameters
+    ----------
+    tau, h : float
+        Start and length of the step.
+    z : ndarray, shape (2n,)
+        State at `tau`; not changed.
+    a : ndarray, shape (n,)
+        Accelerations at `tau`, the first guess.
+    forcing : tuple
+        As `forcing_at` gives it.
+    stiffness : float
+        Largest |dG/du| expected.
+    room : LayerRoom
+        Receives the stages; see there.
+
+    Returns
+    -------
+    bool
+        Whether the iteration converged.
+    """
+    u, v, g, fresh, ground, active = (room.u, room.v, room.g, room.fresh, room.ground, room.active)
+    free, speeds = room.free, room.speeds
+    n = a.shape[0]
+    _ground(tau, h, forcing, model.omega, ground)
+    _find_active(h, z, a, model, active)
+    nodes = load(NODES, 0)
+    half_squares = nodes * nodes * 0.5
+    speed = 0.0
+    for i in range(n):
+        row = i * N_STAGES
+        speed = max(speed, abs(z[n + i]))
+        free_stages = fma(nodes, h * z[n + i], z[i])
+        store(free, row, free_stages)
+        store(speeds, row, z[n + i])
+        store(u, row, fma(half_squares, h * h * a[i], free_stages))
+        store(v, row, fma(nodes, h * a[i], z[n + i]))
+    _stage_accelerations(u, v, ground, active, model, g)
+    unchecked, ratio = iterations_needed(h * h * stiffness)
+    for _ in range(unchecked - 1):
+        stages(h, free, speeds, g, u, v)
+        _stage_accelerations(u, v, ground, active, model, g)
+    first = previous = math.inf
+    for _ in range(MAX_ITERATIONS):
+        stages(h, free, speeds, g, u, v)
+        _stage_accelerations(u, v, ground, active, model, fresh)
+        change, size = replace(g, fresh)
+        if not size < math.inf:
+            return False
+        rounding = CONVERGED * (size + speed / h)
+        if previous < math.inf:
+            ratio = change / previous
+        # the next change is smaller at least by that ratio
+        if change <= rounding or (ratio < 0.5 and change * ratio <= rounding):
+            return True
+        if change >= previous and change <= 100.0 * rounding:
+            return True
+        if change > 4.0 * previous and change > 100.0 * first and change > 1e3 * rounding:
+            return False
+        if first == math.inf:
+            first = change
+        previous = change
+    return False
+
+
+@inlined
+def quadrature_error(h, z, model, room):
+    """Measure the velocity error of the step from z that `collocate` has left in `room`.
+
+    See the module. Only the contact forces of floors inside their layers count: all others are
+    linear, and resolved far better.
+    """
+    beta, rho = model.beta, model.rho
+    n = z.shape[0] // 2
+    worst = 0.0
+    for i in range(n):
+        if room.active[i] != 2:
+            continue
+        x = z[i] - 1.0
+        start = beta * CHECK_START * switch(x, rho) * x
+        x = load(room.u, i * N_STAGES) - 1.0
+        gauss = beta * switches(rho * x) * x * load(CHECK_GAUSS, 0)
+        x = fma(load(CHECK_NODES, 0), h * z[n + i], z[i] - 1.0)
+        x = fma(_weighted(CHECK_ROWS, room.g, i), h * h, x)
+        added = beta * switches(rho * x) * x * load(CHECK_ADDED, 0)
+        mean = start + total(gauss + added)
+        slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
+        worst = max(worst, max(abs(mean), abs(slope)))
+    return h * worst
+
+
+@kernel
+def shortening(allowed, error):
+    """Choose by how much a step is cut whose error, of order h^(2 N_STAGES + 1), is too large."""
+    return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
+
+
+@inlined
+def integrals(g, i):
+    """Integrate row i of the accelerations g twice and once over the step, over h^2 and over h."""
+    row = load(g, i * N_STAGES)
+    return total(load(POSITION_WEIGHTS, 0) * row), total(load(WEIGHTS, 0) * row)
+
+
+@inlined
+def finish(h, z, g, out):
+    """Write the state at the end of the step into `out`, shape (2n,)."""
+    n = g.shape[0]
+    for i in range(n):
+        du, dv = integrals(g, i)
+        out[i] = fma(h, fma(h, du, z[n + i]), z[i])
+        out[n + i] = fma(h, dv, z[n + i])
+
+
+@kernel
+def accelerations(ground, z, model, out):
+    """Evaluate u'' at one state into `out`, shape (n,), `ground` being A sin(Omega tau)."""
+    n = out.shape[0]
+    for i in range(n):
+        x = z[i] - 1.0
+        force = -ground
+        if not model.rho * abs(x) > FAR:
+            force -= model.beta * switch(x, model.rho) * x
+        elif x > 0.0:
+            force -= model.beta * x
+        for j in range(n):
+            force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
+        out[i] = force
+
+
+@kernel
+def inside_layer(z, half_width):
+    """Tell whether any floor is within its contact layer (never, if that has no width)."""
+    for i in range(z.shape[0] // 2):
+        if abs(z[i] - 1.0) < half_width:
+            return True
+    return False

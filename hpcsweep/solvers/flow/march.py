@@ -1,0 +1,81 @@
+"""Forcing periods in a row."""
+
+import math
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.solvers.flow.packed import read_shared
+from hpcsweep.solvers.flow.period import march_period
+
+
+@kernel
+def march(
+    shared,
+    z,
+    amplitude,
+    n_periods,
+    points,
+    stop_below,
+    tally=None,
+    tangent=None,
+    growth=None,
+):
+    """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
+
+    Parameters
+    ----------
+    shared : ndarray of bytes
+        A packed `Shared`.
+    points : ndarray, shape (n_periods, 2n) or (0, 2n)
+        Receives z(T), z(2T), ...; not written if empty.
+    stop_below : float
+        Stop early once the state moved by no more than this over a period, three times in a row.
+    tally, tangent
+        See `period.march_period`.
+    growth : ndarray, shape (n_periods,), optional
+        The first column of `tangent` is scaled to length 1 after each period, and the logarithm of
+        what it was written here.
+
+    Returns
+    -------
+    n_done : int
+    outcome : int
+    """
+    model, tables, work, counts, previous, _, tolerance, max_steps = read_shared(shared)
+    still = 0
+    for period in range(n_periods):
+        for k in range(z.shape[0]):
+            previous[k] = z[k]
+        outcome = march_period(
+            z,
+            amplitude,
+            model,
+            tables,
+            tolerance,
+            max_steps,
+            work,
+            counts,
+            tally,
+            tangent,
+        )
+        if outcome != 1:
+            for k in range(z.shape[0]):
+                z[k] = previous[k]
+            return period, outcome
+        if growth is not None:
+            square = 0.0
+            for k in range(z.shape[0]):
+                square += tangent[k, 0] ** 2
+            size = math.sqrt(square)
+            growth[period] = math.log(size) if size > 0.0 else -math.inf
+            for k in range(z.shape[0]):
+                tangent[k, 0] /= size if size > 0.0 else 1.0
+        moved = 0.0
+        for k in range(z.shape[0]):
+            moved = max(moved, abs(z[k] - previous[k]))
+        if points.shape[0] > 0:
+            for k in range(z.shape[0]):
+                points[period, k] = z[k]
+        still = still + 1 if moved <= stop_below else 0
+        if still == 3:
+            return period + 1, 1
+    return n_periods, 1

@@ -1,0 +1,102 @@
+"""What the kernels of one structure and frequency share, handed over as one array.
+
+numba looks into every array of a call. For the fifty of a flow map that takes as long as several
+forcing periods. `SHARED.pack` and `WATCH.pack` therefore write the whole tuple into a buffer once,
+in the form in which the kernels hold it, and they read it from there: `read_shared`, `read_watch`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.packing import Packing
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.period import Work, empty_work
+from hpcsweep.solvers.flow.tables import Model, Tables, empty_tables
+
+
+class Shared(NamedTuple):
+    """What never changes along the motions of one structure at one frequency, and room."""
+
+    model: Model
+    tables: Tables
+    work: Work
+    counts: np.ndarray
+    """(4,) int: linear steps, fast passages, layer steps and layer visits so far."""
+    previous: np.ndarray
+    """(2n,): room for the start of a period."""
+    no_points: np.ndarray
+    """(0, 2n)"""
+    tolerance: float
+    """Local error allowed a step inside a layer, relative to max(1, |z|)."""
+    max_steps: int
+    """Cap of steps in one forcing period."""
+
+
+class Watch(NamedTuple):
+    """What is kept of the points a motion has passed, and room for Newton's method."""
+
+    since: np.ndarray
+    """(1,) int: forcing periods since the watch began; with 0 it begins anew."""
+    history: np.ndarray
+    """(2 max_period + 1, 2n): the last points, cyclic."""
+    distance: np.ndarray
+    """(max_period + 1, max_period + 1): the last e_k of every p, cyclic (`approach.settle`)."""
+    close: np.ndarray
+    """(max_period + 1,) int: for how many points each p has been closed ..."""
+    falling: np.ndarray
+    """... or approached."""
+    previous: np.ndarray
+    point: np.ndarray
+    """(2n,): start of a step of Newton's method, after a jump the orbit's point."""
+    taken: np.ndarray
+    """(2n,): where `matrix` was taken."""
+    matrix: np.ndarray
+    """(2n, 2n): tangent map over an orbit."""
+    factors: np.ndarray
+    left: np.ndarray
+
+
+def new_shared(model: Model, structure: Structure, tolerance: float, max_steps: int) -> Shared:
+    """Allocate tables and room for a structure."""
+    n = structure.n_floors
+    return Shared(
+        model=model,
+        tables=empty_tables(structure),
+        work=empty_work(n),
+        counts=np.zeros(4, np.int64),
+        previous=np.empty(2 * n),
+        no_points=np.empty((0, 2 * n)),
+        tolerance=float(tolerance),
+        max_steps=int(max_steps),
+    )
+
+
+def new_watch(n: int, max_period: int) -> Watch:
+    """Allocate the room for n floors and orbits of up to `max_period` forcing periods."""
+    size = 2 * n
+    ring = max_period + 1
+    return Watch(
+        since=np.zeros(1, np.int64),
+        history=np.empty((2 * max_period + 1, size)),
+        distance=np.empty((ring, ring)),
+        close=np.zeros(ring, np.int64),
+        falling=np.zeros(ring, np.int64),
+        previous=np.empty(size),
+        point=np.empty(size),
+        taken=np.empty(size),
+        matrix=np.empty((size, size)),
+        factors=np.empty((size, size)),
+        left=np.empty(size),
+    )
+
+
+def _any_model() -> Model:
+    square = np.zeros((1, 1))
+    return Model(square, square, square, beta=0.0, rho=0.0, omega=1.0, layer=0.0)
+
+
+# of any structure: the types are the same for all
+SHARED = Packing(new_shared(_any_model(), Structure(1), 0.0, 0))
+WATCH = Packing(new_watch(1, 1))
+read_shared, read_watch = SHARED.read, WATCH.read

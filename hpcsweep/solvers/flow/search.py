@@ -1,0 +1,299 @@
+"""First passage of a floor through a level, with a proof where there is none.
+
+On an interval of length d let g be the distance past the level, g < 0 before it, H the cubic
+Hermite interpolant of g through values and slopes at both ends, M a bound of |g''''|, and y from 0
+to 1 the place in the interval. Then
+
+    |g - H| <= d^4 / 24 M y^2 (1 - y)^2,
+    |g' - H'| <= sqrt(3)/216 d^3 M,        |g'' - H''| <= d^2 / 12 M
+
+(Birkhoff and Priver, J. Math. Phys. 46 (1967) 440). So g lies below a quartic B, whose Bernstein
+coefficients are those of H, raised to degree four, the middle one greater by d^4 M / 144:
+
+    g_0,  g_0 + d g_0'/4,  (g_0 + g_1)/2 + d (g_0' - g_1')/6 + d^4 M / 144,  g_1 - d g_1'/4,  g_1.
+
+If the largest is negative, g has no root: the floor cannot have reached the level, however short
+the contact. Otherwise the interval is halved, the left half first, until either every part is
+cleared, or a part has exactly one root because the slope, bounded likewise from below, is positive
+there.
+
+A floor that is leaving its layer starts with g_0 >= 0, g_0' < 0. If all other coefficients of B are
+negative, B falls below 0 once, before y = g_0 / (g_0 - 4 (g_0 + d g_0'/4)), and stays there. If g'
+is negative up to there, the floor leaves its layer and does not come back. As |g' - H'| grows from
+0 no faster than y d^3 M / 12, g' lies below the parabola with the coefficients
+
+    g_0',   3 (g_1 - g_0) / d - g_0' - g_1' + d^3 M / 24,   g_1' + d^3 M / 12.
+"""
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.vectors import LANES, combine, fma
+from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
+
+HERMITE_MIDDLE = 1.0 / 144.0
+HERMITE_SLOPE = 0.00802
+"""sqrt(3) / 216, rounded up."""
+HERMITE_BEND = 1.0 / 12.0
+LEAST_ADVANCE = 1e-9
+"""Part of a step after which a floor that starts at the level, leaving it, is looked at again."""
+LAST_STEP = 1e-6
+"""Of the search for a root, in steps h: one more cubes the error."""
+TOUCH = 5e-16
+"""Excess over the level (gaps) that rounding hides: a floor that rests there has not passed it."""
+SAME = 1e-17
+"""Error of a displacement at a root (gaps)."""
+MAX_DEPTH = 48
+"""Halvings; below h 2^-48 a tangency is within rounding of the level."""
+PATIENCE = 1_000
+"""Parts looked at before `TOUCH` is quadrupled. A tangency takes some hundred; more are left where
+a floor rests at the level and the rounding of all others moves it."""
+MOST_TOUCH = 4.0**5 * TOUCH
+MAX_PARTS = 20 * PATIENCE
+"""Parts looked at in one search. The rounding of states beyond 1e4 may take more."""
+UNDECIDED = -2
+
+
+@kernel
+def expand_rows(poly, index, x, rows, expanded, count):
+    """Write the polynomials of the first `count` components along a step from x into `rows`.
+
+    Parameters
+    ----------
+    poly : ndarray
+        Of `Tables`.
+    rows : ndarray, shape (2n, N_COEFFICIENTS)
+    expanded : ndarray of bool, shape (2n,)
+        Which rows are valid already.
+    """
+    for row in range(count):
+        if not expanded[row]:
+            expand_row(poly, index, row, x, rows)
+            expanded[row] = True
+
+
+@kernel
+def expand_row(poly, index, row, x, rows):
+    """Write the polynomial of one component along a step from x into its row."""
+    start = (index * poly.shape[1] + row) * poly.shape[2] * N_COEFFICIENTS
+    for p in range(0, N_COEFFICIENTS, LANES):
+        combine(
+            rows,
+            row * N_COEFFICIENTS + p,
+            ZERO,
+            0,
+            1.0,
+            poly,
+            start + p,
+            N_COEFFICIENTS,
+            x,
+            0,
+            x.shape[0],
+        )
+
+
+@kernel
+def evaluate_rows(rows, h, s, out):
+    """Evaluate the state at time s of the step whose polynomials are `rows`."""
+    sigma = s * (2.0 / h) - 1.0
+    square = sigma * sigma
+    fourth = square * square
+    for row in range(out.shape[0]):
+        value = 0.0
+        for p in range(N_COEFFICIENTS - 4, -1, -4):
+            low = fma(rows[row, p + 1], sigma, rows[row, p])
+            high = fma(rows[row, p + 3], sigma, rows[row, p + 2])
+            value = fma(value, fourth, fma(high, square, low))
+        out[row] = value
+
+
+@kernel
+def value_slope_bend(rows, row, h, s):
+    """Evaluate polynomial `row` of a step and its first two time derivatives at time s of the step.
+
+    Four coefficients at a time, so that few operations wait for each other.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (any, N_COEFFICIENTS)
+        Coefficients in sigma = 2 s / h - 1, ascending.
+    """
+    rate = 2.0 / h
+    sigma = s * rate - 1.0
+    square = sigma * sigma
+    fourth = square * square
+    cubic = 4.0 * sigma * square
+    value = 0.0
+    slope = 0.0
+    bend = 0.0
+    for p in range(N_COEFFICIENTS - 4, -1, -4):
+        c0, c1, c2, c3 = rows[row, p], rows[row, p + 1], rows[row, p + 2], rows[row, p + 3]
+        part = fma(6.0 * c3, sigma, 2.0 * c2)
+        bend = fma(bend, fourth, fma(2.0 * slope, cubic, fma(value, 12.0 * square, part)))
+        part = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
+        slope = fma(slope, fourth, fma(value, cubic, part))
+        value = fma(value, fourth, fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0)))
+    return value, slope * rate, bend * (rate * rate)
+
+
+@kernel
+def value_and_slope(rows, row, h, s):
+    """Evaluate as `value_slope_bend`, without the second derivative."""
+    value, slope, _ = value_slope_bend(rows, row, h, s)
+    return value, slope
+
+
+@kernel
+def _inner(d, g0, slope0, g1, slope1, bound4):
+    """Give the three inner coefficients of the quartic B above g."""
+    square = d * d
+    middle = fma(d * (1.0 / 6.0), slope0 - slope1, 0.5 * (g0 + g1))
+    return (
+        fma(0.25 * d, slope0, g0),
+        fma(HERMITE_MIDDLE * bound4, square * square, middle),
+        fma(-0.25 * d, slope1, g1),
+    )
+
+
+@kernel
+def _top(d, g0, slope0, g1, slope1, bound4):
+    """Bound g on an interval of length d from above."""
+    early, middle, late = _inner(d, g0, slope0, g1, slope1, bound4)
+    return max(max(max(g0, g1), max(early, late)), middle)
+
+
+@kernel
+def may_reach(d, g0, slope0, g1, slope1, bound4):
+    """Tell whether g may reach 0 on an interval of length d; False is proved."""
+    return _top(d, g0, slope0, g1, slope1, bound4) >= 0.0
+
+
+@kernel
+def leaves(d, g0, slope0, g1, slope1, bound4):
+    """Tell whether g >= 0 falls below 0 within d, to stay there up to d; True is proved."""
+    early, middle, late = _inner(d, g0, slope0, g1, slope1, bound4)
+    if not (g0 >= 0.0 and slope0 < 0.0 and max(max(early, middle), max(late, g1)) < 0.0):
+        return False
+    y = g0 / (g0 - 4.0 * early)
+    bend = HERMITE_BEND * d * d * d * bound4
+    middle = max(0.0, 3.0 * (g1 - g0) / d - slope0 - slope1 + 0.5 * bend)
+    last = max(0.0, slope1 + bend)
+    return y <= 0.5 and slope0 * (1.0 - y) * (1.0 - y) + y * (2.0 * middle + y * last) < 0.0
+
+
+@kernel
+def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
+    """Tell whether g' > 0 on the whole interval; True is proved."""
+    middle = 3.0 * (g1 - g0) / d - slope0 - slope1
+    lowest = min(min(slope0, slope1), middle)
+    return lowest - HERMITE_SLOPE * d * d * d * bound4 > 0.0
+
+
+@kernel
+def first_passage(rows, row, h, a, ga, da, end, gb, db, level, sign, bound4, stack):
+    """Find where g = sign (u - level) first reaches 0 from below in the part [a, end] of a step.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (any, N_COEFFICIENTS)
+    row : int
+        u along the step is polynomial `row` of `rows`.
+    h : float
+        Length of the step.
+    a, ga, da, end, gb, db : float
+        Times of the ends of the part that is searched, with g and its slopes there.
+    level, sign : float
+    bound4 : float
+        Bound of |u''''| on the step.
+    stack : ndarray, shape (MAX_DEPTH + 2, 3)
+        Room for right ends.
+
+    Returns
+    -------
+    a, ga, b, gb : float
+        Ends of an interval on which g rises through its first root, and g there; a = b at a root
+        known to rounding. a = -1 if there is no root, `UNDECIDED` if rounding forbids to tell. If
+        g > 0 at the start and is falling (the floor is just leaving its layer) the search begins
+        where g has become negative; if it is rising, the root is at the start.
+    """
+    if 0.0 <= ga <= TOUCH and da > 0.0:
+        return a, ga, a, ga
+    if ga > TOUCH:
+        if da >= 0.0:
+            return a, ga, a, ga
+        for _ in range(60):
+            a += max(-1.02 * ga / da, LEAST_ADVANCE * h)
+            if a >= end:
+                return -1.0, ga, a, ga
+            value, slope = value_and_slope(rows, row, h, a)
+            ga = sign * (value - level)
+            da = sign * slope
+            if ga < 0.0:
+                break
+            if da >= 0.0:
+                return a, ga, a, ga
+        if ga >= 0.0:
+            return a, ga, a, ga
+    depth = 0
+    parts = 0
+    touch = TOUCH
+    stack[0, 0] = end
+    stack[0, 1] = gb
+    stack[0, 2] = db
+    while depth >= 0:
+        parts += 1
+        if parts % PATIENCE == 0:
+            touch = min(4.0 * touch, MOST_TOUCH)
+            if parts == MAX_PARTS:
+                return float(UNDECIDED), ga, a, ga
+        b = stack[depth, 0]
+        gb = stack[depth, 1]
+        db = stack[depth, 2]
+        d = b - a
+        if _top(d, ga, da, gb, db, bound4) < touch:
+            a, ga, da = b, gb, db
+            depth -= 1
+            continue
+        if gb >= 0.0 and _rises_throughout(d, ga, da, gb, db, bound4):
+            return a, ga, b, gb
+        if depth >= MAX_DEPTH:
+            if gb >= 0.0:
+                return b, gb, b, gb
+            a, ga, da = b, gb, db
+            depth -= 1
+            continue
+        middle = 0.5 * (a + b)
+        value, slope = value_and_slope(rows, row, h, middle)
+        depth += 1
+        stack[depth, 0] = middle
+        stack[depth, 1] = sign * (value - level)
+        stack[depth, 2] = sign * slope
+    return -1.0, ga, a, ga
+
+
+@kernel
+def rising_root(rows, row, h, a, ga, b, gb, level, sign):
+    """Find the one root of a g that rises, by Halley's method kept inside [a, b]; a if a = b."""
+    if not a < b:
+        return a
+    s = a - ga * (b - a) / (gb - ga)
+    for _ in range(60):
+        value, slope, bend = value_slope_bend(rows, row, h, s)
+        g = sign * (value - level)
+        slope *= sign
+        bend *= sign
+        if g < 0.0:
+            a = s
+        else:
+            b = s
+        below = 2.0 * slope * slope - g * bend
+        step = -2.0 * g * slope / below
+        if not (slope > 0.0 and below > 0.0 and a <= s + step <= b):
+            step = 0.5 * (a + b) - s
+        s += step
+        # what is left, g''' step^3 / 6 and (step g'' / g')^2 g / 4, is below rounding
+        square = step * step
+        if (
+            square <= LAST_STEP * LAST_STEP * h * h
+            and square * bend * bend * abs(g) <= SAME * slope * slope
+        ):
+            return s
+    return s

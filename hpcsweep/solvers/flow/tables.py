@@ -1,0 +1,290 @@
+"""Exact propagators of the linear motion between contact changes, one table a contact set.
+
+While no floor is inside its contact layer the sigmoid is 0 or 1 to rounding, and with the set c
+of floors in contact (c_i in {0, 1}) the motion is linear with constant coefficients::
+
+    u'' + D u' + (K + beta diag(c)) u = beta c - 1 A sin(Omega tau),      D = 2 gamma C
+
+With the augmented state x = (u, v, A sin(Omega tau), A cos(Omega tau), 1), shape (N,) with
+N = 2n + 3, it is x' = M x, and M depends on c but not on A. A table holds, for one set,
+
+- ``step``: exp(M h), the propagator over one full step h;
+- ``poly``: exp(M s), 0 <= s <= h, as polynomials in sigma = 2 s / h - 1 of degree `DEGREE`;
+- ``bound4``: a bound of |u_i''''| on the step, linear in |x|, which proves that a floor does not
+  reach the stop (see `search`).
+
+Size of the step. theta = h max(|lambda(M)|) is at most `THETA`. The Chebyshev coefficients of
+exp(i theta sigma / 2) are Bessel functions, |c_k| = 2 |J_k(theta / 2)| <= 2 (theta/4)^k / k!,
+so that the truncated tail is below 2 (0.9)^16 / 16! = 2e-14 for theta = 3.6 and degree 15. The
+polynomial is found as the Taylor series about the middle of the step to order `TAYLOR`, whose
+terms (theta/2)^k / k! never exceed 1.7 (no cancellation), economised to degree 15 through the
+Chebyshev basis. Velocities are scaled by the largest frequency first, so that M is balanced.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from hpcsweep.kernels.compile import jit, kernel
+from hpcsweep.kernels.vectors import (
+    LANES,
+    aligned_zeros,
+    combine,
+    combine_moduli,
+    fma,
+    greatest,
+    load,
+    maximum,
+    modulus,
+    store,
+)
+from hpcsweep.model.structure import Structure
+
+DEGREE = 15
+N_COEFFICIENTS = DEGREE + 1
+TAYLOR = 30
+THETA = 3.6
+THETA_FREE = 2.2
+"""Free flight: shorter, because the proof that no floor reaches the stop weakens with h^4."""
+MAX_TABLES = 64
+"""Tables kept; when more contact sets occur the table store is emptied and filled anew."""
+BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
+MODAL_NODES, MODAL_WEIGHTS = np.polynomial.legendre.leggauss(2 * LANES)
+"""Of the modal norms (`metrics`), on a step."""
+N_MODAL = MODAL_NODES.shape[0]
+ZERO = np.zeros(LANES)
+
+
+def _economisation() -> np.ndarray:
+    """Map TAYLOR + 1 monomial coefficients on [-1, 1] to the DEGREE + 1 that remain."""
+    matrix = np.empty((N_COEFFICIENTS, TAYLOR + 1))
+    for k in range(TAYLOR + 1):
+        series = chebyshev.poly2cheb(np.eye(TAYLOR + 1)[k])[:N_COEFFICIENTS]
+        kept = chebyshev.cheb2poly(np.pad(series, (0, N_COEFFICIENTS - len(series))))
+        matrix[:, k] = np.pad(kept, (0, N_COEFFICIENTS - len(kept)))
+    return matrix
+
+
+ECONOMISATION = np.ascontiguousarray(_economisation().T)
+"""(TAYLOR + 1, N_COEFFICIENTS)"""
+
+
+class Model(NamedTuple):
+    """What the kernels know of structure and forcing (units: `hpcsweep.model.structure`)."""
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    shapes: np.ndarray
+    """(n, n): row j is the shape of mode j."""
+    beta: float
+    rho: float
+    omega: float
+    layer: float
+    """Half-width of the contact layer: |u_i - 1| beyond it is linear; 0 if rho is infinite."""
+
+
+class Tables(NamedTuple):
+    """Propagators of the contact sets met so far; `count[0]` of them are valid."""
+
+    count: np.ndarray
+    keys: np.ndarray
+    h: np.ndarray
+    step: np.ndarray
+    """(MAX_TABLES, N, padded 2n): column k of exp(M h), its first 2n rows, contiguous; rows are
+    padded with zeros to a multiple of `LANES`."""
+    poly: np.ndarray
+    """(MAX_TABLES, 2n, N, N_COEFFICIENTS)"""
+    columns: np.ndarray
+    """(MAX_TABLES, N_COEFFICIENTS, 2n, padded 2n): the same once more, without the forcing, by
+    coefficient, column, then row."""
+    bound4: np.ndarray
+    """(MAX_TABLES, N, padded n): column k bounds the fourth derivatives per |x_k|."""
+    rotation: np.ndarray
+    """(MAX_TABLES, 2): cos and sin of Omega h."""
+    modal: np.ndarray
+    """(1, N, padded n N_MODAL): the modal coordinates at the nodes `MODAL_NODES` of a step of free
+    flight, column k per x_k, rows by mode, then node."""
+
+
+def padded(n: int) -> int:
+    """Round a number of rows up to a multiple of `LANES`."""
+    return -(-n // LANES) * LANES
+
+
+def empty_tables(structure: Structure) -> Tables:
+    """Allocate room for the tables of one structure and frequency; pages are touched when used."""
+    n = structure.n_floors
+    capacity = min(2**n, MAX_TABLES)
+    size = 2 * n + 3
+    return Tables(
+        count=np.zeros(1, dtype=np.int64),
+        keys=np.zeros(capacity, dtype=np.uint64),
+        h=np.zeros(capacity),
+        step=aligned_zeros(capacity, size, padded(2 * n)),
+        poly=aligned_zeros(capacity, 2 * n, size, N_COEFFICIENTS),
+        columns=aligned_zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
+        bound4=aligned_zeros(capacity, size, padded(n)),
+        rotation=np.empty((capacity, 2)),
+        modal=aligned_zeros(1, size, padded(n * N_MODAL)),
+    )
+
+
+@kernel
+def lookup(key, model, tables):
+    """Return the index of the table of contact set `key` (bit i = floor i + 1), building it once.
+
+    Parameters
+    ----------
+    key : uint64
+        Contact set.
+    """
+    for index in range(tables.count[0]):
+        if tables.keys[index] == key:
+            return index
+    if tables.count[0] == tables.keys.shape[0]:
+        tables.count[0] = 0
+    index = tables.count[0]
+    _build(key, model, tables, index)
+    tables.keys[index] = key
+    tables.count[0] = index + 1
+    return index
+
+
+@jit
+def _generator(key, model, scale, out):
+    """Write M with velocities and forcing measured in units of `scale` into `out`, (N, N)."""
+    n = model.stiffness.shape[0]
+    out[:] = 0.0
+    for i in range(n):
+        touching = (key >> np.uint64(i)) & np.uint64(1)
+        out[i, n + i] = scale
+        for j in range(n):
+            out[n + i, j] = -model.stiffness[i, j] / scale
+            out[n + i, n + j] = -model.damping[i, j]
+        out[n + i, 2 * n] = -1.0
+        if touching:
+            out[n + i, i] -= model.beta / scale
+            out[n + i, 2 * n + 2] = model.beta / scale
+    out[2 * n, 2 * n + 1] = model.omega
+    out[2 * n + 1, 2 * n] = -model.omega
+    return out
+
+
+@jit
+def _spectral_bound(key, model):
+    """Bound the moduli of the eigenvalues of M.
+
+    For an eigenvector with displacements q, |q| = 1, lambda^2 + d lambda + k = 0 with d = q* D q
+    and k = q* (K + beta diag(c)) q. If the roots are complex |lambda|^2 = k, if not |lambda| <= d.
+    """
+    contact = model.stiffness.copy()
+    for i in range(contact.shape[0]):
+        if (key >> np.uint64(i)) & np.uint64(1):
+            contact[i, i] += model.beta
+    hardest = math.sqrt(np.linalg.eigvalsh(contact)[-1])
+    return max(hardest, max(np.linalg.eigvalsh(model.damping)[-1], model.omega))
+
+
+@jit
+def _build(key, model, tables, index):
+    """Fill table `index` with the propagators of contact set `key`."""
+    n = model.stiffness.shape[0]
+    size = 2 * n + 3
+    scale = np.sqrt(4.0 + (model.beta if key != np.uint64(0) else 0.0))
+    generator = np.empty((size, size))
+    _generator(key, model, scale, generator)
+    radius = _spectral_bound(key, model)
+    h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
+    tables.h[index] = h
+    tables.rotation[index, 0] = np.cos(model.omega * h)
+    tables.rotation[index, 1] = np.sin(model.omega * h)
+
+    half = np.eye(size)
+    term = np.eye(size)
+    for k in range(1, TAYLOR + 1):
+        term = np.dot(generator, term) * (0.5 * h / k)
+        half += term
+    full = np.dot(half, half)
+
+    # x in physical units: u, s * v, s * forcing, 1 with s = scale
+    unit = np.ones(size)
+    unit[n : 2 * n + 2] = scale
+    for k in range(size):
+        for row in range(2 * n):
+            tables.step[index, k, row] = full[row, k] * unit[row] / unit[k]
+    poly = tables.poly[index]
+    poly[:] = 0.0
+    term = half
+    for k in range(TAYLOR + 1):
+        if k > 0:
+            term = np.dot(generator, term) * (0.5 * h / k)
+        for row in range(2 * n):
+            for column in range(size):
+                entry = term[row, column] * unit[row] / unit[column]
+                place = (row * size + column) * N_COEFFICIENTS
+                for p in range(0, N_COEFFICIENTS, LANES):
+                    more = load(ECONOMISATION, k * N_COEFFICIENTS + p) * entry
+                    store(poly, place + p, load(poly, place + p) + more)
+    for p in range(N_COEFFICIENTS):
+        for column in range(2 * n):
+            for row in range(2 * n):
+                tables.columns[index, p, column, row] = poly[row, column, p]
+    if key == np.uint64(0):
+        _build_modal(model, poly, tables.modal)
+    for row in range(n):
+        for column in range(size):
+            tables.bound4[index, column, row] = _max_fourth_derivative(poly[row, column], h)
+
+
+@kernel
+def _build_modal(model, poly, modal):
+    """Fill the table of modal coordinates from the polynomials of free flight."""
+    n = model.stiffness.shape[0]
+    for column in range(modal.shape[1]):
+        for node in range(N_MODAL):
+            for i in range(n):
+                value = 0.0
+                for p in range(N_COEFFICIENTS - 1, -1, -1):
+                    value = value * MODAL_NODES[node] + poly[i, column, p]
+                for j in range(n):
+                    modal[0, column, j * N_MODAL + node] += model.shapes[j, i] * value
+
+
+@kernel
+def product(table, index, x, out):
+    """Multiply the columns ``table[index]`` by x into `out`, whose length is padded to `LANES`."""
+    rows = table.shape[2]
+    start = index * table.shape[1] * rows
+    for first in range(0, out.shape[0], LANES):
+        combine(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
+
+
+@kernel
+def product_of_moduli(table, index, x, out):
+    """Multiply as `product`, by the moduli |x|."""
+    rows = table.shape[2]
+    start = index * table.shape[1] * rows
+    for first in range(0, out.shape[0], LANES):
+        combine_moduli(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
+
+
+@kernel
+def _max_fourth_derivative(coefficients, h):
+    """Bound |d^4/ds^4| of one polynomial on the step.
+
+    The largest of equidistant samples plus half their distance times a bound (the sum of the
+    moduli of its coefficients) of the fifth derivative.
+    """
+    fifth = 0.0
+    for p in range(5, N_COEFFICIENTS):
+        fifth += abs(coefficients[p]) * p * (p - 1) * (p - 2) * (p - 3) * (p - 4)
+    largest = load(ZERO, 0)
+    for first in range(0, BOUND_SAMPLES.shape[0], LANES):
+        sigma = load(BOUND_SAMPLES, first)
+        value = load(ZERO, 0)
+        for p in range(N_COEFFICIENTS - 1, 3, -1):
+            value = fma(value, sigma, coefficients[p] * p * (p - 1) * (p - 2) * (p - 3))
+        largest = greatest(largest, modulus(value))
+    return (maximum(largest) + fifth / (BOUND_SAMPLES.shape[0] - 1)) * (2.0 / h) ** 4

@@ -1,0 +1,100 @@
+"""What a solver returns of a stretch of forcing periods."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.solvers.outcome import Outcome
+
+
+@dataclass(frozen=True)
+class Advance:
+    """State after a number of forcing periods.
+
+    Attributes
+    ----------
+    state : ndarray, shape (2n,)
+        State at the end of the last period that was completed.
+    n_periods : int
+        Periods really integrated.
+    outcome : Outcome
+        COMPLETE, or why it ended early.
+    """
+
+    state: np.ndarray
+    n_periods: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Approach:
+    """End of a transient.
+
+    Attributes
+    ----------
+    state : ndarray, shape (2n,)
+        State at its end; after a jump the point of the orbit.
+    n_periods : int
+        Forcing periods of the motion until then.
+    n_newton : int
+        Forcing periods that were integrated besides, to jump.
+    period : int
+        Orbit period in forcing periods, 0 if the orbit is not known.
+    multiplier : float
+        Modulus of the orbit's largest Floquet multiplier after a jump, else NaN.
+    outcome : Outcome
+        COMPLETE, or why it ended early.
+    """
+
+    state: np.ndarray
+    n_periods: int
+    n_newton: int
+    period: int
+    multiplier: float
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Results over a window of forcing periods; maxima are over continuous time.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k, 2n)
+        Stroboscopic points z(T), ..., z(kT); k is less than asked only after a failure.
+    contact : int
+        Bit i - 1 is set if u_i >= 1 at any time of the window.
+    peak_drift : float
+        max over floors and time of |u_i - u_{i-1}|, u_0 = 0, in gaps.
+    modal_norm : ndarray, shape (n,)
+        Mean of |q_j| / ||q|| (17) over the time in which no floor touches; NaN if there is none
+        or if it was not asked for.
+    outcome : Outcome
+        COMPLETE, or why it ended early.
+    growth : float
+        Natural logarithm of the factor by which a tangent vector grows over the window
+        (`window_growth`); NaN unless it was asked for.
+    """
+
+    points: np.ndarray
+    contact: int
+    peak_drift: float
+    modal_norm: np.ndarray
+    outcome: Outcome
+    growth: float = math.nan
+
+
+def window_growth(logarithms: np.ndarray) -> float:
+    """Give the growth of a tangent vector over a window from that in each of its periods.
+
+    The vector turns into the direction of largest growth first: the first tenth of the window does
+    not count, and the growth of the rest is taken for all of it. Over the time of the window it is
+    the largest Lyapunov exponent (Benettin et al., Meccanica 15 (1980) 9), to about 1 / (k T).
+
+    Parameters
+    ----------
+    logarithms : ndarray, shape (k,)
+        Of the factor in each forcing period.
+    """
+    return float(logarithms[len(logarithms) // 10 :].mean() * len(logarithms))

@@ -1,0 +1,1 @@
+"""What a campaign computes: its runs, their order, their results."""

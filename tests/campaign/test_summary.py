@@ -1,0 +1,152 @@
+"""`hpcsweep summary`, and figures of files that are read one frame at a time."""
+
+import json
+
+import numpy as np
+import pytest
+from tools import SMALL
+
+from hpcsweep import store
+from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.summary import _cost, summarize
+from hpcsweep.commands import cli
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares
+from hpcsweep.figures.diagrams import benefit, mesh, period_map
+from hpcsweep.figures.style import classes_of
+from hpcsweep.job import parse_job
+from hpcsweep.parallel.mpi import Serial
+from hpcsweep.solvers.outcome import Outcome, Shortcut
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("summary") / "study.h5"
+    job = parse_job(SMALL + "lyapunov = true\nmax_points = 12\n", "study", "study")
+    assert campaign.run(job, path, Serial()) == 0
+    return path
+
+
+def test_a_summary_counts_what_the_file_holds(file):
+    told, results = summarize(file), store.open_results(file)
+    classes = classes_of(results)
+    assert told["runs_done"] == told["runs_total"] == classes.size == 88
+    for kind, share in class_shares(classes).items():
+        entry = told["classes"][CLASS_NAMES[kind]]
+        assert entry["runs"] == (classes == kind).sum()
+        assert entry["share"] == pytest.approx(share)
+        for direction, kinds in zip(told["directions"], classes, strict=True):
+            shown = told["by_direction"][direction][CLASS_NAMES[kind]]
+            assert shown["runs"] == (kinds == kind).sum()
+    assert sum(entry["share"] for entry in told["classes"].values()) == pytest.approx(1)
+    assert told["classes"]["periodic"]["runs"] > 0
+    period = results["orbit_period"].values[classes == MotionClass.PERIODIC]
+    assert {p: e["runs"] for p, e in told["periods"].items()} == {
+        int(p): int((period == p).sum()) for p in np.unique(period)
+    }
+    contact = results["contact"].values
+    sets = {0: "none", 1: "C1", 2: "C2", 3: "C12"}
+    assert {name: e["runs"] for name, e in told["contact_sets"].items()} == {
+        sets[int(c)]: int((contact == c).sum()) for c in np.unique(contact)
+    }
+    assert told["periods_per_run"] == pytest.approx(results["cycles"].values.mean())
+    assert told["shortcuts"]["newton"]["runs"] == (results["shortcut"] == Shortcut.NEWTON).sum()
+    assert sum(entry["runs"] for entry in told["shortcuts"].values()) == 88
+    assert told["cost"]["runs_timed"] == 88
+    assert told["cost"]["wall_seconds"] >= 0.5 * told["cost"]["core_seconds"] > 0
+    assert told["file_bytes"] == file.stat().st_size
+
+
+def test_only_what_is_there_is_counted(tmp_path):
+    job = parse_job(SMALL, "x", "x")
+    path = tmp_path / "empty.h5"
+    store.create(path, job, {})
+    told = summarize(path)
+    assert told["runs_done"] == 0
+    assert told["cost"] is told["periods_per_run"] is None
+    assert told["contact_sets"] == told["periods"] == {}
+    assert {entry["share"] for entry in told["classes"].values()} == {None}
+    assert told["failures"] == {
+        o.name: 0 for o in (Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED)
+    }
+
+
+def test_sessions_add_up_and_a_block_done_twice_counts_once():
+    def block(time, place, seconds):
+        return {
+            "kind": "block", "time": time, "frame": place, "direction": 0, "block": 0,
+            "runs": 50, "seconds": seconds,
+        }  # fmt: skip
+
+    records = [
+        {"kind": "start", "time": 100.0, "ranks": 2},
+        block(110.0, 0, 10.0),
+        block(112.0, 1, 11.0),  # killed: no end, and the last block was lost
+        {"kind": "start", "time": 500.0, "ranks": 4},
+        block(512.0, 1, 12.0),
+        {"kind": "end", "time": 513.0},
+    ]
+    assert _cost(records) == {
+        "sessions": 2,
+        "ranks": [2, 4],
+        "wall_seconds": 25.0,
+        "core_seconds": 22.0,
+        "runs_timed": 100,
+        "runs_per_second": 4.0,
+        "runs_per_core_second": 100 / 22,
+    }
+    assert _cost([]) is _cost(records[:1]) is None
+
+
+def test_the_command_writes_text_tables_and_json(file, tmp_path, capsys):
+    assert cli.main(["summary", str(file)]) == 0
+    text = capsys.readouterr().out
+    for words in ("88 of 88", "histories per second", "of 50", "undecided", "contact none", " P1 "):
+        assert words in text
+    assert cli.main(["summary", "--markdown", str(file), str(file)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert {line.count("|") for line in lines} == {4}
+    for line in lines[2:]:
+        name, left, right = (cell.strip() for cell in line.strip("|").split("|"))
+        assert name
+        assert left == right != ""
+    assert cli.main(["summary", "--json", str(file)]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["runs_done"] == 88
+    other = tmp_path / "other.h5"
+    other.write_text("nothing")
+    assert cli.main(["summary", str(file), str(other)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(f"hpcsweep: error: {other}: ")
+
+
+def test_maps_read_frame_by_frame_are_the_same_pictures(file, tmp_path):
+    whole = store.open_results(file)
+    for direction in ("up", "down"):
+        few = mesh.open_map(file, direction=direction)
+        assert "poincare" not in few
+        np.testing.assert_array_equal(
+            classes_of(few)[0], classes_of(whole)[whole.direction.values.tolist().index(direction)]
+        )
+        for draw in (period_map.draw, benefit.draw):
+            left, right = tmp_path / "left.png", tmp_path / "right.png"
+            draw(few, left)
+            draw(whole, right, direction=direction)
+            assert left.read_bytes() == right.read_bytes()
+
+
+def test_frames_are_gathered_in_the_order_asked_for(file):
+    whole, frames = store.open_results(file), store.Frames(file)
+    few = frames.gather(("drift", "poincare", "no_such"), [3, 1], "down")
+    frames.close()
+    assert set(few.data_vars) == {"omega", "drift", "poincare"}
+    chosen = whole.isel(direction=[1], frame=[3, 1])
+    for name in few.data_vars:
+        assert few[name].dims == chosen[name].dims
+        np.testing.assert_array_equal(few[name].values, chosen[name].values)
+
+
+def test_no_more_cells_are_drawn_than_there_are_pixels():
+    assert mesh._thinned(500, 1040.0).tolist() == list(range(500))
+    rows = mesh._thinned(2000, 1040.0)
+    assert (rows.size, rows[0], rows[-1]) == (1040, 0, 1999)
+    assert set(np.diff(rows)) == {1, 2}

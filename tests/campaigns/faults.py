@@ -1,0 +1,213 @@
+"""Start campaigns, hurt them or their files, and look at what is left."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+from tools import ROOT, SMALL, environment, mpirun
+
+from hpcsweep.store.commit import Blocks
+from hpcsweep.store.offsets import Offsets
+from hpcsweep.store.reader import job_of
+
+HERE = Path(__file__).resolve().parent
+JOB = (
+    SMALL.replace("transient_cycles = 30", "transient_cycles = 500")
+    .replace("[output]", '[solver]\nskip = "none"\n[output]')
+    .replace("block = 4", "block = 2")
+)
+"""About a second of work on one core, in 48 blocks."""
+MARK = "HPCSWEEP_TEST_CAMPAIGN"
+RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK")
+PATIENCE = 60.0
+"""Seconds after which a campaign hangs."""
+
+
+def read_state(pid: int) -> str:
+    """Give a process's state letter, "" if there is none (a zombie counts as none)."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return ""
+    return "" if state in "ZX" else state
+
+
+@dataclass
+class Processes:
+    """A started campaign: the launcher, or the only rank, and all that came of it."""
+
+    launcher: subprocess.Popen
+    mark: str
+    begun: float = field(default_factory=time.monotonic)
+
+    def all(self) -> dict[int, dict[str, str]]:
+        """Environment of each living process, by its id."""
+        found = {}
+        needle = f"{MARK}={self.mark}".encode()
+        for entry in Path("/proc").iterdir():
+            if not entry.name.isdigit():
+                continue
+            with suppress(OSError):
+                variables = (entry / "environ").read_bytes().split(b"\0")
+                if needle in variables and read_state(int(entry.name)):
+                    pairs = (v.decode(errors="replace").partition("=") for v in variables if v)
+                    found[int(entry.name)] = {key: value for key, _, value in pairs}
+        return found
+
+    def ranks(self) -> dict[int, int]:
+        """Process id of each living rank."""
+        found = {}
+        for pid, variables in self.all().items():
+            for name in RANKS:
+                if name in variables:
+                    found[int(variables[name])] = pid
+        return found or {0: self.launcher.pid}
+
+    def send(self, number: int, victim: str, rng: random.Random) -> None:
+        """Send a signal to `launcher`, `master`, a `rank` or `all` processes."""
+        ranks = self.ranks()
+        if victim == "all":
+            victims = list(self.all())
+        elif victim == "launcher":
+            victims = [self.launcher.pid]
+        elif victim == "master":
+            victims = [ranks.get(0, self.launcher.pid)]
+        else:
+            victims = [rng.choice(sorted(ranks.values()))]
+        for pid in victims:
+            with suppress(ProcessLookupError):
+                os.kill(pid, number)
+
+    def finish(self, patience: float = PATIENCE) -> tuple[int | None, str, str]:
+        """Wait for the end; exit code (None: it hung), output and errors."""
+        try:
+            out, err = self.launcher.communicate(timeout=patience)
+        except subprocess.TimeoutExpired:
+            self.end()
+            out, err = self.launcher.communicate()
+            return None, out, err
+        return self.launcher.returncode, out, err
+
+    def wait_for_orphans(self, seconds: float) -> list[int]:
+        """Wait until every process is gone; give those that are not."""
+        deadline = time.monotonic() + seconds
+        while (left := list(self.all())) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        return left
+
+    def end(self) -> None:
+        """Kill whatever is left of it."""
+        for pid in self.all():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+
+def start(
+    ranks: int,
+    *arguments: object,
+    sync: float = 0.0,
+    transport: str = "",
+    file_limit: int | None = None,
+    **extra: str,
+) -> Processes:
+    """Start hpcsweep on ranks (0: without launcher), flushing every `sync` seconds."""
+    mark = f"{os.getpid()}-{time.monotonic_ns()}"
+    launcher = [mpirun(), "-n", str(ranks)] if ranks else []
+    script = [sys.executable, str(HERE / "quick_commits.py"), str(sync), *map(str, arguments)]
+    if file_limit is not None:
+        extra["HPCSWEEP_TEST_FILE_LIMIT"] = str(file_limit)
+    paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]
+    process = subprocess.Popen(
+        launcher + script,
+        env=environment(
+            PYTHONPATH=os.pathsep.join(filter(None, paths)),
+            HPCSWEEP_TRANSPORT=transport,
+            **{MARK: mark},
+            **extra,
+        ),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    return Processes(process, mark)
+
+
+def records(path: Path) -> list[dict]:
+    """Journal of a campaign; lines cut off are left out."""
+    found = []
+    with suppress(FileNotFoundError):
+        for line in Path(f"{path}.journal").read_text().splitlines():
+            with suppress(json.JSONDecodeError):
+                found.append(json.loads(line))
+    return found
+
+
+def computed(history: list[dict]) -> list[tuple[int, int, int]]:
+    """Blocks computed in a part of the journal: (direction, frame, block)."""
+    return [(r["direction"], r["frame"], r["block"]) for r in history if r["kind"] == "block"]
+
+
+def committed(path: Path) -> set[tuple[int, int, int]]:
+    """Blocks that have a checksum now, good or bad."""
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return set(map(tuple, np.argwhere(file["commit"][...] != 0).tolist()))
+    except (OSError, KeyError):
+        return set()
+
+
+def valid(path: Path) -> set[tuple[int, int, int]]:
+    """Blocks whose checksum holds.
+
+    Raises
+    ------
+    StoreError
+        If the file is no campaign file.
+    """
+    blocks = Blocks(path, job := job_of(path))
+    try:
+        return {
+            (direction, frame, block)
+            for frame in range(job.omega.size)
+            for (direction, block), good in blocks.valid(frame).items()
+            if good
+        }
+    finally:
+        blocks.close()
+
+
+def wait_for_commits(process: Processes, path: Path, least: int) -> bool:
+    """Wait until blocks are committed; tell whether they were before the campaign ended."""
+    deadline = time.monotonic() + PATIENCE
+    while process.launcher.poll() is None and time.monotonic() < deadline:
+        if len(committed(path)) >= least:
+            return True
+        time.sleep(0.005)
+    return False
+
+
+def flip_bit(path: Path, place: tuple[int, int, int], rng: random.Random) -> str:
+    """Flip one bit of a committed block; say of which variable."""
+    direction, frame, block = place
+    blocks = Blocks(path, job_of(path))
+    name = rng.choice(blocks.variables)
+    rows = blocks.read(direction, frame, block)[name]
+    low, _ = blocks.rows(direction, block)
+    blocks.close()
+    at = Offsets(path).at(name, (direction, frame, low)) + rng.randrange(rows.nbytes)
+    with path.open("r+b") as file:
+        file.seek(at)
+        byte = file.read(1)[0]
+        file.seek(at)
+        file.write(bytes([byte ^ 1 << rng.randrange(8)]))
+    return name

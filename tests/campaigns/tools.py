@@ -1,0 +1,106 @@
+"""Where things are, how a campaign is started, how two files are compared."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+JOBS = ROOT / "jobs"
+
+SMALL = """
+[structure]
+n_floors = 2
+stiffness_ratio = 300.0
+sharpness = 4e3
+damping_ratio = 0.05
+
+[sweep]
+omega = {from = 0.5, to = 0.8, count = 4}
+amplitude = {from = 0.02, to = 0.3, count = 11}
+transient_cycles = 30
+sampling_cycles = 20
+max_orbit_period = 6
+
+[output]
+block = 4
+"""
+
+
+def mpirun() -> str:
+    """The mpirun that goes with this environment's mpi4py."""
+    asked = os.environ.get("HPCSWEEP_MPIRUN")
+    if asked:
+        return asked
+    own = Path(sys.executable).parent / "mpirun"
+    found = str(own) if own.exists() else shutil.which("mpirun")
+    assert found, "no mpirun: install the extra 'mpich', or an MPI"
+    return found
+
+
+def environment(**extra: str) -> dict[str, str]:
+    """Environment of a campaign: as a user has it, Open MPI allowed to run as it must here."""
+    return {
+        **os.environ,
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "OMPI_MCA_hwloc_base_binding_policy": "none",
+        **extra,
+    }
+
+
+def command(ranks: int, *arguments: object) -> list[str]:
+    """Command line of hpcsweep on a number of ranks; 0: without mpirun."""
+    launcher = [mpirun(), "-n", str(ranks)] if ranks else []
+    return [*launcher, sys.executable, "-m", "hpcsweep", *map(str, arguments)]
+
+
+def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: str):
+    """Run hpcsweep to its end; return the completed process with its output as text."""
+    return subprocess.run(
+        command(ranks, *arguments),
+        cwd=cwd,
+        env=environment(**extra),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def run_script(ranks: int, script: Path, *arguments: object):
+    """Run a script that uses hpcsweep, as `hpcsweep` does the command."""
+    line = command(ranks)
+    line[line.index("-m") :] = [str(script), *map(str, arguments)]
+    return subprocess.run(
+        line,
+        env=environment(PYTHONPATH=str(JOBS.parent)),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def datasets(path: Path) -> dict[str, np.ndarray]:
+    """Every dataset of a file, as raw bytes."""
+    found = {}
+    with h5py.File(path, "r", locking=False) as file:
+        for name, data in file.items():
+            values = data[...]
+            raw = b"\0".join(values) if values.dtype == object else values.tobytes()
+            found[name] = np.frombuffer(raw, np.uint8)
+    return found
+
+
+def assert_same_datasets(left: Path, right: Path) -> None:
+    """Compare two files' datasets bit for bit."""
+    a, b = datasets(left), datasets(right)
+    assert a.keys() == b.keys()
+    different = [name for name in a if not np.array_equal(a[name], b[name])]
+    assert different == []

@@ -1,0 +1,335 @@
+"""The film: decoded again, looked at pixel by pixel."""
+
+import re
+import subprocess
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tools import SMALL, hpcsweep
+
+from hpcsweep import open_results
+from hpcsweep.campaign import run as campaign
+from hpcsweep.commands import cli
+from hpcsweep.figures.film import film, pixels, video
+from hpcsweep.figures.film import frame as film_frame
+from hpcsweep.figures.style import PALETTE, PlotError
+from hpcsweep.job import parse_job
+from hpcsweep.parallel.mpi import Serial
+from hpcsweep.store import Frames, StoreError
+
+WIDTH = 640
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("film") / "small.h5"
+    assert campaign.run(parse_job(SMALL, "small", "small"), path, Serial()) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(results) -> film.Request:
+    request = film.Request(
+        results, results.with_name("small.mp4"), results.with_name("p.png"), fps=10, width=WIDTH
+    )
+    film.check(request)
+    assert film.make(request, Serial()) == 4
+    return request
+
+
+def decode(path: Path) -> tuple[np.ndarray, str]:
+    """Decode a film: pictures (k, height, width, 3), and what ffmpeg says of it."""
+    said = subprocess.run(
+        [video.find_ffmpeg(), "-hide_banner", "-i", str(path)], capture_output=True, text=True
+    ).stderr
+    width, height = map(int, re.search(r"Video: .*?, (\d+)x(\d+)", said).groups())
+    call = [video.find_ffmpeg(), "-v", "error", "-i", str(path)]
+    raw = subprocess.run(
+        [*call, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
+    ).stdout
+    return np.frombuffer(raw, np.uint8).reshape(-1, height, width, 3), said
+
+
+def rgb(colour: str) -> np.ndarray:
+    return np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)])
+
+
+def test_film_has_the_asked_frames_and_plays_everywhere(made):
+    pictures, said = decode(made.output)
+    assert pictures.shape[0] == 4
+    assert pictures.shape[2] == WIDTH
+    assert pictures.shape[1] % 2 == 0
+    assert "h264" in said
+    assert "yuv420p" in said
+    assert "bt709" in said
+    assert re.search(r"10 fps", said)
+    assert re.search(r"Duration: 00:00:00\.40", said)
+    content = made.output.read_bytes()
+    assert 0 < content.index(b"moov") < content.index(b"mdat")
+    for before, after in pairwise(pictures):
+        changed = np.abs(before.astype(int) - after).max(axis=2) > 60
+        assert changed.mean() > 1e-3
+
+
+def test_point_pixels_of_the_decoded_film_are_where_they_should_be(made):
+    pictures, _ = decode(made.output)
+    data = open_results(made.file)
+    view = film.Film(made, made.output.parent)
+    found = view.survey(view.order)
+    painter = film_frame.Painter(film._scene(view, found))
+    n = data.sizes["state"] // 2
+    seen = 0
+    for k in range(data.sizes["frame"]):
+        up = data.isel(direction=0, frame=k)
+        for a in range(data.sizes["amplitude"]):
+            for floor in range(n):
+                u = float(up["poincare"].values[a, 0, floor])
+                y, x = painter.row(floor, u), painter.column(float(data["amplitude"][a]))
+                colour = pictures[k][y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3).astype(int)
+                # the other sweep's colour is 213 away, the background 255
+                assert np.abs(colour - rgb(PALETTE[0])).max(axis=1).min() < 90, (k, a, floor)
+                seen += 1
+    assert seen == 4 * 11 * 2
+    # between two columns of points there is none
+    middle = int(painter.column(data["amplitude"].values[5:7]).mean())
+    top, bottom = painter.panels[0][:2]
+    assert pictures[:, top + 3 : bottom - 3, middle].min() > 190
+
+
+def test_points_agree_with_the_axes_that_matplotlib_draws():
+    """A point at a value with a grid line is on the line."""
+    ticks = np.array([0.0, 0.1, 0.2])
+    scene = film_frame.Scene(
+        title="",
+        amplitude=ticks,
+        omega=(1.0, 2.0),
+        marks=(),
+        low=np.array([-1.0, -0.2]),
+        high=np.array([1.0, 0.7]),
+        directions=("up",),
+        color="direction",
+        periods=(1,),
+        contacts=(),
+        width=960,
+    )
+    painter = film_frame.Painter(scene)
+    empty = {
+        "poincare": np.full((1, 3, 1, 2), np.nan),
+        "orbit_period": np.ones((1, 3), int),
+        "outcome": np.ones((1, 3), int),
+    }
+    blank = painter.paint(1.5, empty)[..., :3].astype(int)
+    for floor in range(2):
+        top, bottom, left, right = painter.panels[floor]
+        inside = blank[top + 3 : bottom - 3, left + 3 : right - 3].sum(axis=2)
+        lines = np.flatnonzero(np.median(inside, axis=1) < 3 * 250) + top + 3
+        assert np.abs(lines - painter.row(floor, 0.0)).min() <= 1
+        columns = np.flatnonzero(np.median(inside, axis=0) < 3 * 250) + left + 3
+        for a in ticks:
+            assert np.abs(columns - painter.column(a)).min() <= 1
+    points = empty["poincare"].copy()
+    points[0, 1, 0] = 0.3, -0.1
+    drawn = painter.paint(1.5, {**empty, "poincare": points})[..., :3]
+    y, x = np.nonzero(np.abs(drawn.astype(int) - blank).max(axis=2) > 0)
+    for floor, u in enumerate((0.3, -0.1)):
+        top, bottom, _, _ = painter.panels[floor]
+        own = (y >= top) & (y < bottom)
+        low, high = painter._limits(floor)
+        expected = bottom - (u - low) / (high - low) * (bottom - top)
+        assert y[own].mean() == pytest.approx(expected, abs=1)
+        assert x[own].mean() == pytest.approx(painter.column(0.1), abs=0.5)
+        assert own.sum() >= 9
+
+
+def test_bands_tell_the_contact_sets(made):
+    data = open_results(made.file).isel(frame=0)
+    view = film.Film(made, made.output.parent)
+    painter = film_frame.Painter(film._scene(view, view.survey(view.order)))
+    picture = painter.paint(float(data["omega"]), view.read(0))
+    contacts = painter.scene.contacts
+    assert set(contacts) >= set(np.unique(data["contact"].values).tolist())
+    for d, (top, _) in enumerate(painter.bands):
+        for a, contact in enumerate(data["contact"].values[d]):
+            x = min(
+                max(painter.column(data["amplitude"].values[a]), painter.panels[0][2] + 6), 10**6
+            )
+            wanted = rgb(pixels.tint(film_frame.contact_colour(contacts, int(contact))))
+            assert picture[top, x, :3] == pytest.approx(wanted, abs=1)
+
+
+def test_poster_is_the_frame_with_most_kinds_of_motion(made):
+    from PIL import Image
+
+    data = open_results(made.file)
+    kinds = [
+        len(np.unique(np.stack((frame["orbit_period"], frame["contact"])).reshape(2, -1), axis=1).T)
+        for frame in (data.isel(frame=k) for k in range(4))
+    ]
+    points = data["n_points"].values.sum(axis=(0, 2))
+    richest = max(range(4), key=lambda k: (kinds[k], points[k]))
+    pictures, _ = decode(made.output)
+    with Image.open(made.poster) as poster:
+        pixels = np.asarray(poster.convert("RGB")).astype(int)
+    errors = [np.abs(pixels - picture).mean() for picture in pictures]
+    assert int(np.argmin(errors)) == richest
+    assert min(errors) < 3
+
+
+def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
+    from PIL import Image
+
+    request = film.Request(results, tmp_path / "o.gif", every=2, color="period", width=480, fps=20)
+    film.check(request)
+    assert film.make(request, Serial()) == 2
+    view = film.Film(request, tmp_path)
+    scene = film._scene(view, view.survey(view.order))
+    with Image.open(request.output) as gif:
+        assert gif.n_frames == 2
+        assert gif.info["loop"] == 0
+        assert gif.info["duration"] == 50
+        for k, frame in enumerate((0, 2)):
+            gif.seek(k)
+            picture = np.asarray(gif.convert("RGB")).astype(int)
+            wanted = view.paint(scene, frame)[..., :3]
+            assert np.abs(picture - wanted).mean() < 1
+            own = np.all(wanted == rgb(PALETTE[0]), axis=2)
+            assert own.sum() > 20
+            assert np.abs(picture[own] - rgb(PALETTE[0])).max() <= 2
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["o.gif"]
+
+
+@pytest.mark.parametrize("color", ["contact", "period"])
+def test_colours_tell_the_class_of_the_run(made, tmp_path, color):
+    request = replace(made, color=color, direction="down")
+    view = film.Film(request, tmp_path)
+    scene = film._scene(view, view.survey(view.order))
+    assert scene.directions == ("down",)
+    painter = film_frame.Painter(scene)
+    data = open_results(made.file).isel(frame=1, direction=1)
+    picture = painter.paint(0.6, view.read(1))
+    of = {
+        "contact": lambda a: film_frame.contact_colour(scene.contacts, int(data["contact"][a])),
+        "period": lambda a: film_frame.period_class(int(data["orbit_period"][a]))[0],
+    }[color]
+    for a in range(data.sizes["amplitude"]):
+        x = painter.column(data["amplitude"].values[a])
+        y = painter.row(0, data["poincare"].values[a, 0, 0])
+        assert picture[y, x, :3].tolist() == rgb(of(a)).tolist()
+
+
+@pytest.mark.mpi
+def test_ranks_and_processes_make_the_same_film(made, monkeypatch):
+    folder = made.output.parent
+    common = ("--fps", "10", "--width", WIDTH)
+    done = hpcsweep(2, "animate", made.file, "-o", folder / "ranks.mp4", *common)
+    assert done.returncode == 0, done.stderr
+    assert "4 frames" in done.stdout
+    monkeypatch.setattr(film, "PIECE", 2)
+    pieces = replace(made, output=folder / "pieces.mp4", poster=None)
+    assert film.make(pieces, Serial(), processes=2) == 4
+    assert (folder / "ranks.mp4").read_bytes() == made.output.read_bytes()
+    assert len(decode(pieces.output)[0]) == 4
+    assert not [p for p in folder.iterdir() if p.name.startswith(".")]
+
+
+@pytest.mark.mpi
+def test_a_failing_encoder_ends_all_ranks(results, tmp_path):
+    """No rank waits for ever, nothing is left behind."""
+    out = tmp_path / "o.mp4"
+    done = hpcsweep(2, "animate", results, "-o", out, IMAGEIO_FFMPEG_EXE="/bin/false")
+    assert done.returncode != 0
+    assert "ffmpeg ended with code 1" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_single_frames_are_read_as_the_whole_file_is(results, tmp_path):
+    copy = tmp_path / "c.h5"
+    content = bytearray(results.read_bytes())
+    frames = Frames(results)
+    place = frames._blocks.places(1, 2, 0)["drift"][0]
+    frames.close()
+    content[place] ^= 1
+    copy.write_bytes(content)
+    whole = open_results(copy)
+    assert 0 < int((whole["outcome"] == 0).sum()) < whole["outcome"].size
+    frames = Frames(copy)
+    for k in range(whole.sizes["frame"]):
+        for name, values in frames.read(k, ("poincare", "contact", "outcome")).items():
+            np.testing.assert_array_equal(values, whole[name].values[:, k])
+    with pytest.raises(StoreError, match=r"output\.lyapunov"):
+        frames.read(0, ("lyapunov",))
+    frames.close()
+
+
+def test_mistakes_take_one_line_and_write_nothing(results, tmp_path, capsys, monkeypatch):
+    def fails(*arguments: object) -> str:
+        assert cli.main(["animate", *map(str, arguments)]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith("hpcsweep: error: ")
+        assert error.count("\n") == 1
+        assert list(tmp_path.iterdir()) == []
+        return error
+
+    out = tmp_path / "o.mp4"
+    assert ".mp4 or .gif" in fails(results, "-o", tmp_path / "o.avi")
+    assert "does not exist" in fails(results, "-o", tmp_path / "no" / "o.mp4")
+    assert "even" in fails(results, "-o", out, "--width", 641)
+    assert "50" in fails(results, "-o", tmp_path / "o.gif", "--fps", 60)
+    assert "--poster" in fails(results, "-o", out, "--poster", tmp_path / "p.jpg")
+    assert "cannot be read" in fails(tmp_path / "none.h5", "-o", out)
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    assert "video" in fails(results, "-o", out)
+
+
+def test_what_is_not_there_is_refused(results, tmp_path):
+    up = parse_job(
+        SMALL.replace("[output]", "[output]\ncontact = false").replace(
+            "[sweep]", '[sweep]\ndirections = ["up"]'
+        ),
+        "up",
+        "up",
+    )
+    path = tmp_path / "up.h5"
+    assert campaign.run(up, path, Serial()) == 0
+    request = film.Request(path, tmp_path / "o.mp4", width=WIDTH)
+    with pytest.raises(PlotError, match=r"output\.contact"):
+        film.check(replace(request, color="contact"))
+    with pytest.raises(PlotError, match=r"--direction down: .* holds up"):
+        film.check(replace(request, direction="down"))
+    film.check(request)
+    assert film.make(request, Serial()) == 4
+    assert len(decode(request.output)[0]) == 4
+    with pytest.raises(RuntimeError, match="ffmpeg ended with code"):
+        video.join([tmp_path / "none.mp4"], tmp_path / "x.mp4")
+
+
+def test_legends_keep_to_the_picture():
+    """A dozen floors have long names of contact sets: what has no room is left out."""
+    contacts = tuple((1 << 12) - (1 << k) for k in range(12))
+    scene = film_frame.Scene(
+        title="",
+        amplitude=np.array([0.1, 0.2]),
+        omega=(1.0, 2.0),
+        marks=(),
+        low=np.full(12, -1.0),
+        high=np.ones(12),
+        directions=("up", "down"),
+        color="contact",
+        periods=(1,),
+        contacts=contacts,
+        width=WIDTH,
+    )
+    painter = film_frame.Painter(scene)
+    bottom = painter.panels[0][1]
+    nothing = {
+        "poincare": np.full((2, 2, 1, 12), np.nan),
+        "orbit_period": np.ones((2, 2), int),
+        "contact": np.zeros((2, 2), np.uint64),
+        "outcome": np.zeros((2, 2), int),
+    }
+    legend = painter.paint(1.0, nothing)[bottom + 20 :, :, :3].astype(int)
+    assert legend.min() < 100
+    assert legend[:, -6:].min() > 250

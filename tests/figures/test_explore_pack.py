@@ -1,0 +1,173 @@
+"""The explorer's page without a browser: packing, gathering, user mistakes."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from tools import hpcsweep
+
+from hpcsweep import open_results
+from hpcsweep.figures.explorer import pack
+from hpcsweep.figures.explorer.page import build_page
+from hpcsweep.figures.explorer.study import gather
+from hpcsweep.figures.style import classes_of
+from hpcsweep.job import parse_job
+
+
+@pytest.fixture(scope="module")
+def results_file(tmp_path_factory):
+    from tools import SMALL
+
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.parallel.mpi import Serial
+
+    path = tmp_path_factory.mktemp("explore") / "small.h5"
+    text = SMALL.replace("[output]", "[output]\nlyapunov = true")
+    assert campaign.run(parse_job(text, "small", "small"), path, Serial()) == 0
+    return path
+
+
+@pytest.mark.parametrize("bits", [6, 12, 16])
+def test_values_come_back_within_half_the_stated_resolution(bits):
+    rng = np.random.default_rng(1)
+    values = rng.normal(size=(5, 40))
+    values[2, 7] = np.nan
+    low, high = np.nanmin(values), np.nanmax(values)
+    codes = pack.quantise(values, low, high, bits)
+    back = pack.dequantise(codes, low, high, bits)
+    assert codes.max() == 2**bits - 1
+    assert np.array_equal(np.isnan(back), np.isnan(values))
+    assert np.nanmax(np.abs(back - values)) <= 0.5001 * pack.resolution(low, high, bits)
+    assert np.nanmin(back) == pytest.approx(low)
+    assert np.nanmax(back) == pytest.approx(high)
+
+
+def test_one_value_alone_is_exact():
+    assert pack.dequantise(pack.quantise(np.array([2.5]), 2.5, 2.5, 8), 2.5, 2.5, 8) == [2.5]
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint32])
+def test_text_holds_every_integer(dtype):
+    rng = np.random.default_rng(2)
+    codes = rng.integers(0, np.iinfo(dtype).max, (3, 5, 7), dtype, endpoint=True)
+    assert np.array_equal(pack.from_text(pack.to_text(codes), dtype, codes.shape), codes)
+    rows = pack.predict_rows(codes)
+    assert np.array_equal(np.add.accumulate(rows, axis=-1, dtype=dtype), codes)
+
+
+def test_predicted_points_can_be_undone_from_the_counts():
+    rng = np.random.default_rng(3)
+    counts = rng.integers(0, 4, (6, 11))
+    codes = rng.integers(0, 4096, (2, counts.sum())).astype(np.uint16)
+    undone = pack.predict_points(codes, counts)
+    assert not np.array_equal(undone, codes)
+    at = 0
+    for sweep in counts:
+        for run, count in enumerate(sweep):
+            if run and sweep[run - 1] == count:
+                undone[:, at : at + count] += undone[:, at - count : at]
+            at += count
+    assert np.array_equal(undone, codes)
+
+
+def test_a_study_holds_what_the_file_holds(results_file):
+    results = open_results(results_file)
+    study = gather(results_file)
+    assert np.array_equal(study.omega, results["omega"])
+    assert np.array_equal(study.codes["motion"], classes_of(results).swapaxes(0, 1))
+    for name in ("period", "cycles", "contact"):
+        stored = results["orbit_period" if name == "period" else name].values
+        assert np.array_equal(study.codes[name], stored.swapaxes(0, 1))
+    drift = results["drift"].values.swapaxes(0, 1).astype(np.float32)
+    assert np.array_equal(study.values["drift"], drift)
+    ends = np.cumsum(study.counts.ravel()).reshape(study.counts.shape)
+    for frame, direction, amplitude in np.ndindex(study.counts.shape):
+        run = results.isel(frame=frame, direction=direction, amplitude=amplitude)
+        n_points = int(run["n_points"])
+        stored = run["poincare"].values[:n_points]
+        end = ends[frame, direction, amplitude]
+        kept = study.points[end - n_points : end]
+        first = int(np.argmin(np.abs(stored[:, :2] - kept[0]).sum(axis=1)))
+        assert np.abs(np.roll(stored, -first, axis=0)[:, :2] - kept).max() < 1e-6
+        assert np.abs(stored[first, 2:] - study.speed[frame, direction, amplitude]).max() < 1e-6
+
+
+def test_thinning(results_file):
+    whole, thin = gather(results_file), gather(results_file, 2, 2, 3)
+    assert thin.counts.shape == (2, 2, 4)
+    assert np.array_equal(thin.counts, np.minimum(whole.counts, 2)[::2, :, ::3])
+    assert np.array_equal(thin.values["drift"], whole.values["drift"][::2, :, ::3])
+    assert len(thin.points) == thin.counts.sum()
+
+
+def test_a_study_too_large_keeps_fewer_points_of_each_run(results_file, monkeypatch):
+    from hpcsweep.figures.explorer import study as module
+
+    whole = gather(results_file)
+    monkeypatch.setattr(module, "POINT_BUDGET", whole.points.size // 2)
+    less = gather(results_file)
+    assert less.points.size <= whole.points.size // 2
+    limit = less.thinned["points"]
+    assert np.array_equal(less.counts, np.minimum(whole.counts, limit))
+    same = np.repeat(np.cumsum(whole.counts) - whole.counts.ravel(), less.counts.ravel())
+    same += np.concatenate([np.arange(count) for count in less.counts.ravel()])
+    assert np.array_equal(less.points, whole.points[same])
+
+
+def test_the_page_needs_nothing_else(results_file):
+    page, sizes = build_page(gather(results_file))
+    assert sum(sizes.values()) == len(page)
+    assert not re.search(r"<(script|link|img)[^>]*(src|href)=[\"'](?!data:)", page)
+    assert "{{" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+    assert "Permission is hereby granted" in page
+    meta = json.loads(re.search(r'id="meta">(.*?)</script>', page)[1])
+    assert meta["resolution"]["points"] > 0
+    for name, spec in meta["arrays"].items():
+        text = re.search(rf'id="data-{name}">(.*?)</script>', page)[1]
+        assert pack.from_text(text, f"u{spec['bytes']}", (-1,)).size == spec["length"]
+
+
+def test_a_file_with_few_results_makes_a_page(tmp_path):
+    from tools import SMALL
+
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.parallel.mpi import Serial
+
+    none = "[output]\n" + "".join(
+        f"{name} = false\n" for name in ("poincare", "contact", "drift", "modal_norm")
+    )
+    path = tmp_path / "few.h5"
+    text = SMALL.replace("[output]", none)
+    assert campaign.run(parse_job(text, "few", "few"), path, Serial()) == 0
+    _, sizes = build_page(gather(path))
+    assert set(sizes) == {"program", "motion", "period", "outcome", "cycles", "counts"}
+
+
+def test_mistakes_take_one_line_and_leave_nothing(results_file, tmp_path):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    foreign = tmp_path / "foreign.h5"
+    foreign.write_text("not HDF5")
+    page = empty / "page.html"
+    cases = [
+        ((tmp_path / "missing.h5", "-o", page), "missing.h5: cannot be read"),
+        ((foreign, "-o", page), "foreign.h5: not an HDF5 file"),
+        ((results_file, "-o", empty / "no" / "page.html"), "is not a folder"),
+        ((results_file, "-o", results_file), "is the results file"),
+        ((results_file, "-o", empty), "cannot be written"),
+        ((results_file, "-o", page, "--bits", "17"), "from 6 to 16, is 17"),
+        ((results_file, "-o", page, "--points", "0"), "is 0"),
+        ((results_file, "-o", page, "--max-mb", "0.01"), "--frame-step"),
+    ]
+    before = results_file.read_bytes()
+    for arguments, words in cases:
+        done = hpcsweep(0, "explore", *arguments)
+        assert done.returncode == 2, done.stderr
+        assert words in done.stderr
+        assert done.stderr.startswith("hpcsweep: error: ")
+        assert done.stderr.count("\n") == 1
+        assert done.stdout == ""
+        assert list(empty.iterdir()) == []
+    assert results_file.read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["empty", "foreign.h5"]

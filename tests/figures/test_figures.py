@@ -1,0 +1,425 @@
+import numpy as np
+import pytest
+
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures import shades, style
+from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
+from hpcsweep.figures.diagrams.regions import Region, coexistence, contact_regions
+from hpcsweep.figures.style import classes_of
+from hpcsweep.model.structure import Structure
+
+
+def test_contact_regions_are_maximal_and_short_ones_are_absorbed():
+    up = [0] * 5 + [4] * 6 + [6] + [4] * 5 + [6] * 8
+    down = [0] * 5 + [4] * 12 + [6] * 4 + [7] * 4
+    contact = np.array([up, down])
+    valid = np.ones_like(contact, bool)
+    assert contact_regions(contact, valid) == [
+        Region(0, 4, (0,)),
+        Region(5, 16, (4,)),
+        Region(17, 20, (6,)),
+        Region(21, 24, (6, 7)),
+    ]
+    valid[:, 21:] = False
+    assert contact_regions(contact, valid)[-1] == Region(17, 20, (6,))
+
+
+def test_two_solutions_of_one_contact_set_are_a_region_if_they_last():
+    contact = np.full((2, 100), 7)
+    valid = np.ones_like(contact, bool)
+    apart = np.zeros(100, bool)
+    apart[20:21] = True
+    assert contact_regions(contact, valid, 1, apart) == [Region(0, 99, (7,))]
+    apart[60:90] = True
+    assert contact_regions(contact, valid, 1, apart) == [
+        Region(0, 59, (7,)),
+        Region(60, 89, (7, 7)),
+        Region(90, 99, (7,)),
+    ]
+    contact[1, 60:] = 6
+    assert contact_regions(contact, valid, 1, apart) == [
+        Region(0, 59, (7,)),
+        Region(60, 99, (7, 6)),
+    ]
+
+
+def test_coexistence_compares_orbits_not_their_order():
+    import xarray
+
+    kinds = MotionClass.PERIODIC, MotionClass.CHAOTIC, MotionClass.UNDECIDED
+    p, c, u = (int(kind) for kind in kinds)
+    classes = np.array([[p, p, p, p, c, c, u], [p, p, p, c, p, c, p]])
+    period = np.where(classes == p, 2, 0)
+    points = np.zeros((2, 7, 4, 2))
+    points[:, :, 1] = 1.0
+    points[1, 0, :2] = points[0, 0, 1::-1]
+    points[1, 1, 1] = 1.5
+    period[1, 2] = 1
+    frame = xarray.Dataset(
+        {
+            "poincare": (("direction", "amplitude", "point", "state"), points),
+            "n_points": (("direction", "amplitude"), np.where(period > 0, period, 4)),
+            "orbit_period": (("direction", "amplitude"), period),
+        }
+    )
+    expected = [False, True, True, True, True, False, False]
+    assert coexistence(frame, classes).tolist() == expected
+    assert not coexistence(frame.isel(direction=[0]), classes[:1]).any()
+
+
+def lightness(colour: str) -> float:
+    """CIE L* of an sRGB colour: what is left of it in grey."""
+    rgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    y = linear @ (0.2126, 0.7152, 0.0722)
+    return 116 * np.cbrt(y) - 16 if y > 0.008856 else 903.3 * y
+
+
+@pytest.mark.parametrize("colours", [shades.SHADES, benefit.SHADES])
+def test_map_colours_are_apart_in_grey_light_to_dark(colours):
+    light = np.array([lightness(colour) for _, colour in colours])
+    assert np.all(np.diff(light) < -6)
+    rgb = np.array([[int(colour[k : k + 2], 16) for k in (1, 3, 5)] for _, colour in colours])
+    assert np.all(np.diff(rgb @ (0.299, 0.587, 0.114)) < -15)  # what image software calls grey
+
+
+def test_shade_of_each_class_and_period():
+    kinds = [MotionClass.NO_CONTACT, *[MotionClass.PERIODIC] * 6, MotionClass.CHAOTIC]
+    kinds += [MotionClass.LONG_PERIOD, MotionClass.FAILED, MotionClass.NOT_COMPUTED]
+    period = np.array([1, 1, 4, 5, 8, 9, 16, 0, 0, 0, 0])
+    index = shades.shade_index(np.array(kinds), period)
+    names = [shades.NAMES[k] if k >= 0 else None for k in index]
+    long = "P9 and longer"
+    assert names == [
+        *("no contact", "P1", "P4", "P5–P8", "P5–P8", long, long, "chaotic", long),
+        *(None, None),
+    ]
+    shares = {name: share for name, _, share in shades.shade_shares(index, np.array(kinds))}
+    assert shares[long] == 3 / 10
+    assert shares["undecided"] == 0
+    assert "P2" not in shares
+
+
+def test_shares_are_never_rounded_to_nothing_or_all():
+    values = (0, 1, 1e-6, 0.99999, 0.0012, 0.123)
+    assert [style.percent(v) for v in values] == [
+        "0 %",
+        "100 %",
+        "< 0.01 %",
+        "> 99.9 %",
+        "0.12 %",
+        "12.3 %",
+    ]
+
+
+def test_names():
+    assert style.contact_name(0b110, 3) == "C23"
+    assert style.contact_name(0, 3) == "none"
+    assert style.contact_name(0b100000000011, 12) == "C1,2,12"
+    assert [style.roman(k) for k in (1, 4, 8, 9, 14, 42)] == [
+        "i",
+        "iv",
+        "viii",
+        "ix",
+        "xiv",
+        "xlii",
+    ]
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A small campaign with exponents, computed once."""
+    from tools import SMALL
+
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.job import parse_job
+    from hpcsweep.parallel.mpi import Serial
+
+    path = tmp_path_factory.mktemp("figure") / "small.h5"
+    job = parse_job(f"{SMALL}lyapunov = true\n", "small", "small")
+    assert campaign.run(job, path, Serial()) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def results(file):
+    from hpcsweep import open_results
+
+    return open_results(file)
+
+
+@pytest.fixture
+def drawn(monkeypatch, tmp_path):
+    """Draw with a module, and give the figure that was saved."""
+
+    def draw(module, *arguments, **options):
+        kept = []
+
+        def keep(figure, path):
+            kept.append(figure)
+            style.save(figure, path)
+
+        monkeypatch.setattr(module, "save", keep)
+        path = tmp_path / "drawn.png"
+        module.draw(arguments[0], path, **options)
+        assert path.stat().st_size > 10_000
+        return kept[0]
+
+    return draw
+
+
+def legend_texts(figure) -> list[str]:
+    texts = []
+    for legend in [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]:
+        texts += [text.get_text() for text in (legend.get_title(), *legend.get_texts())]
+    return texts
+
+
+def assert_nothing_overlaps(figure):
+    """Title, legends and panels with their labels each have a place of their own."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    panels = [axis.get_tightbbox(renderer) for axis in figure.axes if axis.get_visible()]
+    others = [legend.get_window_extent(renderer) for legend in figure.legends]
+    others.append(figure._suptitle.get_window_extent(renderer))
+    for place, box in enumerate(others):
+        assert box.x0 >= 0
+        assert box.x1 <= figure.bbox.x1
+        for other in [*panels, *others[place + 1 :]]:
+            shared = [
+                min(box.x1, other.x1) - max(box.x0, other.x0),
+                min(box.y1, other.y1) - max(box.y0, other.y0),
+            ]
+            assert min(shared) < 3, (box, other)
+
+
+@pytest.mark.parametrize("color", ["direction", "contact", "period"])
+def test_orbit_diagram_is_drawn(results, tmp_path, color):
+    from PIL import Image
+
+    path = tmp_path / "o.png"
+    orbit_diagram.draw(results, path, omega=0.7, color=color)
+    with Image.open(path) as picture:
+        assert picture.width > 1000
+        pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+    colours = {tuple(pixel) for pixel in pixels[::7]}
+    assert tuple(int(style.PALETTE[0][k : k + 2], 16) for k in (1, 3, 5)) in colours
+
+
+def test_what_is_not_in_the_file_cannot_be_drawn(results, tmp_path):
+    with pytest.raises(style.PlotError, match=r"output\.poincare"):
+        orbit_diagram.draw(results.drop_vars("poincare"), tmp_path / "o.png")
+    with pytest.raises(style.PlotError, match="no run"):
+        orbit_diagram.draw(results.assign(outcome=results["outcome"] * 0), tmp_path / "o.png")
+    assert list(tmp_path.iterdir()) == []
+
+
+KINDS = [
+    (orbit_diagram, {"omega": 0.7}),
+    (phase, {"amplitudes": [0.05, 0.3], "omega": 0.7}),
+    (frames, {}),
+    (period_map, {}),
+    (period_map, {"value": "drift"}),
+    (period_map, {"value": "contact", "direction": "down"}),
+    (period_map, {"value": "modal_norm"}),
+    (period_map, {"value": "lyapunov"}),
+    (metrics, {"omega": 0.7}),
+    (benefit, {}),
+]
+
+
+@pytest.mark.parametrize(("module", "options"), KINDS)
+def test_every_figure_names_its_axes_its_parameters_and_what_is_undecided(
+    results, drawn, module, options
+):
+    figure = drawn(module, results, **options)
+    assert_nothing_overlaps(figure)
+    title = figure._suptitle.get_text()
+    assert r"$\beta$ = 300" in title
+    assert r"$\zeta$ = 0.05" in title
+    assert any("undecided" in text for text in legend_texts(figure))
+    bottom = [axis.get_xlabel() for axis in figure.axes if axis.get_xlabel()]
+    assert bottom
+    assert all("[" in label or "[gaps" in title or "in gaps" in title for label in bottom)
+
+
+def test_map_shows_the_class_of_every_run(results, drawn):
+    figure = drawn(period_map, results, direction="down")
+    shown = figure.axes[0].collections[0].get_array().filled(-1).reshape(4, 11)
+    classes = classes_of(results)[1]
+    expected = shades.shade_index(classes, results["orbit_period"].values[1])
+    assert np.array_equal(shown, expected)
+    free = 100 * (classes == MotionClass.NO_CONTACT).mean()
+    assert f"no contact  {free:.1f} %" in legend_texts(figure)
+
+
+def test_map_sorts_frames_and_hatches_what_failed(results, drawn):
+    outcome = results["outcome"].copy()
+    outcome[0, 2, 3] = 3
+    mixed = results.assign(outcome=outcome).isel(frame=[2, 0, 3, 1])
+    figure = drawn(period_map, mixed)
+    shown = figure.axes[0].collections[0].get_array()
+    assert np.argwhere(np.ma.getmaskarray(shown).reshape(4, 11)).tolist() == [[2, 3]]
+    assert any(text.startswith(shades.BLANK) for text in legend_texts(figure))
+
+
+def test_without_contact_drift_and_modal_norms_are_the_closed_form(results):
+    classes = classes_of(results)
+    settled = results["orbit_period"].values == 1
+    free = np.argwhere((classes == MotionClass.NO_CONTACT) & settled)
+    assert len(free) > 5
+    ratio = benefit.drift_ratio(results)
+    structure = style.job_of(results).structure
+    for at in map(tuple, free):
+        assert ratio[at] == pytest.approx(1, rel=1e-4)
+        closed = metrics.free_modal_norms(structure, float(results["omega"][at[1]]))
+        assert np.allclose(results["modal_norm"].values[at], closed, rtol=0, atol=1e-4)
+    undamped = Structure(damping_ratio=0.0)
+    resonance = float(undamped.frequencies[0])
+    assert np.isnan(benefit.free_drift(undamped, resonance))
+    assert np.isnan(metrics.free_modal_norms(undamped, resonance)).all()
+
+
+def test_benefit_counts_the_runs_it_shows(results, drawn):
+    figure = drawn(benefit, results)
+    chosen = classes_of(results)[0] == MotionClass.PERIODIC
+    chosen &= results["orbit_period"].values[0] == 1
+    ratio = benefit.drift_ratio(results)[0][chosen]
+    assert ratio.size
+    assert f"of {ratio.size} runs" in figure.axes[1].get_title()
+    shown = figure.axes[1].collections[0].get_array().filled(-1).ravel()
+    assert (shown >= 2).sum() == ratio.size
+    assert np.isin(shown, (2, 3)).sum() == (ratio <= 1).sum()
+
+
+def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn):
+    frame = results.isel(frame=2)
+    structure = style.job_of(results).structure
+    classes = classes_of(results)[:, 2]
+    run = np.argwhere((classes == MotionClass.PERIODIC) & (frame["contact"].values > 0))[-1]
+    points, curves = phase.orbit_curves(frame, phase.Motion(*run), structure)
+    assert np.abs(curves[:, -1] - np.roll(points, -1, axis=0)).max() < 1e-5
+    touching = [i for i in range(2) if int(frame["contact"].values[tuple(run)]) >> i & 1]
+    assert np.all(curves[:, :, touching].max(axis=(0, 1)) >= 1)
+    amplitude = float(frame["amplitude"][run[1]])
+    figure = drawn(phase, results, omega=0.7, amplitudes=[amplitude], direction="down")
+    assert len(figure.axes) == 2
+    for axis in figure.axes:
+        assert axis.get_xlim()[1] > 1
+        assert any(list(line.get_xdata()) == [1, 1] for line in axis.lines)
+
+
+def test_the_asked_period_is_found_in_the_middle_of_its_longest_stretch(results):
+    frame = results.isel(frame=0, amplitude=slice(0, 10))
+    period = np.array([[1, 1, 1, 1, 2, 2, 0, 2, 2, 2], [1, 1, 1, 1, 1, 1, 1, 1, 4, 4]])
+    kinds = np.where(period > 0, MotionClass.PERIODIC, MotionClass.CHAOTIC)
+    kinds[:, :4] = MotionClass.NO_CONTACT
+    frame = frame.assign(orbit_period=(("direction", "amplitude"), period))
+    assert phase.find_period(frame, kinds, 2) == phase.Motion(0, 8)
+    assert phase.find_period(frame, kinds, 1) == phase.Motion(1, 5)
+    assert phase.find_period(frame, kinds, 1, "up") == phase.Motion(0, 1)
+    with pytest.raises(style.PlotError, match=r"--period 5: .* periods that occur: 1, 2, 4$"):
+        phase.find_period(frame, kinds, 5)
+    with pytest.raises(style.PlotError, match=r"sweep up .* occur: 1, 2$"):
+        phase.find_period(frame, kinds, 4, "up")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--kind", "map", "--period", "3"], ("--period", "--kind map", "only with: phase")),
+        (["--amplitude", "0.1"], ("--amplitude", "--kind orbit", "phase")),
+        (["--kind", "phase"], ("--amplitude or --period",)),
+        (["--kind", "phase", "--amplitude", "7"], ("--amplitude 7", "0.02 to 0.3")),
+        (["--kind", "phase", "--period", "63"], ("--period 63", "periods that occur: 1")),
+        (["--kind", "frames", "--frames", "5"], ("--frames 5", "1 to 4")),
+        (["--kind", "frames", "--floor", "3"], ("--floor 3", "1 to 2")),
+        (["--kind", "phase", "--period", "0"], ("--period", "at least 1")),
+    ],
+)
+def test_mistakes_take_one_line_and_write_nothing(file, tmp_path, capsys, arguments, words):
+    from hpcsweep.commands.cli import main
+
+    output = tmp_path / "o.png"
+    try:
+        code = main(["plot", str(file), "-o", str(output), *arguments])
+    except SystemExit as stop:
+        code = stop.code
+    assert code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("hpcsweep: error: ")
+    assert said.count("\n") == 1
+    for word in words:
+        assert word in said
+    assert not output.exists()
+
+
+def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
+    from hpcsweep.commands.cli import main
+    from hpcsweep.commands.plot import KINDS
+
+    for kind in KINDS:
+        output = tmp_path / f"{kind}.png"
+        extra = ["--period", "1"] if kind == "phase" else []
+        assert main(["plot", str(file), "--kind", kind, "-o", str(output), *extra]) == 0
+        assert capsys.readouterr().out.strip() == str(output)
+        assert output.stat().st_size > 10_000
+
+
+def test_a_map_needs_two_frames_and_a_direction_that_is_there(results, tmp_path):
+    with pytest.raises(style.PlotError, match="at least 2 frames"):
+        period_map.draw(results.isel(frame=[0]), tmp_path / "o.png")
+    with pytest.raises(style.PlotError, match="up only"):
+        benefit.draw(results.isel(direction=[0]), tmp_path / "o.png", direction="down")
+    with pytest.raises(style.PlotError, match=r"output\.lyapunov"):
+        benefit.draw(results.drop_vars("lyapunov"), tmp_path / "o.png")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_modal_norms_without_stop_are_the_mean_over_a_period():
+    structure, omega = Structure(n_floors=4, damping_ratio=0.03), 0.7
+    phase = 2 * np.pi * np.arange(100_000) / 100_000
+    modal = structure.mode_shapes.T @ structure.linear_steady_state(omega)
+    q = np.abs(np.imag(modal[:, None] * np.exp(1j * phase)))
+    mean = (q / np.linalg.norm(q, axis=0)).mean(axis=1)
+    assert np.allclose(metrics.free_modal_norms(structure, omega), mean, rtol=0, atol=1e-6)
+
+
+def test_every_figure_of_the_paper_has_its_jobs_and_each_its_command():
+    from tools import JOBS
+
+    from hpcsweep.commands.cli import build_parser
+    from hpcsweep.commands.plot import KINDS
+
+    names = {f"figure{k}" for k in range(2, 9)} | {"figure6-beta100"}
+    names |= {f"{name}-described" for name in names}
+    assert names == {path.stem for path in JOBS.glob("figure*.toml")}
+    for name in names:
+        lines = (JOBS / f"{name}.toml").read_text().splitlines()
+        draw = [line for line in lines if line.startswith("# Draw: hpcsweep plot ")]
+        assert len(draw) == 1, name
+        options = build_parser().parse_args(draw[0].removeprefix("# Draw: hpcsweep ").split())
+        assert options.file.name == f"{name}.h5"
+        given = {key for keys in KINDS.values() for key in keys if getattr(options, key)}
+        assert given <= set(KINDS[options.kind])
+
+
+def test_jobs_as_described_differ_from_those_as_printed_by_the_damping_alone():
+    from dataclasses import replace
+
+    from tools import JOBS
+
+    from hpcsweep.job import load_job
+
+    for path in sorted(JOBS.glob("figure[678]*-described.toml")):
+        described = load_job(path)
+        printed = load_job(path.with_name(path.name.replace("-described", "")))
+        w = described.structure.frequencies
+        assert np.allclose(described.structure.damping_ratios, 0.05 / (2 * w**2), rtol=1e-12)
+        assert np.all(printed.structure.damping_ratios == 0.05)
+        assert replace(described.structure, damping_ratio=0.05) == printed.structure
+        assert np.array_equal(described.omega, printed.omega)
+        assert np.array_equal(described.amplitude, printed.amplitude)
+        assert described.settings == printed.settings

@@ -1,0 +1,174 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from tools import JOBS, SMALL
+
+from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.studies.settings import SweepSettings
+
+FIRST_FINGERPRINT = "762b76682a39fa2cd8788ff1a7cdc12fe982b17a50d4755e18c3508ffe025f39"
+
+
+def job(text: str):
+    return parse_job(text, "x.toml", "x")
+
+
+def test_every_shipped_job_loads():
+    names = sorted(JOBS.glob("*.toml"))
+    assert {"demo.toml", "figure3.toml", "figure3-described.toml", "ci.toml"} <= {
+        path.name for path in names
+    }
+    for path in names:
+        assert load_job(path).n_runs > 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("n_floors = 2", "n_floors = 0", ("structure.n_floors", "1 to 64", "0")),
+        ("n_floors = 2", "n_floors = 2.5", ("structure.n_floors", "whole", "2.5")),
+        ("n_floors = 2", "n_floors = true", ("structure.n_floors", "True")),
+        ("300.0", "-300.0", ("structure.stiffness_ratio", "at least 0", "-300")),
+        ("300.0", "nan", ("structure.stiffness_ratio", "number", "nan")),
+        ("4e3", "-1", ("structure.sharpness", "at least 0")),
+        ("= 0.05", "= [0.05]", ("structure.damping_ratio", "2 are needed", "1 are given")),
+        ("= 0.05", "= -0.05", ("structure.damping_ratio", "-0.05")),
+        ("= 0.05", '= "little"', ("structure.damping_ratio", "'little'")),
+        ("from = 0.02, to = 0.3", "from = 0.3, to = 0.02", ("sweep.amplitude.from", "0.3", "0.02")),
+        ("from = 0.02", "from = -0.02", ("sweep.amplitude", "-0.02", "at least 0")),
+        ("count = 11", "count = 1", ("sweep.amplitude.count", "2 to")),
+        ("count = 11", "step = 0", ("sweep.amplitude.step", "0")),
+        ("count = 11", "step = 0.1, count = 3", ("either count or step",)),
+        ("count = 11", "cuont = 11", ("sweep.amplitude.cuont", "'count'")),
+        ("from = 0.5, to", "from = 0.0, to", ("sweep.omega", "greater than 0")),
+        ("transient_cycles = 30", "transient_cycles = -1", ("sweep.transient_cycles", "-1")),
+        ("max_orbit_period = 6", "max_orbit_period = 11", ("max_orbit_period", "11", "1 to 10")),
+        ("max_orbit_period = 6", "max_period = 6", ("sweep.max_period", "'max_orbit_period'")),
+        ("[output]", "[ouput]", ("'ouput'", "'output'")),
+        ("block = 4", "block = 0", ("output.block", "0")),
+        ("block = 4", "drift = 1", ("output.drift", "true or false")),
+        ("block = 4", "rtol = 1e-6", ("output.rtol", "[solver]")),
+        ("[output]", "[solver]\nmethod='rk4'\n[output]", ("solver.method", "rk4", "flow, bdf")),
+        ("[output]", "[solver]\nrtol=0.5\n[output]", ("solver.rtol", "0.5", "1e-2")),
+        ("[output]", "[solver]\nskip=['x']\n[output]", ("solver.skip", "linear")),
+        ("[output]", "[output", ("not valid TOML", "line")),
+        ("[sweep]", "[sweep]\ninitial_state=[1.0]", ("sweep.initial_state", "2 n = 4")),
+        ("[sweep]", "[sweep]\ndirections=['down']", ("sweep.directions", '["up", "down"]')),
+        ("[sweep]", "[sweep]\nperiod_tolerance=0", ("sweep.period_tolerance",)),
+        ("[structure]", "name='a/b'\n[structure]", ("name", "a/b")),
+    ],
+)
+def test_each_mistake_is_one_line_that_names_file_key_value_and_limit(old, new, words):
+    assert old in SMALL
+    with pytest.raises(JobError) as error:
+        job(SMALL.replace(old, new, 1))
+    message = str(error.value)
+    assert message.startswith("x.toml: ")
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_missing_key_and_file_are_named(tmp_path):
+    with pytest.raises(JobError, match=r"sweep\.omega is missing"):
+        job("[sweep]\namplitude = 0.1")
+    with pytest.raises(JobError, match=r"absent\.toml: cannot be read"):
+        load_job(tmp_path / "absent.toml")
+    with pytest.raises(JobError, match="cannot be read"):
+        load_job(tmp_path)
+    (tmp_path / "latin.toml").write_bytes(b"name = '\xe4'")
+    with pytest.raises(JobError, match="UTF-8"):
+        load_job(tmp_path / "latin.toml")
+
+
+def test_step_includes_the_end_it_hits_and_no_value_beyond():
+    found = job("[sweep]\nomega=1\namplitude={from=0.005, to=0.25, step=0.001}").amplitude
+    assert found.size == 246
+    assert found[-1] == pytest.approx(0.25, abs=1e-15)
+    found = job("[sweep]\nomega=1\namplitude={from=0, to=1, step=0.3}").amplitude
+    assert found == pytest.approx([0, 0.3, 0.6, 0.9])
+
+
+def test_fingerprint_is_of_the_meaning_not_of_the_text():
+    first = job(SMALL)
+    same = job("# a comment\nname = 'other'\n" + SMALL.replace("4e3", "4000.0"))
+    assert same.fingerprint == first.fingerprint
+    for old, new in [("300.0", "301.0"), ("block = 4", "block = 5"), ("count = 11", "count = 12")]:
+        assert job(SMALL.replace(old, new)).fingerprint != first.fingerprint
+
+
+def test_infinite_sharpness_and_a_list_of_frames():
+    text = SMALL.replace("4e3", "inf").replace("{from = 0.5, to = 0.8, count = 4}", "[0.7, 0.5]")
+    found = job(text)
+    assert found.structure.sharpness == math.inf
+    assert np.array_equal(found.omega, [0.7, 0.5])
+
+
+OTHER = {
+    "n_floors": 4,
+    "stiffness_ratio": 7.0,
+    "sharpness": 77.0,
+    "damping_ratio": 0.07,
+    "transient_cycles": 7,
+    "sampling_cycles": 70,
+    "max_orbit_period": 7,
+    "period_tolerance": 7e-7,
+    "solver": "bdf",
+    "rtol": 7e-7,
+    "skip": frozenset({"linear"}),
+    "metrics": frozenset({"poincare"}),
+    "max_points": 40,
+    "omega": np.array([0.7]),
+    "amplitude": np.array([0.07]),
+    "directions": ("up",),
+    "initial_state": np.full(6, 0.07),
+    "block": 7,
+}
+"""Another value than that of the job below, for every field that has a meaning."""
+
+
+@pytest.mark.parametrize("part", ["structure", "settings", "job"])
+def test_every_field_is_part_of_the_fingerprint(part):
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    owner = job if part == "job" else getattr(job, part)
+    silent = {"name", "text", "structure", "settings", "_ratios"}
+    names = [field.name for field in dataclasses.fields(owner) if field.name not in silent]
+    assert names
+    for name in names:
+        assert name in OTHER, f"{name}: give it another value here, and it must change the hash"
+        changed = dataclasses.replace(owner, **{name: OTHER[name]})
+        if part != "job":
+            changed = dataclasses.replace(job, **{part: changed})
+        assert changed.fingerprint != job.fingerprint, name
+
+
+@dataclasses.dataclass(frozen=True)
+class Later(SweepSettings):
+    """Settings of a later version."""
+
+    weights: tuple[float, ...] = ()
+    offset: float = 0.0
+
+
+def test_a_new_field_counts_only_where_it_is_not_its_default():
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    assert dataclasses.replace(job, settings=Later()).fingerprint == job.fingerprint
+    hashes = {
+        dataclasses.replace(job, settings=later).fingerprint
+        for later in (Later(), Later(offset=1e-300), Later(weights=(0.1,)), Later(weights=(0.2,)))
+    }
+    assert len(hashes) == 4
+
+
+def test_a_field_that_cannot_be_hashed_is_refused():
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    strange = dataclasses.replace(job, settings=Later(weights=object()))
+    with pytest.raises(TypeError, match="no place in a job's fingerprint"):
+        _ = strange.fingerprint
+
+
+def test_the_fingerprint_of_the_first_version_stays():
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    assert job.fingerprint == FIRST_FINGERPRINT

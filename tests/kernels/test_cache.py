@@ -1,0 +1,110 @@
+"""The cache of compiled kernels: made anew when what they are made of changes, shared by all."""
+
+import importlib
+import pkgutil
+import shutil
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import numba
+import pytest
+from tools import environment
+
+import hpcsweep
+from hpcsweep.kernels import compile as jit
+
+PACKAGE = Path(hpcsweep.__file__).parent
+
+
+def kernels():
+    """Every compiled function of the package, with its module."""
+    found = {}
+    for info in pkgutil.walk_packages([str(PACKAGE)], "hpcsweep."):
+        if info.name.endswith("__main__"):
+            continue
+        module = importlib.import_module(info.name)
+        for value in vars(module).values():
+            if isinstance(value, numba.core.dispatcher.Dispatcher):
+                found[value.py_func] = value
+    return found
+
+
+def test_the_key_covers_every_module_that_kernels_and_their_constants_come_from():
+    covered = set(jit.kernel_files())
+    functions = kernels()
+    assert len(functions) > 80
+    for function in functions:
+        own = Path(function.__code__.co_filename).resolve()
+        if not own.is_relative_to(PACKAGE):
+            continue
+        assert own in covered, f"{own}: {function.__name__} is compiled from it"
+        # the modules of the package that its module draws anything from
+        for value in function.__globals__.values():
+            name = value.__name__ if isinstance(value, types.ModuleType) else None
+            name = name or getattr(value, "__module__", None) or ""
+            if name.startswith("hpcsweep.") and not isinstance(value, type):
+                source = Path(sys.modules[name].__file__).resolve()
+                assert source in covered, f"{own.name} draws on {source}"
+
+
+def test_a_file_that_is_not_there_is_an_error(tmp_path):
+    with pytest.raises(FileNotFoundError, match="moved"):
+        jit.kernel_files(names=("moved.py",))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FileNotFoundError, match="empty"):
+        jit.kernel_files(tmp_path, ("empty",))
+
+
+CODE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from hpcsweep.{module} import switch
+from hpcsweep.kernels import compile as jit
+switch(0.5, 3.0)
+stats = switch.stats
+print(jit.source_hash(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+"""
+MODULE = "model.equations"
+
+
+def started_in(folder: Path, cache: Path) -> tuple[str, int, int]:
+    done = subprocess.run(
+        [sys.executable, "-c", CODE.format(module=MODULE), str(folder)],
+        env=environment(NUMBA_CACHE_DIR=str(cache)),
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    key, hits, misses = done.stdout.split()
+    return key, int(hits), int(misses)
+
+
+def test_the_cache_is_found_from_another_path_and_not_after_an_edit(tmp_path):
+    for name in ("one", "two"):
+        shutil.copytree(
+            PACKAGE, tmp_path / name / "hpcsweep", ignore=shutil.ignore_patterns("__pycache__")
+        )
+    cache = tmp_path / "cache"
+    key, hits, misses = started_in(tmp_path / "one", cache)
+    assert (hits, misses) == (0, 1)
+    assert started_in(tmp_path / "two", cache) == (key, 1, 0)
+    source = (tmp_path / "two" / "hpcsweep").joinpath(*MODULE.split(".")).with_suffix(".py")
+    text = source.read_text()
+    source.write_text('"""Another text."""\n# a remark\n' + text.split('"""', 2)[2])
+    assert started_in(tmp_path / "two", cache) == (key, 1, 0)
+    source.write_text(text.replace("else 0.5", "else 0.25"))
+    other, hits, misses = started_in(tmp_path / "two", cache)
+    assert other != key
+    assert (hits, misses) == (0, 1)
+
+
+def test_settings_of_numba_for_other_packages_are_left_alone():
+    code = (
+        "import numba; before = numba.config.CACHE_DIR\n"
+        "import hpcsweep.solvers.solver\n"
+        "assert numba.config.CACHE_DIR == before, numba.config.CACHE_DIR\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment())

@@ -1,0 +1,427 @@
+"""The schedule against its bound, the simulation against real ranks, costs that are learnt."""
+
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from tools import JOBS, ROOT, SMALL, assert_same_datasets, hpcsweep, run_script
+
+from hpcsweep.campaign import costs
+from hpcsweep.campaign.costs import FrameCosts
+from hpcsweep.job import parse_job
+from hpcsweep.parallel import schedule
+from hpcsweep.parallel.schedule import ranks_that_help, simulate
+
+MANY = """
+[sweep]
+omega = {from = 0.2, to = 2.0, count = 120}
+amplitude = {from = 0.01, to = 0.4, count = 160}
+[output]
+block = 10
+"""
+
+
+def journal(path, kind: str) -> list[dict]:
+    lines = path.with_name(path.name + ".journal").read_text().splitlines()
+    return [record for record in map(json.loads, lines) if record["kind"] == kind]
+
+
+def hundredfold(rng, n_tasks: int, n_pieces: int = 16) -> list[np.ndarray]:
+    """Tasks of 1 to 100 s, their cost spread unevenly over their pieces."""
+    shares = rng.dirichlet(np.full(n_pieces, 3.0), n_tasks)
+    return list(10 ** rng.uniform(0, 2, n_tasks)[:, None] * shares)
+
+
+@pytest.mark.parametrize("n_tasks", [5, 17, 60, 250])
+def test_makespan_is_within_a_tenth_of_the_bound_for_costs_a_hundredfold_apart(n_tasks):
+    rng = np.random.default_rng(n_tasks)
+    worst = 0.0
+    for _ in range(4):
+        pieces = hundredfold(rng, n_tasks)
+        limit = ranks_that_help([piece.sum() for piece in pieces])
+        for n_ranks in sorted({2, 3, max(1, int(limit / 2)), int(limit), int(limit) + 1}):
+            found = simulate(pieces, n_ranks, computing_master=True)
+            assert found.makespan >= found.bound * (1 - 1e-12)
+            worst = max(worst, found.makespan / found.bound)
+    assert worst < 1.10
+
+
+def test_equal_tasks_that_do_not_divide_by_the_ranks_are_shared():
+    pieces = [np.full(40, 0.25)] * 3
+    shared = simulate(pieces, 2)
+    assert shared.makespan < 1.03 * shared.bound
+    assert shared.recalls > 0
+    # the control: in one piece each, dearest first is Graham's 4/3 of the bound
+    whole = simulate([piece.sum(keepdims=True) for piece in pieces], 2)
+    assert whole.makespan == pytest.approx(4 / 3 * whole.bound, rel=1e-2)
+
+
+def test_a_dedicated_master_costs_one_rank_and_no_more():
+    rng = np.random.default_rng(3)
+    pieces = hundredfold(rng, 400)
+    n_ranks = 48
+    assert not schedule.master_computes(n_ranks)
+    found = simulate(pieces, n_ranks)
+    total = sum(piece.sum() for piece in pieces)
+    assert total / (n_ranks - 1) <= found.makespan < 1.05 * total / (n_ranks - 1)
+    assert found.makespan < 1.10 * found.bound
+
+
+def test_the_master_is_no_bottleneck_on_4096_ranks():
+    rng = np.random.default_rng(4)
+    pieces = [np.full(4, cost / 4) for cost in 10 ** rng.uniform(0, 2, 6000)]
+    found = simulate(pieces, 4096)
+    assert found.master_load < 0.2
+    reports = 4096 / schedule.report_interval(4096)
+    assert reports * schedule.MESSAGE_SECONDS <= 0.1
+    # the control: a master a hundred times slower is one
+    slow = simulate(pieces, 4096, message_seconds=1e-2)
+    assert slow.makespan > 1.2 * found.makespan
+
+
+class _Believed:
+    """A job's learnt costs, for the simulation: what a campaign's rank 0 would know."""
+
+    def __init__(self, job, n_blocks):
+        self.costs, self._job, self._n_blocks = FrameCosts(job), job, n_blocks
+
+    def done(self, task, piece, seconds):
+        direction, block = divmod(piece, self._n_blocks)
+        self.costs.measured(task, direction, block, self._job.block, seconds)
+        self.costs.done(task, direction, block, self._job.block)
+
+    def left(self, task):
+        return self.costs.left(task)
+
+
+def test_a_rough_pilot_is_enough_because_costs_are_learnt():
+    job = parse_job(MANY, "many", "many")
+    n_frames, n_blocks = job.omega.size, 16
+    rng = np.random.default_rng(5)
+    # a hundredfold over the frames, smooth but for noise; dearer at large amplitudes
+    frame = 100 ** (0.5 + 0.5 * np.sin(np.linspace(0, 9, n_frames)))
+    place = np.concatenate((np.linspace(0.2, 1.8, n_blocks), np.linspace(1.8, 0.2, n_blocks)))
+    true = frame[:, None] * place * rng.lognormal(0, 0.3, (n_frames, 2 * n_blocks)) / 20
+    believed = _Believed(job, n_blocks)
+    n_samples = costs.n_samples(job)
+    assert 3 * n_samples <= 0.01 * job.n_runs
+    for index in range(n_samples):
+        at, amplitude = costs.sample_place(job, index)
+        rough = true[at, amplitude // job.block] / job.block * rng.lognormal(0, 0.7)
+        believed.costs.sampled(at, amplitude, 2, 2 * rough)
+    limit = ranks_that_help(true.sum(axis=1))
+    for n_ranks in (2, 5, int(limit / 2)):
+        found = simulate(list(true), n_ranks, costs=believed, computing_master=True)
+        assert found.makespan < 1.10 * found.bound, n_ranks
+        fresh = _Believed(job, n_blocks)
+        fresh.costs = FrameCosts(job)
+        believed = fresh
+        for at in range(0, n_frames, 7):
+            believed.costs.sampled(at, 80, 2, 2 * true[at].mean() / job.block)
+
+
+def test_costs_are_interpolated_and_corrected_by_what_was_measured():
+    job = parse_job(MANY, "many", "many")
+    known = FrameCosts(job)
+    assert known.left(0) == job.amplitude.size * 2
+    known.sampled(0, 80, 2, 2.0)
+    known.sampled(100, 80, 2, 6.0)
+    assert known.left(0) == pytest.approx(320 * 1.0)
+    assert known.left(50) == pytest.approx(320 * 2.0)
+    assert known.left(119) == pytest.approx(320 * 3.0)
+    known.done(50, 0, 3, 10)
+    assert known.left(50) == pytest.approx(310 * 2.0)
+    # twice as dear as the pilot said, here and therefore nearby, in this cell
+    known.measured(50, 0, 3, 10, 40.0)
+    known.measured(60, 1, 3, 10, 22.0)
+    assert known.totals()[51] > 320 * 2.02
+    assert sum(piece.sum() for piece in known.pieces()) == pytest.approx(known.totals().sum())
+    exact = FrameCosts(job)
+    for direction in range(2):
+        for block in range(16):
+            exact.measured(7, direction, block, 10, 1.0 + block + direction)
+    assert exact.totals()[7] == pytest.approx(sum(1.0 + b + d for d in (0, 1) for b in range(16)))
+    # the down sweep begins at the largest amplitudes
+    assert exact.pieces()[7][8:] == pytest.approx([5.0 + 4.0 * k for k in range(8)])
+
+
+def test_samples_fill_frames_and_amplitudes_for_any_number_of_them():
+    job = parse_job(MANY, "many", "many")
+    places = np.array([costs.sample_place(job, index) for index in range(64)])
+    assert places.min() >= 0
+    assert places[:, 0].max() < 120
+    assert places[:, 1].max() + costs.PILOT_TIMED < 160
+    cells = {(f // 30, a // 40) for f, a in places[:32].tolist()}
+    assert len(cells) == 16
+    one = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "one", "one")
+    assert costs.sample_place(one, 5) == (0, 0)
+    assert costs.n_samples(one) == 0
+
+
+REPLAY = """
+import json, sys
+import numpy as np
+from hpcsweep.parallel import mpi, replay
+from hpcsweep.parallel.schedule import simulate
+comm = mpi.world()
+rng = np.random.default_rng(7)
+jobs = {
+    "equal": [np.full(24, 0.03)] * 4,
+    "hundredfold": [np.full(12, c / 12) for c in 0.02 * 100 ** rng.uniform(0, 1, 12)],
+}
+computing = sys.argv[1] == "computing"
+found = []
+for name, pieces in jobs.items():
+    makespan, traffic = replay.replay(comm, pieces, computing)
+    told = simulate(pieces, comm.size, computing_master=computing, poll_seconds=replay.SLICE)
+    found.append((name, makespan, told.makespan, told.bound, traffic.recalls, told.recalls))
+messages = replay.time_messages(comm)
+if comm.rank == 0:
+    print(json.dumps([found, messages and messages.capacity]))
+"""
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("ranks", "master"),
+    [
+        (3, "computing"),
+        pytest.param(1, "computing", marks=pytest.mark.slow),
+        pytest.param(2, "computing", marks=pytest.mark.slow),
+        pytest.param(4, "computing", marks=pytest.mark.slow),
+        pytest.param(3, "dedicated", marks=pytest.mark.slow),
+        pytest.param(4, "dedicated", marks=pytest.mark.slow),
+    ],
+)
+def test_predicted_makespan_is_the_measured_one_on_oversubscribed_ranks(tmp_path, ranks, master):
+    script = tmp_path / "replay.py"
+    script.write_text(REPLAY)
+    done = run_script(ranks, script, master)
+    assert done.returncode == 0, done.stderr
+    found, capacity = json.loads(done.stdout)
+    for name, measured, predicted, bound, moved, told in found:
+        assert measured > 0.99 * bound, name
+        # who is free first may differ by chance and with it the schedule, both ways
+        assert measured > 0.92 * predicted, name
+        # sleeping ranks wake up late on a busy machine
+        assert measured < 1.15 * predicted + 0.2, name
+        if name == "equal" and told:
+            assert moved > 0
+    assert capacity is None if ranks == 1 else capacity > 1000
+
+
+@pytest.mark.mpi
+def test_frames_that_move_between_ranks_give_the_same_bytes(tmp_path):
+    job = tmp_path / "equal.toml"
+    text = SMALL.replace("{from = 0.5, to = 0.8, count = 4}", "[0.6, 0.6001, 0.6002, 0.6003]")
+    job.write_text(text.replace("block = 4", "block = 1"))
+    assert hpcsweep(0, "run", job, "-o", tmp_path / "one.h5").returncode == 0
+    # four frames of 22 blocks of equal cost on three ranks: one must move
+    paced = ROOT / "tests" / "campaigns" / "paced.py"
+    done = run_script(3, paced, 0.05, "run", job, "-o", tmp_path / "three.h5")
+    assert done.returncode == 0, done.stderr
+    ranks_of = {}
+    for record in journal(tmp_path / "three.h5", "block"):
+        ranks_of.setdefault(record["frame"], set()).add(record["rank"])
+    recalls = journal(tmp_path / "three.h5", "end")[0]["recalls"]
+    assert recalls > 0
+    assert max(map(len, ranks_of.values())) > 1
+    assert_same_datasets(tmp_path / "one.h5", tmp_path / "three.h5")
+    state = json.loads(hpcsweep(0, "status", tmp_path / "three.h5", "--json").stdout)
+    assert state["master"]["tasks_moved"] == recalls
+    assert state["master"]["messages"] > 0
+
+
+def test_schedule_predicts_from_a_file_and_says_where_ranks_cease_to_help(tmp_path, small_job):
+    path = tmp_path / "small.h5"
+    assert hpcsweep(0, "run", small_job, "-o", path).returncode == 0
+    told = json.loads(hpcsweep(0, "schedule", path, "--json").stdout)
+    assert [p["n_ranks"] for p in told["predictions"]] == [2**k for k in range(13)]
+    assert told["runs_timed"] == told["runs"] == 88
+    frames = np.array(told["frame_seconds"])
+    assert told["ranks_that_help"] == pytest.approx(frames.sum() / frames.max())
+    measured = sum(block["seconds"] for block in journal(path, "block"))
+    assert told["core_seconds"] == pytest.approx(measured, rel=1e-6)
+    shown = hpcsweep(0, "schedule", path, "--ranks", "2,64").stdout
+    assert re.search(r"beyond about \d ranks more do not help", shown)
+    (tmp_path / "small.h5.journal").unlink()
+    for arguments in ((path,), (path, "--ranks", "0"), (tmp_path / "none.h5",)):
+        done = hpcsweep(0, "schedule", *arguments)
+        assert done.returncode == 2
+        assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_dry_run_states_the_bytes_the_memory_and_the_limit(tmp_path):
+    job = JOBS / "ci.toml"
+    told = hpcsweep(0, "run", job, "--dry-run", cwd=tmp_path).stdout
+    size = int(re.search(r"(\d+) bytes", told)[1])
+    memory = float(re.search(r"about (\d+) MB a rank", told)[1])
+    assert "core-hours" in told
+    assert "cannot be cut" in told
+    assert re.search(r"^ +4096 ", told, re.MULTILINE)
+    assert list(tmp_path.iterdir()) == []
+    path = tmp_path / "ci.h5"
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    assert size <= path.stat().st_size <= size + 64_000
+    state = json.loads(hpcsweep(0, "status", path, "--json").stdout)
+    assert state["peak_memory"][1] / 1e6 < 1.3 * memory
+
+
+NO_PHYSICS = """
+import sys
+from pathlib import Path
+from hpcsweep.campaign import run as campaign
+from hpcsweep.parallel import mpi
+from hpcsweep.studies import amplitude_sweep as sweep
+from hpcsweep.job.job.job import load_job
+
+def nothing(structure, omega, amplitudes, state, settings, poll):
+    result = sweep.empty_block(structure.n_floors, len(amplitudes), settings)
+    result["final_state"][:], result["outcome"][:] = 0.0, 1
+    return result
+
+job = load_job(sys.argv[1])
+sweep_block = nothing if sys.argv[3] == "none" else None
+sys.exit(campaign.run(job, Path(sys.argv[2]), mpi.world(), sweep_block=sweep_block))
+"""
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("physics", "frames"), [("none", 2000), pytest.param("flow", 800, marks=pytest.mark.slow)]
+)
+def test_memory_of_a_rank_does_not_grow_with_the_frames(tmp_path, physics, frames):
+    script = tmp_path / "run.py"
+    script.write_text(NO_PHYSICS)
+    peaks = []
+    for count in (20, frames):
+        job = tmp_path / f"{count}.toml"
+        text = SMALL.replace("to = 0.8, count = 4", f"to = 0.52, count = {count}")
+        job.write_text(text.replace("to = 0.3, count = 11", "to = 0.021, count = 2"))
+        path = tmp_path / f"{count}.h5"
+        done = run_script(2, script, job, path, physics)
+        assert done.returncode == 0, done.stderr
+        peaks.append(journal(path, "end")[0]["peak_memory"])
+    (few, few_largest), (many, many_largest) = peaks
+    assert many_largest < few_largest + 16e6
+    assert many < few + 16e6
+
+
+def failing_sweep(structure, omega, amplitudes, state, settings, poll):
+    """Results of which some failed."""
+    from hpcsweep.solvers.outcome import Outcome
+    from hpcsweep.studies import amplitude_sweep as sweep
+
+    result = sweep.empty_block(structure.n_floors, len(amplitudes), settings)
+    result["final_state"][:] = 0.0
+    result["outcome"][:] = Outcome.COMPLETE
+    result["outcome"][np.asarray(amplitudes) > 0.2] = Outcome.STEP_LIMIT
+    if omega > 0.75:
+        result["outcome"][0] = Outcome.NON_FINITE
+    return result
+
+
+def test_failures_are_listed_with_what_to_do(tmp_path):
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.campaign.status import monitor
+    from hpcsweep.parallel import mpi
+    from hpcsweep.solvers.outcome import REMEDIES, Outcome
+
+    class Said(campaign.Silent):
+        def __init__(self, total, done):
+            self.lines = said
+
+        def message(self, text):
+            said.append(text)
+
+    said: list[str] = []
+    job = parse_job(SMALL, "small", "small")
+    path = tmp_path / "failing.h5"
+    code = campaign.run(job, path, mpi.Serial(), progress=Said, sweep_block=failing_sweep)
+    assert code == 0
+    state = monitor(path)
+    assert state["n_failed"] == sum(kind["runs"] for kind in state["remedies"].values()) > 20
+    assert said[0].startswith(f"{state['n_failed']} runs failed")
+    for outcome in (Outcome.STEP_LIMIT, Outcome.NON_FINITE):
+        line = f"  {outcome.name} ({state['remedies'][outcome.name]['runs']}): {REMEDIES[outcome]}"
+        assert line in said
+    assert any("Omega = " in line and "A = " in line for line in said)
+    shown = subprocess.run(
+        [sys.executable, "-m", "hpcsweep", "status", str(path)],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert REMEDIES[Outcome.STEP_LIMIT] in shown
+    assert f"and {state['n_failed'] - 20} more" in shown
+
+
+def test_every_failure_has_a_remedy():
+    from hpcsweep.solvers.outcome import REMEDIES, Outcome
+
+    assert set(REMEDIES) == set(Outcome) - {Outcome.NOT_COMPUTED, Outcome.COMPLETE}
+
+
+def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.campaign.status import monitor
+    from hpcsweep.parallel import mpi
+    from hpcsweep.parallel.farm import Stop
+    from hpcsweep.studies import amplitude_sweep as sweep
+
+    calls = []
+
+    def until_the_15th(*arguments):
+        calls.append(1)
+        if len(calls) > 15:
+            raise Stop
+        return sweep.sweep_block(*arguments)
+
+    job = parse_job(SMALL, "small", "small")
+    path = tmp_path / "part.h5"
+    assert campaign.run(job, path, mpi.Serial(), sweep_block=until_the_15th) == 75
+    state = monitor(path)
+    seconds = [block["seconds"] for block in journal(path, "block")]
+    assert not state["complete"]
+    assert 0 < state["seconds_remaining"] < 20 * sum(seconds)
+    assert state["runs_per_second"] > 0
+    assert state["frame_seconds"]["frames"] == 2
+    assert state["frame_seconds"]["dearest"] == pytest.approx(
+        max(sum(seconds[:6]), sum(seconds[6:12]))
+    )
+    assert campaign.run(job, path, mpi.Serial()) == 0
+    assert monitor(path)["seconds_remaining"] is None
+
+
+def test_the_log_has_a_line_a_minute_without_any_news(monkeypatch, capsys):
+    from hpcsweep.campaign import progress
+
+    clock = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    log = progress.Log(100, 0)
+    log.advance(10)
+    for clock[0] in range(0, 181, 5):
+        log.tick()
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 + 3
+    assert "10/100 runs" in lines[1]
+
+
+def test_what_a_run_gives_depends_on_the_path_so_a_frame_is_not_cut():
+    from hpcsweep.studies import amplitude_sweep as sweep
+
+    job = parse_job(
+        "[sweep]\nomega = 0.445\namplitude = {from = 0.21, to = 0.25, step = 0.002}\n", "h", "h"
+    )
+    arguments = job.structure, 0.445
+    up = sweep.sweep_block(*arguments, job.amplitude, job.initial_state, job.settings)
+    down = sweep.sweep_block(*arguments, job.amplitude[::-1], up["final_state"][-1], job.settings)
+    other = up["contact"] != down["contact"][::-1]
+    assert other.sum() >= 3
+    # cut in the middle and started from rest, the rest of the path differs, if only in last bits
+    middle = job.amplitude.size // 2
+    cut = sweep.sweep_block(*arguments, job.amplitude[middle:], job.initial_state, job.settings)
+    assert not np.array_equal(cut["final_state"], up["final_state"][middle:])

@@ -1,0 +1,310 @@
+"""Random states, structures and forcing that are hard for the map of one period, and its error.
+
+`python tests/reference/accuracy.py [--cases N] [--seed S] [--worst K] [--certify] [--json FILE]`
+prints the error of `flow` on N cases, by kind, and the worst cases with their parameters; `--certify` repeats
+the worst ones in extended precision.
+
+Two errors are told: the plain one (largest coordinate, over max(1, |z|)), and the same over the
+conditioning of the case,
+
+    kappa = max over t of ||M(T, t)|| max(1, |z(t)|) / max(1, |z(T)|),
+
+M(T, t) being the tangent map from t to the end of the period. One rounding somewhere along the
+path, in any method, becomes an error of kappa 1e-16.
+"""
+
+import argparse
+import json
+import math
+from collections import Counter
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numba
+import numpy as np
+from scipy.linalg import expm
+
+from hpcsweep.model.equations import contact_stiffness
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.reference import NO_RECORD, ORDER, PART_OF_RADIUS, horner, period, system
+from hpcsweep.solvers.solver import make_solver
+
+KINDS = (
+    "anywhere",
+    "slow at the stop",
+    "peak in the layer",
+    "two floors",
+    "three floors",
+    "bounce",
+)
+EPSILON = 2.0**-52
+
+
+@dataclass(frozen=True)
+class Case:
+    """One period to be integrated; `sharpness` may be inf."""
+
+    kind: str
+    beta: float
+    rho: float
+    zeta: float
+    omega: float
+    amplitude: float
+    state: tuple[float, ...]
+
+    @property
+    def structure(self) -> Structure:
+        return Structure(len(self.state) // 2, self.beta, self.rho, self.zeta)
+
+
+def log_uniform(rng, low, high):
+    return float(10 ** rng.uniform(math.log10(low), math.log10(high)))
+
+
+def random_case(rng, kind):
+    """Draw a case: n 1-6, beta 1-1e5, rho 1e2-1e6 or inf, zeta 0.002-0.3, Omega 0.05-3."""
+    least = {"two floors": 2, "three floors": 3}.get(kind, 1)
+    n = int(rng.integers(least, 7))
+    rho = math.inf if rng.random() < 0.15 else log_uniform(rng, 1e2, 1e6)
+    case = Case(
+        kind,
+        log_uniform(rng, 1.0, 1e5),
+        rho,
+        log_uniform(rng, 0.002, 0.3),
+        log_uniform(rng, 0.05, 3.0),
+        log_uniform(rng, 1e-2, 1.0),
+        (0.0,) * (2 * n),
+    )
+    u, v = rng.uniform(-0.5, 0.9, n), rng.uniform(-0.5, 0.5, n)
+    if kind == "anywhere":
+        return replace(case, state=(*u.tolist(), *v.tolist()))
+    width = 1.0 / min(rho, 1e7)
+    floors = rng.choice(n, size=least, replace=False)
+    tau = float(rng.uniform(0.0, min(2 * math.pi / case.omega, 6.0)))
+    if kind == "bounce":
+        # leaves the stop, pushed back by the forcing: touches again after 2 |v| / a
+        u = rng.uniform(0.9, 0.99, n)
+        u[floors] = 1.0
+        v[floors] = -log_uniform(rng, 1e-4, 1e-1)
+        case = replace(
+            case, omega=log_uniform(rng, 0.3, 3.0), amplitude=-log_uniform(rng, 3.0, 20.0)
+        )
+        tau = float(rng.uniform(0.1, 0.5)) / case.omega
+    else:
+        for floor in floors:
+            if kind == "peak in the layer":
+                u[floor] = 1.0 + float(rng.uniform(-1, 1)) * width * log_uniform(rng, 1e-2, 10.0)
+                v[floor] = 0.0
+            else:
+                u[floor] = 1.0 + float(rng.normal()) * 2 * width
+                v[floor] = log_uniform(rng, 1e-8, 1e-1) * rng.choice([-1, 1])
+    z = np.concatenate((u, v))
+    if rng.random() < 0.3 and kind != "bounce":
+        return replace(case, state=tuple(z.tolist()))
+    return replace(case, state=tuple(backwards(case, z, tau)))
+
+
+def linear_field(case, closed):
+    """Matrix of x' = M x, x = (u, v, A sin, A cos, 1), with the floors `closed` in contact."""
+    structure = case.structure
+    n = structure.n_floors
+    field = np.zeros((2 * n + 3, 2 * n + 3))
+    field[:n, n : 2 * n] = np.eye(n)
+    field[n : 2 * n, :n] = -structure.stiffness_matrix
+    field[n : 2 * n, n : 2 * n] = -structure.damping_matrix
+    field[n : 2 * n, 2 * n] = -1.0
+    for floor in closed:
+        field[n + floor, floor] -= case.beta
+        field[n + floor, -1] += case.beta
+    field[2 * n, 2 * n + 1] = case.omega
+    field[2 * n + 1, 2 * n] = -case.omega
+    return field
+
+
+def backwards(case, z, tau, closed=()):
+    """State at tau = 0 from which the linear motion reaches z at time tau."""
+    forcing = case.amplitude * np.array([math.sin(case.omega * tau), math.cos(case.omega * tau)])
+    x = np.concatenate((z, forcing, [1.0]))
+    return (expm(-tau * linear_field(case, closed)) @ x)[: len(z)].tolist()
+
+
+def random_cases(number, seed=0):
+    """Give as many cases of each kind."""
+    rng = np.random.default_rng(seed)
+    return [random_case(rng, KINDS[k % len(KINDS)]) for k in range(number)]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def variational(x, t, h, beta, rho, stiffness, damping, column, out):
+    """Derivative of a tangent vector at time t of a step of length h with the series x."""
+    n = stiffness.shape[0]
+    if rho == math.inf:
+        t = 0.5 * h  # such a step begins and ends where x may be 0
+    for i in range(n):
+        out[i] = column[n + i]
+        out[n + i] = -contact_stiffness(horner(x[i], t), beta, rho) * column[i]
+        for j in range(n):
+            out[n + i] -= stiffness[i, j] * column[j] + damping[i, j] * column[n + j]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def step_tangent(series, h, beta, rho, stiffness, damping):
+    """Tangent map of one step of the reference, by Runge-Kutta steps: three digits."""
+    n = stiffness.shape[0]
+    matrix = np.eye(2 * n)
+    k1, k2, k3, k4 = (np.empty(2 * n), np.empty(2 * n), np.empty(2 * n), np.empty(2 * n))
+    x = series[:n]
+    parts = 4 + int(4 * h * math.sqrt(4.0 + beta))
+    d = h / parts
+    for c in range(2 * n):
+        y = matrix[:, c].copy()
+        for part in range(parts):
+            t = part * d
+            variational(x, t, h, beta, rho, stiffness, damping, y, k1)
+            variational(x, t + d / 2, h, beta, rho, stiffness, damping, y + d / 2 * k1, k2)
+            variational(x, t + d / 2, h, beta, rho, stiffness, damping, y + d / 2 * k2, k3)
+            variational(x, t + d, h, beta, rho, stiffness, damping, y + d * k3, k4)
+            y = y + d / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        matrix[:, c] = y
+    return matrix
+
+
+@numba.njit(cache=True, error_model="numpy")
+def largest_tangent(sizes, series, beta, rho, stiffness, damping):
+    """max over the starts t of the steps of ||M(T, t)||_F max(1, |z(t)|)."""
+    n = stiffness.shape[0]
+    matrix = np.eye(2 * n)
+    worst = 1.0
+    for k in range(sizes.shape[0] - 1, -1, -1):
+        matrix = matrix @ step_tangent(series[k], sizes[k], beta, rho, stiffness, damping)
+        size = 1.0
+        for i in range(n):
+            size = max(size, abs(series[k, i, 0] + 1.0), abs(series[k, n + i, 0]))
+        worst = max(worst, size * math.sqrt((matrix**2).sum()))
+    return worst
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the Taylor reference says of a case.
+
+    `kappa` is the conditioning, `passages` counts events that make a case hard.
+    """
+
+    end: np.ndarray
+    kappa: float
+    passages: Counter
+
+
+def refer(case):
+    """Integrate a case with the Taylor reference, and look at its steps."""
+    arguments = system(case.structure, case.amplitude, case.omega)
+    z = np.array(case.state)
+    n = z.size // 2
+    count = period(z.copy(), *arguments, PART_OF_RADIUS, *NO_RECORD)
+    starts, sizes, series = np.empty(count), np.empty(count), np.empty((count, 2 * n, ORDER + 1))
+    period(z, *arguments, PART_OF_RADIUS, starts, sizes, series)
+    _, _, beta, rho, stiffness, damping = arguments
+    kappa = largest_tangent(sizes, series, beta, rho, stiffness, damping)
+    passages = Counter(_passages(case, starts, series))
+    return Reference(z, kappa / max(1.0, float(np.abs(z).max())), passages)
+
+
+def _passages(case, starts, series):
+    """Name what happens at the starts of the steps."""
+    n = series.shape[1] // 2
+    x, v = series[:, :n, 0], series[:, n:, 0]
+    inside = np.abs(x) * min(case.rho, 1e9) < 20.0
+    for number in inside.sum(axis=1):
+        if number > 1:
+            yield "two floors in the layer" if number == 2 else "three floors in the layer"
+    turns = (v[:-1] * v[1:] < 0) & inside[:-1] & inside[1:]
+    yield from ["turn in the layer"] * int(turns.sum())
+    yield from ["below 1e-3 in the layer"] * int((inside & (np.abs(v) < 1e-3)).sum())
+    for i in range(n):
+        changes = np.flatnonzero(np.diff((x[:, i] >= 0).astype(int)))
+        gaps = np.diff(starts[changes + 1])
+        # the shortest time a linear step takes in contact is about this
+        short = gaps < 3.0 / math.sqrt(4.0 + case.beta)
+        yield from ["two changes within a step"] * int(short.sum())
+
+
+@dataclass(frozen=True)
+class Error:
+    """Errors of the map of one period; `plain` over max(1, |z|), `scaled` over kappa as well."""
+
+    plain: float
+    scaled: float
+    kappa: float
+    outcome: str
+
+
+def measure(case, reference=None, rtol=1e-9, name="flow"):
+    """Measure the error of a solver on a case."""
+    reference = refer(case) if reference is None else reference
+    solver = make_solver(name, case.structure, case.omega, rtol)
+    points, outcome = solver.points(np.array(case.state), case.amplitude, 1)
+    if outcome is not Outcome.COMPLETE:
+        return Error(math.inf, math.inf, reference.kappa, outcome.name)
+    size = max(1.0, float(np.abs(reference.end).max()))
+    plain = float(np.abs(points[0] - reference.end).max()) / size
+    return Error(plain, plain / reference.kappa, reference.kappa, outcome.name)
+
+
+def quantiles(values):
+    """Median, 90 %, 99 % and the largest, as text."""
+    return " ".join(f"{q:8.1e}" for q in np.quantile(values, [0.5, 0.9, 0.99, 1.0]))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--worst", type=int, default=10)
+    parser.add_argument("--certify", action="store_true")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    found = []
+    for case in random_cases(options.cases, options.seed):
+        reference = refer(case)
+        found.append((case, reference, measure(case, reference)))
+    print(f"{'':20s} cases | plain error: 50 %, 90 %, 99 %, max    | over kappa")
+    for kind in (*KINDS, None):
+        errors = [error for case, _, error in found if kind in (None, case.kind)]
+        plain = quantiles([error.plain for error in errors])
+        scaled = quantiles([error.scaled for error in errors])
+        print(f"{kind or 'all':20s} {len(errors):5d} | {plain} | {scaled}")
+    for limit in (1e-12, 1e-11, 1e-10):
+        above = sum(error.plain > limit for _, _, error in found)
+        rounding = sum(error.plain > limit + 100 * EPSILON * error.kappa for _, _, error in found)
+        print(f"above {limit:g}: {above}; beyond 100 roundings amplified by kappa: {rounding}")
+    events = sum((Counter(dict.fromkeys(r.passages, 1)) for _, r, _ in found), Counter())
+    print("cases with:", dict(events))
+    found.sort(key=lambda item: -item[2].plain)
+    rows = []
+    for case, reference, error in found[: options.worst]:
+        row = {**asdict(case), **asdict(error), "end": reference.end.tolist()}
+        if options.certify:
+            row.update(certify(case, reference))
+        rows.append(row)
+        print({key: value for key, value in row.items() if key != "end"}, flush=True)
+        if options.json:
+            options.json.write_text(json.dumps(rows, indent=1))
+
+
+def certify(case, reference):
+    """Repeat a case in extended precision: errors of the reference and of `flow`."""
+    from extended import points_mp
+
+    exact = points_mp(case.structure, case.amplitude, case.omega, case.state, 1)[0]
+    exact = np.array(exact, dtype=float)
+    certified = replace(reference, end=exact)
+    return {
+        "reference_error": float(np.abs(reference.end - exact).max()),
+        "flow_error": measure(case, certified).plain,
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+"""A search for contacts that `flow` does not see.
+
+`python tests/reference/contacts.py [--tries N] [--seed S]`
+starts motions whose floors, one to three of them and free or beside floors in contact, come to rest at some time within 1e-3 to 1e-13 gaps of the
+stop. The Taylor reference, whose steps are searched for their highest points one by one, says
+whether each floor touched; `flow` has to say the same and to end in the same state.
+"""
+
+import argparse
+import math
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+from accuracy import Case, backwards, log_uniform
+
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.reference import ORDER, PART_OF_RADIUS, horner, majorant, period, system
+from hpcsweep.solvers.solver import make_solver
+
+ROOM = 20_000
+"""Steps of the reference in one period that can be looked at."""
+SAMPLES = 33
+UNDECIDED = 1e-14
+"""Peaks this close to the stop (over the largest |u|) are lost in rounding: either is right."""
+PER_STRUCTURE = 50
+
+
+@numba.njit(error_model="numpy")
+def highest(count, sizes, series, peaks):
+    """Highest x of every floor over all steps: samples, and the tops between them."""
+    n = peaks.shape[0]
+    peaks[:] = -np.inf
+    slope = np.empty(ORDER)
+    for k in range(count):
+        h = sizes[k]
+        for i in range(n):
+            c = series[k, i]
+            if c[0] + majorant(c, h) < peaks[i]:
+                continue
+            for p in range(1, ORDER + 1):
+                slope[p - 1] = p * c[p]
+            for j in range(SAMPLES):
+                left = h * j / SAMPLES
+                right = h * (j + 1) / SAMPLES
+                peaks[i] = max(peaks[i], horner(c, left), horner(c, right))
+                if horner(slope, left) > 0 and horner(slope, right) < 0:
+                    for _ in range(60):
+                        middle = 0.5 * (left + right)
+                        if horner(slope, middle) > 0:
+                            left = middle
+                        else:
+                            right = middle
+                    peaks[i] = max(peaks[i], horner(c, left))
+
+
+@dataclass(frozen=True)
+class Try:
+    """One try: distances past the stop by the reference, what `flow` saw, and its error."""
+
+    case: Case
+    peaks: np.ndarray
+    largest: float
+    contact: int
+    error: float
+
+    def floors_wrong(self) -> list[int]:
+        """Floors on whose contact `flow` is wrong beyond rounding."""
+        return [
+            i
+            for i, peak in enumerate(self.peaks)
+            if bool(self.contact >> i & 1) != (peak >= 0)
+            and abs(peak) > UNDECIDED * max(1.0, self.largest)
+        ]
+
+
+def random_structure(rng):
+    """Draw stop, structure and forcing: short periods, hard stops, sharp or infinitely so."""
+    n = int(rng.integers(1, 7))
+    rho = math.inf if rng.random() < 0.6 else log_uniform(rng, 1e4, 1e8)
+    omega = log_uniform(rng, 1.0, 6.0)
+    return Case(
+        "contact", log_uniform(rng, 1.0, 1e5), rho, log_uniform(rng, 0.002, 0.3), omega, 0.0,
+        (0.0,) * (2 * n),
+    )  # fmt: skip
+
+
+def random_try(rng, case):
+    """Draw a motion of `case` with one to three floors at rest near the stop at some time."""
+    n = len(case.state) // 2
+    u, v = rng.uniform(-0.5, 0.9, n), rng.uniform(-0.5, 0.5, n)
+    floors = rng.choice(n, size=min(n, int(rng.choice([1, 1, 1, 2, 3]))), replace=False)
+    for floor in floors:
+        u[floor] = 1.0 + log_uniform(rng, 1e-13, 1e-3) * rng.choice([1, 1, 1, -1])
+        v[floor] = 0.0
+    others = [i for i in range(n) if i not in floors]
+    closed = [i for i in others if rng.random() < 0.2]
+    for floor in closed:
+        u[floor] = 1.0 + log_uniform(rng, 1e-4, 1e-1)
+    case = replace(case, amplitude=log_uniform(rng, 1e-2, 1.0))
+    limit = min(2 * math.pi / case.omega, 1.0 / math.sqrt(case.beta) if closed else 3.0)
+    tau = float(rng.uniform(0.0, limit))
+    start = backwards(case, np.concatenate((u, v)), tau, closed)
+    return replace(case, state=tuple(start))
+
+
+def tries(number, seed=0):
+    """Give `number` tries."""
+    rng = np.random.default_rng(seed)
+    sizes, starts, series = np.empty(ROOM), np.empty(ROOM), None
+    for k in range(number):
+        if k % PER_STRUCTURE == 0:
+            case = random_structure(rng)
+            n = len(case.state) // 2
+            structure = Structure(n, case.beta, case.rho, case.zeta)
+            solver = make_solver("flow", structure, case.omega, 1e-9)
+            series = np.empty((ROOM, 2 * n, ORDER + 1))
+            peaks = np.empty(n)
+        one = random_try(rng, case)
+        z = np.array(one.state)
+        arguments = system(structure, one.amplitude, one.omega)
+        count = period(z, *arguments, PART_OF_RADIUS, starts, sizes, series)
+        if count > ROOM:
+            raise ArithmeticError(f"the reference needs {count} steps for {one}")
+        highest(count, sizes, series, peaks)
+        seen = solver.observe(np.array(one.state), one.amplitude, 1)
+        if seen.outcome is not Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {seen.outcome.name} for {one}")
+        largest = float(np.abs(series[:count, :, 0]).max()) + 1.0
+        error = float(np.abs(seen.points[0] - z).max()) / largest
+        yield Try(one, peaks.copy(), largest, seen.contact, error)
+
+
+def summary(number, seed=0):
+    """Count what was tried, by decade of the smallest peak past the stop; collect the wrong."""
+    decades, wrong, worst, undecided = Counter(), [], None, 0
+    for one in tries(number, seed):
+        over = [peak for peak in one.peaks if 0 <= peak < 1e-3]
+        for peak in over:
+            decades[max(-16, math.floor(math.log10(max(peak, 1e-16))))] += 1
+        undecided += any(abs(peak) <= UNDECIDED * max(1.0, one.largest) for peak in one.peaks)
+        if one.floors_wrong():
+            wrong.append(one)
+        if worst is None or one.error > worst.error:
+            worst = one
+    return decades, wrong, worst, undecided
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tries", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    decades, wrong, worst, undecided = summary(options.tries, options.seed)
+    print(f"{options.tries} tries; floors that pass the stop by less than 1e-3, by decade:")
+    print("  " + ", ".join(f"1e{decade}: {decades[decade]}" for decade in sorted(decades)))
+    print(f"contacts missed or invented: {len(wrong)}; within rounding of the stop: {undecided}")
+    for one in wrong[:20]:
+        print("  ", one.floors_wrong(), one.peaks.tolist(), bin(one.contact), one.case)
+    print(f"largest error of the end state: {worst.error:.1e} ({worst.case})")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""A packed file reads the same everywhere, and nothing is lost on the way."""
+
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from tools import ROOT, SMALL, assert_same_datasets, hpcsweep
+
+from hpcsweep import open_results
+from hpcsweep.campaign import run as campaign
+from hpcsweep.checks.validate import validate
+from hpcsweep.job import parse_job
+from hpcsweep.parallel.mpi import Serial
+from hpcsweep.store import Lock, StoreError, is_packed, pack, packing, status
+
+KEPT = ROOT / "tests" / "data" / "layout1.h5"
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("whole") / "whole.h5"
+    assert campaign.run(parse_job(SMALL, "test", "test"), path, Serial()) == 0
+    return path
+
+
+@pytest.fixture
+def copy(whole, tmp_path) -> Path:
+    path = tmp_path / "copy.h5"
+    shutil.copy(whole, path)
+    shutil.copy(f"{whole}.journal", f"{path}.journal")
+    return path
+
+
+def test_a_packed_file_reads_the_same_and_is_smaller(copy, tmp_path):
+    packed = tmp_path / "packed.h5"
+    done = hpcsweep(0, "pack", copy, "-o", packed)
+    assert done.returncode == 0, done.stderr
+    before, after = copy.stat().st_size, packed.stat().st_size
+    assert after < before
+    assert f"{after / 1e6:.4g} MB, {before / 1e6:.4g} MB before" in done.stdout
+    assert open_results(packed).identical(open_results(copy))
+    assert_same_datasets(copy, packed)
+    left, right = status(copy), status(packed)
+    assert left.pop("file") != right.pop("file")
+    assert left == right
+    left, right = validate(copy, samples=2), validate(packed, samples=2)
+    assert left.problems == right.problems == []
+    assert right.packed
+    assert left.sample == right.sample
+    pictures = [tmp_path / "left.png", tmp_path / "right.png"]
+    for path, picture in zip((copy, packed), pictures, strict=True):
+        assert hpcsweep(0, "plot", path, "-o", picture).returncode == 0
+    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+    with h5py.File(packed, "r") as file:
+        scales = {"direction", "frame", "amplitude", "point", "state", "mode", "block"}
+        assert all((data.chunks is None) == (name in scales) for name, data in file.items())
+
+
+def test_a_packed_file_takes_the_place_of_the_plain_one_and_run_refuses_it(copy, whole, tmp_path):
+    assert hpcsweep(0, "pack", copy).returncode == 0
+    assert is_packed(copy)
+    assert_same_datasets(copy, whole)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.h5", "copy.h5.journal"]
+    before = copy.read_bytes()
+    job = tmp_path / "job.toml"
+    job.write_text(SMALL)
+    for arguments in (("run", job, "-o", copy), ("pack", copy)):
+        done = hpcsweep(0, *arguments)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"hpcsweep: error: {copy}: is packed")
+        assert len(done.stderr.splitlines()) == 1
+    assert copy.read_bytes() == before
+
+
+def test_a_file_that_is_not_complete_is_packed_only_into_a_copy(copy, tmp_path):
+    with h5py.File(copy, "r+") as file:
+        file["commit"][1, 3] = 0
+    before = copy.read_bytes()
+    with pytest.raises(StoreError, match=r"not complete \(3 of 24 blocks are missing\).* -o"):
+        pack(copy)
+    assert copy.read_bytes() == before
+    packed = tmp_path / "packed.h5"
+    pack(copy, packed)
+    assert open_results(packed).identical(open_results(copy))
+    assert status(packed)["runs_done"] == 88 - 11
+
+
+def test_what_cannot_be_packed_is_left_as_it_is(copy, tmp_path, monkeypatch):
+    before = copy.read_bytes()
+    with pytest.raises(StoreError, match=r"exists already"):
+        pack(copy, KEPT)
+    with pytest.raises(StoreError, match="does not exist"):
+        pack(copy, tmp_path / "no" / "a.h5")
+    lock = Lock(copy)
+    lock.acquire(2)
+    # record locks are held by a process, so another one has to try
+    done = hpcsweep(0, "pack", copy)
+    assert done.returncode == 2
+    assert "another campaign is running on it" in done.stderr
+    lock.release(remove=True)
+    honest = packing._copy
+
+    def careless(path, temporary):
+        honest(path, temporary)
+        with h5py.File(temporary, "r+") as file:
+            file["cycles"][1, 2, 3] += 1
+            file.attrs["name"] = "x"
+
+    with monkeypatch.context() as patch:
+        patch.setattr(packing, "_copy", careless)
+        with pytest.raises(StoreError, match="differs in the attributes, cycles, the checksums"):
+            pack(copy)
+    assert copy.read_bytes() == before
+    with h5py.File(copy, "r+") as file:
+        file["drift"][0, 0, 0] = 17.0
+    before = copy.read_bytes()
+    with pytest.raises(StoreError, match=r"damaged .* run its job again"):
+        pack(copy)
+    assert copy.read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.h5", "copy.h5.journal"]
+
+
+def test_chunks_and_parts_cover_a_variable_once(tmp_path):
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        for shape in ((2, 3, 1001, 40, 6), (1, 200, 30000), (2, 7, 5), (1, 1, 3, 100, 128), (9,)):
+            chunks = packing._chunks(shape, 8)
+            assert np.prod(chunks) * 8 <= packing.CHUNK_BYTES
+            data = file.create_dataset(f"x{shape[-1]}", shape, "f8", chunks=chunks)
+            seen = np.zeros(shape[:3], int)
+            for part in packing._parts(data):
+                seen[part] += 1
+                held = np.prod([piece.stop - piece.start for piece in part]) * 8
+                assert held * np.prod(shape[3:]) <= 2 * packing.COPY_BYTES
+            assert seen.min() == seen.max() == 1

@@ -1,0 +1,178 @@
+"""A disk that takes no more, and what writing costs."""
+
+import json
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from tools import SMALL, assert_same_datasets, hpcsweep, run_script
+
+from hpcsweep.job import parse_job
+from hpcsweep.store import Lock, StoreError, WriteError, file_size
+from hpcsweep.store.commit import Campaign
+from hpcsweep.store.create import create
+from hpcsweep.store.transport import Transport
+
+FULL = """
+import resource, sys
+from hpcsweep.campaign import run as campaign; from hpcsweep.commands import cli
+opened = campaign.open_campaign
+def on_a_full_disk(*arguments):
+    # from here on, no byte can be written at or after this place in a file
+    resource.setrlimit(resource.RLIMIT_FSIZE, (@, @))
+    return opened(*arguments)
+campaign.open_campaign = on_a_full_disk
+sys.exit(cli.main(sys.argv[1:]))
+"""
+
+
+def run_on_a_full_disk(folder: Path, ranks: int, limit: int, *arguments):
+    script = folder / "full.py"
+    script.write_text(FULL.replace("@", str(limit)))
+    return run_script(ranks, script, *arguments)
+
+
+def journal(path: Path, kind: str) -> list[dict]:
+    records = map(json.loads, Path(f"{path}.journal").read_text().splitlines())
+    return [record for record in records if record["kind"] == kind]
+
+
+def wait_until_nobody_writes(path: Path) -> None:
+    """Ranks, the first among them, may outlive their mpirun by some tenths of a second."""
+    lock, deadline = Lock(path), time.monotonic() + 30
+    while True:
+        try:
+            lock.acquire(1)
+        except StoreError:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        else:
+            lock.release(remove=True)
+            return
+
+
+@pytest.mark.parametrize("ranks", [0, pytest.param(2, marks=pytest.mark.mpi)])
+def test_a_full_disk_takes_one_line_and_the_run_goes_on_when_there_is_room(
+    tmp_path, small_job, ranks
+):
+    path, whole = tmp_path / "full.h5", tmp_path / "whole.h5"
+    assert hpcsweep(0, "run", small_job, "-o", whole).returncode == 0
+    job = parse_job(SMALL, "test", "small")
+    notes = {"hpcsweep_version": "", "git_commit": "", "libraries": "", "mpi": "", "hosts": ""}
+    provenance = {**notes, "ranks": 1, "created": "", "solver": "flow", "rtol": 1e-9}
+    create(path, job, provenance)
+    with h5py.File(path, "r") as file:
+        # the place of commit(0, 2, 0): the checksums of two frames' sweeps up can be written
+        commits = file["commit"].id.get_offset() + 8 * 2 * 3
+        data = file["poincare"].id.get_offset() + file["poincare"].nbytes // 2
+    for limit, most in ((data, 0), (commits, 6)):
+        done = run_on_a_full_disk(tmp_path, ranks, limit, "run", small_job, "-o", path)
+        assert done.returncode not in (0, 2, 75)
+        if not ranks:
+            assert done.returncode == 1
+        assert "Traceback" not in done.stderr
+        ours = [line for line in done.stderr.splitlines() if line.startswith("hpcsweep: error: ")]
+        assert 1 <= len(ours) <= max(ranks, 1)
+        assert str(path) in ours[0]
+        assert "cannot be written" in ours[0]
+        assert "make room and run again" in ours[0]
+        wait_until_nobody_writes(path)
+        with h5py.File(path, "r") as file:
+            kept = set(map(tuple, np.argwhere(file["commit"][...]).tolist()))
+        assert len(kept) <= most
+        assert all(direction == 0 and frame < 2 for direction, frame, _ in kept)
+    if not ranks:
+        # after the sweep up of the first frame comes its sweep down, whose checksums are beyond
+        assert kept == {(0, 0, 0), (0, 0, 1), (0, 0, 2)}
+    sound = hpcsweep(0, "validate", path, "--samples", 0)
+    assert sound.returncode == 0, sound.stdout
+    assert f"{len(kept)} of 24 committed" in sound.stdout
+    before = len(journal(path, "block"))
+    done = hpcsweep(ranks, "run", small_job, "-o", path)
+    assert done.returncode == 0, done.stderr
+    again = {(b["direction"], b["frame"], b["block"]) for b in journal(path, "block")[before:]}
+    assert not again & kept
+    assert len(again) == 24 - len(kept)
+    assert_same_datasets(path, whole)
+
+
+class Forgetful:
+    """A transport whose first flush fails, as a disk's does, and whose second does not."""
+
+    name = "forgetful"
+
+    def __init__(self):
+        self.written: list[str] = []
+        self.flushes = 0
+
+    def write(self, variable, start, rows) -> None:
+        self.written.append(variable)
+
+    def sync(self) -> None:
+        self.flushes += 1
+        if self.flushes == 1:
+            raise WriteError("lost")
+
+    def close(self) -> None:
+        self.written.append("closed")
+
+
+def test_checksums_of_a_failed_flush_are_never_written(tmp_path):
+    job = parse_job(SMALL, "test", "small")
+    path = tmp_path / "a.h5"
+    create(path, job, {})
+    transport: Transport = Forgetful()
+    campaign = Campaign(path, job, transport)
+    block = campaign.blocks.read(0, 0, 0)
+    campaign.write_block(0, 0, 0, job.initial_state, block)
+    with pytest.raises(WriteError, match="lost"):
+        campaign.flush()
+    campaign.flush()
+    campaign.close()
+    assert "drift" in transport.written
+    assert "commit" not in transport.written
+
+
+def test_a_disk_with_no_room_for_the_whole_file_is_found_before_the_start(tmp_path, monkeypatch):
+    from hpcsweep.store import create as module
+
+    class Usage:
+        free = 1000
+
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: Usage)
+    with pytest.raises(StoreError, match=r"the results need .* GB, the file system has 1e-06 GB"):
+        module(tmp_path / "a.h5", parse_job(SMALL, "test", "small"), {})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("ranks", "transport"), [(0, "pwrite"), (2, "mpiio")])
+def test_status_tells_what_was_written_how_fast_and_in_what_share_of_the_time(
+    tmp_path, small_job, ranks, transport
+):
+    path = tmp_path / "small.h5"
+    done = hpcsweep(ranks, "run", small_job, "-o", path, HPCSWEEP_TRANSPORT="mpiio")
+    assert done.returncode == 0, done.stderr
+    (session,) = json.loads(hpcsweep(0, "status", path, "--json").stdout)["sessions"]
+    assert session["transport"] == transport
+    assert session["written_bytes"] == file_size(parse_job(SMALL, "test", "small"))
+    assert session["write_bytes_per_second"] > 1e3
+    assert 0 < session["write_share"] < 1
+    (end,) = journal(path, "end")
+    assert end["write_seconds"] < end["rank_seconds"]
+    shown = hpcsweep(0, "status", path).stdout
+    assert "MB/s" in shown
+    assert "% of the ranks' time" in shown
+
+
+def test_sessions_are_paired_with_their_own_ends(tmp_path, small_job):
+    path = tmp_path / "small.h5"
+    assert hpcsweep(0, "run", small_job, "-o", path).returncode == 0
+    file = Path(f"{path}.journal")
+    killed = json.dumps({"kind": "start", "time": 0.0, "ranks": 7, "hosts": ["a"]})
+    file.write_text(killed + "\n" + file.read_text())
+    first, second = json.loads(hpcsweep(0, "status", path, "--json").stdout)["sessions"]
+    assert (first["ranks"], first["ended"]) == (7, None)
+    assert (second["ranks"], second["ended"]) == (1, "complete")

@@ -29,7 +29,7 @@ from hpcsweep.store.commit import Blocks, check_file, check_writable
 from hpcsweep.store.records import BlockCost, MasterLoad, block_record
 
 COMPLETE, STOPPED = 0, 75
-"""Exit codes (75 is EX_TEMPFAIL: run again to go on)."""
+"""Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
 LISTED_FAILURES = 10
 MASTER_NOTES = 30.0
 """Seconds between two notes of the master's load in the journal."""

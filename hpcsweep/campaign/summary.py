@@ -60,7 +60,7 @@ def summarize(path: str | Path) -> dict:
         "directions": list(study.directions),
         "runs_total": study.n_runs,
         "runs_done": done,
-        "cost": _cost(read_history(path)),
+        "cost": total_cost(read_history(path)),
         "periods_per_run": tally.cycles / done if done else None,
         "periods_per_run_plain": settings.transient_cycles + settings.sampling_cycles,
         "shortcuts": {
@@ -141,7 +141,7 @@ def _classes(counts: np.ndarray) -> dict[str, dict]:
     }
 
 
-def _cost(history: History) -> dict | None:
+def total_cost(history: History) -> dict | None:
     """Add up the sessions of a journal; None if nothing was timed."""
     latest = history.latest.values()
     if not history.sessions or not latest:

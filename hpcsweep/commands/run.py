@@ -1,4 +1,4 @@
-"""`hpcsweep run`: run a job, or go on with it."""
+"""`hpcsweep run`: run a job, or resume it."""
 
 import sys
 import traceback
@@ -8,7 +8,7 @@ from hpcsweep.campaign.progress import make_progress, note
 from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
 
 RUN_HELP = """\
-Run a job. If its results file exists already, the run goes on where it stopped, on any number
+Run a job. If its results file exists already, the run resumes where it stopped, on any number
 of ranks, and the results equal those of an uninterrupted run bit for bit.
 
 SIGTERM, SIGINT (Ctrl-C) and SIGUSR1 stop it in good order within seconds, with exit code 75, sent
@@ -24,7 +24,7 @@ Nobody else may run a job into the same FILE: FILE.lock says which host and proc
 def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     run = commands.add_parser(
-        "run", help="run a job, or go on with it", description=RUN_HELP, formatter_class=RAW
+        "run", help="run a job, or resume it", description=RUN_HELP, formatter_class=RAW
     )
     run.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     run.add_argument(
@@ -88,7 +88,7 @@ def _run(options) -> int:
                 )
                 flag.ignore()
                 if comm.rank == 0:
-                    hint = "complete" if code == 0 else "stopped in good order; run again to go on"
+                    hint = "complete" if code == 0 else "stopped in good order; run again to resume"
                     print(f"{output}: {hint}", file=sys.stderr)
                 return comm.leave(code)
             except StoreError as error:

@@ -62,7 +62,7 @@ def check_file(path: Path) -> dict:
 
 
 def check_writable(path: Path) -> None:
-    """Make sure that a campaign file can be gone on with.
+    """Make sure that a campaign file can be resumed.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def check_writable(path: Path) -> None:
     """
     if is_packed(path):
         raise StoreError(
-            f"{path}: is packed, and a packed file cannot be gone on with; give another file with "
+            f"{path}: is packed, and a packed file cannot be resumed; give another file with "
             "-o (hpcsweep status tells what is in this one)"
         )
 

@@ -39,7 +39,7 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     path : str or Path
     output : str or Path, optional
         Must not exist. Without it the packed file takes the place of `path`, whose job must be
-        complete, because a packed file cannot be gone on with.
+        complete, because a packed file cannot be resumed.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
     if waiting and whole:
         raise StoreError(
             f"{path}: not complete ({waiting} of {waiting + len(committed)} blocks are missing), "
-            "and a packed file cannot be gone on with; run it to its end, or pack a copy with -o"
+            "and a packed file cannot be resumed; run it to its end, or pack a copy with -o"
         )
     return committed
 

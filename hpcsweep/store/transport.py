@@ -43,7 +43,7 @@ def _failures_named(path: Path) -> Iterator[None]:
     except (OSError, RuntimeError) as error:
         raise WriteError(
             f"{path}: cannot be written: {_reason(error)}; what is committed is safe: make room "
-            "and run again to go on"
+            "and run again to resume"
         ) from None
 
 

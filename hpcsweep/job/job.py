@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.job.tree import TreeError, resolve
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.settings import METRICS, SKIP_RULES, SweepSettings
@@ -169,22 +170,27 @@ def _canonical(value: object) -> object:
     raise TypeError(f"a {type(value).__name__} has no place in a job's fingerprint")
 
 
-def load_job(path: str | Path) -> Job:
+def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     """Read and validate a job file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; what it extends is read too.
+    settings : sequence of str
+        ``TABLE.KEY=VALUE`` each, the value in TOML: replace what the files give.
 
     Raises
     ------
     JobError
-        If the file cannot be read or is not a valid job.
+        If a file cannot be read or all together is not a valid job.
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8")
-    except OSError as error:
-        raise JobError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise JobError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
-    return parse_job(text, str(path), path.stem)
+        text, source = resolve(path, settings, KEYS)
+    except TreeError as error:
+        raise JobError(str(error)) from None
+    return parse_job(text, source, path.stem)
 
 
 def parse_job(text: str, source: str, default_name: str) -> Job:

@@ -16,7 +16,9 @@ from pathlib import Path
 
 EXTENDS = "extends"
 MAX_BASES = 8
-"""Files that one job may be built on: nobody can keep more of them in mind."""
+"""Files that one job may be built on; the shipped jobs need at most four."""
+MAX_SHOWN = 80
+"""Characters of a setting that an error shows."""
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 Order = Mapping[str, Sequence[str]]
@@ -63,11 +65,15 @@ def resolve(path: Path, settings: Sequence[str], order: Order) -> tuple[str, str
         source += f" (extends {', '.join(base.name for base, _ in bases)})"
     if given:
         made_of += [f"with {setting}" for setting in settings]
-        source += f" with {' '.join(f'--set {setting}' for setting in settings)}"
+        source += f" with {' '.join(_option(setting) for setting in settings)}"
     whole: dict = {}
     for layer in (*(layer for _, layer in reversed(bases)), tree, *given):
         whole = merge(whole, layer)
-    return "".join(f"# {_printable(line)}\n" for line in made_of) + write(whole, order), source
+    try:
+        text = write(whole, order)
+    except (ValueError, RecursionError) as error:  # numbers too long, brackets too deep
+        raise TreeError(f"{source}: cannot be written as TOML: {error}") from None
+    return "".join(f"# {_printable(line)}\n" for line in made_of) + text, source
 
 
 def merge(base: Mapping, given: Mapping) -> dict:
@@ -87,9 +93,9 @@ def write(tree: Mapping, order: Order) -> str:
     that have no place in it follow as they are. Floats are written with the fewest digits that
     give the same number, tables within a table inline.
     """
-    tables = [key for key in _ordered(tree, order.get("", ())) if isinstance(tree[key], Mapping)]
-    parts = [_write_pairs(tree, (k for k in _ordered(tree, order.get("", ())) if k not in tables))]
-    for key in tables:
+    keys = _ordered(tree, order.get("", ()))
+    parts = [_write_pairs(tree, (key for key in keys if not isinstance(tree[key], Mapping)))]
+    for key in (key for key in keys if isinstance(tree[key], Mapping)):
         table = tree[key]
         pairs = _write_pairs(table, _ordered(table, order.get(key, ())))
         parts.append(f"[{_write_key(key)}]\n{pairs}")
@@ -106,7 +112,7 @@ def _read(path: Path) -> tuple[str, dict]:
         raise TreeError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
     try:
         return text, tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # of numbers too long and brackets too deep
+    except (ValueError, RecursionError) as error:  # the second: brackets too deep
         raise TreeError(f"{path}: not valid TOML: {error}") from None
 
 
@@ -149,7 +155,7 @@ def _refuse_misspelt(path: Path, tree: Mapping) -> None:
 
 def _parse_setting(setting: str) -> dict:
     """Read ``TABLE.KEY=VALUE``, which is a line of TOML, as a tree of one key."""
-    option = f"--set {setting}" if setting.isprintable() else f"--set {setting!r}"
+    option = _option(setting)
     key, equals, value = (part.strip() for part in setting.partition("="))
     if not setting.isprintable() or not equals or not key or key.startswith("#"):
         raise TreeError(f"{option}: must be TABLE.KEY=VALUE")
@@ -161,9 +167,15 @@ def _parse_setting(setting: str) -> dict:
     try:
         return tomllib.loads(setting)
     except (ValueError, RecursionError):
-        hint = f"; a string needs quotes: --set '{key}=\"{value}\"'"
-        hint = hint if BARE_KEY.fullmatch(value) else ""
+        is_word = value[:1].isalpha() and BARE_KEY.fullmatch(value) and len(value) <= MAX_SHOWN
+        hint = f"; a string needs quotes: --set '{key}=\"{value}\"'" if is_word else ""
         raise TreeError(f"{option}: not a key and a value of TOML{hint}") from None
+
+
+def _option(setting: str) -> str:
+    """Show a setting as it was given, on one line, a long one cut."""
+    shown = setting if len(setting) <= MAX_SHOWN else f"{setting[: MAX_SHOWN - 3]}..."
+    return f"--set {shown if shown.isprintable() else repr(shown)}"
 
 
 def _ordered(keys: Iterable[str], order: Sequence[str]) -> list[str]:

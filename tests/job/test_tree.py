@@ -214,6 +214,7 @@ def test_settings_that_are_valid_only_together_are_judged_together(base):
         ("structure.stiffness_ratio=[1", ("not a key and a value of TOML",)),
         ("structure.stiffness_ratio=" + "9" * 5_000, ("not a key and a value of TOML",)),
         ("structure.stiffness_ratio=" + "[" * 100_000, ("not a key and a value of TOML",)),
+        ("structure.n_floors=0x" + "f" * 5_000, ("cannot be written as TOML",)),
         ("structure.stiffness_ratio", ("must be TABLE.KEY=VALUE",)),
         ("", ("must be TABLE.KEY=VALUE",)),
         ("=1", ("must be TABLE.KEY=VALUE",)),
@@ -227,7 +228,15 @@ def test_settings_that_are_valid_only_together_are_judged_together(base):
 def test_each_mistake_in_a_setting_is_one_line_that_names_it(base, setting, words):
     message = refused(base, "--set", *words, settings=(setting,))
     if setting.isprintable():
-        assert f"--set {setting}" in message
+        assert f"--set {setting[:60]}" in message
+    assert len(message) < 400
+
+
+@pytest.mark.parametrize(("opened", "closed"), [("[", "]"), ("{a = ", "}")])
+def test_brackets_of_any_depth_are_refused_in_one_line(base, opened, closed):
+    for depth in (*range(2, 600, 7), 10_000):
+        setting = f"sweep.omega={opened * depth}1{closed * depth}"
+        refused(base, "sweep.omega=", settings=(setting,))
 
 
 # --- text

@@ -4,7 +4,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.campaign.progress import make_progress
+from hpcsweep.campaign.progress import make_progress, note
 from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
 
 RUN_HELP = """\
@@ -106,6 +106,7 @@ def _run(options) -> int:
                     comm,
                     max_hours=options.max_hours,
                     progress=make_progress,
+                    say=note,
                     flag=flag,
                 )
                 flag.ignore()

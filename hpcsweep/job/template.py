@@ -19,6 +19,13 @@ TEMPLATE = """\
 # Name of the results, without folder; default: the name of this file.
 #name = "other"
 
+[study]
+# "amplitude_sweep": at each frequency the amplitudes in their order, each from where the one before
+# it ended. "points": every amplitude at every frequency from the initial state, each on its own;
+# or, with points = [[A, Omega], [A, Omega], ...] here and neither omega nor amplitude below, the
+# points of that list. It has no directions.
+#kind = "amplitude_sweep"
+
 [structure]
 # Storeys n on a fixed base: a whole number from 1 to 64.
 #n_floors = 3
@@ -43,7 +50,7 @@ omega = 0.445
 # A, amplitude of the forcing acceleration in gaps omega_0^2: at least 0, ascending. Likewise.
 amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 
-# Each amplitude starts where the one before it ended: ["up"], or ["up", "down"], the way back too.
+# Ways through the amplitudes: ["up"], or ["up", "down"], the way back too.
 #directions = ["up", "down"]
 
 # Forcing periods that are discarded at each amplitude: a whole number from 0 to 10000000.
@@ -88,6 +95,6 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 #max_points = 100
 
 # Amplitudes that are committed to the file together: a whole number from 1 to 10000000. After a
-# kill at most this many of a frame are computed again.
+# kill at most this many of a frame are computed again. Default: 50, of points 1.
 #block = 50
 """

@@ -15,7 +15,8 @@ from hpcsweep.figures.diagrams import benefit, mesh, period_map
 from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.solvers.outcome import Outcome, Shortcut
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.shortcut import Shortcut
 
 
 @pytest.fixture(scope="module")

@@ -1,17 +1,19 @@
+import json
 import re
 import tomllib
 
 import pytest
 from tools import hpcsweep
 
-from hpcsweep.campaign.status import monitor
 from hpcsweep.job import JobError, load_job, parse_job
-from hpcsweep.job.job import KEYS, MAX_CYCLES, MAX_VALUES
+from hpcsweep.job.reading import DEFAULT_KIND, KINDS, MAX_CYCLES, every_key, keys_of
 from hpcsweep.job.template import TEMPLATE
+from hpcsweep.job.values import MAX_VALUES
 from hpcsweep.model.structure import MAX_FLOORS
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.settings import SKIP_RULES
 
+KEYS = keys_of(KINDS[DEFAULT_KIND])
 EVERY_KEY = re.sub(r"^#(?=\w+ = )", "", TEMPLATE, flags=re.MULTILINE)
 """The template with every key given."""
 
@@ -57,6 +59,14 @@ def shown(key: str) -> str:
     return " ".join(line.removeprefix("# ") for line in before.split("\n\n")[-1].splitlines())
 
 
+def test_every_kind_of_study_is_told_with_the_keys_that_only_it_has():
+    for kind in KINDS:
+        assert f'"{kind}"' in shown("kind")
+    for table, keys in every_key().items():
+        for key in set(keys) - set(KEYS[table]):
+            assert f"{key} = " in TEMPLATE
+
+
 @pytest.mark.parametrize("key", [key for keys in KEYS.values() for key in keys])
 def test_every_key_is_explained_before_it_or_beside_it(key):
     if key in KEYS:
@@ -100,7 +110,7 @@ def test_it_is_written_runs_and_completes(tmp_path):
     assert (tmp_path / "study.toml").read_text() == TEMPLATE
     done = hpcsweep(0, "run", "study.toml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    state = monitor(tmp_path / "study.h5")
+    state = json.loads(hpcsweep(0, "status", "study.h5", "--json", cwd=tmp_path).stdout)
     assert state["complete"]
     assert state["runs_total"] == 198
 

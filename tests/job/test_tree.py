@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tools import JOBS, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep.job import JobError, load_job, parse_job
-from hpcsweep.job.job import KEYS
+from hpcsweep.job.reading import every_key
 from hpcsweep.job.tree import MAX_BASES, merge, write
 
 BASE = """
@@ -25,6 +25,7 @@ damping_ratio = [0.06, 0.03]
 omega = {from = 0.5, to = 0.8, count = 4}
 amplitude = {from = 0.02, to = 0.3, count = 11}
 """
+KEYS = every_key()
 FINGERPRINTS = json.loads((JOBS.parent / "tests" / "data" / "fingerprints.json").read_text())
 """Of every job in jobs/ when each was written out in full."""
 

@@ -276,7 +276,7 @@ from pathlib import Path
 from hpcsweep.campaign import run as campaign
 from hpcsweep.parallel import mpi
 from hpcsweep.studies import amplitude_sweep as sweep
-from hpcsweep.job.job.job import load_job
+from hpcsweep.job import load_job
 
 def nothing(structure, omega, amplitudes, state, settings, poll):
     result = sweep.empty_block(structure.n_floors, len(amplitudes), settings)

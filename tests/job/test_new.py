@@ -1,10 +1,10 @@
+import json
 import re
 import tomllib
 
 import pytest
 from tools import hpcsweep
 
-from hpcsweep.campaign.status import monitor
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.job.job import KEYS, MAX_CYCLES, MAX_VALUES
 from hpcsweep.job.template import TEMPLATE
@@ -100,7 +100,7 @@ def test_it_is_written_runs_and_completes(tmp_path):
     assert (tmp_path / "study.toml").read_text() == TEMPLATE
     done = hpcsweep(0, "run", "study.toml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    state = monitor(tmp_path / "study.h5")
+    state = json.loads(hpcsweep(0, "status", "study.h5", "--json", cwd=tmp_path).stdout)
     assert state["complete"]
     assert state["runs_total"] == 198
 

@@ -12,6 +12,7 @@ from hpcsweep.commands import (
     claims,
     complain,
     explore,
+    new,
     one_thread,  # noqa: F401  before numpy is loaded
     pack,
     plot,
@@ -24,6 +25,7 @@ from hpcsweep.commands import (
 )
 
 COMMANDS = (
+    new,
     run,
     status,
     summary,
@@ -45,6 +47,7 @@ Start under mpirun or srun to use many ranks; alone, one rank does it all."""
 
 EPILOG = """\
 examples:
+  hpcsweep new study.toml                       write a job to start from
   mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or resume, figure3.h5
   hpcsweep status figure3.h5                    what is done, live
   hpcsweep validate figure3.h5                  is it sound? checksums, values, a sample recomputed

@@ -5,11 +5,13 @@ one kind of study knows are read by that study, with the same `Values`.
 """
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.tree import TreeError, resolve
 from hpcsweep.job.values import MAX_VALUES, Values
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS
@@ -34,22 +36,27 @@ KEYS: dict[str, tuple[str, ...]] = {
 MAX_CYCLES = 10_000_000
 
 
-def load_job(path: str | Path) -> Job:
+def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     """Read and validate a job file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; what it extends is read too.
+    settings : sequence of str
+        ``TABLE.KEY=VALUE`` each, the value in TOML: replace what the files give.
 
     Raises
     ------
     JobError
-        If the file cannot be read or is not a valid job.
+        If a file cannot be read or all together is not a valid job.
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8")
-    except OSError as error:
-        raise JobError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise JobError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
-    return parse_job(text, str(path), path.stem)
+        text, source = resolve(path, settings, every_key())
+    except TreeError as error:
+        raise JobError(str(error)) from None
+    return parse_job(text, source, path.stem)
 
 
 def parse_job(text: str, source: str, default_name: str) -> Job:
@@ -84,6 +91,14 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
 def keys_of(study) -> dict[str, tuple[str, ...]]:
     """Give the keys of each table of a job of one kind of study."""
     return {table: (*study.keys.get(table, ()), *keys) for table, keys in KEYS.items()}
+
+
+def every_key() -> dict[str, tuple[str, ...]]:
+    """Give the keys of each table of a job of any kind of study, each once."""
+    tables = [keys_of(study) for study in KINDS.values()]
+    return {
+        name: tuple(dict.fromkeys(key for table in tables for key in table[name])) for name in KEYS
+    }
 
 
 def _keys_of_others(study) -> dict[str, str]:

@@ -133,11 +133,11 @@ def test_a_signal_to_a_campaign_that_still_loads_its_libraries_is_obeyed(tmp_pat
     script = tmp_path / "early.py"
     script.write_text(
         "import os, signal, sys\n"
-        "from hpcsweep.commands import cli; from hpcsweep.job import job\n"
+        "from hpcsweep import job; from hpcsweep.commands import cli\n"
         "load = job.load_job\n"
-        "def load_job(path):\n"
+        "def load_job(*arguments):\n"
         "    os.kill(os.getpid(), signal.SIGTERM)\n"
-        "    return load(path)\n"
+        "    return load(*arguments)\n"
         "job.load_job = load_job\n"
         "sys.exit(cli.main(sys.argv[1:]))\n"
     )

@@ -63,7 +63,7 @@ class FrameSweep:
 
     def block(
         self,
-        amplitudes: Sequence[float],
+        amplitudes: Sequence[float] | np.ndarray,
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
@@ -240,7 +240,7 @@ def empty_block(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.nd
 def sweep_block(
     structure: Structure,
     omega: float,
-    amplitudes: Sequence[float],
+    amplitudes: Sequence[float] | np.ndarray,
     state: np.ndarray,
     settings: SweepSettings,
     poll: Callable[[], None] | None = None,

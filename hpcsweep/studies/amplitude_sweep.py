@@ -92,7 +92,7 @@ class AmplitudeSweep(RunGrid):
 def sweep_block(
     structure: Structure,
     omega: float,
-    amplitudes: Sequence[float],
+    amplitudes: Sequence[float] | np.ndarray,
     state: np.ndarray,
     settings: SweepSettings,
     poll: Callable[[], None] | None = None,

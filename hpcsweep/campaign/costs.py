@@ -53,14 +53,18 @@ class TaskCosts:
         self._left: list[float] | None = None
 
     def sampled(self, sample: PilotCost) -> None:
-        """Learn from a pilot's runs."""
-        cell = min(int(sample.along * self._strata), self._strata - 1), sample.frame
+        """Learn from a pilot's runs; a sample that the study does not have is passed over."""
+        if sample.frame >= self._sizes[1] or sample.runs < 1:
+            return
+        cell = int(np.clip(sample.along * self._strata, 0, self._strata - 1)), sample.frame
         self._pilot_runs[cell] += sample.runs
         self._pilot_seconds[cell] += sample.seconds
         self._prior = self._left = None
 
     def measured(self, cost: BlockCost) -> None:
-        """Learn what a block cost."""
+        """Learn what a block cost; one that the study does not have is passed over."""
+        if any(at >= size for at, size in zip(cost.place, self._sizes, strict=True)):
+            return
         cell = self._cell[self._row_of(cost.place)]
         self._runs.flat[cell] += cost.runs
         self._seconds.flat[cell] += cost.seconds
@@ -71,9 +75,10 @@ class TaskCosts:
         self._left_runs[self._row_of(place)] = 0.0
         self._left = None
 
-    def all_done(self, committed: np.ndarray) -> None:
-        """Note which blocks need not be computed, shape of ``commit``."""
-        self._left_runs[self._row[committed.ravel()]] = 0.0
+    def all_done(self, places: np.ndarray) -> None:
+        """Note which blocks need not be computed, shape (n, n_axes)."""
+        flat = np.ravel_multi_index(tuple(np.asarray(places).T), self._sizes)
+        self._left_runs[self._row[flat]] = 0.0
         self._left = None
 
     def n_known(self) -> int:

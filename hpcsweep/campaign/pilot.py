@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel import farm
@@ -22,11 +24,11 @@ class KnownCosts:
         Whose journal is read.
     todo : list of int
         Unfinished tasks.
-    done : list of tuple of int
+    done : ndarray of int, shape (n, n_axes)
         Places of the blocks of these that are done.
     """
 
-    def __init__(self, comm, study, output: Path, todo: list[int], done: list[tuple[int, ...]]):
+    def __init__(self, comm, study, output: Path, todo: list[int], done: np.ndarray):
         self._comm, self._study = comm, study
         self._wanted = comm.bcast(comm.size > 1 and len(todo) > 1)
         if comm.rank != 0 or not self._wanted:
@@ -37,8 +39,7 @@ class KnownCosts:
             self.tasks.measured(cost)
         for sample in history.samples:
             self.tasks.sampled(sample)
-        for place in done:
-            self.tasks.done(place)
+        self.tasks.all_done(done)
 
     def sample(self, journal: Journal, flag: farm.StopFlag) -> bool:
         """Time a pilot on all ranks, if it is needed; tell whether to go on (collective)."""

@@ -11,8 +11,9 @@ import numpy as np
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel.schedule import master_computes
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
-from hpcsweep.store import Layout, job_of, read_history
-from hpcsweep.store.commit import Blocks, check_file
+from hpcsweep.store import Layout, open_layout, read_history
+from hpcsweep.store.commit import Blocks
+from hpcsweep.store.opening import check_file
 from hpcsweep.store.records import History, Session
 from hpcsweep.studies.shortcut import Shortcut
 
@@ -46,7 +47,7 @@ def status(path: str | Path) -> dict:
             Bytes of rank 0 and of the largest rank in the last session, once it has ended.
     """
     path = Path(path)
-    layout = Layout(job_of(path))
+    layout = open_layout(path)
     history = read_history(path)
     session = history.sessions[-1] if history.sessions else None
     with Blocks(path, layout) as blocks:
@@ -150,7 +151,7 @@ def _seconds_remaining(
         costs.sampled(sample)
     for cost in history.costs:
         costs.measured(cost)
-    costs.all_done(committed)
+    costs.all_done(np.argwhere(committed))
     left = costs.all_left()
     ranks = session.ranks if session else 1
     computing = ranks if master_computes(ranks) else ranks - 1

@@ -5,7 +5,7 @@ The points are a grid, or a list of pairs. A list has one frame a point, and one
 larger blocks, so that a study scales to as many ranks as it has points.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -97,7 +97,7 @@ class Points(RunGrid):
         del direction
         return frame * self.n_blocks + number
 
-    def path(self, task: int) -> list[Block]:
+    def path(self, task: int) -> Sequence[Block]:
         """Give the one block of a task."""
         return [self.block((0, *divmod(task, self.n_blocks)))]
 

@@ -6,6 +6,7 @@ returns the exit code. What is slow to import is imported when it is used.
 
 import argparse
 import sys
+from pathlib import Path
 
 USER_ERROR, FAILURE = 2, 1
 RAW = argparse.RawDescriptionHelpFormatter
@@ -30,6 +31,13 @@ def whole_number(least: int):
 
     convert.__name__ = "whole number"
     return convert
+
+
+def file_name(text: str) -> Path:
+    """Convert an argument that must name a file."""
+    if not text:
+        raise argparse.ArgumentTypeError("must not be empty")
+    return Path(text)
 
 
 def positive(text: str) -> float:

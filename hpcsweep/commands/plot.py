@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands import RAW, USER_ERROR, complain, file_name
 
 KINDS = {
     "orbit": ("omega", "color"),
@@ -34,7 +34,7 @@ def add_to(commands) -> None:
     )
     plot.add_argument("file", type=Path, metavar="FILE")
     plot.add_argument(
-        "-o", "--output", type=Path, metavar="PNG", help="picture (default: FILE with .png)"
+        "-o", "--output", type=file_name, metavar="PNG", help="picture (default: FILE with .png)"
     )
     plot.add_argument(
         "--kind", choices=tuple(KINDS), default="orbit", help="figure (default: %(default)s)"

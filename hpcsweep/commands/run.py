@@ -5,7 +5,7 @@ import traceback
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, file_name, positive
 
 RUN_HELP = """\
 Run a job. If its results file exists already, the run resumes where it stopped, on any number
@@ -42,7 +42,11 @@ def add_to(commands) -> None:
     )
     run.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     run.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="results (default: the job's name + .h5)"
+        "-o",
+        "--output",
+        type=file_name,
+        metavar="FILE",
+        help="results (default: the job's name + .h5)",
     )
     run.add_argument(
         "--set",

@@ -61,10 +61,11 @@ class Points(RunGrid):
         amplitude, omega = np.array(
             [[values.number("study.points", value) for value in pair] for pair in pairs]
         ).T
-        wrong = ~(np.isfinite(amplitude) & np.isfinite(omega) & (amplitude >= 0) & (omega > 0))
+        wrong = ~((amplitude >= 0) & (omega > 0))
         if wrong.any():
             first = pairs[int(np.argmax(wrong))]
             raise values.error("study.points", first, "must have A of at least 0, Omega above 0")
+        values.check_range("study.points", omega, amplitude)
         if np.unique(np.stack((amplitude, omega)), axis=1).shape[1] < len(pairs):
             raise values.error("study.points", pairs, "must not hold a point twice")
         return cls(omega=omega.copy(), amplitude=amplitude.copy(), listed=True, **common)

@@ -2,7 +2,6 @@
 
 import array
 import contextlib
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -13,6 +12,7 @@ import numpy as np
 
 from hpcsweep.campaign import provenance
 from hpcsweep.campaign.pilot import KnownCosts
+from hpcsweep.campaign.progress import say_line
 from hpcsweep.job import Job
 from hpcsweep.parallel import farm, memory
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
@@ -60,6 +60,9 @@ class Silent:
 
     def message(self, text: str) -> None:
         """Say something."""
+
+    def expect(self, remaining: Callable[[], float | None]) -> None:
+        """Be given a function that estimates the remaining time (s)."""
 
     def tick(self) -> None:
         """Hear that time has passed, several times a second."""
@@ -203,8 +206,7 @@ def _compile(comm, study, flag: farm.StopFlag, say: Callable[[str], None]) -> No
     """
 
     def leave(reason: str) -> None:
-        print(f"hpcsweep: {reason} before the first run; run again to resume", file=sys.stderr)
-        sys.stderr.flush()
+        say_line(f"hpcsweep: {reason} before the first run; run again to resume")
         comm.abort(STOPPED)
 
     flag.at_once = leave
@@ -278,6 +280,7 @@ class _Work:
             )
             if progress is not None:
                 display = progress(self._study.n_runs, done_runs)
+                display.expect(costs.remaining)
 
         def on_report(rank, value) -> None:
             cost, failures = value

@@ -195,7 +195,8 @@ class Blocks:
                 if state is None and before is not None:
                     state = self.final_state(before.run(before.end))
                 rows = self.read(block)
-                if self._holds(self.committed(block), block, state, rows):
+                start = self.study.initial_state if state is None else state
+                if self._holds(self.committed(block), block, start, rows):
                     end = rows["final_state"][block.end]
             yield block, end is not None
             before, state = block, None if end is None else np.array(end)

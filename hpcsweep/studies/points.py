@@ -61,7 +61,7 @@ class Points(RunGrid):
         amplitude, omega = np.array(
             [[values.number("study.points", value) for value in pair] for pair in pairs]
         ).T
-        wrong = ~((amplitude >= 0) & (omega > 0))
+        wrong = ~(np.isfinite(amplitude) & np.isfinite(omega) & (amplitude >= 0) & (omega > 0))
         if wrong.any():
             first = pairs[int(np.argmax(wrong))]
             raise values.error("study.points", first, "must have A of at least 0, Omega above 0")

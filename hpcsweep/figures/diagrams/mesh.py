@@ -1,15 +1,14 @@
 """Panels over amplitude and frequency: one cell a run."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures.palette import GRAZING, NOTHING
 from hpcsweep.figures.style import AMPLITUDE, DPI, OMEGA, PlotError, classes_of
 
-GRAZING = "#b00000"
-"""Colour of the grazing curve."""
-
-
-NUMBERS = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
+VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
 """Variables of maps, beside the classes."""
 
 
@@ -27,7 +26,7 @@ def open_map(path, value: str | None = None, direction: str | None = None):
     Returns
     -------
     xarray.Dataset
-        `NUMBERS`, `value` and the motion classes of one direction.
+        `VARIABLES`, `value` and the motion classes of one direction.
 
     Raises
     ------
@@ -46,7 +45,7 @@ def open_map(path, value: str | None = None, direction: str | None = None):
         if direction not in job.directions:
             there = " and ".join(job.directions)
             raise PlotError(f"--direction {direction}: the results hold {there} only")
-        return frames.gather((*NUMBERS, value), direction=direction, derive={MOTION: classes_of})
+        return frames.gather((*VARIABLES, value), direction=direction, derive={MOTION: classes_of})
     finally:
         frames.close()
 
@@ -87,7 +86,7 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
     -------
     matplotlib.collections.QuadMesh
     """
-    axis.set_facecolor("white")
+    axis.set_facecolor(NOTHING)
     if np.ma.getmaskarray(values).any():
         axis.patch.set(hatch="xxxx", edgecolor="0.55")
     width, height = axis.get_figure().get_size_inches() * DPI
@@ -103,6 +102,19 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
     axis.set_xlabel(AMPLITUDE)
     axis.set_ylabel(OMEGA)
     return mesh
+
+
+def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> None:
+    """Draw the places in a list of colours, shape (n_frames, n_amplitudes); hatched below 0."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    draw_mesh(
+        axis,
+        results,
+        np.ma.masked_less(index, 0),
+        cmap=ListedColormap(colours),
+        norm=BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours)),
+    )
 
 
 def _thinned(cells: int, pixels: float) -> np.ndarray:

@@ -8,10 +8,11 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.diagrams.benefit import free_drift
+from hpcsweep.figures.diagrams.figure import OMEGA, load_frame
+from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, mode_colour, motion_place
 from hpcsweep.figures.style import (
     AMPLITUDE,
     MARKERS,
-    PALETTE,
     PlotError,
     caption,
     classes_of,
@@ -25,8 +26,10 @@ from hpcsweep.figures.style import (
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 
-CHAOS = ("#000000", "#882255")
-"""Colours of the chaotic runs, up and down."""
+NAME = "metrics"
+HELP = "drift and mean modal norms against the amplitude, one frame"
+OPTIONS = (OMEGA,)
+load = load_frame
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 
 
@@ -80,8 +83,8 @@ def _drift(axis, frame, classes, free: float) -> None:
         name = str(direction)
         chaos = classes[d] == MotionClass.CHAOTIC
         for chosen, colour, label in (
-            (~chaos, PALETTE[d], name),
-            (chaos, CHAOS[d], f"{name}, chaotic"),
+            (~chaos, DIRECTIONS[name], name),
+            (chaos, MOTION_COLOURS[motion_place(MotionClass.CHAOTIC, 0)], f"{name}, chaotic"),
         ):
             if not chosen.any():
                 continue
@@ -103,7 +106,7 @@ def _drift(axis, frame, classes, free: float) -> None:
 def _norms(axis, frame, free: np.ndarray) -> None:
     amplitude = frame["amplitude"].values
     for mode in range(frame.sizes["mode"]):
-        colour = PALETTE[mode % len(PALETTE)]
+        colour = mode_colour(mode, frame.sizes["mode"])
         for d, direction in enumerate(frame["direction"].values):
             filled = str(direction) == "up"
             axis.plot(

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from hpcsweep.figures.film.frame import Scene
 from hpcsweep.figures.film.piece import Film, Request
+from hpcsweep.figures.film.scene import Scene
 from hpcsweep.parallel import farm
 
 

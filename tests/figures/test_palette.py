@@ -282,13 +282,15 @@ def test_what_is_drawn_has_the_colour_of_the_legend(mixed, drawn_figure):
     amplitude = mixed["amplitude"].values
     drawn = set()
     for points in figure.axes[0].collections:
-        filled = len(points.get_facecolor()) > 0
-        colour = points.get_facecolor() if filled else points.get_edgecolor()
+        colour = (*points.get_facecolor(), *points.get_edgecolor())[0]
         for x in np.unique(points.get_offsets()[:, 0]):
-            run = places[0 if filled else 1, 0, int(np.argmin(np.abs(amplitude - x)))]
-            assert colour_of(colour[0]) == palette.MOTION_COLOURS[run]
-            drawn.add((filled, float(x)))
-    assert len(drawn) == 2 * amplitude.size
+            run = int(np.argmin(np.abs(amplitude - x)))
+            assert colour_of(colour) in {palette.MOTION_COLOURS[k] for k in places[:, 0, run]}
+            drawn.add((colour_of(colour), run))
+    expected = {
+        (palette.MOTION_COLOURS[k], run) for ends in places[:, 0] for run, k in enumerate(ends)
+    }
+    assert drawn == expected
     mesh = drawn_figure(period_map, mixed).axes[0].collections[0]
     shown = [colour_of(c) for c in mesh.cmap(mesh.norm(mesh.get_array().ravel()))]
     assert shown == [palette.MOTION_COLOURS[k] for k in places[0].ravel()]

@@ -80,7 +80,7 @@ def draw(results, path: Path, direction: str | None = None) -> None:
 
 
 def free_drift(structure, omega: float) -> float:
-    """Give the normalised drift (18) of the steady state without stop, in A/Omega^2.
+    """Return the normalised drift (18) of the steady state without stop, in A/Omega^2.
 
     Closed form: Omega^2 max_i |U_i - U_(i-1)|, U of `Structure.linear_steady_state`, U_0 = 0; NaN
     at an undamped resonance.
@@ -93,7 +93,7 @@ def free_drift(structure, omega: float) -> float:
 
 
 def drift_ratio(results) -> np.ndarray:
-    """Give drift over drift without stop at the same A and Omega, shape of the runs."""
+    """Return the drift over the drift without stop at the same A and Omega, shape of the runs."""
     structure = job_of(results).structure
     free = np.array([free_drift(structure, float(omega)) for omega in results["omega"].values])
     return results["drift"].values / free[None, :, None]

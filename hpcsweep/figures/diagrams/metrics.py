@@ -64,7 +64,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
 
 
 def free_modal_norms(structure, omega: float) -> np.ndarray:
-    """Give the mean modal norms (17) of the steady state without stop, shape (n,).
+    """Return the mean modal norms (17) of the steady state without stop, shape (n,).
 
     They do not depend on the amplitude; NaN at an undamped resonance.
     """

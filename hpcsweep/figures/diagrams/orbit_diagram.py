@@ -43,6 +43,9 @@ MOST_SETS = 10
 """Contact sets that the legend names: the commonest."""
 MOST_COLUMNS = 6
 """Columns of the legend."""
+FINE, FINE_KEY = 0.1, 3
+"""Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
+the legend."""
 LEAST_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
 """Parts of the panel's width: least region whose label names its sets; room the labels take."""
 
@@ -139,27 +142,36 @@ def _groups(color: str, frame, classes: np.ndarray, done: np.ndarray, n: int) ->
 
 
 def _scatter(axis, frame, group: Group, floor: int) -> None:
-    """Draw a group's points: filled on the way up, hollow on the way down."""
+    """Draw a group's points.
+
+    Those of orbits are large, filled on the way up, hollow on the way down; those of motions that
+    do not repeat are fine, so that it shows where they gather.
+    """
     amplitude, counts = frame["amplitude"].values, frame["n_points"].values
     size = float(np.clip(14000 / max(amplitude.size, 1), 0.4, 7.0))
+    repeats = frame["orbit_period"].values > 0
     displacement = frame["poincare"].values[..., floor]
     point = np.arange(displacement.shape[-1])
     for d, direction in enumerate(frame["direction"].values):
-        runs = np.flatnonzero(group.runs[d])
-        if not runs.size:
-            continue
         filled = str(direction) == "up"
-        axis.scatter(
-            np.repeat(amplitude[runs], counts[d, runs]),
-            displacement[d, runs][point < counts[d, runs, None]],
-            s=size if filled else 1.8 * size,
-            marker=MARKERS[str(direction)],
-            facecolors=group.colour if filled else "none",
-            edgecolors="none" if filled else group.colour,
-            linewidths=0 if filled else 0.35,
-            rasterized=True,
-            zorder=2 if filled else 3,
-        )
+        large = {
+            "s": size if filled else 1.6 * size,
+            "marker": MARKERS[str(direction)],
+            "facecolors": group.colour if filled else "none",
+            "edgecolors": "none" if filled else group.colour,
+            "linewidths": 0 if filled else 0.35,
+        }
+        fine = {"s": FINE * size, "color": group.colour, "linewidths": 0}
+        for chosen, style in ((~repeats[d], fine), (repeats[d], large)):
+            runs = np.flatnonzero(group.runs[d] & chosen)
+            if runs.size:
+                axis.scatter(
+                    np.repeat(amplitude[runs], counts[d, runs]),
+                    displacement[d, runs][point < counts[d, runs, None]],
+                    rasterized=True,
+                    zorder=2 if filled else 3,
+                    **style,
+                )
 
 
 def _mark_regions(axes, frame, done, n, coexisting) -> None:
@@ -204,14 +216,14 @@ def _mark_regions(axes, frame, done, n, coexisting) -> None:
 def _legend(figure, groups: list[Group], color: str, results, classes) -> None:
     from matplotlib.lines import Line2D
 
-    def key(label: str, marker: str, colour: str, hollow: bool = False):
+    def key(label: str, marker: str, colour: str, hollow: bool = False, size: float = 5):
         return Line2D(
             [],
             [],
             linestyle="none",
             marker=marker,
             label=label,
-            markersize=5,
+            markersize=size,
             markerfacecolor="none" if hollow else colour,
             markeredgecolor=colour,
         )
@@ -228,4 +240,6 @@ def _legend(figure, groups: list[Group], color: str, results, classes) -> None:
         if rest:
             handles.append(Line2D([], [], linestyle="none", label=f"{rest} rarer sets"))
         handles += [key(f"sweep {d}", MARKERS[d], "0.3", d == "down") for d in directions]
+    if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
+        handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))
     foot(figure, handles, results, classes, min(len(handles), MOST_COLUMNS))

@@ -156,7 +156,7 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
 
 
 def _stretches(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give first and last-plus-one index of every stretch of true flags."""
+    """Return first and last-plus-one index of every stretch of true flags."""
     change = np.diff(np.concatenate(([0], flags.astype(int), [0])))
     return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
 

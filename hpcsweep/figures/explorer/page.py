@@ -223,7 +223,7 @@ def _narrow(codes: np.ndarray) -> np.ndarray:
 
 
 def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
-    """Give the range of the finite values, without `percent` of them at either end."""
+    """Return the range of the finite values, without `percent` of them at either end."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return [0.0, 0.0]
@@ -243,7 +243,7 @@ def _structure(structure) -> dict:
 
 
 def _colours(study: Study, sets: list[int]) -> dict[str, str | list[str]]:
-    """Give the page its colours, those of all figures: the page has none of its own."""
+    """Return the colours of all figures for the page, which has none of its own."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

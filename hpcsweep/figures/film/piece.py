@@ -144,5 +144,5 @@ class Film:
 
 
 def is_gif(request: Request) -> bool:
-    """Tell whether a GIF is wanted."""
+    """Return whether a GIF is wanted."""
     return request.output.suffix.lower() == ".gif"

@@ -20,7 +20,7 @@ def packed_colour(colour: str) -> int:
 
 
 def look_up(values: np.ndarray, colours: dict[int, int]) -> np.ndarray:
-    """Give each value's packed colour; white for values that have none."""
+    """Return each value's packed colour; white for values that have none."""
     if not colours:
         return np.full(values.shape, WHITE, np.uint32)
     keys = np.array(sorted(colours), values.dtype)

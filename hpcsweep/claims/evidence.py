@@ -163,7 +163,7 @@ class Study:
             def height(_tau, z):
                 return z[floor] - 1.0
 
-            height.direction = 1.0
+            height.direction = 1.0  # type: ignore[attr-defined]  # scipy reads it there
             return height
 
         done = solve_ivp(
@@ -246,6 +246,7 @@ class Study:
             self._settings.sampling_cycles,
             self._settings.period_tolerance,
         )
+        assert window is not None, "a tenth of the grazing amplitude is linear"
         return window.modal_norm
 
     def linear_distance(self) -> tuple[np.ndarray, np.ndarray]:

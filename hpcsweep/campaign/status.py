@@ -210,8 +210,8 @@ def _session(session: Session) -> dict:
         "write_bytes_per_second": None,
         "write_share": None,
     }
-    if session.written_bytes:
-        seconds = session.write_seconds
+    seconds = session.write_seconds
+    if session.written_bytes and session.rank_seconds and seconds is not None:
         told["written_bytes"] = session.written_bytes
         told["write_bytes_per_second"] = session.written_bytes / seconds if seconds else None
         told["write_share"] = seconds / session.rank_seconds

@@ -81,8 +81,9 @@ def merge(base: Mapping, given: Mapping) -> dict:
     merged = dict(base)
     for key, value in given.items():
         below = merged.get(key)
-        both = isinstance(below, Mapping) and isinstance(value, Mapping)
-        merged[key] = {**below, **value} if both else value
+        if isinstance(below, Mapping) and isinstance(value, Mapping):
+            value = {**below, **value}
+        merged[key] = value
     return merged
 
 

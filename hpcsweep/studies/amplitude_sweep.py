@@ -4,7 +4,7 @@ A frame is one path, up and then, where that is asked for, down from where the w
 the study of the paper, and the one a job has that names none.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,7 +14,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.runs import frame_runs
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Block
+from hpcsweep.studies.study import Amplitudes, Block
 
 UP, DOWN = "up", "down"
 
@@ -67,7 +67,7 @@ class AmplitudeSweep(RunGrid):
     def rows(
         self,
         frame: int,
-        amplitudes: Sequence[float],
+        amplitudes: Amplitudes,
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
@@ -92,7 +92,7 @@ class AmplitudeSweep(RunGrid):
 def sweep_block(
     structure: Structure,
     omega: float,
-    amplitudes: Sequence[float] | np.ndarray,
+    amplitudes: Amplitudes,
     state: np.ndarray,
     settings: SweepSettings,
     poll: Callable[[], None] | None = None,

@@ -6,7 +6,7 @@ counted from the top.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -17,7 +17,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.studies import runs
 from hpcsweep.studies.invariants import broken_invariants
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Block, BlockTable, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes, Block, BlockTable, Coordinate, Variable
 from hpcsweep.studies.variables import (
     AMPLITUDE,
     COMMIT,
@@ -105,7 +105,7 @@ class RunGrid:
     def rows(
         self,
         frame: int,
-        amplitudes: Sequence[float],
+        amplitudes: Amplitudes,
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:

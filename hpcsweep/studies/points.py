@@ -5,7 +5,7 @@ The points are a grid, or a list of pairs. A list has one frame a point, and one
 larger blocks, so that a study scales to as many ranks as it has points.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.runs import frame_runs
-from hpcsweep.studies.study import Block, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.variables import AMPLITUDE
 
 START = "initial"
@@ -109,7 +109,7 @@ class Points(RunGrid):
     def rows(
         self,
         frame: int,
-        amplitudes: Sequence[float],
+        amplitudes: Amplitudes,
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
@@ -120,6 +120,7 @@ class Points(RunGrid):
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
         """Tell that every run starts from the initial state."""
         del block, row
+        return None
 
     def describe_task(self, task: int) -> str:
         """Tell a point by its frequency and amplitude."""

@@ -22,7 +22,7 @@ last one that was reached.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -38,6 +38,7 @@ from hpcsweep.solvers.records import Approach, Observation
 from hpcsweep.solvers.solver import Solver, make_solver
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
+from hpcsweep.studies.study import Amplitudes
 
 SETTLED = 1e-10
 """Largest estimated distance (gaps, gaps omega_0) from the orbit at which a transient ends."""
@@ -64,7 +65,7 @@ class FrameRuns:
 
     def follow(
         self,
-        amplitudes: Sequence[float],
+        amplitudes: Amplitudes,
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
@@ -95,7 +96,7 @@ class FrameRuns:
 
     def each(
         self,
-        amplitudes: Sequence[float],
+        amplitudes: Amplitudes,
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:

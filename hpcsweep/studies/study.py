@@ -9,11 +9,14 @@ to ranks, `checks` computes its runs again; none of them knows which study it is
 module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+
+Amplitudes = Sequence[float] | np.ndarray
+"""In the order in which they are computed, shape (k,)."""
 
 
 @dataclass(frozen=True)

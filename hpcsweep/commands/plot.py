@@ -10,7 +10,14 @@ from hpcsweep.commands import RAW, USER_ERROR, complain
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
 
-FIGURES = ("orbit_diagram", "phase", "frames", "period_map", "metrics", "benefit")
+FIGURES = (
+    "orbit_diagram",
+    "phase",
+    "frames",
+    "period_map",
+    "metrics",
+    "benefit",
+)
 """Modules of `hpcsweep.figures.diagrams`, each a `figure.Figure`; the first is the default."""
 NAME_WIDTH = 8
 

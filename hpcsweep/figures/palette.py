@@ -4,7 +4,7 @@ Five languages, each with a legend of its own; no colour depends on what else is
 
 - motions (`MOTIONS`): no contact, the orbit periods, the classes without one;
 - contact sets (`contact_colour`): a rule on the set's bits;
-- sweep directions (`DIRECTIONS`);
+- directions, where a run starts from (`DIRECTIONS`);
 - numbers (`NUMBERS`, `RATIOS`): ordered, dark to light or side against side;
 - series (`series_colour`, `mode_colour`): lines that a legend beside them names.
 
@@ -22,6 +22,8 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures.cielab import lightness, to_hex
+from hpcsweep.studies.amplitude_sweep import DOWN, UP
+from hpcsweep.studies.points import START
 
 NOTHING = "#ffffff"
 """Where nothing is known: not computed, or not a number. Hatched where there is room."""
@@ -48,7 +50,8 @@ MOTIONS = (
 MOTION_NAMES = tuple(name for name, _ in MOTIONS)
 MOTION_COLOURS = tuple(colour for _, colour in MOTIONS)
 LONGER = MOTION_NAMES.index(f"P{LONGEST + 1} and longer")
-DIRECTIONS = {"up": "#0072b2", "down": "#d55e00"}
+DIRECTIONS = {UP: "#0072b2", DOWN: "#d55e00", START: "#b88664"}
+"""By where a run starts: the run at the next smaller or larger amplitude, or a state of its own."""
 GRAZING = "#b00000"
 """The grazing curve, drawn with a white rim."""
 STOP = "#7a7a7a"

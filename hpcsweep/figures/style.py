@@ -4,10 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.studies.amplitude_sweep import DOWN, UP
+from hpcsweep.studies.points import START
+
 DPI = 200
 AMPLITUDE = r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]"
 OMEGA = r"forcing frequency $\Omega$  [$\omega_0$]"
-MARKERS = {"up": "o", "down": "v"}
+MARKERS = {UP: "o", DOWN: "v", START: "o"}
+"""Of the directions; those of runs on the way down are hollow."""
 
 
 class PlotError(ValueError):
@@ -130,6 +134,12 @@ def job_of(results):
     from hpcsweep.job import parse_job
 
     return parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
+
+
+def words_of(results, direction: str | None = None) -> str:
+    """Write a direction of the results, default their first, in the words of their study."""
+    name = str(results["direction"].values[0]) if direction is None else direction
+    return str(job_of(results).words[name])
 
 
 def classes_of(results) -> np.ndarray:

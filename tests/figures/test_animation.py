@@ -116,6 +116,7 @@ def test_points_agree_with_the_axes_that_matplotlib_draws():
         low=np.array([-1.0, -0.2]),
         high=np.array([1.0, 0.7]),
         directions=("up",),
+        words=("sweep up",),
         color="direction",
         motions=(1,),
         contacts=(),
@@ -262,7 +263,8 @@ def test_single_frames_are_read_as_the_whole_file_is(results, tmp_path):
     copy = tmp_path / "c.h5"
     content = bytearray(results.read_bytes())
     frames = Frames(results)
-    place = frames._blocks.places(1, 2, 0)["drift"][0]
+    block, _ = frames._blocks.valid(2)[0]
+    place = frames._blocks.places(block)["drift"][0]
     frames.close()
     content[place] ^= 1
     copy.write_bytes(content)
@@ -330,6 +332,7 @@ def test_legends_keep_to_the_picture():
         low=np.full(12, -1.0),
         high=np.ones(12),
         directions=("up", "down"),
+        words=("sweep up", "sweep down"),
         color="contact",
         motions=(1,),
         contacts=contacts,

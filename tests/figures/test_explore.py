@@ -275,7 +275,7 @@ def test_the_keyboard_alone(page):
     assert float(numbers(page)["A [gaps · ω₀²]"]) == pytest.approx(amplitude[9], rel=1e-6)
     page.keyboard.press("d")
     settle(page)
-    assert numbers(page)["sweep"] == "down"
+    assert numbers(page)["direction"] == "down"
     whole = page.evaluate("() => window.explorer.map.view.a")
     page.keyboard.press("+")
     near = page.evaluate("() => window.explorer.map.view.a")
@@ -314,6 +314,7 @@ def full_size_study(n_frames=2000, n_amplitudes=1250, n=3, most_points=4) -> Stu
         omega=omega,
         amplitude=amplitude,
         directions=("up", "down"),
+        words=("sweep up", "sweep down"),
         codes=codes,
         values=values,
         counts=counts,

@@ -322,7 +322,8 @@ def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
     assert stop.value.code == 0
     said = capsys.readouterr().out
     known = figures()
-    assert list(known) == ["orbit", "phase", "frames", "map", "metrics", "benefit"]
+    assert set(known) >= {"orbit", "phase", "frames", "map", "metrics", "benefit"}
+    assert next(iter(known)) == "orbit"
     flags = {}
     for name, figure in known.items():
         assert f"\n  {name:8} {figure.HELP.splitlines()[0]}" in said

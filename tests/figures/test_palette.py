@@ -141,8 +141,9 @@ def test_more_floors_in_contact_are_darker():
         assert all(min(a) > max(b) for a, b in pairwise(by_number))
 
 
-def test_sweep_directions_are_apart_from_what_stands_beside_them():
-    assert min(least(list(palette.DIRECTIONS.values()), eye) for eye in EYES) > 20
+def test_directions_are_apart_from_what_stands_beside_them():
+    both = [palette.DIRECTIONS[name] for name in ("up", "down")]  # of one study
+    assert min(least(both, eye) for eye in EYES) > 20
     beside = [palette.contact_colour(c, 3) for c in range(8)]
     for colour in palette.DIRECTIONS.values():
         for others, bound in ((palette.MOTION_COLOURS, 15), (beside, 10)):
@@ -303,7 +304,7 @@ def test_what_is_drawn_has_the_colour_of_the_legend(mixed, drawn_figure):
 
 def test_contact_sets_and_directions_have_their_colours_in_every_figure(mixed, drawn_figure):
     sets = {style.set_name(c, 2): palette.contact_colour(c, 2) for c in range(4)}
-    directions = {f"sweep {name}": colour for name, colour in palette.DIRECTIONS.items()}
+    directions = {f"sweep {name}": palette.DIRECTIONS[name] for name in ("up", "down")}
     for expected, figure in (
         (sets, drawn_figure(orbit_diagram, mixed, color="contact")),
         (sets, drawn_figure(period_map, mixed, value="contact")),
@@ -324,6 +325,7 @@ def scene(color: str, motions: tuple[int, ...], contacts: tuple[int, ...]) -> Sc
         low=np.full(2, -1.0),
         high=np.ones(2),
         directions=("up", "down"),
+        words=("sweep up", "sweep down"),
         color=color,
         motions=motions,
         contacts=contacts,

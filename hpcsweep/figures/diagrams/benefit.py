@@ -24,6 +24,7 @@ from hpcsweep.figures.style import (
     new_grid,
     percent,
     save,
+    words_of,
 )
 
 NAME = "benefit"
@@ -70,9 +71,8 @@ def draw(results, path: Path, direction: str | None = None) -> None:
         _panel(axis, results, classes[0], chosen, ratio, name)
     axes[0, 1].set_ylabel("")
     _legend(figure, results, classes)
-    swept = str(results["direction"].values[0])
     figure.suptitle(
-        f"{caption(results)},  sweep {swept}\n"
+        f"{caption(results)},  {words_of(results)}\n"
         r"$r$ = drift with the stop / drift without it",
         fontsize=9,
     )

@@ -17,6 +17,7 @@ from hpcsweep.figures.style import (
     need,
     new_grid,
     save,
+    words_of,
 )
 from hpcsweep.solvers.outcome import Outcome
 
@@ -39,7 +40,7 @@ def load(path: Path, frames: int | None = None, **_options):
 
     reader = Frames(path)
     try:
-        return reader.gather([*reader], choose(reader.job.omega, frames))
+        return reader.gather([*reader], choose(reader.job.omega, frames).tolist())
     finally:
         reader.close()
 
@@ -93,9 +94,8 @@ def draw(
         axes.flat[last].set_xlabel("$A$" if columns > 1 else AMPLITUDE, fontsize=9)
         axes.flat[last].tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
-    swept = str(results["direction"].values[0])
     unit = r"$A$ in gaps $\cdot\,\omega_0^2$, $\Omega$ in $\omega_0$"
-    figure.suptitle(f"{caption(results)},  sweep {swept};  {unit}", fontsize=8.5)
+    figure.suptitle(f"{caption(results)},  {words_of(results)};  {unit}", fontsize=8.5)
     save(figure, path)
 
 

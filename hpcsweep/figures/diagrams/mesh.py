@@ -41,11 +41,14 @@ def open_map(path, value: str | None = None, direction: str | None = None):
     try:
         job = frames.job
         least_cells(job.omega.size, job.amplitude.size)
+        further = () if value is None else (value,)
         direction = job.directions[0] if direction is None else direction
         if direction not in job.directions:
             there = " and ".join(job.directions)
             raise PlotError(f"--direction {direction}: the results hold {there} only")
-        return frames.gather((*VARIABLES, value), direction=direction, derive={MOTION: classes_of})
+        return frames.gather(
+            (*VARIABLES, *further), direction=direction, derive={MOTION: classes_of}
+        )
     finally:
         frames.close()
 
@@ -125,7 +128,8 @@ def _thinned(cells: int, pixels: float) -> np.ndarray:
 
 def draw_grazing(axis, results, structure) -> None:
     """Draw the amplitude at which the free steady state touches the stop, in closed form."""
-    omega = np.linspace(*_edges(results["omega"].values)[[0, -1]], 800)
+    edges = _edges(results["omega"].values)
+    omega = np.linspace(edges[0], edges[-1], 800)
     with np.errstate(divide="ignore"):
         amplitude = [_grazing(structure, value) for value in omega]
     limits = axis.get_xlim(), axis.get_ylim()

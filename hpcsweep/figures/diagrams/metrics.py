@@ -25,6 +25,7 @@ from hpcsweep.figures.style import (
 )
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.amplitude_sweep import DOWN
 
 NAME = "metrics"
 HELP = "drift and mean modal norms against the amplitude, one frame"
@@ -95,7 +96,7 @@ def _drift(axis, frame, classes, free: float) -> None:
                 marker=MARKERS[name],
                 markersize=2.4,
                 color=colour,
-                markerfacecolor=colour if name == "up" else "none",
+                markerfacecolor="none" if name == DOWN else colour,
                 markeredgewidth=0.5,
                 label=label,
             )
@@ -108,7 +109,7 @@ def _norms(axis, frame, free: np.ndarray) -> None:
     for mode in range(frame.sizes["mode"]):
         colour = mode_colour(mode, frame.sizes["mode"])
         for d, direction in enumerate(frame["direction"].values):
-            filled = str(direction) == "up"
+            filled = str(direction) != DOWN
             axis.plot(
                 amplitude,
                 frame["modal_norm"].values[d, :, mode],

@@ -22,8 +22,10 @@ from hpcsweep.figures.style import (
     roman,
     save,
     set_name,
+    words_of,
 )
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.amplitude_sweep import DOWN
 
 NAME = "orbit"
 HELP = """\
@@ -96,7 +98,7 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
         raise PlotError("no run of this frame is complete yet")
     classes = classes_of(results)
     figure, axes = new_figure(n, 1.2 + 1.75 * n)
-    groups = _groups(color, frame, classes[:, 0], done, n)
+    groups = _groups(color, results, classes[:, 0], done, n)
     for floor, axis in zip(range(n)[::-1], axes, strict=True):
         for group in groups:
             _scatter(axis, frame, group, floor)
@@ -112,12 +114,13 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
     save(figure, path)
 
 
-def _groups(color: str, frame, classes: np.ndarray, done: np.ndarray, n: int) -> list[Group]:
-    """Divide the complete runs by colour, in the order of the legend."""
+def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, n: int) -> list[Group]:
+    """Divide the complete runs of one frame by colour, in the order of the legend."""
+    frame = results.isel(frame=0)
     if color == "direction":
         own = np.eye(len(done), dtype=bool)[:, :, None]
         return [
-            Group(DIRECTIONS[str(name)], f"sweep {name}", done & own[d])
+            Group(DIRECTIONS[str(name)], words_of(results, str(name)), done & own[d])
             for d, name in enumerate(frame["direction"].values)
         ]
     if color == "period":
@@ -153,7 +156,7 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
     displacement = frame["poincare"].values[..., floor]
     point = np.arange(displacement.shape[-1])
     for d, direction in enumerate(frame["direction"].values):
-        filled = str(direction) == "up"
+        filled = str(direction) != DOWN
         large = {
             "s": size if filled else 1.6 * size,
             "marker": MARKERS[str(direction)],
@@ -231,7 +234,7 @@ def _legend(figure, groups: list[Group], color: str, results, classes) -> None:
     directions = [str(name) for name in results["direction"].values]
     if color == "direction":
         handles = [
-            key(group.label, MARKERS[name], group.colour, name == "down")
+            key(group.label, MARKERS[name], group.colour, name == DOWN)
             for name, group in zip(directions, groups, strict=True)
         ]
     else:
@@ -239,7 +242,7 @@ def _legend(figure, groups: list[Group], color: str, results, classes) -> None:
         rest = sum(not group.label for group in groups)
         if rest:
             handles.append(Line2D([], [], linestyle="none", label=f"{rest} rarer sets"))
-        handles += [key(f"sweep {d}", MARKERS[d], "0.3", d == "down") for d in directions]
+        handles += [key(words_of(results, d), MARKERS[d], "0.3", d == DOWN) for d in directions]
     if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
         handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))
     foot(figure, handles, results, classes, min(len(handles), MOST_COLUMNS))

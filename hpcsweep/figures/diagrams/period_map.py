@@ -33,6 +33,7 @@ from hpcsweep.figures.style import (
     percent,
     save,
     set_name,
+    words_of,
 )
 from hpcsweep.solvers.outcome import Outcome
 
@@ -100,8 +101,7 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
         axis.label_outer()
     for axis in axes.flat[panels:]:
         axis.set_visible(False)
-    swept = str(results["direction"].values[0])
-    figure.suptitle(f"{caption(results)},  sweep {swept}", fontsize=10)
+    figure.suptitle(f"{caption(results)},  {words_of(results)}", fontsize=10)
     save(figure, path)
 
 

@@ -138,6 +138,7 @@ def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
         "omega": study.omega.tolist(),
         "amplitude": study.amplitude.tolist(),
         "directions": list(study.directions),
+        "words": list(study.words),
         "arrays": arrays,
         "bits": bits,
         "resolution": worst,

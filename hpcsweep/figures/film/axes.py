@@ -89,7 +89,8 @@ def _legends(figure, scene: Scene, layout: Layout) -> None:
         for colour, label in scene.point_legend()
     ]
     bands = [Patch(color=colour, label=label) for colour, label in scene.contact_legend()]
-    for row, (title, handles) in enumerate((("points", points), ("contact bands", bands))):
+    rows: dict[str, list] = {"points": points, "contact bands": bands}
+    for row, (title, handles) in enumerate(rows.items()):
         fitting = _that_fit(handles)
         if not fitting:
             continue

@@ -168,6 +168,8 @@ def _pieces(frames: list[int]) -> list[list[int]]:
 def _scene(film: Film, found: Found) -> Scene:
     """Choose what all frames have in common."""
     request, job = film.request, film.frames.job
+    assert found.low is not None, "no run is complete"
+    assert found.high is not None, "no run is complete"
     omegas = job.omega[sorted(found.richness)]
     low, high = float(omegas.min()), float(omegas.max())
     marks = tuple(
@@ -183,6 +185,7 @@ def _scene(film: Film, found: Found) -> Scene:
         low=found.low,
         high=found.high,
         directions=tuple(film.directions),
+        words=tuple(job.words[name] for name in film.directions),
         color=request.color,
         motions=tuple(sorted(found.motions)),
         contacts=tuple(sorted(found.contacts, key=lambda c: (-found.contacts[c], c))),

@@ -69,7 +69,7 @@ class Found:
 
     def add(self, other: "Found") -> None:
         """Take in what was found elsewhere."""
-        if other.low is not None:
+        if other.low is not None and other.high is not None:
             self.low = other.low if self.low is None else np.minimum(self.low, other.low)
             self.high = other.high if self.high is None else np.maximum(self.high, other.high)
         self.motions.update(other.motions)

@@ -32,7 +32,9 @@ class Scene:
     low, high : ndarray, shape (n_floors,)
         Range of every floor's points, in gaps.
     directions : tuple of str
-        Sweeps that are drawn, in the order of the variables' first axis.
+        Directions that are drawn, in the order of the variables' first axis.
+    words : tuple of str
+        The same in words.
     color : {"direction", "contact", "period"}
         What the points' colours tell.
     motions : tuple of int
@@ -50,6 +52,7 @@ class Scene:
     low: np.ndarray
     high: np.ndarray
     directions: tuple[str, ...]
+    words: tuple[str, ...]
     color: str
     motions: tuple[int, ...]
     contacts: tuple[int, ...]
@@ -63,7 +66,10 @@ class Scene:
     def point_legend(self) -> list[tuple[str, str]]:
         """Return (colour, label) of every class of points."""
         if self.color == "direction":
-            entries = [(DIRECTIONS[name], f"sweep {name}") for name in self.directions]
+            entries = [
+                (DIRECTIONS[name], words)
+                for name, words in zip(self.directions, self.words, strict=True)
+            ]
             if len(entries) == 2:
                 entries[1] = (entries[1][0], entries[1][1] + " (beneath)")
             return entries

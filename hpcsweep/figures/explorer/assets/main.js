@@ -143,7 +143,7 @@ class Explorer {
     const rows = [
       ["A [gaps · ω₀²]", shortNumber(study.amplitude[amplitude], 7)],
       ["Ω [ω₀]", shortNumber(study.omega[frame], 7)],
-      ["sweep", study.directions[this.direction]],
+      ["direction", study.directions[this.direction]],
     ];
     for (const q of this.quantities) {
       rows.push([q.short || q.label, q.name(run)]);
@@ -177,7 +177,7 @@ class Explorer {
     const note = byId("portrait-note");
     byId("portrait-title").textContent =
       `Phase portrait at A = ${shortNumber(study.amplitude[amplitude], 6)}, ` +
-      `Ω = ${shortNumber(study.omega[frame], 6)}, sweep ${study.directions[direction]}`;
+      `Ω = ${shortNumber(study.omega[frame], 6)}, ${study.words[direction]}`;
     if (!study.data.points || !study.data.counts[run]) {
       this.portraits.show(null);
       note.textContent = "No stroboscopic points of this run are in the page.";

@@ -65,9 +65,9 @@ function describe(study) {
     `${zeta.map((z) => shortNumber(z, 3)).join(", ")}${s.zeta.length > 5 ? ", …" : ""}; ` +
     `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} directions`;
   byId("diagram-legend").replaceChildren(
-    ...study.directions.map((name, i) => {
+    ...study.words.map((name, i) => {
       const entry = document.createElement("span");
-      entry.append(chip(study.colours.directions[i]), `sweep ${name}`);
+      entry.append(chip(study.colours.directions[i]), name);
       return entry;
     }),
     study.data.points ? "stop dashed" : "the results hold no stroboscopic points");

@@ -313,6 +313,38 @@ def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
         assert output.stat().st_size > 10_000
 
 
+def test_every_kind_is_drawn_of_single_points(tmp_path):
+    """A study without sweeps has one direction, with a colour and words of its own."""
+    from tools import SMALL
+
+    from hpcsweep import open_results
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.commands.cli import main
+    from hpcsweep.commands.plot import figures
+    from hpcsweep.figures.explorer.page import build_page
+    from hpcsweep.figures.explorer.study import gather
+    from hpcsweep.job import parse_job
+    from hpcsweep.parallel.mpi import Serial
+    from hpcsweep.studies.points import START
+
+    path = tmp_path / "points.h5"
+    text = f'{SMALL}lyapunov = true\n[study]\nkind = "points"\n'
+    assert campaign.run(parse_job(text, "points", "points"), path, Serial()) == 0
+    results = open_results(path)
+    assert [str(name) for name in results["direction"].values] == [START]
+    for kind in figures():
+        output = tmp_path / f"{kind}.png"
+        extra = ["--period", "1"] if kind == "phase" else []
+        assert main(["plot", str(path), "--kind", kind, "-o", str(output), *extra]) == 0
+        assert output.stat().st_size > 10_000
+    page = build_page(gather(path))[0]
+    assert DIRECTIONS[START] in page
+    assert "each from the initial state" in page
+    film = tmp_path / "film.gif"
+    assert main(["animate", str(path), "-o", str(film), "--width", "320", "--fps", "5"]) == 0
+    assert film.stat().st_size > 1000
+
+
 def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
     from hpcsweep.commands.cli import main
     from hpcsweep.commands.plot import figures

@@ -1,15 +1,14 @@
 """Panels over amplitude and frequency: one cell a run."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures.palette import GRAZING, NOTHING
 from hpcsweep.figures.style import AMPLITUDE, DPI, OMEGA, PlotError, classes_of
 
-GRAZING = "#b00000"
-"""Colour of the grazing curve."""
-
-
-NUMBERS = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
+VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
 """Variables of maps, beside the classes."""
 
 
@@ -27,7 +26,7 @@ def open_map(path, value: str | None = None, direction: str | None = None):
     Returns
     -------
     xarray.Dataset
-        `NUMBERS`, `value` and the motion classes of one direction.
+        `VARIABLES`, `value` and the motion classes of one direction.
 
     Raises
     ------
@@ -42,11 +41,14 @@ def open_map(path, value: str | None = None, direction: str | None = None):
     try:
         job = frames.job
         least_cells(job.omega.size, job.amplitude.size)
+        further = () if value is None else (value,)
         direction = job.directions[0] if direction is None else direction
         if direction not in job.directions:
             there = " and ".join(job.directions)
             raise PlotError(f"--direction {direction}: the results hold {there} only")
-        return frames.gather((*NUMBERS, value), direction=direction, derive={MOTION: classes_of})
+        return frames.gather(
+            (*VARIABLES, *further), direction=direction, derive={MOTION: classes_of}
+        )
     finally:
         frames.close()
 
@@ -87,7 +89,7 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
     -------
     matplotlib.collections.QuadMesh
     """
-    axis.set_facecolor("white")
+    axis.set_facecolor(NOTHING)
     if np.ma.getmaskarray(values).any():
         axis.patch.set(hatch="xxxx", edgecolor="0.55")
     width, height = axis.get_figure().get_size_inches() * DPI
@@ -105,6 +107,19 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
     return mesh
 
 
+def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> None:
+    """Draw the places in a list of colours, shape (n_frames, n_amplitudes); hatched below 0."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    draw_mesh(
+        axis,
+        results,
+        np.ma.masked_less(index, 0),
+        cmap=ListedColormap(colours),
+        norm=BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours)),
+    )
+
+
 def _thinned(cells: int, pixels: float) -> np.ndarray:
     """Choose cells spread evenly, the first and the last among them, at most one a pixel."""
     count = min(cells, max(int(pixels), 2))
@@ -113,7 +128,8 @@ def _thinned(cells: int, pixels: float) -> np.ndarray:
 
 def draw_grazing(axis, results, structure) -> None:
     """Draw the amplitude at which the free steady state touches the stop, in closed form."""
-    omega = np.linspace(*_edges(results["omega"].values)[[0, -1]], 800)
+    edges = _edges(results["omega"].values)
+    omega = np.linspace(edges[0], edges[-1], 800)
     with np.errstate(divide="ignore"):
         amplitude = [_grazing(structure, value) for value in omega]
     limits = axis.get_xlim(), axis.get_ylim()

@@ -24,6 +24,8 @@ class Study:
     omega : ndarray, shape (n_frames,)
     amplitude : ndarray, shape (n_amplitudes,)
     directions : tuple of str
+    words : tuple of str
+        The directions in words.
     codes : dict of str to ndarray of unsigned int, shape (n_frames, n_directions, n_amplitudes)
         `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it.
     values : dict of str to ndarray of float32, same shape
@@ -44,6 +46,7 @@ class Study:
     omega: np.ndarray
     amplitude: np.ndarray
     directions: tuple[str, ...]
+    words: tuple[str, ...]
     codes: dict[str, np.ndarray]
     values: dict[str, np.ndarray]
     counts: np.ndarray
@@ -109,6 +112,7 @@ def gather(
         omega=job.omega[frames],
         amplitude=job.amplitude[::amplitude_step],
         directions=job.directions,
+        words=tuple(job.words[name] for name in job.directions),
         codes={name: np.stack([c[name] for c in codes]) for name in codes[0]},
         values={name: np.stack([v[name] for v in values]) for name in values[0]},
         counts=np.stack(counts),

@@ -9,7 +9,7 @@
 from hpcsweep.store.check import layout_problems
 from hpcsweep.store.commit import Campaign, open_campaign
 from hpcsweep.store.create import create
-from hpcsweep.store.frames import Frames
+from hpcsweep.store.frames import Frames, Grid
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import DamagedError, Layout, StoreError, WriteError
 from hpcsweep.store.lock import Lock
@@ -22,6 +22,7 @@ __all__ = [
     "Campaign",
     "DamagedError",
     "Frames",
+    "Grid",
     "Journal",
     "Layout",
     "Lock",

@@ -23,6 +23,8 @@ from hpcsweep.solvers.outcome import Outcome
 
 MOST_FRAMES = 12
 COLUMNS = 3
+ORBIT = 2.5
+"""Area of the points of an orbit, in areas of those of a motion that does not repeat."""
 MOST_COLUMNS = 7
 """Columns of the legend."""
 NAME = "frames"
@@ -120,6 +122,7 @@ def _panel(axis, frame, motions, floor: int) -> None:
     poincare = frame["poincare"].values[:, :, floor - 1]
     amplitude = frame["amplitude"].values
     size = float(np.clip(300 / max(amplitude.size, 1), 0.5, 4.0))
+    sizes = np.where(frame["orbit_period"].values > 0, ORBIT * size, size)
     points = np.where(frame["outcome"].values == Outcome.COMPLETE, counts, 0)
     for place, (_name, colour) in enumerate(MOTIONS):
         runs = np.flatnonzero((motions == place) & (points > 0))
@@ -127,7 +130,7 @@ def _panel(axis, frame, motions, floor: int) -> None:
             axis.scatter(
                 np.repeat(amplitude[runs], counts[runs]),
                 np.concatenate([poincare[run, : counts[run]] for run in runs]),
-                s=size,
+                s=np.repeat(sizes[runs], counts[runs]),
                 color=colour,
                 linewidths=0,
                 rasterized=True,

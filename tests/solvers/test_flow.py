@@ -529,10 +529,10 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
 
 def test_what_the_kernels_would_misread_is_not_packed():
     shared = FlowMap(Structure(2), OMEGA)._shared
-    packed.pack(shared)
+    packed.SHARED.pack(shared)
     for name, value in (("tolerance", 1), ("counts", np.zeros(4)), ("model", shared.tables)):
         with pytest.raises(TypeError, match="the kernels read"):
-            packed.pack(shared._replace(**{name: value}))
+            packed.SHARED.pack(shared._replace(**{name: value}))
 
 
 @pytest.mark.parametrize("sharpness", [1e4, math.inf])

@@ -15,6 +15,9 @@ from tools import environment
 import hpcsweep
 from hpcsweep.kernels import compile as jit
 
+if numba.config.DISABLE_JIT:
+    pytest.skip("nothing is compiled", allow_module_level=True)
+
 PACKAGE = Path(hpcsweep.__file__).parent
 
 

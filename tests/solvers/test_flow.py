@@ -2,6 +2,7 @@
 
 import math
 
+import numba
 import numpy as np
 import pytest
 
@@ -15,6 +16,10 @@ from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import window_growth
 from hpcsweep.solvers.reference import reference_points
+
+compiled_only = pytest.mark.skipif(
+    bool(numba.config.DISABLE_JIT), reason="many periods: too long as plain Python"
+)
 
 OMEGA = 0.445
 PERIOD = 2 * math.pi / OMEGA
@@ -58,6 +63,7 @@ def test_the_rule_that_checks_a_layer_step_sees_what_the_gauss_rule_misses():
         assert layer.NODES**degree @ layer.CHECK_ROWS == pytest.approx(exact, abs=1e-15)
 
 
+@compiled_only
 def test_error_of_a_layer_step_is_measured():
     """Against six parts of the step, at random places, speeds and lengths."""
     rng = np.random.default_rng(5)
@@ -333,6 +339,7 @@ def test_linear_steady_state_and_its_drift_are_exact():
     assert seen.contact == 0
 
 
+@compiled_only
 @pytest.mark.parametrize("sharpness", [1e4, 1e3, 100.0, 10.0, 0.0, math.inf])
 @pytest.mark.parametrize("amplitude", [0.06, 0.25])
 def test_monodromy_has_the_determinant_of_the_damping(sharpness, amplitude):
@@ -344,6 +351,7 @@ def test_monodromy_has_the_determinant_of_the_damping(sharpness, amplitude):
     assert np.linalg.det(matrix) == pytest.approx(exact, rel=1e-9)
 
 
+@compiled_only
 @pytest.mark.parametrize("amplitude", [0.01, 0.06, 0.0987, 0.25])
 def test_monodromy_is_the_derivative_of_the_map(amplitude):
     flow, state = on_the_attractor(Structure(), amplitude)
@@ -356,6 +364,7 @@ def test_monodromy_is_the_derivative_of_the_map(amplitude):
     assert np.abs(matrix - np.array(columns).T).max() < 2e-6
 
 
+@compiled_only
 def test_settle_finds_the_period_and_agrees_with_the_long_run():
     flow = FlowMap(Structure(), OMEGA)
     for amplitude, period in ((0.06, 1), (0.1, 2)):
@@ -367,6 +376,7 @@ def test_settle_finds_the_period_and_agrees_with_the_long_run():
         assert np.abs(further - settled.state).max() < 1e-9
 
 
+@compiled_only
 def test_a_jump_ends_on_the_orbit_with_its_multiplier():
     flow = FlowMap(Structure(), OMEGA)
     jumps = 0
@@ -385,6 +395,7 @@ def test_a_jump_ends_on_the_orbit_with_its_multiplier():
     assert jumps == 3
 
 
+@compiled_only
 def test_no_jump_to_an_orbit_that_repels():
     flow = FlowMap(Structure(), OMEGA)
     rules = (2000, 16, 1e-10, 1e-6, 1e-3)
@@ -403,6 +414,7 @@ def test_no_jump_to_an_orbit_that_repels():
     assert np.abs(found.state - z).max() > 1e-3
 
 
+@compiled_only
 @pytest.mark.parametrize("n", [1, 2, 5, 12])
 def test_more_floors_stay_bounded_and_keep_few_tables(n):
     structure = Structure(n_floors=n)
@@ -424,6 +436,7 @@ def test_a_run_beyond_double_precision_is_an_outcome():
     assert len(points) == 0
 
 
+@compiled_only
 @pytest.mark.parametrize("sharpness", [1e4, math.inf])
 def test_energy_is_kept_without_damping_and_forcing(sharpness):
     structure = Structure(sharpness=sharpness, damping_ratio=0.0)
@@ -448,6 +461,7 @@ def test_energy_is_kept_without_damping_and_forcing(sharpness):
     assert drift < 1e-8
 
 
+@compiled_only
 def test_floors_that_pass_their_layers_together_do_so_as_the_reference_says():
     # offsets from far inside one layer (half-width 3e-3) to beyond it, both orders, both speeds
     rng = np.random.default_rng(3)
@@ -470,6 +484,7 @@ def test_floors_that_pass_their_layers_together_do_so_as_the_reference_says():
     assert together >= 5
 
 
+@compiled_only
 def test_polls_come_often_and_change_nothing():
     flow, z = on_the_attractor(Structure(), 0.0987)
     n_periods = 2 * POLL_PERIODS + 17
@@ -490,6 +505,7 @@ def test_polls_come_often_and_change_nothing():
     assert len(polls) == 9
 
 
+@compiled_only
 def test_without_contact_stiffness_the_monodromy_is_the_matrix_exponential():
     from scipy.linalg import expm
 
@@ -504,6 +520,7 @@ def test_without_contact_stiffness_the_monodromy_is_the_matrix_exponential():
     assert np.abs(matrix - exact).max() < 1e-12
 
 
+@compiled_only
 @pytest.mark.parametrize(
     ("structure", "omega", "amplitude"),
     [

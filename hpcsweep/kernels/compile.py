@@ -31,6 +31,7 @@ KERNEL_FILES = (
     "kernels",
     "model/contact.py",
     "model/equations.py",
+    "model/kernel_model.py",
     "solvers/flow",
     "solvers/outcome.py",
     "solvers/reference.py",

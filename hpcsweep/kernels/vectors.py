@@ -11,8 +11,6 @@ import math
 import numpy as np
 from numba import config
 
-from hpcsweep.kernels.compile import inlined
-
 if config.DISABLE_JIT:
     from hpcsweep.kernels import twins as _operations
 else:
@@ -45,10 +43,3 @@ def aligned_zeros(*shape: int) -> np.ndarray:
     raw = np.zeros(size + LANES)
     first = -(raw.ctypes.data // raw.itemsize) % LANES
     return raw[first : first + size].reshape(shape)
-
-
-@inlined
-def less_contact(force, u, beta, rho):
-    """Subtract the contact forces beta S(rho x) x of `LANES` displacements x = u - 1."""
-    x = u - 1.0
-    return fma(switches(rho * x), -1.0 * beta * x, force)

@@ -69,7 +69,7 @@ switch(0.5, 3.0)
 stats = switch.stats
 print(jit.source_hash(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
-MODULE = "model.equations"
+MODULE = "model.contact"
 
 
 def started_in(folder: Path, cache: Path) -> tuple[str, int, int]:

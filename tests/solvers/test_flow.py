@@ -8,10 +8,11 @@ import pytest
 
 from hpcsweep.kernels import vectors
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.vectors import LANES, less_contact, load, store
+from hpcsweep.kernels.vectors import LANES, load, store
+from hpcsweep.model.contact import layer_half_width, less_contact_forces
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap, crossing, layer, packed, search, tables, tangent
-from hpcsweep.solvers.flow.flow_map import POLL_PERIODS, layer_half_width
+from hpcsweep.solvers.flow.flow_map import POLL_PERIODS
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import window_growth
@@ -108,7 +109,7 @@ def test_contact_forces_in_lanes_are_those_of_the_equations():
     @kernel
     def forces(u, beta, rho, out):
         for k in range(0, out.size, LANES):
-            store(out, k, less_contact(load(out, k), load(u, k), beta, rho))
+            store(out, k, less_contact_forces(load(out, k), load(u, k) - 1.0, beta, rho))
 
     y = np.concatenate((np.linspace(-45, 45, 2001), [-1e4, -700.1, -699.9, 0.0, 700.1, 1e4, 1e12]))
     for rho in (0.0, 3.0, 1e4):

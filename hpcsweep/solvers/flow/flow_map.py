@@ -5,13 +5,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hpcsweep.model.contact import layer_half_width
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.approach import approach
 from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.metrics import empty_tally
 from hpcsweep.solvers.flow.packed import SHARED, WATCH, new_shared, new_watch
-from hpcsweep.solvers.flow.tables import Model
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
 
@@ -58,20 +57,9 @@ class FlowMap:
         self.structure = structure
         self.omega = float(omega)
         self.rtol = float(rtol)
-        beta, rho = structure.stiffness_ratio, structure.sharpness
-        layer = layer_half_width(beta, rho)
-        # writable copies for every n, so that all structures share the compiled kernels
-        model = Model(
-            stiffness=structure.stiffness_matrix.copy(),
-            damping=structure.damping_matrix.copy(),
-            shapes=structure.mode_shapes.T.copy(),
-            beta=float(beta),
-            rho=float(rho),
-            omega=self.omega,
-            layer=layer,
-        )
+        model = kernel_model(structure, self.omega)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        self._shared = new_shared(model, structure, tolerance, MAX_STEPS)
+        self._shared = new_shared(model, structure.n_floors, tolerance, MAX_STEPS)
         self._packed = SHARED.pack(self._shared)
         self._watch = new_watch(structure.n_floors, 1)
         self._packed_watch = WATCH.pack(self._watch)

@@ -43,15 +43,22 @@ from hpcsweep.kernels.vectors import (
     aligned_zeros,
     fma,
     greatest,
-    less_contact,
     load,
     maximum,
     modulus,
     store,
-    switches,
     total,
 )
-from hpcsweep.model.equations import contact_stiffness, switch
+from hpcsweep.model.contact import (
+    FAR,
+    MOST_STIFFNESS,
+    STIFFEST,
+    STOP,
+    contact_force,
+    contact_forces,
+    contact_stiffness,
+    less_contact_forces,
+)
 from hpcsweep.solvers.outcome import Outcome
 
 N_STAGES = LANES
@@ -188,23 +195,18 @@ def empty_room(n: int) -> LayerRoom:
     )
 
 
-FAR = 45.0
-"""rho |u - 1| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
 DISTANT = 100.0
 """rho |u - 1| from which on a floor that takes half its way to the stop stays beyond `FAR`."""
-STIFFEST = 2.4
-"""rho (u - 1) at which the contact is stiffest, `MOST_STIFFNESS` times beta."""
-MOST_STIFFNESS = 1.0999
 
 
 @inlined
-def less_linear(force, i, u, v, stiffness, damping):
+def less_linear(force, i, u, v, model):
     """Subtract the linear forces on floor i at all stages from `force` (Lanes)."""
     n = u.shape[0]
-    for k in range(max(i - 1, 0), min(i + 2, n)):  # K is tridiagonal
-        force = fma(-stiffness[i, k], load(u, k * N_STAGES), force)
+    for k in range(max(i - model.bandwidth, 0), min(i + model.bandwidth + 1, n)):
+        force = fma(-model.stiffness[i, k], load(u, k * N_STAGES), force)
     for k in range(n):
-        force = fma(-damping[i, k], load(v, k * N_STAGES), force)
+        force = fma(-model.damping[i, k], load(v, k * N_STAGES), force)
     return force
 
 
@@ -222,11 +224,11 @@ def _stage_accelerations(u, v, ground, active, model, out):
     """
     for i in range(u.shape[0]):
         row = i * N_STAGES
-        force = less_linear(load(ground, 0), i, u, v, model.stiffness, model.damping)
+        force = less_linear(load(ground, 0), i, u, v, model)
         if active[i] == 1:
-            force = fma(1.0 - load(u, row), model.beta, force)
+            force = fma(STOP - load(u, row), model.beta, force)
         elif active[i] == 2:
-            force = less_contact(force, load(u, row), model.beta, model.rho)
+            force = less_contact_forces(force, load(u, row) - STOP, model.beta, model.rho)
         store(out, row, force)
 
 
@@ -270,7 +272,7 @@ def _find_active(h, z, a, model, active):
     """Tell for each floor whether its sigmoid is 0, 1 or neither within twice its possible way."""
     n = a.shape[0]
     for i in range(n):
-        x = z[i] - 1.0
+        x = z[i] - STOP
         way = 2.0 * h * (abs(z[n + i]) + abs(a[i]) * h)
         if model.rho * (abs(x) - way) > FAR:
             active[i] = 1 if x > 0.0 else 0
@@ -310,11 +312,11 @@ def step_limit(z, a, model, most):
         Largest stiffness expected on the step.
     """
     n = a.shape[0]
-    stiffness = 4.0
+    stiffness = model.stiffness_bound
     hardest = 0.0
     h = min(most, CONTRACTION / math.sqrt(stiffness))
     for i in range(n - 1, -1, -1):
-        x = z[i] - 1.0
+        x = z[i] - STOP
         v = z[n + i]
         if model.rho * abs(x) > DISTANT and (abs(v) + abs(a[i]) * h) * h < 0.5 * abs(x):
             # its reach is longer than 0.53 |x|
@@ -473,13 +475,13 @@ def quadrature_error(h, z, model, room):
     for i in range(n):
         if room.active[i] != 2:
             continue
-        x = z[i] - 1.0
-        start = beta * CHECK_START * switch(x, rho) * x
-        x = load(room.u, i * N_STAGES) - 1.0
-        gauss = beta * switches(rho * x) * x * load(CHECK_GAUSS, 0)
-        x = fma(load(CHECK_NODES, 0), h * z[n + i], z[i] - 1.0)
+        x = z[i] - STOP
+        start = contact_force(x, beta * CHECK_START, rho)
+        x = load(room.u, i * N_STAGES) - STOP
+        gauss = contact_forces(x, beta, rho) * load(CHECK_GAUSS, 0)
+        x = fma(load(CHECK_NODES, 0), h * z[n + i], z[i] - STOP)
         x = fma(_weighted(CHECK_ROWS, room.g, i), h * h, x)
-        added = beta * switches(rho * x) * x * load(CHECK_ADDED, 0)
+        added = contact_forces(x, beta, rho) * load(CHECK_ADDED, 0)
         mean = start + total(gauss + added)
         slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
         worst = max(worst, max(abs(mean), abs(slope)))
@@ -514,10 +516,10 @@ def accelerations(ground, z, model, out):
     """Evaluate u'' at one state into `out`, shape (n,), `ground` being A sin(Omega tau)."""
     n = out.shape[0]
     for i in range(n):
-        x = z[i] - 1.0
+        x = z[i] - STOP
         force = -ground
         if not model.rho * abs(x) > FAR:
-            force -= model.beta * switch(x, model.rho) * x
+            force -= contact_force(x, model.beta, model.rho)
         elif x > 0.0:
             force -= model.beta * x
         for j in range(n):
@@ -529,6 +531,6 @@ def accelerations(ground, z, model, out):
 def inside_layer(z, half_width):
     """Tell whether any floor is within its contact layer (never, if that has no width)."""
     for i in range(z.shape[0] // 2):
-        if abs(z[i] - 1.0) < half_width:
+        if abs(z[i] - STOP) < half_width:
             return True
     return False

@@ -25,6 +25,7 @@ from hpcsweep.kernels.vectors import (
     store,
     total,
 )
+from hpcsweep.model.contact import STOP
 from hpcsweep.solvers.flow import layer as layer_module
 from hpcsweep.solvers.flow.search import (
     HERMITE_BEND,
@@ -238,7 +239,7 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
                 work.rows,
                 p,
                 N_COEFFICIENTS,
-                model.shapes,
+                model.modal_transform,
                 j * n,
                 n,
             )
@@ -401,12 +402,12 @@ def observe_layer_step(h, z0, z1, model, tally, work):
         # at most, were the acceleration between the stages twice what it is at any of them
         ways[i] = h * (abs(z0[n + i]) + 2.0 * h * hardest)
         bit = np.uint64(1) << np.uint64(i)
-        if z0[i] >= 1.0 or z1[i] >= 1.0:
+        if z0[i] >= STOP or z1[i] >= STOP:
             tally.contact[0] |= bit
             touching = True
-        elif tally.contact[0] & bit == np.uint64(0) and z0[i] + ways[i] >= 1.0:
+        elif tally.contact[0] & bit == np.uint64(0) and z0[i] + ways[i] >= STOP:
             start, end = (z0[i], z0[n + i], work.a[i]), (z1[i], z1[n + i], work.a_end[i])
-            if _highest(h, start, end, room.u[i], room.v[i], room.g[i]) >= 1.0:
+            if _highest(h, start, end, room.u[i], room.v[i], room.g[i]) >= STOP:
                 tally.contact[0] |= bit
     for i in range(n):
         drift, way = z0[i], ways[i]
@@ -422,7 +423,9 @@ def observe_layer_step(h, z0, z1, model, tally, work):
             tally.free_time[0] += share * h
             q = work.modal_nodes
             for j in range(n):
-                combine(q, j * LANES, ZERO, 0, 1.0, room.u, 0, N_STAGES, model.shapes, j * n, n)
+                combine(
+                    q, j * LANES, ZERO, 0, 1.0, room.u, 0, N_STAGES, model.modal_transform, j * n, n
+                )
             square = load(q, 0) * load(q, 0) + TINY
             for j in range(1, n):
                 square = fma(load(q, j * LANES), load(q, j * LANES), square)
@@ -436,8 +439,8 @@ def _free_share(z0, z1, n):
     """Share of a step in which no floor touches, where one begins or ends touching in it."""
     share = 1.0
     for i in range(n):
-        x0 = z0[i] - 1.0
-        x1 = z1[i] - 1.0
+        x0 = z0[i] - STOP
+        x1 = z1[i] - STOP
         if x0 >= 0.0 and x1 >= 0.0:
             return 0.0
         if x0 < 0.0 <= x1:

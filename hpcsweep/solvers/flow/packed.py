@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.packing import Packing
+from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.period import Work, empty_work
-from hpcsweep.solvers.flow.tables import Model, Tables, empty_tables
+from hpcsweep.solvers.flow.tables import Tables, empty_tables
 
 
 class Shared(NamedTuple):
@@ -57,12 +58,11 @@ class Watch(NamedTuple):
     left: np.ndarray
 
 
-def new_shared(model: Model, structure: Structure, tolerance: float, max_steps: int) -> Shared:
-    """Allocate tables and room for a structure."""
-    n = structure.n_floors
+def new_shared(model: Model, n: int, tolerance: float, max_steps: int) -> Shared:
+    """Allocate tables and room for a structure of n floors."""
     return Shared(
         model=model,
-        tables=empty_tables(structure),
+        tables=empty_tables(n),
         work=empty_work(n),
         counts=np.zeros(4, np.int64),
         previous=np.empty(2 * n),
@@ -91,12 +91,7 @@ def new_watch(n: int, max_period: int) -> Watch:
     )
 
 
-def _any_model() -> Model:
-    square = np.zeros((1, 1))
-    return Model(square, square, square, beta=0.0, rho=0.0, omega=1.0, layer=0.0)
-
-
 # of any structure: the types are the same for all
-SHARED = Packing(new_shared(_any_model(), Structure(1), 0.0, 0))
+SHARED = Packing(new_shared(kernel_model(Structure(1), 1.0), 1, 0.0, 0))
 WATCH = Packing(new_watch(1, 1))
 read_shared, read_watch = SHARED.read, WATCH.read

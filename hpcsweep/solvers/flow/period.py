@@ -17,8 +17,8 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, aligned_zeros, fma
+from hpcsweep.model.contact import FULL_POTENTIAL, STOP
 from hpcsweep.solvers.flow.crossing import (
-    FULL_POTENTIAL,
     NEGLECTED,
     add_kick,
     moments,
@@ -181,7 +181,7 @@ def contact_key(tau, z, amplitude, model, a):
     key = np.uint64(0)
     n = a.shape[0]
     for i in range(n):
-        x = z[i] - 1.0
+        x = z[i] - STOP
         if x == 0.0 and z[n + i] == 0.0:
             accelerations(amplitude * math.sin(model.omega * tau), z, model, a)
         if x > 0.0 or (x == 0.0 and (z[n + i] > 0.0 or (z[n + i] == 0.0 and a[i] > 0.0))):
@@ -204,8 +204,8 @@ def _clear(key, i, d, x, z_end, n, layer, bound4):
 def _edge(key, i, layer):
     """Give the edge of the layer of floor i in its contact state, and the sign of its way there."""
     if (key >> np.uint64(i)) & np.uint64(1):
-        return -1.0, 1.0 + layer
-    return 1.0, 1.0 - layer
+        return -1.0, STOP + layer
+    return 1.0, STOP - layer
 
 
 @kernel
@@ -302,7 +302,7 @@ def _time_at_stop(rows, floor, h, s, sign):
         value, slope = value_and_slope(rows, floor, h, s)
         if not sign * slope > 0.0:
             return math.nan
-        step = (1.0 - value) / slope
+        step = (STOP - value) / slope
         s += step
         if abs(step) <= 1e-15 * h:
             return s
@@ -319,7 +319,7 @@ def _first_at_stop(floor, at_stop, key, rows, h, n):
         if i != floor and at_stop <= h * EXTRAPOLATION:
             sign = -1.0 if (key >> np.uint64(i)) & np.uint64(1) else 1.0
             value, slope = value_and_slope(rows, i, h, at_stop)
-            if sign * (value - 1.0) > 0.0 and sign * slope > 0.0:
+            if sign * (value - STOP) > 0.0 and sign * slope > 0.0:
                 earlier = _time_at_stop(rows, i, h, at_stop, sign)
                 if earlier < at_stop:
                     floor = i
@@ -328,7 +328,7 @@ def _first_at_stop(floor, at_stop, key, rows, h, n):
 
 
 @kernel
-def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rho, omega, layer):
+def _passes_apart(floor, key, tau, z, a, amplitude, model):
     """Tell whether floor `floor`, at the stop, may pass its layer apart from all other floors.
 
     That holds where no other floor comes near its layer meanwhile, and also where those that do
@@ -344,6 +344,8 @@ def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rh
         The floors on their way to the stop that were found to pass fast. They may be inside their
         layers already, so that they have to be taken through in closed form, too.
     """
+    stiffness, damping = model.stiffness, model.damping
+    beta, rho, omega, layer = model.beta, model.rho, model.omega, model.layer
     n = stiffness.shape[0]
     end = 2.0 * math.pi / omega
     energy = 2.0 * FULL_POTENTIAL * beta / (rho * rho)
@@ -358,7 +360,7 @@ def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rh
             return False, promised
         for i in range(n):
             bit = np.uint64(1) << np.uint64(i)
-            x = abs(z[i] - 1.0)
+            x = abs(z[i] - STOP)
             w = abs(z[n + i])
             if found & bit or x - (w + abs(a[i]) * span) * span > layer:
                 continue
@@ -377,7 +379,7 @@ def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rh
                     coupling = max(coupling, abs(damping[i, j]) + abs(stiffness[i, j]) * span)
             if not energy * energy * coupling * span <= NEGLECTED * least**3:
                 return False, promised
-            if not passage_is_fast(slowest, abs(a[i]), jerk, beta, rho, layer):
+            if not passage_is_fast(slowest, abs(a[i]), jerk, model):
                 return False, promised
             found |= bit
             if (z[n + i] < 0.0) == (key & bit != np.uint64(0)):
@@ -387,23 +389,7 @@ def _passes_apart(floor, key, tau, z, a, amplitude, stiffness, damping, beta, rh
 
 
 @kernel
-def _passes(
-    floor,
-    key,
-    tau,
-    ground,
-    quadrature,
-    z,
-    amplitude,
-    stiffness,
-    damping,
-    beta,
-    rho,
-    omega,
-    layer,
-    a,
-    promised,
-):
+def _passes(floor, key, tau, ground, quadrature, z, amplitude, model, a, promised):
     """Take floor `floor`, at the stop in state z, through its layer if that is fast.
 
     `ground` and `quadrature` are A sin(Omega tau) and A cos(Omega tau).
@@ -418,31 +404,31 @@ def _passes(
     promised : uint64
         Floors whose next passage has to be in closed form, see `_passes_apart`; brought up to date.
     """
+    stiffness, damping = model.stiffness, model.damping
+    beta, rho, omega = model.beta, model.rho, model.omega
     n = stiffness.shape[0]
     v = z[n + floor]
-    z[floor] = 1.0
+    z[floor] = STOP
     for i in range(n):
         force = -ground
         if i != floor and (key >> np.uint64(i)) & np.uint64(1):
-            force -= beta * (z[i] - 1.0)
+            force -= beta * (z[i] - STOP)
         for j in range(n):
             force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
         a[i] = force
     jerk = -omega * quadrature
     for j in range(n):
         jerk -= stiffness[floor, j] * z[n + j] + damping[floor, j] * a[j]
-    if not passage_is_fast(v, a[floor], jerk, beta, rho, layer):
+    if not passage_is_fast(v, a[floor], jerk, model):
         return False, jerk, promised
     if rho == math.inf:
         return True, jerk, promised
     if promised & (np.uint64(1) << np.uint64(floor)) == np.uint64(0):
-        apart, more = _passes_apart(
-            floor, key, tau, z, a, amplitude, stiffness, damping, beta, rho, omega, layer
-        )
+        apart, more = _passes_apart(floor, key, tau, z, a, amplitude, model)
         if not apart:
             return False, jerk, promised
         promised |= more
-    add_kick(1.0, moments(v, a[floor], jerk, beta, rho), floor, stiffness, damping, beta, z)
+    add_kick(moments(v, a[floor], jerk, beta, rho), floor, model, z)
     return True, jerk, promised & ~(np.uint64(1) << np.uint64(floor))
 
 
@@ -545,11 +531,7 @@ def march_period(
     lengths = tables.h
     rotation = tables.rotation
     keys = tables.keys
-    stiffness = model.stiffness
-    damping = model.damping
     layer = model.layer
-    beta = model.beta
-    rho = model.rho
     omega = model.omega
     a = work.a
     for i in range(2 * n):
@@ -646,7 +628,7 @@ def march_period(
             if time < after and g_after >= layer:
                 # the floor is at the stop before any other is at its layer
                 at_stop = rising_root(
-                    rows, floor, h, time, g_before - layer, after, g_after - layer, 1.0, sign
+                    rows, floor, h, time, g_before - layer, after, g_after - layer, STOP, sign
                 )
             else:
                 time = rising_root(rows, floor, h, time, g_before, after, g_after, level, sign)
@@ -666,12 +648,7 @@ def march_period(
                     quadrature,
                     z,
                     amplitude,
-                    stiffness,
-                    damping,
-                    beta,
-                    rho,
-                    omega,
-                    layer,
+                    model,
                     a,
                     promised,
                 )
@@ -687,7 +664,7 @@ def march_period(
             linear_tangent(tables, index, span, tangent, work.tangent)
             if passed:
                 evaluate_rows(rows, h, span, z_end)
-                z_end[floor] = 1.0
+                z_end[floor] = STOP
                 after = key ^ (np.uint64(1) << np.uint64(floor))
                 passage_tangent(floor, after, z_end, a, jerk, model, work.tangent, tangent)
         if passed:

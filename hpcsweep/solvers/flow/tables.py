@@ -40,7 +40,6 @@ from hpcsweep.kernels.vectors import (
     modulus,
     store,
 )
-from hpcsweep.model.structure import Structure
 
 DEGREE = 15
 N_COEFFICIENTS = DEGREE + 1
@@ -71,20 +70,6 @@ ECONOMISATION = np.ascontiguousarray(_economisation().T)
 """(TAYLOR + 1, N_COEFFICIENTS)"""
 
 
-class Model(NamedTuple):
-    """What the kernels know of structure and forcing (units: `hpcsweep.model.structure`)."""
-
-    stiffness: np.ndarray
-    damping: np.ndarray
-    shapes: np.ndarray
-    """(n, n): row j is the shape of mode j."""
-    beta: float
-    rho: float
-    omega: float
-    layer: float
-    """Half-width of the contact layer: |u_i - 1| beyond it is linear; 0 if rho is infinite."""
-
-
 class Tables(NamedTuple):
     """Propagators of the contact sets met so far; `count[0]` of them are valid."""
 
@@ -113,9 +98,8 @@ def padded(n: int) -> int:
     return -(-n // LANES) * LANES
 
 
-def empty_tables(structure: Structure) -> Tables:
-    """Allocate room for the tables of one structure and frequency; pages are touched when used."""
-    n = structure.n_floors
+def empty_tables(n: int) -> Tables:
+    """Allocate room for the tables of n floors at one frequency; pages are touched when used."""
     capacity = min(2**n, MAX_TABLES)
     size = 2 * n + 3
     return Tables(
@@ -192,7 +176,7 @@ def _build(key, model, tables, index):
     """Fill table `index` with the propagators of contact set `key`."""
     n = model.stiffness.shape[0]
     size = 2 * n + 3
-    scale = np.sqrt(4.0 + (model.beta if key != np.uint64(0) else 0.0))
+    scale = np.sqrt(model.stiffness_bound + (model.beta if key != np.uint64(0) else 0.0))
     generator = np.empty((size, size))
     _generator(key, model, scale, generator)
     radius = _spectral_bound(key, model)
@@ -249,7 +233,7 @@ def _build_modal(model, poly, modal):
                 for p in range(N_COEFFICIENTS - 1, -1, -1):
                     value = value * MODAL_NODES[node] + poly[i, column, p]
                 for j in range(n):
-                    modal[0, column, j * N_MODAL + node] += model.shapes[j, i] * value
+                    modal[0, column, j * N_MODAL + node] += model.modal_transform[j, i] * value
 
 
 @kernel

@@ -34,8 +34,8 @@ from hpcsweep.kernels.vectors import (
     load,
     maximum,
     store,
-    switches,
 )
+from hpcsweep.model.contact import STOP, contact_stiffnesses
 from hpcsweep.solvers.flow.crossing import add_kick, half_passage, sums
 from hpcsweep.solvers.flow.layer import (
     MAX_ITERATIONS,
@@ -213,7 +213,7 @@ def passage_tangent(floor, key_after, z, a, jerk, model, room, tangent):
     kicks = room.kicks
     kicks[:] = 0.0
     for row in range(3):
-        add_kick(1.0, sums(free[row], contact[row]), floor, stiffness, damping, beta, kicks[row])
+        add_kick(sums(free[row], contact[row]), floor, model, kicks[row])
     kick, by_speed, by_acceleration, drift = kicks[0], kicks[1], kicks[2], kicks[3]
     # along f_- the speed changes by a and the acceleration by the jerk
     for i in range(n):
@@ -263,30 +263,27 @@ def layer_tangent(h, model, room, tangent):
     for i in range(n):
         row = i * N_STAGES
         if room.active[i] == 2:
-            x = load(u, row) - 1.0
-            s = switches(rho * x)
-            stiff = beta * s * (1.0 + rho * x * (1.0 - s))
+            stiff = contact_stiffnesses(load(u, row) - STOP, beta, rho)
             store(spring, row, stiff)
             hardest = max(hardest, maximum(stiff))
         else:
             store(spring, row, beta * room.active[i])
             hardest = max(hardest, beta * room.active[i])
-    stiffness, damping = model.stiffness, model.damping
-    unchecked, least_ratio = iterations_needed(h * h * (4.0 + hardest))
+    unchecked, least_ratio = iterations_needed(h * h * (model.stiffness_bound + hardest))
     for column in range(tangent.shape[1]):
         for i in range(n):
             row = i * N_STAGES
             store(free, row, fma(load(NODES, 0), h * tangent[n + i, column], tangent[i, column]))
             store(speeds, row, tangent[n + i, column])
-        _variations(free, speeds, spring, stiffness, damping, g)
+        _variations(free, speeds, spring, model, g)
         for _ in range(unchecked - 2):
             stages(h, free, speeds, g, u, v)
-            _variations(u, v, spring, stiffness, damping, g)
+            _variations(u, v, spring, model, g)
         ratio = least_ratio
         previous = math.inf
         for _ in range(MAX_ITERATIONS):
             stages(h, free, speeds, g, u, v)
-            _variations(u, v, spring, stiffness, damping, fresh)
+            _variations(u, v, spring, model, fresh)
             change, largest = replace(g, fresh)
             if previous < math.inf:
                 ratio = change / previous
@@ -300,9 +297,9 @@ def layer_tangent(h, model, room, tangent):
 
 
 @inlined
-def _variations(u, v, spring, stiffness, damping, out):
+def _variations(u, v, spring, model, out):
     """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
     for i in range(u.shape[0]):
         row = i * N_STAGES
         force = -1.0 * load(spring, row) * load(u, row)
-        store(out, row, less_linear(force, i, u, v, stiffness, damping))
+        store(out, row, less_linear(force, i, u, v, model))

@@ -26,7 +26,7 @@ from hpcsweep.model.contact import STOP
 from hpcsweep.model.equations import jacobian, right_hand_side
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Advance, Observation, window_growth
+from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
 
 MAX_STEPS = 200_000
 """Cap of steps in one forcing period."""
@@ -79,21 +79,34 @@ class BdfMap:
         state: np.ndarray,
         amplitude: float,
         n_periods: int,
-        tol: float = -1.0,
         poll: Callable[[], None] | None = None,
     ) -> Advance:
         """Integrate `n_periods` forcing periods; see `hpcsweep.solvers.flow.FlowMap.advance`."""
         z = np.array(state, dtype=float)
-        still = 0
         for done in range(n_periods):
-            following, outcome = self._period(z, amplitude, poll)
+            z, outcome = self._period(z, amplitude, poll)
             if outcome is not Outcome.COMPLETE:
                 return Advance(z, done, outcome)
-            still = still + 1 if np.abs(following - z).max() <= tol else 0
-            z = following
-            if still == 3:
-                return Advance(z, done + 1, Outcome.COMPLETE)
         return Advance(z, n_periods, Outcome.COMPLETE)
+
+    def settle(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        max_period: int,
+        settled: float,
+        same: float,
+        near: float = 0.0,
+        poll: Callable[[], None] | None = None,
+    ) -> Approach:
+        """Integrate the whole transient: the error of a period hides whether an orbit has closed.
+
+        The orbit stays unknown (period 0); see `hpcsweep.solvers.flow.FlowMap.settle`.
+        """
+        del max_period, settled, same, near
+        done = self.advance(state, amplitude, n_periods, poll)
+        return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
 
     def points(
         self,

@@ -11,8 +11,9 @@ from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.vectors import LANES, load, store
 from hpcsweep.model.contact import layer_half_width, less_contact_forces
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow import FlowMap, crossing, layer, packed, search, tables, tangent
+from hpcsweep.solvers.flow import FlowMap, crossing, polynomials, search, shared, tables, tangent
 from hpcsweep.solvers.flow.flow_map import POLL_PERIODS
+from hpcsweep.solvers.flow.layer import scheme, tableau, visit
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import window_growth
@@ -41,27 +42,29 @@ def test_gauss_rule_integrates_polynomials_against_the_fermi_weight():
 
 
 def test_collocation_is_exact_for_the_polynomials_it_should_be():
-    for degree in range(layer.N_STAGES):
-        powers = layer.NODES**degree
-        assert layer.STAGES @ powers == pytest.approx(layer.NODES ** (degree + 1) / (degree + 1))
-    for degree in range(2 * layer.N_STAGES):
-        assert layer.WEIGHTS @ layer.NODES**degree == pytest.approx(1 / (degree + 1), rel=1e-13)
+    for degree in range(tableau.N_STAGES):
+        powers = tableau.NODES**degree
+        assert tableau.STAGES @ powers == pytest.approx(
+            tableau.NODES ** (degree + 1) / (degree + 1)
+        )
+    for degree in range(2 * tableau.N_STAGES):
+        assert tableau.WEIGHTS @ tableau.NODES**degree == pytest.approx(1 / (degree + 1), rel=1e-13)
 
 
 def test_the_rule_that_checks_a_layer_step_sees_what_the_gauss_rule_misses():
     def difference(degree):
-        values = layer.CHECK_GAUSS @ layer.NODES**degree + layer.CHECK_START * 0.0**degree
-        return values + layer.CHECK_ADDED @ layer.CHECK_NODES**degree
+        values = tableau.CHECK_GAUSS @ tableau.NODES**degree + tableau.CHECK_START * 0.0**degree
+        return values + tableau.CHECK_ADDED @ tableau.CHECK_NODES**degree
 
-    for degree in range(2 * layer.N_STAGES):
+    for degree in range(2 * tableau.N_STAGES):
         assert abs(difference(degree)) < 1e-14
-    degree = 2 * layer.N_STAGES
-    missed = 1 / (degree + 1) - layer.WEIGHTS @ layer.NODES**degree
+    degree = 2 * tableau.N_STAGES
+    missed = 1 / (degree + 1) - tableau.WEIGHTS @ tableau.NODES**degree
     assert difference(degree) == pytest.approx(missed, rel=1e-4)  # 2e-10, of terms of 1
     # displacements at its nodes from accelerations c^k: c^(k + 2) / ((k + 1) (k + 2))
-    for degree in range(layer.N_STAGES):
-        exact = layer.CHECK_NODES ** (degree + 2) / ((degree + 1) * (degree + 2))
-        assert layer.NODES**degree @ layer.CHECK_ROWS == pytest.approx(exact, abs=1e-15)
+    for degree in range(tableau.N_STAGES):
+        exact = tableau.CHECK_NODES ** (degree + 2) / ((degree + 1) * (degree + 2))
+        assert tableau.NODES**degree @ tableau.CHECK_ROWS == pytest.approx(exact, abs=1e-15)
 
 
 @compiled_only
@@ -72,25 +75,25 @@ def test_error_of_a_layer_step_is_measured():
     for _ in range(400):
         n, rho, beta = int(rng.integers(1, 4)), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(1, 5)
         flow = FlowMap(Structure(n, beta, rho, 0.05), OMEGA)
-        model, room = flow._shared.model, flow._shared.work.layer
+        model, work = flow._shared.model, flow._shared.work.layer
         z = np.concatenate((rng.uniform(-0.5, 0.9, n), rng.uniform(-0.3, 0.3, n)))
         z[n - 1] = 1 + rng.uniform(-25, 10) / rho
         z[2 * n - 1] = 10 ** rng.uniform(-4, 0) * rng.choice([-1, 1])
         tau = rng.uniform(0, PERIOD)
         a = np.zeros(n)
-        layer.accelerations(layer.forcing_at(tau, 0.3, OMEGA)[1], z, model, a)
-        length, stiffness = layer.step_limit(z, a, model, layer.longest_step(model))
+        scheme.accelerations(scheme.forcing_at(tau, 0.3, OMEGA)[1], z, model, a)
+        length, stiffness = visit.step_limit(z, a, model, visit.longest_step(model))
         ends, measured = [], math.inf
         for parts in (1, 6):
             h, end = length / parts, z.copy()
             for part in range(parts):
                 start = end.copy()
-                forcing = layer.forcing_at(tau + part * h, 0.3, OMEGA)
-                layer.accelerations(forcing[1], start, model, a)
-                if layer.collocate(tau + part * h, h, start, a, forcing, stiffness, model, room):
-                    layer.finish(h, start, room.g, end)
+                forcing = scheme.forcing_at(tau + part * h, 0.3, OMEGA)
+                scheme.accelerations(forcing[1], start, model, a)
+                if scheme.collocate(tau + part * h, h, start, a, forcing, stiffness, model, work):
+                    scheme.finish(h, start, work.g, end)
                     if parts == 1:
-                        measured = layer.quadrature_error(h, z, model, room)
+                        measured = scheme.quadrature_error(h, z, model, work)
                 else:
                     end[:] = np.nan
             ends.append(end)
@@ -230,11 +233,11 @@ def test_fourth_derivative_bound_holds():
 
 def first_root(rows, h, level, bound, stack):
     """Time at which polynomial 0 first reaches the level on the step; -1 if it does not."""
-    (u0, v0), (u1, v1) = (search.value_and_slope(rows, 0, h, s) for s in (0.0, h))
-    a, ga, b, gb = search.first_passage(
-        rows, 0, h, 0.0, u0 - level, v0, h, u1 - level, v1, level, 1.0, bound, stack
-    )
-    return a if a < 0 else search.rising_root(rows, 0, h, a, ga, b, gb, level, 1.0)
+    (u0, v0), (u1, v1) = (polynomials.value_and_slope(rows, 0, h, s) for s in (0.0, h))
+    curve, upwards = search.Curve(rows, 0, h), search.Level(1.0, level)
+    part = search.Part(0.0, u0 - level, v0, h, u1 - level, v1)
+    bracket = search.first_passage(curve, part, upwards, bound, stack)
+    return bracket.a if bracket.a < 0 else search.rising_root(curve, bracket, upwards)
 
 
 def test_first_passage_finds_the_first_root_and_proves_there_is_none():
@@ -266,12 +269,12 @@ def test_derivatives_of_a_step():
     rows = rng.standard_normal((3, tables.N_COEFFICIENTS))
     h, state = 0.7, np.empty(3)
     for s in np.linspace(0, 1.005 * h, 9):
-        search.evaluate_rows(rows, h, s, state)
+        polynomials.evaluate_rows(rows, h, s, state)
         for row, value in enumerate(state):
             p = np.polynomial.Polynomial(rows[row], domain=[0, h])
             expected = p(s), p.deriv(1)(s), p.deriv(2)(s)
             assert value == pytest.approx(expected[0], rel=1e-13, abs=1e-13)
-            found = search.value_slope_bend(rows, row, h, s)
+            found = polynomials.value_slope_bend(rows, row, h, s)
             assert found == pytest.approx(expected, rel=1e-12, abs=1e-10)
 
 
@@ -286,7 +289,7 @@ def test_a_floor_said_to_leave_its_layer_stays_away():
         bound = np.abs(fourth).sum() * (2 / h) ** 4
         u = np.polynomial.polynomial.polyval(2 * fine / h - 1, rows[0])
         level = u[0] - 10 ** rng.uniform(-6, 0)
-        (u0, v0), (u1, v1) = (search.value_and_slope(rows, 0, h, s) for s in (0.0, h))
+        (u0, v0), (u1, v1) = (polynomials.value_and_slope(rows, 0, h, s) for s in (0.0, h))
         if search.leaves(h, u0 - level, v0, u1 - level, v1, bound):
             said += 1
             assert np.count_nonzero(np.diff((u >= level).astype(int))) == 1
@@ -546,11 +549,11 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
 
 
 def test_what_the_kernels_would_misread_is_not_packed():
-    shared = FlowMap(Structure(2), OMEGA)._shared
-    packed.SHARED.pack(shared)
-    for name, value in (("tolerance", 1), ("counts", np.zeros(4)), ("model", shared.tables)):
+    given = FlowMap(Structure(2), OMEGA)._shared
+    shared.SHARED.pack(given)
+    for name, value in (("tolerance", 1), ("counts", np.zeros(4)), ("model", given.tables)):
         with pytest.raises(TypeError, match="the kernels read"):
-            packed.SHARED.pack(shared._replace(**{name: value}))
+            shared.SHARED.pack(given._replace(**{name: value}))
 
 
 @pytest.mark.parametrize("sharpness", [1e4, math.inf])

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from hpcsweep.kernels.compile import jit, kernel
+from hpcsweep.kernels.compile import inlined, jit, kernel
 from hpcsweep.kernels.vectors import (
     LANES,
     aligned_zeros,
@@ -99,7 +99,7 @@ def padded(n: int) -> int:
 
 
 def empty_tables(n: int) -> Tables:
-    """Allocate room for the tables of n floors at one frequency; pages are touched when used."""
+    """Allocate the tables of n floors at one frequency; pages are touched when used."""
     capacity = min(2**n, MAX_TABLES)
     size = 2 * n + 3
     return Tables(
@@ -113,6 +113,15 @@ def empty_tables(n: int) -> Tables:
         rotation=np.empty((capacity, 2)),
         modal=aligned_zeros(1, size, padded(n * N_MODAL)),
     )
+
+
+@inlined
+def table_of(key, model, tables):
+    """Give what `lookup` gives, without a call where the table is at hand."""
+    for index in range(tables.count[0]):
+        if tables.keys[index] == key:
+            return index
+    return lookup(key, model, tables)
 
 
 @kernel

@@ -8,39 +8,19 @@ step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
 
 (implicit Runge-Kutta of Gauss type, order 2 N_STAGES; Hairer, Norsett and Wanner, Solving
 Ordinary Differential Equations I, II.7), solved by fixed-point iteration from the
-accelerations at the start. The step has two limits.
+accelerations at the start.
 
-- The sigmoid has poles at y = rho x = +-i pi (2 m + 1). On a step on which y moves by L, Gauss
-  quadrature converges as kappa^-16, kappa the parameter of the Bernstein ellipse about the step
-  on which the nearest poles lie: |i pi - y| + |i pi - y - L| = `ELLIPSE` L / 2 with `ELLIPSE` =
-  kappa + 1 / kappa. Hence, y negative on the way to the stop::
-
-      L = (ELLIPSE sqrt(pi^2 + y^2) + 2 y) / (ELLIPSE^2 / 4 - 1).
-
-  The force has the size beta / rho there, so that kappa^-16 = 2e-12 leaves a velocity error of
-  about 1e-14 on a step of h = 1e-3 to 1e-2. The limit also keeps a floor that is still far away
-  from stepping over its layer.
-- The iteration contracts as h^2 |dG/du| / 2, so h <= `CONTRACTION` / sqrt(|dG/du|), and likewise
-  for damping and forcing.
-
-Both limits are for a motion as uniform as it is at the start. What a step has become is checked:
-the error of the velocity is the error of the Gauss rule along the collocation polynomial, and that
+The error of the velocity is the error of the Gauss rule along the collocation polynomial, and that
 is measured by a rule of 17 points, exact to degree 16, which adds to the Gauss nodes the nodes of
 Kronrod (Laurie, Math. Comp. 66 (1997) 1133) with the start of the step in place of the first. The
-same difference with the weight 2 s - 1 tells of residuals whose mean vanishes. A step whose error
-is above the tolerance is cut, by what its order promises, and taken again.
+same difference with the weight 2 s - 1 tells of residuals whose mean vanishes.
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
-from numpy.polynomial import legendre
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import (
     LANES,
-    aligned_zeros,
     fma,
     greatest,
     load,
@@ -51,152 +31,34 @@ from hpcsweep.kernels.vectors import (
 )
 from hpcsweep.model.contact import (
     FAR,
-    MOST_STIFFNESS,
-    STIFFEST,
     STOP,
     contact_force,
     contact_forces,
-    contact_stiffness,
     less_contact_forces,
 )
-from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.flow.layer.tableau import (
+    ADDED_SLOPE,
+    CHECK_ADDED,
+    CHECK_GAUSS,
+    CHECK_NODES,
+    CHECK_ROWS,
+    CHECK_START,
+    GAUSS_SLOPE,
+    N_STAGES,
+    NODES,
+    POSITION_ROWS,
+    POSITION_WEIGHTS,
+    SPEED_ROWS,
+    WEIGHTS,
+)
 
-N_STAGES = LANES
 SHORT_ANGLE = 0.03
 """Omega h up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
-ELLIPSE = 5.5
-"""kappa + 1 / kappa with kappa = 5.3."""
-CONTRACTION = 1.2
 MAX_ITERATIONS = 40
 UNCHECKED = 1e-9
 """Relative error from which on the iteration is looked at."""
 CONVERGED = 2e-15
 """Error left by the iteration, of the accelerations or of the velocity over h, relative."""
-COMPLETE = int(Outcome.COMPLETE)
-NON_FINITE = int(Outcome.NON_FINITE)
-STEP_LIMIT = int(Outcome.STEP_LIMIT)
-SOLVER_FAILED = int(Outcome.SOLVER_FAILED)
-
-
-def _collocation():
-    """Gauss nodes and weights on [0, 1], A, A^2 and the Legendre transform."""
-    x, w = legendre.leggauss(N_STAGES)
-    transform = (np.arange(N_STAGES)[:, None] + 0.5) * legendre.legvander(x, N_STAGES - 1).T * w
-    stages = _integrals(x, 1) @ transform
-    return 0.5 * (x + 1.0), 0.5 * w, stages, stages @ stages, transform
-
-
-def _integrals(x, times):
-    """Integrate the Legendre polynomials of 2 s - 1 from s = 0 to (x + 1) / 2, so many times.
-
-    Returns
-    -------
-    ndarray, shape (x.size, N_STAGES)
-    """
-    columns = np.empty((x.size, N_STAGES))
-    for k in range(N_STAGES):
-        series = legendre.legint(np.eye(N_STAGES)[k], times, lbnd=-1)
-        columns[:, k] = 0.5**times * legendre.legval(x, series)
-    return columns
-
-
-def _kronrod_nodes():
-    """Find the zeros of the Stieltjes polynomial E_(N+1): orthogonal with P_N to all lower degrees.
-
-    Returns
-    -------
-    ndarray, shape (N_STAGES + 1,)
-    """
-    x, w = legendre.leggauss(2 * N_STAGES + 2)
-    values = legendre.legvander(x, N_STAGES + 1)
-    weighted = (w * values[:, N_STAGES])[:, None] * values[:, :-1]
-    series, *_ = np.linalg.lstsq(
-        weighted.T @ values[:, :-1], -weighted.T @ values[:, -1], rcond=None
-    )
-    return np.sort(legendre.legroots(np.append(series, 1.0)).real)
-
-
-def _check():
-    """Make the rule that checks the Gauss rule.
-
-    Returns
-    -------
-    nodes : ndarray, shape (N_STAGES,)
-        On [0, 1], beside the Gauss nodes and 0.
-    rows : ndarray, shape (N_STAGES, N_STAGES)
-        Row k: what G_k adds to the displacements at these nodes, over h^2 G_k.
-    gauss, added, start : ndarray, ndarray, float
-        Weights of the difference of both rules.
-    """
-    x, w = legendre.leggauss(N_STAGES)
-    new = _kronrod_nodes()[1:]
-    nodes = np.concatenate((x, new, [-1.0]))
-    moments = np.zeros(nodes.size)
-    moments[0] = 1.0
-    weights = np.linalg.solve(legendre.legvander(nodes, nodes.size - 1).T, moments)
-    rows = _integrals(new, 2) @ LEGENDRE
-    return (
-        0.5 * (new + 1.0),
-        np.ascontiguousarray(rows.T),
-        weights[:N_STAGES] - 0.5 * w,
-        weights[N_STAGES:-1],
-        float(weights[-1]),
-    )
-
-
-NODES, WEIGHTS, STAGES, STAGES_SQUARED, LEGENDRE = _collocation()
-SPEED_ROWS = np.ascontiguousarray(STAGES.T)
-POSITION_ROWS = np.ascontiguousarray(STAGES_SQUARED.T)
-POSITION_WEIGHTS = WEIGHTS @ STAGES
-"""b^T A: u_1 = u_0 + h v_0 + h^2 sum_k (b^T A)_k G_k."""
-CHECK_NODES, CHECK_ROWS, CHECK_GAUSS, CHECK_ADDED, CHECK_START = _check()
-GAUSS_SLOPE, ADDED_SLOPE = 2.0 * NODES - 1.0, 2.0 * CHECK_NODES - 1.0
-
-
-class LayerRoom(NamedTuple):
-    """Stages of a step, and room.
-
-    Attributes
-    ----------
-    u, v, g : ndarray, shape (n, N_STAGES)
-        Displacements, velocities and accelerations at the stages.
-    fresh, ground, active : ndarray
-        Room.
-    free, speeds : ndarray, shape (n, N_STAGES)
-        u_0 + c_j h v_0 and v_0: the stages without acceleration.
-    spring : ndarray, shape (n, N_STAGES)
-        Room.
-    """
-
-    u: np.ndarray
-    v: np.ndarray
-    g: np.ndarray
-    fresh: np.ndarray
-    ground: np.ndarray
-    active: np.ndarray
-    free: np.ndarray
-    speeds: np.ndarray
-    spring: np.ndarray
-
-
-def empty_room(n: int) -> LayerRoom:
-    """Allocate the stages of n floors."""
-    stages = (n, N_STAGES)
-    return LayerRoom(
-        u=aligned_zeros(*stages),
-        v=aligned_zeros(*stages),
-        g=aligned_zeros(*stages),
-        fresh=aligned_zeros(*stages),
-        ground=aligned_zeros(N_STAGES),
-        active=np.zeros(n, np.int64),
-        free=aligned_zeros(*stages),
-        speeds=aligned_zeros(*stages),
-        spring=aligned_zeros(*stages),
-    )
-
-
-DISTANT = 100.0
-"""rho |u - 1| from which on a floor that takes half its way to the stop stays beyond `FAR`."""
 
 
 @inlined
@@ -233,22 +95,6 @@ def _stage_accelerations(u, v, ground, active, model, out):
 
 
 @inlined
-def _ground(tau, h, forcing, omega, out):
-    """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
-    amplitude, sine, cosine = forcing
-    angle = omega * h
-    if angle > SHORT_ANGLE:
-        for j in range(N_STAGES):
-            out[j] = -amplitude * math.sin(omega * (tau + NODES[j] * h))
-        return
-    s = load(NODES, 0) * angle
-    q = s * s
-    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
-    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
-    store(out, 0, fma(s, -cosine, -sine * c))
-
-
-@inlined
 def forcing_at(tau, amplitude, omega):
     """Give A, A sin(Omega tau) and A cos(Omega tau)."""
     return amplitude, amplitude * math.sin(omega * tau), amplitude * math.cos(omega * tau)
@@ -268,6 +114,22 @@ def later_forcing(tau, h, forcing, omega):
 
 
 @inlined
+def _ground(tau, h, forcing, omega, out):
+    """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
+    amplitude, sine, cosine = forcing
+    angle = omega * h
+    if angle > SHORT_ANGLE:
+        for j in range(N_STAGES):
+            out[j] = -amplitude * math.sin(omega * (tau + NODES[j] * h))
+        return
+    s = load(NODES, 0) * angle
+    q = s * s
+    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+    store(out, 0, fma(s, -cosine, -sine * c))
+
+
+@inlined
 def _find_active(h, z, a, model, active):
     """Tell for each floor whether its sigmoid is 0, 1 or neither within twice its possible way."""
     n = a.shape[0]
@@ -278,67 +140,6 @@ def _find_active(h, z, a, model, active):
             active[i] = 1 if x > 0.0 else 0
         else:
             active[i] = 2
-
-
-@kernel
-def _reach(y):
-    """Choose how far y may move on a step from y (negative: towards the stop); see the module."""
-    return (ELLIPSE * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ELLIPSE**2 - 1.0)
-
-
-@kernel
-def longest_step(model):
-    """Limit the steps by damping and forcing, see the module."""
-    n = model.stiffness.shape[0]
-    drag = 0.4 * model.omega
-    for i in range(n):
-        row = 0.0
-        for j in range(n):
-            row += abs(model.damping[i, j])
-        drag = max(drag, row)
-    return 0.4 / drag
-
-
-@kernel
-def step_limit(z, a, model, most):
-    """Choose the length of a step, `most` at most, from state z and accelerations a.
-
-    See the module.
-
-    Returns
-    -------
-    h : float
-    stiffness : float
-        Largest stiffness expected on the step.
-    """
-    n = a.shape[0]
-    stiffness = model.stiffness_bound
-    hardest = 0.0
-    h = min(most, CONTRACTION / math.sqrt(stiffness))
-    for i in range(n - 1, -1, -1):
-        x = z[i] - STOP
-        v = z[n + i]
-        if model.rho * abs(x) > DISTANT and (abs(v) + abs(a[i]) * h) * h < 0.5 * abs(x):
-            # its reach is longer than 0.53 |x|
-            nearest = x
-        elif model.rho > 0.0:
-            y = model.rho * x
-            along = y if v >= 0.0 else -y
-            reach = _reach(along) / model.rho
-            if v * a[i] <= 0.0 and v * v < 2.0 * abs(a[i]) * reach:
-                reach = min(reach, _reach(-along) / model.rho)
-            v = abs(v)
-            root = math.sqrt(v * v + 2.0 * abs(a[i]) * reach)
-            if root > 0.0:
-                h = min(h, 2.0 * reach / (v + root))
-            nearest = x + reach
-        else:
-            nearest = 0.0
-        if model.rho * nearest >= STIFFEST:
-            hardest = max(hardest, MOST_STIFFNESS * model.beta)
-        elif model.rho * nearest > -FAR:
-            hardest = max(hardest, contact_stiffness(nearest, model.beta, model.rho))
-    return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
 
 
 @kernel
@@ -395,7 +196,7 @@ def replace(g, fresh):
 
 
 @inlined
-def collocate(tau, h, z, a, forcing, stiffness, model, room):
+def collocate(tau, h, z, a, forcing, stiffness, model, work):
     """Solve the collocation equations of one step.
 
     Parameters
@@ -410,7 +211,7 @@ def collocate(tau, h, z, a, forcing, stiffness, model, room):
         As `forcing_at` gives it.
     stiffness : float
         Largest |dG/du| expected.
-    room : LayerRoom
+    work : LayerWorkspace
         Receives the stages; see there.
 
     Returns
@@ -418,8 +219,8 @@ def collocate(tau, h, z, a, forcing, stiffness, model, room):
     bool
         Whether the iteration converged.
     """
-    u, v, g, fresh, ground, active = (room.u, room.v, room.g, room.fresh, room.ground, room.active)
-    free, speeds = room.free, room.speeds
+    u, v, g, fresh, ground, active = (work.u, work.v, work.g, work.fresh, work.ground, work.active)
+    free, speeds = work.free, work.speeds
     n = a.shape[0]
     _ground(tau, h, forcing, model.omega, ground)
     _find_active(h, z, a, model, active)
@@ -463,8 +264,8 @@ def collocate(tau, h, z, a, forcing, stiffness, model, room):
 
 
 @inlined
-def quadrature_error(h, z, model, room):
-    """Measure the velocity error of the step from z that `collocate` has left in `room`.
+def quadrature_error(h, z, model, work):
+    """Measure the velocity error of the step from z that `collocate` has left in `work`.
 
     See the module. Only the contact forces of floors inside their layers count: all others are
     linear, and resolved far better.
@@ -473,25 +274,19 @@ def quadrature_error(h, z, model, room):
     n = z.shape[0] // 2
     worst = 0.0
     for i in range(n):
-        if room.active[i] != 2:
+        if work.active[i] != 2:
             continue
         x = z[i] - STOP
         start = contact_force(x, beta * CHECK_START, rho)
-        x = load(room.u, i * N_STAGES) - STOP
+        x = load(work.u, i * N_STAGES) - STOP
         gauss = contact_forces(x, beta, rho) * load(CHECK_GAUSS, 0)
         x = fma(load(CHECK_NODES, 0), h * z[n + i], z[i] - STOP)
-        x = fma(_weighted(CHECK_ROWS, room.g, i), h * h, x)
+        x = fma(_weighted(CHECK_ROWS, work.g, i), h * h, x)
         added = contact_forces(x, beta, rho) * load(CHECK_ADDED, 0)
         mean = start + total(gauss + added)
         slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
         worst = max(worst, max(abs(mean), abs(slope)))
     return h * worst
-
-
-@kernel
-def shortening(allowed, error):
-    """Choose by how much a step is cut whose error, of order h^(2 N_STAGES + 1), is too large."""
-    return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
 
 
 @inlined
@@ -525,12 +320,3 @@ def accelerations(ground, z, model, out):
         for j in range(n):
             force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
         out[i] = force
-
-
-@kernel
-def inside_layer(z, half_width):
-    """Tell whether any floor is within its contact layer (never, if that has no width)."""
-    for i in range(z.shape[0] // 2):
-        if abs(z[i] - STOP) < half_width:
-            return True
-    return False

@@ -608,3 +608,30 @@ def test_a_floor_that_moves_by_less_than_rounding_at_the_stop_is_not_held_there(
     beside = state - np.repeat([1e-11, 0.0], 5)
     exact = reference_points(structure, 1.2e-5, flow_map.omega, beside, 1)
     assert np.abs(points - exact).max() < 1e-10
+
+
+class Cautious(Structure):
+    """The same chain, told with a bound of K that is larger and a wider band."""
+
+    @property
+    def stiffness_bound(self):
+        return 6.0
+
+    @property
+    def bandwidth(self):
+        return self.n_floors - 1
+
+
+@pytest.mark.parametrize("sharpness", [1e4, 50.0])
+def test_bound_and_band_of_the_stiffness_are_those_that_the_structure_tells(sharpness):
+    z = np.repeat([0.9, 0.4], 3)
+    plain, cautious = (FlowMap(kind(3, 1000.0, sharpness), OMEGA) for kind in (Structure, Cautious))
+    assert (plain._shared.model.bandwidth, cautious._shared.model.bandwidth) == (1, 2)
+    exact, _ = plain.points(z, 0.06, 1)
+    found, _ = cautious.points(z, 0.06, 1)
+    assert np.abs(found - exact).max() < 1e-11
+    a = np.zeros(3)
+    z[2] = 1.0 - 1.0 / sharpness
+    limits = [visit.step_limit(z, a, flow._shared.model, 1.0) for flow in (plain, cautious)]
+    assert limits[1][1] == pytest.approx(limits[0][1] + 2.0)
+    assert limits[1][0] <= limits[0][0]

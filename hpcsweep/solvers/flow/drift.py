@@ -9,9 +9,7 @@ import math
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.polynomials import expand_rows, value_and_slope, value_slope_bend
 from hpcsweep.solvers.flow.search import HERMITE_BEND, may_reach
-from hpcsweep.solvers.flow.tables import (
-    N_COEFFICIENTS,
-)
+from hpcsweep.solvers.flow.tables import N_COEFFICIENTS
 
 SAME_PEAK = 1e-11
 """Relative excess over the largest drift so far that is not looked for."""

@@ -19,13 +19,7 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import fma
 from hpcsweep.model.contact import STOP
 from hpcsweep.solvers.flow.drift import drift_on_segment
-from hpcsweep.solvers.flow.events import (
-    contact_key,
-    first_event,
-    floor_bit,
-    is_clear,
-    layer_edge,
-)
+from hpcsweep.solvers.flow.events import contact_key, first_event, floor_bit, is_clear, layer_edge
 from hpcsweep.solvers.flow.layer.visit import (
     OVERFLOW,
     Interval,

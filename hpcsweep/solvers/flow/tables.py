@@ -51,7 +51,7 @@ MAX_TABLES = 64
 """Tables kept; when more contact sets occur the table store is emptied and filled anew."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
 MODAL_NODES, MODAL_WEIGHTS = np.polynomial.legendre.leggauss(2 * LANES)
-"""Of the modal norms (`metrics`), on a step."""
+"""Of the modal norms (`modal_norm`), on a step."""
 N_MODAL = MODAL_NODES.shape[0]
 ZERO = np.zeros(LANES)
 

@@ -26,18 +26,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.vectors import (
-    LANES,
-    aligned_zeros,
-    combine,
-    fma,
-)
+from hpcsweep.kernels.vectors import LANES, aligned_zeros, combine, fma
 from hpcsweep.solvers.flow.crossing import add_kick, half_passage, sums
-from hpcsweep.solvers.flow.tables import (
-    N_COEFFICIENTS,
-    ZERO,
-    padded,
-)
+from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO, padded
 
 
 class TangentWorkspace(NamedTuple):
@@ -60,7 +51,7 @@ class TangentWorkspace(NamedTuple):
 
 
 def new_tangent_workspace(n: int) -> TangentWorkspace:
-    """Allocate the work for n floors."""
+    """Allocate the workspace for n floors."""
     rows = padded(2 * n)
     return TangentWorkspace(
         aligned_zeros(2 * n, rows),

@@ -4,18 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.vectors import (
-    LANES,
-    aligned_zeros,
-)
+from hpcsweep.kernels.vectors import LANES, aligned_zeros
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.workspace import LayerWorkspace, new_layer_workspace
 from hpcsweep.solvers.flow.search import MAX_DEPTH
-from hpcsweep.solvers.flow.tables import (
-    N_COEFFICIENTS,
-    N_MODAL,
-    padded,
-)
+from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, N_MODAL, padded
 from hpcsweep.solvers.flow.tangent import TangentWorkspace, new_tangent_workspace
 
 
@@ -40,7 +33,7 @@ class Workspace(NamedTuple):
     modal_powers: np.ndarray
     """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
     modal_summary: np.ndarray
-    """(LANES,): see `metrics.SUMMARY`."""
+    """(LANES,): see `modal_norm.SUMMARY`."""
     ways: np.ndarray
     stack: np.ndarray
     a: np.ndarray

@@ -19,23 +19,8 @@ same difference with the weight 2 s - 1 tells of residuals whose mean vanishes.
 import math
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.vectors import (
-    LANES,
-    fma,
-    greatest,
-    load,
-    maximum,
-    modulus,
-    store,
-    total,
-)
-from hpcsweep.model.contact import (
-    FAR,
-    STOP,
-    contact_force,
-    contact_forces,
-    less_contact_forces,
-)
+from hpcsweep.kernels.vectors import LANES, fma, greatest, load, maximum, modulus, store, total
+from hpcsweep.model.contact import FAR, STOP, contact_force, contact_forces, less_contact_forces
 from hpcsweep.solvers.flow.layer.tableau import (
     ADDED_SLOPE,
     CHECK_ADDED,

@@ -3,16 +3,8 @@
 import math
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.vectors import (
-    fma,
-    load,
-    maximum,
-    store,
-)
-from hpcsweep.model.contact import (
-    STOP,
-    contact_stiffnesses,
-)
+from hpcsweep.kernels.vectors import fma, load, maximum, store
+from hpcsweep.model.contact import STOP, contact_stiffnesses
 from hpcsweep.solvers.flow.layer.scheme import (
     MAX_ITERATIONS,
     integrals,
@@ -21,10 +13,7 @@ from hpcsweep.solvers.flow.layer.scheme import (
     replace,
     stages,
 )
-from hpcsweep.solvers.flow.layer.tableau import (
-    N_STAGES,
-    NODES,
-)
+from hpcsweep.solvers.flow.layer.tableau import N_STAGES, NODES
 
 CONVERGED = 1e-13
 """Last change of the stage accelerations, or the next one, relative."""
@@ -42,7 +31,7 @@ def layer_tangent(h, model, work, tangent):
     ----------
     h : float
     work : LayerWorkspace
-        What `layer.collocate` has left there; overwritten.
+        What `scheme.collocate` has left there; overwritten.
     tangent : ndarray, shape (2n, m)
     """
     u, v, g, fresh, spring = work.u, work.v, work.g, work.fresh, work.spring

@@ -24,13 +24,7 @@ import math
 from typing import NamedTuple
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.model.contact import (
-    FAR,
-    MOST_STIFFNESS,
-    STIFFEST,
-    STOP,
-    contact_stiffness,
-)
+from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, STOP, contact_stiffness
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
     accelerations,
@@ -40,9 +34,7 @@ from hpcsweep.solvers.flow.layer.scheme import (
     later_forcing,
     quadrature_error,
 )
-from hpcsweep.solvers.flow.layer.tableau import (
-    N_STAGES,
-)
+from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 

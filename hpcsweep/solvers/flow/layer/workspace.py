@@ -9,7 +9,7 @@ from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 
 
 class LayerWorkspace(NamedTuple):
-    """Stages of a step, and work.
+    """Stages of a step, and workspace.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ run_and_requeue() {
     elif [ "$restarts" -ge "$most" ]; then
         echo "not requeued: restarted $restarts times, HPCSWEEP_MAX_RESTARTS is $most" >&2
     else
-        echo "requeued, to go on (restart $((restarts + 1)) of at most $most)" >&2
+        echo "requeued, to resume (restart $((restarts + 1)) of at most $most)" >&2
         scontrol requeue "$id" || echo "scontrol requeue failed: use slurm/chain.sh here" >&2
     fi
     return "$code"

@@ -4,6 +4,7 @@ import importlib.util
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -116,7 +117,7 @@ def _scipy(method: str, rtol: float) -> Callable:
         size = 2 * regime.structure.n_floors
         period = 2 * math.pi / regime.omega
         beta, rho, stiffness, damping = given[2:]
-        options = {"rtol": rtol, "atol": rtol}
+        options: dict[str, Any] = {"rtol": rtol, "atol": rtol}
         if method in ("BDF", "Radau", "LSODA"):
             options["jac"] = lambda _t, z: jacobian(
                 z, beta, rho, stiffness, damping, np.empty((size, size))

@@ -114,17 +114,20 @@ def sweep_ratio(job: Job, n_samples: int = 12, repeats: int = 3) -> dict:
         Microseconds per period of both, their ratio (median and quartiles over the samples), and
         the CPU seconds `flow` took for the whole sweep, with the job's skip rules, per run.
     """
-    omega = float(job.omega[0])
-    size = 2 * job.structure.n_floors
-    sweep_block(job.structure, omega, job.amplitude[:2], np.zeros(size), job.settings)
+    study = job.study
+    omega = float(study.omega[0])
+    size = 2 * study.structure.n_floors
+    sweep_block(study.structure, omega, study.amplitude[:2], np.zeros(size), study.settings)
     begun = time.process_time()
-    swept = sweep_block(job.structure, omega, job.amplitude, job.initial_state, job.settings)
+    swept = sweep_block(
+        study.structure, omega, study.amplitude, study.initial_state, study.settings
+    )
     seconds = time.process_time() - begun
-    flow = make_solver("flow", job.structure, omega, 1e-9)
-    bdf = make_solver("bdf", job.structure, omega, 1e-6)
+    flow = make_solver("flow", study.structure, omega, 1e-9)
+    bdf = make_solver("bdf", study.structure, omega, 1e-6)
     ours, theirs = [], []
-    for index in np.linspace(0, job.amplitude.size - 1, n_samples).astype(int):
-        amplitude, state = float(job.amplitude[index]), swept["final_state"][index]
+    for index in np.linspace(0, study.amplitude.size - 1, n_samples).astype(int):
+        amplitude, state = float(study.amplitude[index]), swept["final_state"][index]
         flow.advance(state, amplitude, 2)
         for _ in range(repeats):
             begun = time.process_time()
@@ -141,7 +144,7 @@ def sweep_ratio(job: Job, n_samples: int = 12, repeats: int = 3) -> dict:
         "ratio_of_means": float(np.mean(theirs) / np.mean(ours)),
         "ratio_quartiles": [float(value) for value in np.percentile(ratio, [25, 50, 75])],
         "sweep_seconds": seconds,
-        "sweep_runs": int(job.amplitude.size),
+        "sweep_runs": int(study.amplitude.size),
         "periods_per_run": float(swept["cycles"].mean()),
     }
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from hpcsweep.bench import cpu_seconds
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.solver import make_solver
+from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.store import Journal
 
 JOB = """
@@ -164,7 +164,7 @@ def floors(numbers=(1, 3, 10, 30), repeats: int = 3, n_periods: int = 100) -> li
         structure = Structure(n_floors=n)
         omega = float(structure.frequencies[0])
         amplitude = 3.0 * structure.grazing_amplitude(omega)
-        flow = make_solver("flow", structure, omega, 1e-9)
+        flow = FlowMap(structure, omega, 1e-9)
         state = flow.advance(np.zeros(2 * n), amplitude, 50).state
         once = partial(flow.advance, state, amplitude, n_periods)
         times = [1e6 * cpu_seconds(once) / n_periods for _ in range(repeats)]

@@ -18,9 +18,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.outcome import Outcome, Shortcut
-from hpcsweep.studies.amplitude_sweep import FrameSweep, warm_up
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.runs import FrameRuns, warm_up
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.shortcut import Shortcut
 
 OMEGA = (0.2, 0.8)
 AMPLITUDE = 0.35
@@ -153,8 +154,8 @@ class Comparison:
     def __init__(self, structure: Structure, omega: float, settings: SweepSettings):
         self._given = structure, omega
         self._settings = replace(settings, skip=frozenset())
-        self._plain = FrameSweep(structure, omega, self._settings)
-        self._skipping = FrameSweep(structure, omega, settings)
+        self._plain = FrameRuns(structure, omega, self._settings)
+        self._skipping = FrameRuns(structure, omega, settings)
         self.seconds = [0.0, 0.0]
         """CPU seconds of the plain runs, and of those with the rules."""
         self.largest = dict.fromkeys(("drift", "modal_norm", "poincare", "final_state"), 0.0)
@@ -204,15 +205,15 @@ class Comparison:
             period = max(int(skipped["orbit_period"]), 1)
             transient = periods + (-periods - self._settings.sampling_cycles) % period
             settings = replace(self._settings, transient_cycles=transient)
-            longer = _run(FrameSweep(*self._given, settings), amplitude, plain["final_state"])
+            longer = _run(FrameRuns(*self._given, settings), amplitude, plain["final_state"])
             last = set_distance(_points(longer), _points(skipped))
             if not differences(longer, skipped, distances(longer, skipped)):
                 return periods, first / max(last, 1e-16)
         return 0, first / max(last, 1e-16)
 
 
-def _run(frame: FrameSweep, amplitude: float, state: np.ndarray) -> dict:
-    return {name: values[0] for name, values in frame.block([amplitude], state).items()}
+def _run(frame: FrameRuns, amplitude: float, state: np.ndarray) -> dict:
+    return {name: values[0] for name, values in frame.follow([amplitude], state).items()}
 
 
 def describe(run: dict) -> str:

@@ -1,20 +1,17 @@
-"""What each frame costs: a pilot's samples first, measured blocks as they come in.
+"""What each task costs: a pilot's samples first, measured blocks as they come in.
 
-Kept in cells (direction, stratum of amplitudes, frame), at most `STRATA` strata, so that memory
-grows with the number of frames alone: about 0.5 kB each, on rank 0.
-
-The pilot gives the cost of a run per (stratum, frame), interpolated over frames where it did not
-look. A measured cell counts as it is; its ratio to the pilot's, interpolated over frames too,
-corrects the cells around it. Only the order of the work depends on this, never a result.
+Costs are kept in cells (direction, stratum of the last axis of the runs, frame), at most `STRATA`
+strata. The pilot gives the cost of a run per (stratum, frame), interpolated over frames where it
+did not look. A measured cell counts as it is; its ratio to the pilot's, interpolated over frames
+too, corrects the cells around it. A block costs what its cell does, a task what is left of its
+blocks. Only the order of the work depends on this, never a result.
 """
 
-import time
 from collections.abc import Callable
 
 import numpy as np
 
-from hpcsweep.job import Job
-from hpcsweep.studies import amplitude_sweep as sweep
+from hpcsweep.store.records import BlockCost, PilotCost
 
 STRATA = 8
 PILOT_SHARE = 0.01
@@ -28,72 +25,93 @@ SPREAD = (0.7548776662466927, 0.5698402909980532)
 """Steps of the additive sequence (Roberts' R2) that fills frames x amplitudes evenly."""
 
 
-class FrameCosts:
-    """Estimated cost of every frame of a job, learning.
+class TaskCosts:
+    """Estimated cost of every task of a study, learning.
 
     Parameters
     ----------
-    job : Job
+    study : Study
     """
 
-    def __init__(self, job: Job):
-        n_blocks = -(-job.amplitude.size // job.block)
-        self._n_amplitudes, self._block = job.amplitude.size, job.block
-        self._n_strata = min(STRATA, n_blocks)
-        shape = (len(job.directions), self._n_strata, job.omega.size)
-        sizes = np.full(n_blocks, job.block)
-        sizes[-1] = job.amplitude.size - (n_blocks - 1) * job.block
-        self._total = np.zeros(shape[:2])
-        for direction in range(shape[0]):
-            for block in range(n_blocks):
-                self._total[direction, self._stratum_of_block(direction, block)] += sizes[block]
-        self._done = np.zeros(shape, np.int32)
-        self._runs = np.zeros(shape, np.int32)
+    def __init__(self, study):
+        self._table = study.table()
+        self._sizes = tuple(study.dimensions[dim] for dim in study.commit.dims)
+        directions, frames, blocks = self._sizes
+        self._strata = min(STRATA, blocks)
+        shape = directions, self._strata, frames
+        place = self._table.place
+        stratum = np.minimum(self._table.middle * self._strata, self._strata - 1).astype(int)
+        self._cell = np.ravel_multi_index((place[:, 0], stratum, place[:, 1]), shape)
+        self._row = np.empty(len(place), np.int64)
+        self._row[np.ravel_multi_index(tuple(place.T), self._sizes)] = np.arange(len(place))
+        self._left_runs = self._table.n_runs.astype(float)
+        self._runs = np.zeros(shape, np.int64)
         self._seconds = np.zeros(shape)
         self._pilot_seconds = np.zeros(shape[1:])
-        self._pilot_runs = np.zeros(shape[1:], np.int32)
+        self._pilot_runs = np.zeros(shape[1:], np.int64)
         self._prior: np.ndarray | None = None
         self._left: list[float] | None = None
 
-    def sampled(self, frame: int, amplitude: int, runs: int, seconds: float) -> None:
-        """Learn from a pilot's runs from amplitude index `amplitude` on."""
-        stratum = self._stratum(amplitude + 0.5 * runs)
-        self._pilot_runs[stratum, frame] += runs
-        self._pilot_seconds[stratum, frame] += seconds
+    def sampled(self, sample: PilotCost) -> None:
+        """Learn from a pilot's runs."""
+        cell = min(int(sample.along * self._strata), self._strata - 1), sample.frame
+        self._pilot_runs[cell] += sample.runs
+        self._pilot_seconds[cell] += sample.seconds
         self._prior = self._left = None
 
-    def measured(self, frame: int, direction: int, block: int, runs: int, seconds: float) -> None:
+    def measured(self, cost: BlockCost) -> None:
         """Learn what a block cost."""
-        cell = direction, self._stratum_of_block(direction, block), frame
-        self._runs[cell] += runs
-        self._seconds[cell] += seconds
+        cell = self._cell[self._row_of(cost.place)]
+        self._runs.flat[cell] += cost.runs
+        self._seconds.flat[cell] += cost.seconds
         self._left = None
 
-    def done(self, frame: int, direction: int, block: int, runs: int) -> None:
+    def done(self, place: tuple[int, ...]) -> None:
         """Note that a block need not be computed any more."""
-        self._done[direction, self._stratum_of_block(direction, block), frame] += runs
+        self._left_runs[self._row_of(place)] = 0.0
+        self._left = None
+
+    def all_done(self, committed: np.ndarray) -> None:
+        """Note which blocks need not be computed, shape of ``commit``."""
+        self._left_runs[self._row[committed.ravel()]] = 0.0
         self._left = None
 
     def n_known(self) -> int:
         """Count the runs whose cost was measured or sampled."""
         return int(self._runs.sum() + self._pilot_runs.sum())
 
-    def left(self, frame: int) -> float:
-        """Give the estimated cost (s) of what is left of a frame; 1 a run if nothing is known."""
+    def left(self, task: int) -> float:
+        """Give the estimated cost (s) of what is left of a task; 1 a run if nothing is known."""
         if self._left is None:
-            runs = np.maximum(self._total[:, :, None] - self._done, 0)
-            self._left = (runs * self._per_run()).sum(axis=(0, 1)).tolist()
-        return self._left[frame]
+            self._left = self.all_left().tolist()
+        return self._left[task]
+
+    def all_left(self) -> np.ndarray:
+        """Estimate the cost (s) of what is left of every task, shape (n_tasks,)."""
+        return np.bincount(self._table.task, self._left_runs * self._per_run().flat[self._cell])
 
     def totals(self) -> np.ndarray:
-        """Estimate the cost (s) of every whole frame, shape (n_frames,)."""
-        return (self._total[:, :, None] * self._per_run()).sum(axis=(0, 1))
+        """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
+        return np.bincount(self._table.task, self._table.n_runs * self._per_run().flat[self._cell])
 
-    def pieces(self) -> list[np.ndarray]:
-        """Estimate the cost (s) of every frame's strata, in the order of its path."""
-        cells = self._total[:, :, None] * self._per_run()
-        cells[1:] = cells[1:, ::-1]
-        return list(cells.reshape(-1, cells.shape[2]).T)
+    def pieces(self, most: int) -> list[np.ndarray]:
+        """Estimate the cost (s) of the pieces of every task, in the order of its path.
+
+        Blocks of one cell that follow each other are one piece. Where there were more than `most`
+        pieces each task is one, and where there are more than `most` tasks several together.
+        """
+        cost = self._table.n_runs * self._per_run().flat[self._cell]
+        task, cell = self._table.task, self._cell
+        starts = np.flatnonzero((np.diff(task, prepend=-1) != 0) | (np.diff(cell, prepend=-1) != 0))
+        if starts.size <= most:
+            pieces, owner = np.add.reduceat(cost, starts), task[starts]
+            return np.split(pieces, np.flatnonzero(np.diff(owner)) + 1)
+        totals = self.totals()
+        together = -(-totals.size // most)
+        return list(np.add.reduceat(totals, np.arange(0, totals.size, together))[:, None])
+
+    def _row_of(self, place: tuple[int, ...]) -> int:
+        return int(self._row[np.ravel_multi_index(place, self._sizes)])
 
     def _per_run(self) -> np.ndarray:
         """Estimated seconds a run, shape (direction, stratum, frame)."""
@@ -115,13 +133,6 @@ class FrameCosts:
                     frames, at, self._seconds[cell] / expected[cell]
                 )
         return ratio * prior
-
-    def _stratum(self, amplitude: float) -> int:
-        return min(int(amplitude / self._n_amplitudes * self._n_strata), self._n_strata - 1)
-
-    def _stratum_of_block(self, direction: int, block: int) -> int:
-        middle = min((block + 0.5) * self._block, self._n_amplitudes)
-        return self._stratum(self._n_amplitudes - middle if direction else middle)
 
 
 def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
@@ -149,39 +160,19 @@ def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
     return filled
 
 
-def n_samples(job: Job) -> int:
+def n_samples(study) -> int:
     """Count the samples of a campaign's pilot: all runs of them are 1 % of the job's at most."""
-    affordable = PILOT_SHARE * job.n_runs / (PILOT_TIMED + 1)
-    return int(min(affordable, PILOT_PER_FRAME * job.omega.size, MAX_SAMPLES))
+    affordable = PILOT_SHARE * study.n_runs / (PILOT_TIMED + 1)
+    return int(min(affordable, PILOT_PER_FRAME * study.dimensions["frame"], MAX_SAMPLES))
 
 
-def sample_place(job: Job, index: int) -> tuple[int, int]:
-    """Give frame and amplitude index of a sample; samples 0 to k fill both evenly for any k."""
-    frame, amplitude = ((0.5 + index * step) % 1.0 for step in SPREAD)
-    last = max(job.amplitude.size - PILOT_TIMED - 1, 0) + 1
-    return int(frame * job.omega.size), int(amplitude * last)
+def sample_place(index: int) -> tuple[float, float]:
+    """Give place over the frames and along them of a sample; 0 to k fill both evenly for any k."""
+    first, second = ((0.5 + index * step) % 1.0 for step in SPREAD)
+    return first, second
 
 
-def time_sample(
-    job: Job, frame: int, amplitude: int, poll: Callable[[], None] | None = None
-) -> tuple[int, float]:
-    """Time runs of one frame from an amplitude index on.
-
-    Returns
-    -------
-    runs : int
-    seconds : float
-    """
-    omega = float(job.omega[frame])
-    path = job.amplitude[amplitude : amplitude + PILOT_TIMED + 1]
-    # one run to arrive on the attractor, not timed
-    arrived = sweep.sweep_block(
-        job.structure, omega, path[:1], job.initial_state, job.settings, poll
-    )
-    state = arrived["final_state"][-1]
-    if not np.isfinite(state).all():
-        state = job.initial_state
-    path = path[1:] if path.size > 1 else path
-    begun = time.perf_counter()
-    sweep.sweep_block(job.structure, omega, path, state, job.settings, poll)
-    return path.size, time.perf_counter() - begun
+def time_sample(study, index: int, poll: Callable[[], None] | None = None) -> PilotCost:
+    """Time the runs of a sample."""
+    place, runs, seconds = study.time_runs(*sample_place(index), PILOT_TIMED, poll)
+    return PilotCost(*place, runs, seconds)

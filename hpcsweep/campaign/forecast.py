@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.campaign import costs
-from hpcsweep.campaign.costs import FrameCosts
+from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.campaign.progress import note
 from hpcsweep.job import Job
 from hpcsweep.parallel import memory
@@ -19,24 +19,19 @@ from hpcsweep.parallel.schedule import (
     ranks_that_help,
     simulate,
 )
-from hpcsweep.store import Journal, file_size
-from hpcsweep.studies import amplitude_sweep as sweep
+from hpcsweep.store import Layout, read_history
 
 SAMPLE_SECONDS = 5.0
 """Time given to the sample."""
 RANKS = tuple(2**k for k in range(13))
 MOST_PIECES = 200_000
-"""Pieces a simulation may have; beyond it each frame is one."""
+"""Pieces a simulation may have; beyond it each task is one."""
 COPIES = 3
 """Copies of a block of results a rank holds at once: computed, ordered, checked."""
 MPI_BYTES = 40_000_000
 """What a process takes more under MPI (MPICH: 25 MB)."""
-BYTES_PER_FRAME = 600
-"""What rank 0 keeps of each frame."""
-WHY_A_PATH = (
-    "a frame is one path: each amplitude starts from the end state of the one before, the down "
-    "sweep from the end of the up sweep, so a frame cannot be cut without changing results"
-)
+BYTES_PER_TASK = 1000
+"""What rank 0 keeps of each task, with its blocks."""
 
 
 @dataclass(frozen=True)
@@ -45,14 +40,14 @@ class Forecast:
 
     Attributes
     ----------
-    costs : FrameCosts
+    costs : TaskCosts
     run_seconds, error : float
         Mean cost of a run and its standard error (s).
     n_timed : int
         Runs that the estimate rests on.
     """
 
-    costs: FrameCosts
+    costs: TaskCosts
     run_seconds: float
     error: float
     n_timed: int
@@ -60,35 +55,33 @@ class Forecast:
 
 def sample(job: Job, seconds: float = SAMPLE_SECONDS) -> Forecast:
     """Time runs spread evenly over frames and amplitudes for about `seconds`, two at least."""
-    sweep.warm_up(job.settings, note)
-    frame_costs = FrameCosts(job)
+    study = job.study
+    study.warm_up(note)
+    task_costs = TaskCosts(study)
     per_run: list[float] = []
-    most = costs.PILOT_PER_FRAME * job.omega.size
+    most = costs.PILOT_PER_FRAME * study.dimensions["frame"]
     begun = time.perf_counter()
     while len(per_run) < 2 or (time.perf_counter() - begun < seconds and len(per_run) < most):
-        place = costs.sample_place(job, len(per_run))
-        runs, spent = costs.time_sample(job, *place)
-        frame_costs.sampled(*place, runs, spent)
-        per_run.append(spent / runs)
-    mean = float(frame_costs.totals().sum()) / job.n_runs
+        timed = costs.time_sample(study, len(per_run))
+        task_costs.sampled(timed)
+        per_run.append(timed.seconds / timed.runs)
+    mean = float(task_costs.totals().sum()) / study.n_runs
     error = float(np.std(per_run, ddof=1) / np.sqrt(len(per_run)))
-    return Forecast(frame_costs, mean, error, frame_costs.n_known())
+    return Forecast(task_costs, mean, error, task_costs.n_known())
 
 
 def from_journal(job: Job, path: Path) -> Forecast | None:
     """Take the costs that a file's journal holds; None if it holds none."""
-    frame_costs = FrameCosts(job)
-    per_run = []
-    for record in Journal(path).read():
-        if record["kind"] == "block":
-            where = (record[key] for key in ("frame", "direction", "block"))
-            frame_costs.measured(*where, record["runs"], record["seconds"])
-            per_run.append(record["seconds"] / record["runs"])
-    if not per_run:
+    study, task_costs = job.study, TaskCosts(job.study)
+    measured = read_history(path).costs
+    if not measured:
         return None
-    mean = float(frame_costs.totals().sum()) / job.n_runs
-    error = float(np.std(per_run) / np.sqrt(len(per_run))) * (frame_costs.n_known() < job.n_runs)
-    return Forecast(frame_costs, mean, error, frame_costs.n_known())
+    for cost in measured:
+        task_costs.measured(cost)
+    per_run = [cost.seconds / cost.runs for cost in measured]
+    mean = float(task_costs.totals().sum()) / study.n_runs
+    error = float(np.std(per_run) / np.sqrt(len(per_run))) * (task_costs.n_known() < study.n_runs)
+    return Forecast(task_costs, mean, error, task_costs.n_known())
 
 
 def predict(
@@ -98,9 +91,7 @@ def predict(
     message_seconds: float = MESSAGE_SECONDS,
 ) -> list[Prediction]:
     """Simulate the job's schedule on numbers of ranks."""
-    pieces = forecast.costs.pieces()
-    if sum(piece.size for piece in pieces) > MOST_PIECES:
-        pieces = [piece.sum(keepdims=True) for piece in pieces]
+    pieces = forecast.costs.pieces(MOST_PIECES)
     # between two looks at the messages a computing master does one run, bdf one forcing period
     cycles = job.settings.transient_cycles + job.settings.sampling_cycles
     poll = forecast.run_seconds / (cycles if job.settings.solver == "bdf" else 1)
@@ -110,7 +101,7 @@ def predict(
 def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) -> list[str]:
     """Write predictions, and the number of ranks that is of use, as a person reads them."""
     totals = forecast.costs.totals()
-    dearest = int(totals.argmax())
+    costliest, study = int(totals.argmax()), job.study
     helpful = ranks_that_help(totals)
     lines = ["   ranks     makespan  efficiency  bound met  master busy"]
     for p in predictions:
@@ -120,12 +111,13 @@ def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) 
             f"  {100 * reached:7.1f} %  {100 * p.master_load:9.2g} %"
         )
     lines.append(
-        f"dearest frame: Omega = {job.omega[dearest]:.6g}, {totals[dearest]:.4g} s; cheapest "
-        f"{totals.min():.4g} s, median {np.median(totals):.4g} s"
+        f"costliest {study.task_noun}: {study.describe_task(costliest)}, "
+        f"{totals[costliest]:.4g} s; cheapest {totals.min():.4g} s, "
+        f"median {np.median(totals):.4g} s"
     )
     lines.append(
         f"limit:      beyond about {max(int(np.ceil(helpful)), 1)} ranks more do not help: the "
-        f"dearest frame is the bound ({WHY_A_PATH})"
+        f"costliest {study.task_noun} is the bound ({study.why_whole})"
     )
     lines.append(f"master:     computes on up to {DEDICATED_MASTER} ranks, beyond it only serves")
     return lines
@@ -133,15 +125,22 @@ def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) 
 
 def memory_text(job: Job, peak: int) -> str:
     """State the memory of a rank, given the peak of a process that ran a sample (bytes)."""
-    block = COPIES * job.block * file_size(job) / job.n_runs
-    first = BYTES_PER_FRAME * job.omega.size
+    study = job.study
+    block = COPIES * study.block_size * Layout(job).file_size() / study.n_runs
+    first = BYTES_PER_TASK * study.n_tasks
     rank = peak + MPI_BYTES + block
     return (
-        f"memory:     about {rank / 1e6:.0f} MB a rank whatever the number of frames "
+        f"memory:     about {rank / 1e6:.0f} MB a rank whatever the number of {study.task_noun}s "
         f"({peak / 1e6:.0f} MB as in this process, {MPI_BYTES / 1e6:.0f} MB for MPI, "
         f"{block / 1e6:.2g} MB for a block of results), "
         f"rank 0 up to {first / 1e6:.2g} MB more"
     )
+
+
+def study_text(study) -> str:
+    """Write how many runs a study has, and along which dimensions."""
+    sizes = [f"{study.dimensions[dim]} {dim}s" for dim in study.run_dims]
+    return f"{' x '.join(sizes)} = {study.n_runs} runs ({study.kind.replace('_', ' ')})"
 
 
 def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
@@ -153,12 +152,11 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
         Lines for a person: runs, bytes, core-hours with their standard error, memory, makespan on
         1 to 4,096 ranks and the number beyond which more do not help.
     """
-    size = file_size(job)
+    study, size = job.study, Layout(job).file_size()
     forecast = sample(job, seconds)
-    total, error = forecast.run_seconds * job.n_runs, forecast.error * job.n_runs
+    total, error = forecast.run_seconds * study.n_runs, forecast.error * study.n_runs
     lines = [
-        f"{job.name}: {job.omega.size} frames x {job.amplitude.size} amplitudes x "
-        f"{len(job.directions)} directions = {job.n_runs} runs, solver {job.settings.solver}",
+        f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
         f"file:       {output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names",
         f"one run:    {1e3 * forecast.run_seconds:.4g} ms +- {1e3 * forecast.error:.2g} ms "
         f"({forecast.n_timed} runs timed, spread over frames and amplitudes)",

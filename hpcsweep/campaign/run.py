@@ -3,23 +3,33 @@
 import contextlib
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.campaign import provenance
-from hpcsweep.campaign.pilot import BLOCK_COST, KnownCosts
-from hpcsweep.campaign.progress import note
+from hpcsweep.campaign.pilot import KnownCosts
 from hpcsweep.job import Job
 from hpcsweep.parallel import farm, memory
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
-from hpcsweep.store import Journal, Lock, StoreError, WriteError, create, open_campaign
-from hpcsweep.store.commit import Blocks, check_file, check_writable, path_blocks
-from hpcsweep.studies import amplitude_sweep as sweep
+from hpcsweep.store import (
+    Campaign,
+    Journal,
+    Layout,
+    Lock,
+    StoreError,
+    WriteError,
+    create,
+    open_campaign,
+)
+from hpcsweep.store.commit import Blocks, check_file, check_writable
+from hpcsweep.store.records import BlockCost, MasterLoad, block_record
 
 COMPLETE, STOPPED = 0, 75
-"""Exit codes (75 is EX_TEMPFAIL: run again to go on)."""
+"""Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
 LISTED_FAILURES = 10
 MASTER_NOTES = 30.0
 """Seconds between two notes of the master's load in the journal."""
@@ -50,10 +60,10 @@ def run(
     *,
     max_hours: float | None = None,
     progress: Callable[[int, int], Silent] | None = None,
-    sweep_block: Callable | None = None,
+    say: Callable[[str], None] = lambda text: None,
     flag: farm.StopFlag | None = None,
 ) -> int:
-    """Run a job on all ranks, creating its file or going on with it (collective).
+    """Run a job on all ranks, creating its file or resuming it (collective).
 
     Parameters
     ----------
@@ -65,8 +75,8 @@ def run(
         Stop in good order a little before this much wall time has passed.
     progress : callable (total_runs, done_runs), optional
         Makes the progress display on rank 0.
-    sweep_block : callable, optional
-        In place of `hpcsweep.studies.amplitude_sweep.sweep_block`, for tests.
+    say : callable
+        Told on rank 0 what happens before the first run.
     flag : hpcsweep.parallel.farm.StopFlag, optional
         Hears the signals already; if it is not given, they are heard while this function runs.
 
@@ -83,31 +93,19 @@ def run(
         On one rank, if the disk does not take the results; what is committed is intact.
     """
     begun = time.time()
+    layout = Layout(job)
     with contextlib.nullcontext(flag) if flag else farm.StopFlag(launched=comm.size > 1) as flag:
         if max_hours is not None:
             flag.deadline = begun + max_hours * 3600 - STOP_MARGIN
         lock = Lock(output)
         hosts = comm.gather(provenance.host())
-        _on_master(comm, lambda: _prepare(job, output, lock, comm, hosts))
+        _on_master(comm, lambda: _prepare(layout, output, lock, comm, hosts))
         lock.join()
-        campaign = open_campaign(output, job, comm)
-        _compile(comm, job, sweep_block, flag, note if progress else lambda text: None)
-        todo, done_runs, done_blocks = _unfinished(comm, campaign.blocks, job)
+        campaign = open_campaign(output, layout, comm)
+        _compile(comm, job.study, flag, say)
+        work = _Work(comm, output, campaign, flag, hosts or [])
         try:
-            frame_costs = KnownCosts(comm, job, output, todo, done_blocks, sweep_block)
-            finished = _farm_out(
-                comm,
-                job,
-                output,
-                campaign,
-                todo,
-                done_runs,
-                frame_costs,
-                flag,
-                progress,
-                sweep_block,
-                hosts,
-            )
+            finished = work.do(progress)
         except BaseException:
             # no other rank is waited for: the caller ends them all
             with contextlib.suppress(WriteError):
@@ -132,7 +130,7 @@ def _on_master(comm, action: Callable[[], None]) -> None:
         raise StoreError(problem)
 
 
-def _prepare(job: Job, output: Path, lock: Lock, comm, hosts: list[str]) -> None:
+def _prepare(layout: Layout, output: Path, lock: Lock, comm, hosts: list[str]) -> None:
     """Check or create the file, under the lock."""
     if not output.parent.is_dir():
         raise StoreError(f"{output}: folder {output.parent} does not exist")
@@ -140,16 +138,15 @@ def _prepare(job: Job, output: Path, lock: Lock, comm, hosts: list[str]) -> None
         raise StoreError(f"{output}: is a folder")
     existing = output.exists()
     if existing:
-        _check_same_job(job, output)
+        _check_same_job(layout, output)
     lock.acquire(comm.size)
     try:
         if output.exists() and not existing:
             # made, and given up, by another campaign just now
-            _check_same_job(job, output)
+            _check_same_job(layout, output)
             existing = True
         if not existing:
-            notes = provenance.collect(comm.library, hosts)
-            create(output, job, {**notes, "solver": job.settings.solver, "rtol": job.settings.rtol})
+            create(output, layout, provenance.collect(comm.library, hosts))
         else:
             with contextlib.suppress(OSError), output.open("r+b"):
                 return
@@ -159,26 +156,24 @@ def _prepare(job: Job, output: Path, lock: Lock, comm, hosts: list[str]) -> None
         raise
 
 
-def _check_same_job(job: Job, output: Path) -> None:
+def _check_same_job(layout: Layout, output: Path) -> None:
     attributes = check_file(output)
     check_writable(output)
-    if attributes["fingerprint"] != job.fingerprint:
+    if attributes["fingerprint"] != layout.fingerprint:
         raise StoreError(
             f"{output}: holds the results of another job (named {attributes['name']!r}); give "
             "another file with -o"
         )
 
 
-def _compile(comm, job: Job, sweep_block, flag: farm.StopFlag, say: Callable) -> None:
+def _compile(comm, study, flag: farm.StopFlag, say: Callable[[str], None]) -> None:
     """Let one rank of each node compile the kernels, or load them, before the others.
 
     That may take minutes, so a signal ends the ranks then and there: nothing is being written.
     """
-    if sweep_block is not None:
-        return
 
     def leave(reason: str) -> None:
-        print(f"hpcsweep: {reason} before the first run; run again to go on", file=sys.stderr)
+        print(f"hpcsweep: {reason} before the first run; run again to resume", file=sys.stderr)
         sys.stderr.flush()
         comm.abort(STOPPED)
 
@@ -187,187 +182,202 @@ def _compile(comm, job: Job, sweep_block, flag: farm.StopFlag, say: Callable) ->
         leave(flag.reason)
     first = comm.node_rank() == 0
     if first:
-        sweep.warm_up(job.settings, say if comm.rank == 0 else lambda text: None)
+        study.warm_up(say if comm.rank == 0 else lambda text: None)
     comm.barrier()
     if not first:
-        sweep.warm_up(job.settings)
+        study.warm_up()
     flag.at_once = None
 
 
-def _unfinished(comm, blocks: Blocks, job: Job) -> tuple[list[int], int, list[tuple]]:
-    """Verify every frame, shared among the ranks; list what is unfinished on rank 0.
-
-    Returns
-    -------
-    frames : list of int
-    done_runs : int
-    done_blocks : list of tuple
-        (frame, direction, block, runs) of the valid blocks of these frames.
-    """
-    todo, done_runs, done_blocks = [], 0, []
-    for frame in range(comm.rank, job.omega.size, comm.size):
-        valid = blocks.valid(frame)
-        good = []
-        for (direction, block), is_good in valid.items():
-            low, high = blocks.rows(direction, block)
-            if is_good:
-                good.append((frame, direction, block, high - low))
-                done_runs += high - low
-        if len(good) < len(valid):
-            todo.append(frame)
-            done_blocks += good
-    gathered = comm.gather((todo, done_runs, done_blocks))
-    if comm.rank != 0:
-        return [], 0, []
-    return (
-        sorted(frame for part in gathered for frame in part[0]),
-        sum(part[1] for part in gathered),
-        [block for part in gathered for block in part[2]],
-    )
-
-
+@dataclass
 class _Failures:
     """Failed runs: all counted, the first few kept."""
 
-    def __init__(self):
-        self.counts: dict[Outcome, int] = {}
-        self.first: list[tuple] = []
+    counts: Counter[int] = field(default_factory=Counter)
+    first: list[dict] = field(default_factory=list)
 
-    def add(self, runs: list[tuple], counts: dict[int, int]) -> None:
+    def add(self, other: "_Failures") -> None:
         """Add what a block reports."""
-        for outcome, count in counts.items():
-            self.counts[Outcome(outcome)] = self.counts.get(Outcome(outcome), 0) + count
-        self.first += runs[: LISTED_FAILURES - len(self.first)]
+        self.counts.update(other.counts)
+        self.first += other.first[: LISTED_FAILURES - len(self.first)]
+
+    def tell(self, display: Silent) -> None:
+        """List them, and what to do about them."""
+        n_failed = sum(self.counts.values())
+        if not n_failed:
+            return
+        display.message(f"{n_failed} runs failed; their results are NaN and the others went on:")
+        for run in self.first:
+            display.message(
+                f"  Omega = {run['omega']:.6g}, A = {run['amplitude']:.6g}, {run['direction']}: "
+                f"{run['outcome']}"
+            )
+        if n_failed > len(self.first):
+            display.message(f"  and {n_failed - len(self.first)} more; see hpcsweep status")
+        for outcome, count in self.counts.items():
+            remedy = REMEDIES.get(Outcome(outcome), "no remedy is known")
+            display.message(f"  {Outcome(outcome).name} ({count}): {remedy}")
 
 
-def _farm_out(
-    comm, job, output, campaign, todo, done_runs, frame_costs, flag, progress, sweep_block, hosts
-) -> bool:
-    """Compute the unfinished frames on all ranks."""
-    journal = Journal(output)
-    begun = time.perf_counter()
-    display = Silent()
-    failures, traffic = _Failures(), farm.Traffic()
-    if comm.rank == 0:
-        journal.append(
-            "start", ranks=comm.size, hosts=sorted(set(hosts)), transport=campaign.transport.name
+class _Work:
+    """The unfinished tasks of a campaign, and one rank's share in them."""
+
+    def __init__(self, comm, output: Path, campaign: Campaign, flag: farm.StopFlag, hosts):
+        self._comm, self._output, self._campaign = comm, output, campaign
+        self._flag, self._hosts = flag, hosts
+        self._study = campaign.blocks.study
+        self._journal = Journal(output)
+        self._failures, self._traffic = _Failures(), farm.Traffic()
+
+    def do(self, progress: Callable[[int, int], Silent] | None) -> bool:
+        """Compute the unfinished tasks on all ranks; tell whether all are finished."""
+        todo, done_runs, done = _unfinished(self._comm, self._campaign.blocks)
+        costs = KnownCosts(self._comm, self._study, self._output, todo, done)
+        begun = time.perf_counter()
+        display = Silent()
+        if self._comm.rank == 0:
+            self._journal.append(
+                "start",
+                ranks=self._comm.size,
+                hosts=sorted(set(self._hosts)),
+                transport=self._campaign.transport.name,
+            )
+            if progress is not None:
+                display = progress(self._study.n_runs, done_runs)
+
+        def on_report(rank, value) -> None:
+            cost, failures = value
+            self._failures.add(failures)
+            self._journal.note("block", rank=rank, **block_record(cost))
+            costs.block_done(cost)
+            display.advance(cost.runs)
+
+        finished = costs.sample(self._journal, self._flag) and farm.run(
+            self._comm,
+            todo,
+            self._compute,
+            self._flag,
+            on_report,
+            costs.left,
+            self._traffic,
+            _every(MASTER_NOTES, display.tick, self._note_load),
+            self._campaign.flush,
         )
-        if progress is not None:
-            display = progress(job.n_runs, done_runs)
+        self._campaign.flush()
+        self._end(finished, time.perf_counter() - begun, display)
+        return finished
 
-    def on_report(rank, value) -> None:
-        *cost, failed, counts = value
-        failures.add(failed, counts)
-        journal.note("block", rank=rank, **dict(zip(BLOCK_COST, cost, strict=True)))
-        frame_costs.block_done(*cost)
-        display.advance(cost[3])
+    def _compute(self, task: int, poll, report, rest=None) -> tuple | None:
+        """Compute the blocks of one task that are not in the file, along its path.
 
-    def compute(frame, poll, report, rest=None) -> tuple | None:
-        return _compute_frame(
-            job, campaign, frame, poll, report, sweep_block or sweep.sweep_block, rest
+        Parameters
+        ----------
+        rest : (position, state), optional
+            Where to resume, and from which state: what this function returned, on any rank.
+
+        Returns
+        -------
+        (position, state) or None
+            What is left, if the task was wanted back; None if it is finished.
+        """
+        first, state = rest or (0, None)
+        position, n_positions = first - 1, len(self._study.path(task))
+        chain = self._campaign.blocks.chain(task, first, state)
+        computed = None
+        with contextlib.suppress(StopIteration):
+            while True:
+                block, start, valid = chain.send(computed)
+                position += 1
+                computed = None
+                if valid:
+                    continue
+                poll()
+                begun = time.perf_counter()
+                rows = self._study.compute(block, start, poll)
+                computed = self._campaign.write_block(block, start, rows)
+                seconds = round(time.perf_counter() - begun, 6)
+                cost = BlockCost(block.place, block.n_runs, seconds)
+                wanted = report((cost, self._failed(block, rows)))
+                if wanted and position + 1 < n_positions:
+                    return position + 1, computed
+        return None
+
+    def _failed(self, block, rows: dict[str, np.ndarray]) -> _Failures:
+        """Gather the failed runs of a block."""
+        bad = np.flatnonzero(rows["outcome"] != Outcome.COMPLETE)
+        outcomes = rows["outcome"][bad].tolist()
+        return _Failures(
+            Counter(outcomes),
+            [
+                {**self._study.describe(block.run(int(row))), "outcome": Outcome(outcome).name}
+                for row, outcome in zip(bad[:LISTED_FAILURES], outcomes, strict=False)
+            ],
         )
 
-    def tick() -> None:
-        display.tick()
-        if time.monotonic() >= next_note[0]:
-            next_note[0] = time.monotonic() + MASTER_NOTES
-            journal.note("master", **_traffic_record(traffic))
+    def _load(self) -> dict:
+        traffic = self._traffic
+        return MasterLoad(
+            traffic.messages, traffic.message_seconds, traffic.seconds, traffic.recalls
+        ).record()
 
-    next_note = [time.monotonic() + MASTER_NOTES]
-    finished = frame_costs.sample(journal, flag) and farm.run(
-        comm, todo, compute, flag, on_report, frame_costs.left, traffic, tick, campaign.flush
-    )
-    campaign.flush()
-    used = comm.gather((campaign.written_bytes, campaign.write_seconds, memory.peak()))
-    if comm.rank == 0:
-        reason = "complete" if finished else (flag.reason or "stopped")
-        journal.append(
+    def _note_load(self) -> None:
+        self._journal.note("master", **self._load())
+
+    def _end(self, finished: bool, seconds: float, display: Silent) -> None:
+        """Write the last record and say what failed (collective)."""
+        campaign = self._campaign
+        used = self._comm.gather((campaign.written_bytes, campaign.write_seconds, memory.peak()))
+        if self._comm.rank != 0:
+            return
+        self._journal.append(
             "end",
-            reason=reason,
+            reason="complete" if finished else (self._flag.reason or "stopped"),
             written_bytes=sum(rank[0] for rank in used),
             write_seconds=round(sum(rank[1] for rank in used), 6),
-            rank_seconds=round(comm.size * (time.perf_counter() - begun), 6),
+            rank_seconds=round(self._comm.size * seconds, 6),
             peak_memory=[used[0][2], max(rank[2] for rank in used)],
-            **_traffic_record(traffic),
+            **self._load(),
         )
         display.close()
-        _list_failures(display, failures)
-    return finished
+        self._failures.tell(display)
 
 
-def _traffic_record(traffic: farm.Traffic) -> dict:
-    return {
-        "messages": traffic.messages,
-        "message_seconds": round(traffic.message_seconds, 6),
-        "master_seconds": round(traffic.seconds, 6),
-        "recalls": traffic.recalls,
-    }
-
-
-def _compute_frame(
-    job: Job, campaign, frame: int, poll, report, sweep_block, rest=None
-) -> tuple | None:
-    """Compute the blocks of one frame that are not in the file, along its path.
-
-    Parameters
-    ----------
-    rest : (position, state), optional
-        Where to go on, and from which state: what this function returned, on any rank.
+def _unfinished(comm, blocks: Blocks) -> tuple[list[int], int, list[tuple[int, ...]]]:
+    """Verify every task, shared among the ranks; list what is unfinished on rank 0.
 
     Returns
     -------
-    (position, state) or None
-        What is left, if the frame was wanted back; None if it is finished.
+    tasks : list of int
+    done_runs : int
+    done : list of tuple of int
+        Places of the valid blocks of these tasks.
     """
-    amplitude = job.amplitude
-    first, state = rest or (0, None)
-    position, n_positions = first - 1, len(path_blocks(job))
-    chain = campaign.blocks.chain(frame, first, state)
-    computed = None
-    with contextlib.suppress(StopIteration):
-        while True:
-            direction, block, start, valid, _end = chain.send(computed)
-            position += 1
-            computed = None
-            if valid:
-                continue
-            poll()
-            begun = time.perf_counter()
-            low, high = campaign.blocks.rows(direction, block)
-            path = amplitude[low:high] if direction == 0 else amplitude[low:high][::-1]
-            result = sweep_block(
-                job.structure, float(job.omega[frame]), path, start, job.settings, poll
-            )
-            computed = campaign.write_block(direction, frame, block, start, result)
-            bad = np.flatnonzero(result["outcome"] != Outcome.COMPLETE)
-            failed = [
-                (
-                    float(job.omega[frame]),
-                    float(path[i]),
-                    job.directions[direction],
-                    Outcome(int(result["outcome"][i])).name,
-                )
-                for i in bad[:LISTED_FAILURES]
-            ]
-            kinds, counts = np.unique(result["outcome"][bad], return_counts=True)
-            seconds = round(time.perf_counter() - begun, 6)
-            counted = dict(zip(kinds.tolist(), counts.tolist(), strict=True))
-            wanted = report((frame, direction, block, high - low, seconds, failed, counted))
-            if wanted and position + 1 < n_positions:
-                return position + 1, computed
-    return None
+    todo, done_runs, done = [], 0, []
+    for task in range(comm.rank, blocks.study.n_tasks, comm.size):
+        verified = blocks.valid(task)
+        good = [block for block, valid in verified if valid]
+        done_runs += sum(block.n_runs for block in good)
+        if len(good) < len(verified):
+            todo.append(task)
+            done += [block.place for block in good]
+    gathered = comm.gather((todo, done_runs, done))
+    if comm.rank != 0:
+        return [], 0, []
+    return (
+        sorted(task for part in gathered for task in part[0]),
+        sum(part[1] for part in gathered),
+        [place for part in gathered for place in part[2]],
+    )
 
 
-def _list_failures(display, failures: _Failures) -> None:
-    n_failed = sum(failures.counts.values())
-    if not n_failed:
-        return
-    display.message(f"{n_failed} runs failed; their results are NaN and the sweep went on:")
-    for omega, amplitude, direction, outcome in failures.first:
-        display.message(f"  Omega = {omega:.6g}, A = {amplitude:.6g}, {direction}: {outcome}")
-    if n_failed > len(failures.first):
-        display.message(f"  and {n_failed - len(failures.first)} more; see hpcsweep status")
-    for outcome, count in failures.counts.items():
-        display.message(
-            f"  {outcome.name} ({count}): {REMEDIES.get(outcome, 'no remedy is known')}"
-        )
+def _every(seconds: float, always: Callable[[], None], then: Callable[[], None]) -> Callable:
+    """Make a function that calls `always`, and `then` once in so many seconds."""
+    due = [time.monotonic() + seconds]
+
+    def tick() -> None:
+        always()
+        if time.monotonic() >= due[0]:
+            due[0] = time.monotonic() + seconds
+            then()
+
+    return tick

@@ -8,25 +8,27 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.costs import FrameCosts
-from hpcsweep.job import Job
+from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel.schedule import master_computes
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
-from hpcsweep.store import Journal, status
-from hpcsweep.store.commit import Blocks
-from hpcsweep.store.reader import job_of
+from hpcsweep.store import Layout, job_of, read_history
+from hpcsweep.store.commit import Blocks, check_file
+from hpcsweep.store.records import History, Session
+from hpcsweep.studies.shortcut import Shortcut
 
 RECENT = 60.0
 """Seconds over which the present rate is taken."""
+LISTED_FAILURES = 20
+OUTCOMES = {int(outcome): outcome.name for outcome in Outcome}
 
 
-def monitor(path: str | Path) -> dict:
+def status(path: str | Path) -> dict:
     """Describe a campaign file, live, stopped or finished.
 
     Returns
     -------
     dict
-        What `hpcsweep.store.status` gives, and
+        Plain numbers, strings and lists: what is done, outcomes, sessions, failures, and
 
         runs_per_second, runs_per_second_recent : float or None
             Histories per second by the wall clock in the last session, and in its last minute.
@@ -35,7 +37,7 @@ def monitor(path: str | Path) -> dict:
         last_heard : float or None
             Seconds since the journal's last record.
         frame_seconds : dict or None
-            Cost of the frames that were timed whole: number, dearest, median, cheapest.
+            Cost of the frames that were timed whole: number, costliest, median, cheapest.
         remedies : dict of str to dict
             Count of each failed outcome and what to do about it.
         master : dict or None
@@ -44,113 +46,173 @@ def monitor(path: str | Path) -> dict:
             Bytes of rank 0 and of the largest rank in the last session, once it has ended.
     """
     path = Path(path)
-    state = status(path)
-    job = job_of(path)
-    records = Journal(path).read()
-    blocks = [record for record in records if record["kind"] == "block"]
-    last = [index for index, record in enumerate(records) if record["kind"] == "start"]
-    session = records[last[-1] :] if last else []
-    ended = any(record["kind"] == "end" for record in session)
-    now = records[-1]["time"] if ended else time.time()
+    layout = Layout(job_of(path))
+    history = read_history(path)
+    session = history.sessions[-1] if history.sessions else None
+    with Blocks(path, layout) as blocks:
+        committed = blocks.have_checksum()
+        runs = {name: blocks.whole(name) for name in ("outcome", "cycles", "orbit_period")}
+        runs["shortcut"] = blocks.whole("shortcut")
+    state = _runs(layout, committed, runs)
+    now = session.last if session and session.ended else time.time()
     remaining = None
-    if blocks and not state["complete"]:
-        remaining = _seconds_remaining(path, job, blocks, session[0]["ranks"] if session else 1)
+    if history.costs and not state["complete"]:
+        remaining = _seconds_remaining(layout, history, committed, session)
     return {
+        "file": str(path),
+        "version": str(check_file(path).get("hpcsweep_version", "")),
         **state,
+        **_costs(history, state["runs_total"] - state["runs_done"]),
         **_rates(session, now),
         "seconds_remaining": remaining,
-        "last_heard": time.time() - records[-1]["time"] if records else None,
-        "frame_seconds": _frame_seconds(job, blocks),
-        "remedies": _remedies(path, job),
+        "last_heard": None if history.last is None else time.time() - history.last,
+        "frame_seconds": _frame_seconds(layout, history),
         "master": _master(session),
-        "peak_memory": next((r["peak_memory"] for r in session if "peak_memory" in r), None),
+        "peak_memory": session.peak_memory if session else None,
+        "sessions": [_session(each) for each in history.sessions],
     }
 
 
-def _rates(session: list[dict], now: float) -> dict:
-    """Count runs per second of wall time."""
-    blocks = [record for record in session if record["kind"] == "block"]
-    if not blocks:
-        return {"runs_per_second": None, "runs_per_second_recent": None}
-    begun = session[0]["time"]
-    recent = max(begun, now - RECENT)
-    total = sum(record["runs"] for record in blocks)
-    late = sum(record["runs"] for record in blocks if record["time"] >= recent)
+def _runs(layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray]) -> dict:
+    """Count the runs that are in the file, by what became of them."""
+    study, outcome = layout.study, runs["outcome"]
+    done = np.zeros(outcome.shape, bool)
+    for place in map(tuple, np.argwhere(committed).tolist()):
+        done[study.block(place).runs] = True
+    n_done = int(done.sum())
+    failed = np.argwhere(done & (outcome != Outcome.COMPLETE))
+    frames = done.all(axis=(0, 2))
+    settings = study.settings
+    complete = done & (outcome == Outcome.COMPLETE)
     return {
-        "runs_per_second": total / max(now - begun, 1e-9),
+        "name": layout.name,
+        "study": study.kind,
+        "solver": settings.solver,
+        "runs_done": n_done,
+        "runs_total": study.n_runs,
+        "frames_done": int(frames.sum()),
+        "frames_total": int(frames.size),
+        "complete": n_done == study.n_runs,
+        "periods_per_run": float(runs["cycles"][done].mean()) if n_done else None,
+        "periods_per_run_plain": settings.transient_cycles + settings.sampling_cycles,
+        "runs_spared": {
+            rule.name.lower(): int((done & (runs["shortcut"] == rule)).sum())
+            for rule in Shortcut
+            if rule is not Shortcut.NONE
+        },
+        "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
+        "n_failed": len(failed),
+        "failures": [
+            {
+                **study.describe(run),
+                "outcome": OUTCOMES.get(int(outcome[run]), "damaged; see validate"),
+            }
+            for run in map(tuple, failed[:LISTED_FAILURES].tolist())
+        ],
+        "remedies": {
+            kind.name: {"runs": int((done & (outcome == kind)).sum()), "remedy": remedy}
+            for kind, remedy in REMEDIES.items()
+            if (done & (outcome == kind)).any()
+        },
+    }
+
+
+def _costs(history: History, runs_left: int) -> dict:
+    """Tell what was timed, and what is left at that rate."""
+    seconds = sum(cost.seconds for cost in history.costs)
+    runs = sum(cost.runs for cost in history.costs)
+    return {
+        "core_seconds": seconds,
+        "runs_per_core_second": runs / seconds if seconds else None,
+        "core_seconds_remaining": runs_left * seconds / runs if runs else None,
+    }
+
+
+def _rates(session: Session | None, now: float) -> dict:
+    """Count runs per second of wall time."""
+    if session is None or not session.costs:
+        return {"runs_per_second": None, "runs_per_second_recent": None}
+    recent = max(session.started, now - RECENT)
+    total = sum(cost.runs for cost in session.costs)
+    late = sum(cost.runs for cost in session.costs if cost.time >= recent)
+    return {
+        "runs_per_second": total / max(now - session.started, 1e-9),
         "runs_per_second_recent": late / max(now - recent, 1e-9),
     }
 
 
-def _seconds_remaining(path: Path, job: Job, records: list[dict], ranks: int) -> float:
-    """Estimate the wall time left from the costs so far, frame by frame."""
-    costs = FrameCosts(job)
-    for r in records:
-        costs.measured(r["frame"], r["direction"], r["block"], r["runs"], r["seconds"])
-    blocks = Blocks(path, job)
-    try:
-        for direction, frame, block in np.argwhere(blocks.have_checksum()).tolist():
-            low, high = blocks.rows(direction, block)
-            costs.done(frame, direction, block, high - low)
-    finally:
-        blocks.close()
-    left = np.array([costs.left(frame) for frame in range(job.omega.size)])
+def _seconds_remaining(
+    layout: Layout, history: History, committed: np.ndarray, session: Session | None
+) -> float:
+    """Estimate the wall time left from the costs so far, task by task."""
+    costs = TaskCosts(layout.study)
+    for sample in history.samples:
+        costs.sampled(sample)
+    for cost in history.costs:
+        costs.measured(cost)
+    costs.all_done(committed)
+    left = costs.all_left()
+    ranks = session.ranks if session else 1
     computing = ranks if master_computes(ranks) else ranks - 1
     return float(max(left.sum() / computing, left.max()))
 
 
-def _frame_seconds(job: Job, records: list[dict]) -> dict | None:
+def _frame_seconds(layout: Layout, history: History) -> dict | None:
     """Cost of the frames all of whose blocks were timed."""
-    seconds: dict[int, dict[tuple[int, int], float]] = {}
-    for r in records:
-        seconds.setdefault(r["frame"], {})[r["direction"], r["block"]] = r["seconds"]
-    n_blocks = len(job.directions) * -(-job.amplitude.size // job.block)
-    whole = {f: sum(cost.values()) for f, cost in seconds.items() if len(cost) == n_blocks}
-    if not whole:
+    directions, frames, blocks = (layout.sizes[dim] for dim in layout.commit.dims)
+    seconds = np.full((directions, frames, blocks), np.nan)
+    for place, cost in history.latest.items():
+        if all(0 <= at < size for at, size in zip(place, seconds.shape, strict=True)):
+            seconds[place] = cost.seconds
+    whole = seconds.sum(axis=(0, 2))
+    timed = np.flatnonzero(np.isfinite(whole))
+    if not timed.size:
         return None
-    dearest, cheapest = max(whole, key=whole.__getitem__), min(whole, key=whole.__getitem__)
+    costliest = int(timed[whole[timed].argmax()])
+    cheapest = int(timed[whole[timed].argmin()])
+    omega = layout.study.omega
+    most = {"": float(whole[costliest]), "_omega": float(omega[costliest])}
     return {
-        "frames": len(whole),
-        "dearest": whole[dearest],
-        "dearest_omega": float(job.omega[dearest]),
-        "median": float(np.median(list(whole.values()))),
-        "cheapest": whole[cheapest],
-        "cheapest_omega": float(job.omega[cheapest]),
+        "frames": int(timed.size),
+        **{f"costliest{end}": value for end, value in most.items()},
+        **{f"dearest{end}": value for end, value in most.items()},  # the name it had first
+        "median": float(np.median(whole[timed])),
+        "cheapest": float(whole[cheapest]),
+        "cheapest_omega": float(omega[cheapest]),
     }
 
 
-def _remedies(path: Path, job: Job) -> dict[str, dict]:
-    """Count the failed runs by outcome."""
-    blocks = Blocks(path, job)
-    try:
-        done = blocks.have_checksum()
-        counts = np.zeros(len(Outcome), int)
-        for direction, frame in np.ndindex(done.shape[:2]):
-            outcome = blocks.whole("outcome", direction, frame)
-            for block in np.flatnonzero(done[direction, frame]):
-                low, high = blocks.rows(direction, int(block))
-                counts += np.bincount(outcome[low:high], minlength=len(Outcome))
-    finally:
-        blocks.close()
-    return {
-        outcome.name: {"runs": int(counts[outcome]), "remedy": remedy}
-        for outcome, remedy in REMEDIES.items()
-        if counts[outcome]
-    }
-
-
-def _master(session: list[dict]) -> dict | None:
+def _master(session: Session | None) -> dict | None:
     """Tell how busy the master was, by its last record."""
-    known = [record for record in session if "master_seconds" in record]
-    if not known:
+    if session is None or session.load is None:
         return None
-    record = known[-1]
-    elapsed = max(record["time"] - session[0]["time"], 1e-9)
-    messages, seconds = record["messages"], record["message_seconds"]
+    load = session.load
+    elapsed = max(session.load_time - session.started, 1e-9)
+    possible = load.messages / load.message_seconds if load.message_seconds else None
     return {
-        "messages": messages,
-        "messages_per_second": messages / elapsed,
-        "messages_per_second_possible": messages / seconds if seconds else None,
-        "busy": record["master_seconds"] / elapsed,
-        "tasks_moved": record["recalls"],
+        "messages": load.messages,
+        "messages_per_second": load.messages / elapsed,
+        "messages_per_second_possible": possible,
+        "busy": load.seconds / elapsed,
+        "tasks_moved": load.recalls,
     }
+
+
+def _session(session: Session) -> dict:
+    """Tell one session in plain values."""
+    told = {
+        "started": session.started,
+        "ranks": session.ranks,
+        "hosts": session.hosts,
+        "transport": session.transport,
+        "ended": session.ended,
+        "written_bytes": None,
+        "write_bytes_per_second": None,
+        "write_share": None,
+    }
+    seconds = session.write_seconds
+    if session.written_bytes and session.rank_seconds and seconds is not None:
+        told["written_bytes"] = session.written_bytes
+        told["write_bytes_per_second"] = session.written_bytes / seconds if seconds else None
+        told["write_share"] = seconds / session.rank_seconds
+    return told

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify
-from hpcsweep.solvers.outcome import Outcome, Shortcut
-from hpcsweep.store import Frames, Journal
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store import Frames, read_history
+from hpcsweep.store.records import History
+from hpcsweep.studies.shortcut import Shortcut
 
 
 def summarize(path: str | Path) -> dict:
@@ -36,29 +38,31 @@ def summarize(path: str | Path) -> dict:
     path = Path(path)
     frames = Frames(path)
     try:
-        job = frames.job
-        tally = _Tally(len(job.directions), job.settings)
-        for frame in range(job.omega.size):
+        study = frames.study
+        tally = _Tally(len(study.directions), study.settings)
+        for frame in range(study.omega.size):
             tally.add(frames.dataset(frame))
     finally:
         frames.close()
     done = int(tally.classes[:, MotionClass.NO_CONTACT :].sum())
     size = path.stat()
-    n = job.structure.n_floors
+    structure, settings = study.structure, study.settings
+    n = structure.n_floors
     return {
         "file": str(path),
-        "name": job.name,
+        "name": frames.job.name,
+        "study": study.kind,
         "n_floors": n,
-        "stiffness_ratio": job.structure.stiffness_ratio,
-        "damping_ratios": job.structure.damping_ratios.tolist(),
-        "frames": int(job.omega.size),
-        "amplitudes": int(job.amplitude.size),
-        "directions": list(job.directions),
-        "runs_total": job.n_runs,
+        "stiffness_ratio": structure.stiffness_ratio,
+        "damping_ratios": structure.damping_ratios.tolist(),
+        "frames": int(study.omega.size),
+        "amplitudes": int(study.n_amplitudes),
+        "directions": list(study.directions),
+        "runs_total": study.n_runs,
         "runs_done": done,
-        "cost": _cost(Journal(path).read()),
+        "cost": total_cost(read_history(path)),
         "periods_per_run": tally.cycles / done if done else None,
-        "periods_per_run_plain": job.settings.transient_cycles + job.settings.sampling_cycles,
+        "periods_per_run_plain": settings.transient_cycles + settings.sampling_cycles,
         "shortcuts": {
             rule.name.lower(): _share(int(tally.shortcuts[rule]), done) for rule in Shortcut
         },
@@ -68,7 +72,7 @@ def summarize(path: str | Path) -> dict:
         "classes": _classes(tally.classes.sum(axis=0)),
         "by_direction": {
             direction: _classes(counts)
-            for direction, counts in zip(job.directions, tally.classes, strict=True)
+            for direction, counts in zip(study.directions, tally.classes, strict=True)
         },
         "periods": {period: _share(count, done) for period, count in sorted(tally.periods.items())},
         "contact_sets": {
@@ -137,28 +141,17 @@ def _classes(counts: np.ndarray) -> dict[str, dict]:
     }
 
 
-def _cost(records: list[dict]) -> dict | None:
+def total_cost(history: History) -> dict | None:
     """Add up the sessions of a journal; None if nothing was timed."""
-    blocks: dict[tuple[int, int, int], tuple[int, float]] = {}
-    wall, sessions, ranks, begun, last = 0.0, 0, set(), None, None
-    for record in records:
-        if record["kind"] == "start":
-            wall += last - begun if begun is not None else 0.0
-            begun = record["time"]
-            sessions += 1
-            ranks.add(record["ranks"])
-        elif record["kind"] == "block":
-            place = record["frame"], record["direction"], record["block"]
-            blocks[place] = record["runs"], record["seconds"]
-        last = record["time"]
-    if begun is None or not blocks:
+    latest = history.latest.values()
+    if not history.sessions or not latest:
         return None
-    wall += last - begun
-    runs = sum(count for count, _ in blocks.values())
-    seconds = sum(spent for _, spent in blocks.values())
+    wall = sum(session.last - session.started for session in history.sessions)
+    runs = sum(cost.runs for cost in latest)
+    seconds = sum(cost.seconds for cost in latest)
     return {
-        "sessions": sessions,
-        "ranks": sorted(ranks),
+        "sessions": len(history.sessions),
+        "ranks": sorted({session.ranks for session in history.sessions}),
         "wall_seconds": wall,
         "core_seconds": seconds,
         "runs_timed": runs,

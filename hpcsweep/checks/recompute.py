@@ -18,14 +18,14 @@ As it was: the whole run from the stored state of the run before it, by ``flow``
 path: if the run was periodic and the file's solver is ``flow``, the same points must come out.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from hpcsweep.job import Job
-from hpcsweep.solvers.outcome import Outcome, Shortcut
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies import amplitude_sweep as sweep
+from hpcsweep.studies.shortcut import Shortcut
+from hpcsweep.studies.study import Block
 
 TIGHT = {"bdf": 1e-10, "flow": 1e-11}
 """Relative tolerance of the other solver."""
@@ -78,16 +78,15 @@ class RunAgain:
     problem: str = ""
 
 
-def compute_again(
-    job: Job, direction: int, frame: int, amplitude: float, run: dict, start: np.ndarray
-) -> RunAgain:
+def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
     """Compute one complete run again.
 
     Parameters
     ----------
-    job : Job
-    direction, frame : int
-    amplitude : float
+    study : Study
+    block : Block
+    row : int
+        Of the block.
     run : dict of str to ndarray
         The run's variables.
     start : ndarray, shape (2n,)
@@ -97,28 +96,27 @@ def compute_again(
     -------
     RunAgain
     """
-    other = "bdf" if job.settings.solver == "flow" else "flow"
-    omega = float(job.omega[frame])
+    other = "bdf" if study.settings.solver == "flow" else "flow"
     period = int(run["orbit_period"])
-    again = RunAgain(job.directions[direction], omega, amplitude, period, other)
-    solver = make_solver(other, job.structure, omega, TIGHT[other])
-    tangent = make_solver("flow", job.structure, omega, TIGHT["flow"])
+    again = RunAgain(**study.describe(block.run(row)), orbit_period=period, solver=other)
+    solver = make_solver(other, study.structure, again.omega, TIGHT[other])
+    tangent = make_solver("flow", study.structure, again.omega, TIGHT["flow"])
     try:
         if period:
-            _compare_orbit(job, again, solver, tangent, run)
+            _compare_orbit(study, again, solver, tangent, run)
         elif "poincare" in run:
-            _compare_steps(job, again, solver, tangent, run)
+            _compare_steps(study, again, solver, tangent, run)
         else:
             again.compared = "nothing: the file holds no points of an aperiodic run"
     except ArithmeticError as error:
         again.compared, again.difference = f"nothing: {error}", None
-    _compare_whole(job, again, run, start)
+    _compare_whole(study, block, row, again, run, start)
     return again
 
 
-def _allowed(job: Job, other: str, growth: float) -> float:
-    settings = job.settings
-    stiff = max(job.structure.stiffness_ratio / 1000.0, 1.0) ** ERROR_GROWTH
+def _allowed(study, other: str, growth: float) -> float:
+    settings = study.settings
+    stiff = max(study.structure.stiffness_ratio / 1000.0, 1.0) ** ERROR_GROWTH
     error = ERROR[settings.solver] * settings.rtol + ERROR[other] * TIGHT[other]
     return max(error * stiff, LEAST_ALLOWED) * max(growth, 1.0)
 
@@ -135,7 +133,7 @@ def _observe(solver, z, amplitude: float, n_periods: int, name: str):
     return seen
 
 
-def _compare_orbit(job: Job, again: RunAgain, solver, tangent, run: dict) -> None:
+def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Carry the last point of a periodic run once round its orbit."""
     period, amplitude = again.orbit_period, again.amplitude
     last = run["final_state"]
@@ -148,16 +146,16 @@ def _compare_orbit(job: Job, again: RunAgain, solver, tangent, run: dict) -> Non
         growth = max(growth, _norm(product))
     again.compared = f"{len(stored)} points once round the orbit"
     again.difference = float(np.abs(seen.points[-len(stored) :] - stored).max())
-    again.allowed = _allowed(job, again.solver, growth)
+    again.allowed = _allowed(study, again.solver, growth)
     on_orbit = int(run["shortcut"]) != Shortcut.NONE
     if not on_orbit:
         # all that is promised is that the points repeat within this
-        again.allowed += job.settings.period_tolerance * growth
+        again.allowed += study.settings.period_tolerance * growth
     _judge_points(again)
-    _judge_metrics(job, again, seen, run, on_orbit)
+    _judge_metrics(again, seen, run, on_orbit)
 
 
-def _compare_steps(job: Job, again: RunAgain, solver, tangent, run: dict) -> None:
+def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Carry a few points of an aperiodic run to the next ones."""
     points = run["poincare"][: int(run["n_points"])]
     places = (
@@ -168,11 +166,11 @@ def _compare_steps(job: Job, again: RunAgain, solver, tangent, run: dict) -> Non
         seen = _observe(solver, points[place], again.amplitude, 1, again.solver)
         _, step = tangent.monodromy(points[place], again.amplitude, 1)
         difference = float(np.abs(seen.points[0] - points[place + 1]).max())
-        allowed = _allowed(job, again.solver, _norm(step))
+        allowed = _allowed(study, again.solver, _norm(step))
         if difference / allowed > worst:
             worst = difference / allowed
             again.difference, again.allowed = difference, allowed
-        _judge_metrics(job, again, seen, run, False)
+        _judge_metrics(again, seen, run, False)
     again.compared = f"{len(places)} points, each carried to the next"
     if len(places):
         _judge_points(again)
@@ -186,7 +184,7 @@ def _judge_points(again: RunAgain) -> None:
         )
 
 
-def _judge_metrics(job: Job, again: RunAgain, seen, run: dict, equal: bool) -> None:
+def _judge_metrics(again: RunAgain, seen, run: dict, equal: bool) -> None:
     """Compare contact set, drift and modal norms with those of a part of the stored window."""
     if again.problem:
         return
@@ -216,11 +214,13 @@ def _short(values: np.ndarray) -> str:
     return " ".join(f"{value:.4g}" for value in values)
 
 
-def _compare_whole(job: Job, again: RunAgain, run: dict, start: np.ndarray) -> None:
+def _compare_whole(
+    study, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
+) -> None:
     """Do the whole run again by `flow`, from where the run before it ended."""
-    own = job.settings.solver == "flow"
-    settings = job.settings if own else replace(job.settings, solver="flow", rtol=TIGHT["flow"])
-    result = sweep.sweep_block(job.structure, again.omega, [again.amplitude], start, settings)
+    own = study.settings.solver == "flow"
+    by_flow = study if own else study.with_settings(solver="flow", rtol=TIGHT["flow"])
+    result = by_flow.compute_run(block, row, start)
     if own and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"
         return

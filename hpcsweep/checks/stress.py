@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.special import spence
@@ -300,13 +301,14 @@ def steps_taken(solver: flow_map.FlowMap) -> int:
 def _random_runs(case: Case) -> Answer:
     """Run a batch of one-period runs under a cap of steps and count their outcomes."""
     rng = np.random.default_rng(case.seed)
-    found, wrong = Counter(), []
+    found: Counter[str] = Counter()
+    wrong: list[str] = []
     own_cap, flow_map.MAX_STEPS = flow_map.MAX_STEPS, CAP
     try:
         for k in range(case.n_periods):
             if k % PER_STRUCTURE == 0:
                 structure, omega = random_structure(rng)
-                solver = make_solver("flow", structure, omega, RTOL["flow"])
+                solver: Any = make_solver("flow", structure, omega, RTOL["flow"])
                 taken = steps_taken(solver)
             amplitude = float(rng.choice([0.0, _log_uniform(rng, 1e-12, 1e3)], p=[0.02, 0.98]))
             z = random_state(rng, structure)
@@ -330,8 +332,8 @@ def _random_runs(case: Case) -> Answer:
                 wrong.append(f"run {k}: {problem} ({told})")
     finally:
         flow_map.MAX_STEPS = own_cap
-    outcome = ", ".join(f"{name} {count}" for name, count in found.most_common())
-    return Answer(outcome, wrong[0] if wrong else "", not wrong)
+    counts = ", ".join(f"{name} {count}" for name, count in found.most_common())
+    return Answer(counts, wrong[0] if wrong else "", not wrong)
 
 
 def stress(quick: bool, seed: int, say: Callable = lambda text: None) -> list[dict]:

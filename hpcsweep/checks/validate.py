@@ -1,28 +1,26 @@
 """Whether a results file is sound: checksums, promises, and runs computed again.
 
-Three kinds of evidence, from cheap to dear:
+Three kinds of evidence, from cheap to costly:
 
 1. the layout and every committed block: its checksum, which covers the state it starts from, so
-   that a frame's blocks form one path, and what its numbers promise of each other (`promises`);
+   that a task's blocks form one path, and the invariants of its numbers (`Study.check`);
 2. where a checksum fails, the block is computed again: if that fits the checksum, the bytes that
    differ are exactly the damaged ones;
-3. a random sample of runs is computed again, with the other solver among them (`resample`).
+3. a random sample of runs is computed again, with the other solver among them (`recompute`).
 """
 
-import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.checks.invariants import broken_promises
 from hpcsweep.checks.recompute import RunAgain, compute_again
-from hpcsweep.job import Job
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.store import DamagedError, is_packed, job_of, layout_problems
-from hpcsweep.store.commit import Blocks, path_blocks
-from hpcsweep.studies import amplitude_sweep as sweep
+from hpcsweep.store import DamagedError, Layout, is_packed, job_of, layout_problems
+from hpcsweep.store.commit import Blocks
+from hpcsweep.studies.study import Block
 
 LISTED = 20
 """Problems that are described one by one; the rest is counted."""
@@ -93,153 +91,151 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
     path = Path(path)
     report = Report(str(path))
     try:
-        job = job_of(path)
-        report.solver = job.settings.solver
-        for problem in layout_problems(path, job):
+        layout = Layout(job_of(path))
+        report.solver = layout.study.settings.solver
+        for problem in layout_problems(path, layout):
             report.add(problem)
         if not report.sound:
             return report
         report.packed = is_packed(path)
-        blocks = Blocks(path, job)
+        blocks = Blocks(path, layout)
     except DamagedError as error:
         report.add(str(error).removeprefix(f"{path}: "))
         return report
-    try:
-        valid = _check_blocks(blocks, report)
-        for run, rows in _choose(blocks, valid, samples, np.random.default_rng(seed)):
-            again = compute_again(job, *run, *rows)
+    with blocks:
+        valid = _Checker(blocks, report).check()
+        for block, row, rows in _choose(blocks, valid, samples, np.random.default_rng(seed)):
+            run = {name: values[row] for name, values in rows.items()}
+            again = compute_again(layout.study, block, row, run, blocks.start_of(block, row))
             report.sample.append(again)
             if again.problem:
-                report.add(
-                    f"{_place(job, run[0], run[1])}, A = {again.amplitude:.6g}: {again.problem}"
-                )
-    finally:
-        blocks.close()
+                place = _place(layout.study, block)
+                report.add(f"{place}, A = {again.amplitude:.6g}: {again.problem}")
     return report
 
 
-def _place(job: Job, direction: int, frame: int) -> str:
-    return f"frame {frame} (Omega = {job.omega[frame]:.6g}), {job.directions[direction]}"
+def _place(study, block: Block) -> str:
+    """Name the frame and the direction of a block."""
+    found = study.describe(block.first)
+    return f"frame {block.first[1]} (Omega = {found['omega']:.6g}), {found['direction']}"
 
 
-def _check_blocks(blocks: Blocks, report: Report) -> list[tuple[int, int, int]]:
-    """Verify every committed block; return the places of the sound ones."""
-    job, valid = blocks.job, []
-    time_left = LOCATING_SECONDS
-    for frame in range(job.omega.size):
-        start = job.initial_state
-        for direction, block in path_blocks(job):
-            report.blocks += 1
-            low, high = blocks.rows(direction, block)
-            last = -1 if direction == 0 else 0
-            try:
-                rows = blocks.read(direction, frame, block)
-            except DamagedError as error:
-                report.add(f"{_place(job, direction, frame)}, block {block}: {error}")
-                rows = {"final_state": np.full((high - low, job.initial_state.size), math.nan)}
-                start = rows["final_state"][last]
-                continue
-            stored = blocks.committed(direction, frame, block)
-            if stored:
-                report.committed += 1
-                if stored == blocks.checksum(direction, frame, block, start, rows):
-                    valid.append((direction, frame, block))
-                else:
-                    begun = time.monotonic()
-                    rows = _describe_damage(
-                        blocks, direction, frame, block, start, rows, report, begun + time_left
-                    )
-                    time_left -= time.monotonic() - begun
-                for row, problem in broken_promises(job, job.amplitude[low:high], rows):
-                    report.add(
-                        f"{_place(job, direction, frame)}, A = {job.amplitude[low + row]:.6g}: "
-                        f"{problem}"
-                    )
-            start = np.array(rows["final_state"][last])
-    return valid
+class _Checker:
+    """Verifies the committed blocks of a file."""
 
+    def __init__(self, blocks: Blocks, report: Report):
+        self._blocks, self._report = blocks, report
+        self._study = blocks.study
+        self._seconds_left = LOCATING_SECONDS
 
-def _describe_damage(blocks, direction, frame, block, start, rows, report, deadline) -> dict:
-    """Say which bytes of a damaged block are wrong; return its true rows if they are known."""
-    job = blocks.job
-    low, high = blocks.rows(direction, block)
-    what = (
-        f"{_place(job, direction, frame)}, block {block} (A = {job.amplitude[low]:.6g} to "
-        f"{job.amplitude[high - 1]:.6g}): checksum does not hold"
-    )
-    true = _compute_block(job, direction, frame, low, high, start, deadline)
-    stored = blocks.committed(direction, frame, block)
-    if true is None or blocks.checksum(direction, frame, block, start, true) != stored:
-        if true is not None and all(_same(true[name], rows[name]) for name in blocks.variables):
-            report.add(f"{what}; computed again, all its variables are right: commit is damaged")
-            return true
-        where = ", ".join(
-            f"{name} {first} to {first + size - 1}"
-            for name, (first, size) in blocks.places(direction, frame, block).items()
+    def check(self) -> list[Block]:
+        """Verify every committed block; return the sound ones."""
+        valid: list[Block] = []
+        for task in range(self._study.n_tasks):
+            start = self._study.initial_state
+            for block in self._study.path(task):
+                rows, good = self._check_block(block, start)
+                if good:
+                    valid.append(block)
+                start = np.array(rows["final_state"][block.end])
+        return valid
+
+    def _check_block(self, block: Block, start: np.ndarray) -> tuple[dict, bool]:
+        """Verify a block; give its rows, the true ones where they are known."""
+        self._report.blocks += 1
+        place = _place(self._study, block)
+        try:
+            rows = self._blocks.read(block)
+        except DamagedError as error:
+            self._report.add(f"{place}, block {block.place[-1]}: {error}")
+            return {"final_state": np.full((block.n_runs, start.size), np.nan)}, False
+        stored = self._blocks.committed(block)
+        if not stored:
+            return rows, False
+        self._report.committed += 1
+        good = stored == self._blocks.checksum(block, start, rows)
+        if not good:
+            begun = time.monotonic()
+            rows = self._describe_damage(block, start, rows, begun + self._seconds_left)
+            self._seconds_left -= time.monotonic() - begun
+        for row, problem in self._study.check(block, rows):
+            amplitude = self._study.describe(block.run(row))["amplitude"]
+            self._report.add(f"{place}, A = {amplitude:.6g}: {problem}")
+        return rows, good
+
+    def _describe_damage(self, block: Block, start: np.ndarray, rows: dict, deadline: float):
+        """Say which bytes of a damaged block are wrong; return its true rows if they are known."""
+        blocks, report = self._blocks, self._report
+        first, last = (self._study.describe(block.run(k)) for k in (0, block.n_runs - 1))
+        what = (
+            f"{_place(self._study, block)}, block {block.place[-1]} (A = {first['amplitude']:.6g} "
+            f"to {last['amplitude']:.6g}): checksum does not hold"
         )
-        report.add(
-            f"{what}; one or more of its bytes, or the block before"
-            + (f" ({where})" if where else "")
-        )
-        return rows
-    places = blocks.places(direction, frame, block)
-    for name in blocks.variables:
-        wrong = np.flatnonzero(
-            np.ascontiguousarray(true[name]).view(np.uint8).ravel()
-            != np.ascontiguousarray(rows[name]).view(np.uint8).ravel()
-        )
-        if wrong.size:
-            row = int(wrong[0]) // (rows[name].nbytes // (high - low))
-            byte = f", byte {places[name][0] + int(wrong[0])} of the file" if places else ""
-            report.add(
-                f"{what}; computed again, it does: {wrong.size} damaged byte(s) in {name}, first "
-                f"in A = {job.amplitude[low + row]:.6g}{byte}"
+        true = self._compute(block, start, deadline)
+        places = blocks.places(block)
+        if true is None or blocks.checksum(block, start, true) != blocks.committed(block):
+            if true is not None and all(_same(true[name], rows[name]) for name in blocks.variables):
+                report.add(
+                    f"{what}; computed again, all its variables are right: commit is damaged"
+                )
+                return true
+            where = ", ".join(
+                f"{name} {first} to {first + size - 1}" for name, (first, size) in places.items()
             )
-    return true
+            report.add(
+                f"{what}; one or more of its bytes, or the block before"
+                + (f" ({where})" if where else "")
+            )
+            return rows
+        for name in blocks.variables:
+            wrong = np.flatnonzero(_raw(true[name]) != _raw(rows[name]))
+            if wrong.size:
+                row = int(wrong[0]) // (rows[name].nbytes // block.n_runs)
+                byte = f", byte {places[name][0] + int(wrong[0])} of the file" if places else ""
+                amplitude = self._study.describe(block.run(row))["amplitude"]
+                report.add(
+                    f"{what}; computed again, it does: {wrong.size} damaged byte(s) in {name}, "
+                    f"first in A = {amplitude:.6g}{byte}"
+                )
+        return true
+
+    def _compute(self, block: Block, start: np.ndarray, deadline: float) -> dict | None:
+        """Compute a block as `run` did; None if it takes too long."""
+
+        def poll() -> None:
+            if time.monotonic() > deadline:
+                raise _OutOfTime
+
+        if not np.all(np.isfinite(start)):
+            return None
+        try:
+            return self._study.compute(block, start, poll)
+        except _OutOfTime:
+            return None
+
+
+def _raw(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values).view(np.uint8).ravel()
 
 
 def _same(left: np.ndarray, right: np.ndarray) -> bool:
     return left.tobytes() == right.tobytes()
 
 
-def _compute_block(job, direction, frame, low, high, start, deadline) -> dict | None:
-    """Compute a block as `run` did, rows ascending; None if it takes too long."""
-
-    def poll():
-        if time.monotonic() > deadline:
-            raise _OutOfTime
-
-    if not np.all(np.isfinite(start)):
-        return None
-    order = slice(None) if direction == 0 else slice(None, None, -1)
-    try:
-        result = sweep.sweep_block(
-            job.structure,
-            float(job.omega[frame]),
-            job.amplitude[low:high][order],
-            start,
-            job.settings,
-            poll,
-        )
-    except _OutOfTime:
-        return None
-    return {name: np.ascontiguousarray(values[order]) for name, values in result.items()}
-
-
-def _choose(blocks: Blocks, valid, samples: int, rng):
+def _choose(
+    blocks: Blocks, valid: list[Block], samples: int, rng
+) -> Iterator[tuple[Block, int, dict[str, np.ndarray]]]:
     """Choose complete runs of valid blocks at random, each at most once.
 
     Yields
     ------
-    run : tuple
-        Direction, frame, amplitude (a value).
-    rows : tuple
-        The run's variables and the state it started from.
+    block : Block
+    row : int
+    rows : dict of str to ndarray
+        Of the block.
     """
-    job = blocks.job
-    sizes = np.array([np.diff(blocks.rows(d, b))[0] for d, _, b in valid], int)
-    total = int(sizes.sum())
-    ends = np.cumsum(sizes)
+    ends = np.cumsum([block.n_runs for block in valid])
+    total = int(ends[-1]) if valid else 0
     seen: set[int] = set()
     chosen = 0
     while chosen < samples and len(seen) < min(total, MOST_DRAWS):
@@ -248,26 +244,10 @@ def _choose(blocks: Blocks, valid, samples: int, rng):
             continue
         seen.add(number)
         which = int(np.searchsorted(ends, number, side="right"))
-        direction, frame, block = valid[which]
-        row = int(number - (ends[which] - sizes[which]))
-        rows = blocks.read(direction, frame, block)
+        block = valid[which]
+        row = int(number - (ends[which] - block.n_runs))
+        rows = blocks.read(block)
         if rows["outcome"][row] != Outcome.COMPLETE:
             continue
         chosen += 1
-        low, _ = blocks.rows(direction, block)
-        run = {name: values[row] for name, values in rows.items()}
-        amplitude = float(job.amplitude[low + row])
-        yield (direction, frame, amplitude), (run, _start_of(blocks, direction, frame, low + row))
-
-
-def _start_of(blocks: Blocks, direction: int, frame: int, index: int) -> np.ndarray:
-    """Read the state a run started from: where the run before it on the path ended."""
-    job = blocks.job
-    top = job.amplitude.size - 1
-    if direction == 0 and index == 0:
-        return job.initial_state
-    if direction == 0:
-        place = (0, frame, index - 1)
-    else:
-        place = (0, frame, top) if index == top else (1, frame, index + 1)
-    return blocks.final_state(*place)
+        yield block, row, rows

@@ -163,7 +163,7 @@ class Study:
             def height(_tau, z):
                 return z[floor] - 1.0
 
-            height.direction = 1.0
+            height.direction = 1.0  # type: ignore[attr-defined]  # scipy reads it there
             return height
 
         done = solve_ivp(
@@ -246,6 +246,7 @@ class Study:
             self._settings.sampling_cycles,
             self._settings.period_tolerance,
         )
+        assert window is not None, "a tenth of the grazing amplitude is linear"
         return window.modal_norm
 
     def linear_distance(self) -> tuple[np.ndarray, np.ndarray]:
@@ -291,45 +292,45 @@ def make_sweep(omega, amplitude, directions, arrays: dict, settings: SweepSettin
 
 def read_study(frames: Frames) -> Study | None:
     """Read the frame at the linear resonance of a file, None if it has none."""
-    job = frames.job
-    place = int(np.argmin(np.abs(job.omega - RESONANCE)))
-    if abs(job.omega[place] - RESONANCE) > SAME_OMEGA:
+    study = frames.study
+    place = int(np.argmin(np.abs(study.omega - RESONANCE)))
+    if abs(study.omega[place] - RESONANCE) > SAME_OMEGA:
         return None
     needed = ("orbit_period", "contact", "drift", "final_state", "outcome", "poincare")
-    if job.omega.size >= LEAST_FRAMES and any(name not in frames for name in needed):
+    if study.omega.size >= LEAST_FRAMES and any(name not in frames for name in needed):
         return None  # a map, kept small
     optional = [name for name in ("lyapunov", "modal_norm") if name in frames]
     arrays = frames.read(place, (*needed, *optional))
-    omega = float(job.omega[place])
-    sweep = make_sweep(omega, job.amplitude, job.directions, arrays, job.settings)
-    return Study(job.structure, sweep, job.settings)
+    omega = float(study.omega[place])
+    sweep = make_sweep(omega, study.amplitude, study.directions, arrays, study.settings)
+    return Study(study.structure, sweep, study.settings)
 
 
 def read_map(frames: Frames) -> Map | None:
     """Read the sweeps up of a file, None if it is not a map."""
-    job = frames.job
-    if job.omega.size < LEAST_FRAMES:
+    study = frames.study
+    if study.omega.size < LEAST_FRAMES:
         return None
     names = ["orbit_period", "contact", "drift", "outcome"]
     exponents = "lyapunov" in frames
     if exponents:
         names.append("lyapunov")
     rows: dict[str, list] = {name: [] for name in names}
-    for place in range(job.omega.size):
+    for place in range(study.omega.size):
         for name, values in frames.read(place, tuple(names)).items():
             rows[name].append(values[0])
     arrays = {name: np.stack(values) for name, values in rows.items()}
     valid = arrays["outcome"] == Outcome.COMPLETE
     period = arrays["orbit_period"].astype(int)
-    window = job.settings.sampling_cycles * 2 * math.pi / job.omega[:, None]
+    window = study.settings.sampling_cycles * 2 * math.pi / study.omega[:, None]
     growth = arrays["lyapunov"] * window if exponents else np.full(valid.shape, np.nan)
     free = [
-        np.abs(np.diff(job.structure.linear_steady_state(omega), prepend=0.0)).max() * omega**2
-        for omega in job.omega
+        np.abs(np.diff(study.structure.linear_steady_state(omega), prepend=0.0)).max() * omega**2
+        for omega in study.omega
     ]
     return Map(
-        stiffness_ratio=job.structure.stiffness_ratio,
-        omega=job.omega,
+        stiffness_ratio=study.structure.stiffness_ratio,
+        omega=study.omega,
         period=period,
         contact=arrays["contact"].astype(int),
         chaotic=is_chaotic(period, growth) & valid,
@@ -349,7 +350,7 @@ def open_frames(path: Path) -> Frames:
         If it is no campaign file, or about another number of floors.
     """
     frames = Frames(path)
-    n = frames.job.structure.n_floors
+    n = frames.study.structure.n_floors
     if n != 3:
         frames.close()
         raise StoreError(f"{path}: structure.n_floors = {n}: the claims are about 3 floors")

@@ -29,9 +29,9 @@ def judge_files(paths: Sequence[Path]) -> dict[str, list[Claim]]:
     for path in paths:
         frames = open_frames(Path(path))
         try:
-            variant = variant_of(frames.job.structure)
+            variant = variant_of(frames.study.structure)
             maps.setdefault(variant, {})
-            beta = frames.job.structure.stiffness_ratio
+            beta = frames.study.structure.stiffness_ratio
             study = read_study(frames) if beta == STIFF else None
             if study is not None and _better(study, studies.get(variant)):
                 studies[variant] = study

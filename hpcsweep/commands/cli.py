@@ -12,6 +12,7 @@ from hpcsweep.commands import (
     claims,
     complain,
     explore,
+    new,
     one_thread,  # noqa: F401  before numpy is loaded
     pack,
     plot,
@@ -24,6 +25,7 @@ from hpcsweep.commands import (
 )
 
 COMMANDS = (
+    new,
     run,
     status,
     summary,
@@ -45,7 +47,8 @@ Start under mpirun or srun to use many ranks; alone, one rank does it all."""
 
 EPILOG = """\
 examples:
-  mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or go on with, figure3.h5
+  hpcsweep new study.toml                       write a job to start from
+  mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or resume, figure3.h5
   hpcsweep status figure3.h5                    what is done, live
   hpcsweep validate figure3.h5                  is it sound? checksums, values, a sample recomputed
   hpcsweep summary figure3.h5                   what it cost, what kinds of motion it found
@@ -56,7 +59,7 @@ examples:
 
 exit codes:
   0   complete
-  75  stopped in good order before the end (time limit or signal): run again to go on
+  75  stopped in good order before the end (time limit or signal): run again to resume
   2   a mistake in what was asked: one line says which; nothing was written
   1   anything else, with a traceback"""
 

@@ -6,7 +6,7 @@ from hpcsweep.commands import RAW, USER_ERROR, complain
 
 PACK_HELP = """\
 Compress a results file. The copy is compared with the original, dataset by dataset and checksum by
-checksum, before it takes its place. It reads the same everywhere, but `run` cannot go on with it:
+checksum, before it takes its place. It reads the same everywhere, but `run` cannot resume it:
 a file that is not complete is packed only into a copy (-o)."""
 
 

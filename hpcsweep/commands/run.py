@@ -1,14 +1,14 @@
-"""`hpcsweep run`: run a job, or go on with it."""
+"""`hpcsweep run`: run a job, or resume it."""
 
 import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.campaign.progress import make_progress
+from hpcsweep.campaign.progress import make_progress, note
 from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
 
 RUN_HELP = """\
-Run a job. If its results file exists already, the run goes on where it stopped, on any number
+Run a job. If its results file exists already, the run resumes where it stopped, on any number
 of ranks, and the results equal those of an uninterrupted run bit for bit.
 
 SIGTERM, SIGINT (Ctrl-C) and SIGUSR1 stop it in good order within seconds, with exit code 75, sent
@@ -20,15 +20,38 @@ kills.
 
 Nobody else may run a job into the same FILE: FILE.lock says which host and process does."""
 
+RUN_EXAMPLES = """\
+examples:
+  mpirun -n 4 hpcsweep run figure3.toml
+  hpcsweep run figure3.toml --set structure.stiffness_ratio=100 -o soft.h5
+  hpcsweep run figure3.toml --set 'sweep.omega={from = 0.3, to = 0.6, count = 31}' -o map.h5
+  hpcsweep run figure3.toml --set 'solver.method="bdf"' -o bdf.h5
+
+What is set replaces the value in the file, a range as a whole; the results file holds the job with
+all that was set. Give such a variant a file of its own: a file of another job is refused."""
+
 
 def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     run = commands.add_parser(
-        "run", help="run a job, or go on with it", description=RUN_HELP, formatter_class=RAW
+        "run",
+        help="run a job, or resume it",
+        description=RUN_HELP,
+        epilog=RUN_EXAMPLES,
+        formatter_class=RAW,
     )
     run.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     run.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="results (default: the job's name + .h5)"
+    )
+    run.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="TABLE.KEY=VALUE",
+        help="replace what the job file gives, the value in TOML: structure.stiffness_ratio=100; "
+        "may be given more than once",
     )
     run.add_argument(
         "--max-hours",
@@ -66,7 +89,7 @@ def _run(options) -> int:
         job, problem = None, None
         if comm.rank == 0:
             try:
-                job = load_job(options.job)
+                job = load_job(options.job, options.settings)
             except JobError as error:
                 problem = str(error)
         job, problem = comm.bcast((job, problem))
@@ -83,11 +106,12 @@ def _run(options) -> int:
                     comm,
                     max_hours=options.max_hours,
                     progress=make_progress,
+                    say=note,
                     flag=flag,
                 )
                 flag.ignore()
                 if comm.rank == 0:
-                    hint = "complete" if code == 0 else "stopped in good order; run again to go on"
+                    hint = "complete" if code == 0 else "stopped in good order; run again to resume"
                     print(f"{output}: {hint}", file=sys.stderr)
                 return comm.leave(code)
             except StoreError as error:

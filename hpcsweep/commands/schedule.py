@@ -90,13 +90,14 @@ def _costs(source: Path) -> tuple:
 
 def _replay(comm, known, seconds: float) -> dict | None:
     """Sleep through the job's costs, scaled; compare with the simulation on rank 0."""
+    from hpcsweep.campaign.forecast import MOST_PIECES
     from hpcsweep.parallel import replay
     from hpcsweep.parallel.schedule import MESSAGE_SECONDS, simulate
 
     messages = replay.time_messages(comm)
     pieces = None
     if comm.rank == 0:
-        pieces = known[1].costs.pieces()
+        pieces = known[1].costs.pieces(MOST_PIECES)
         bound = simulate(pieces, comm.size).bound
         pieces = [piece * (seconds / bound) for piece in pieces]
     makespan, traffic = replay.replay(comm, pieces)
@@ -119,7 +120,7 @@ def _show(options, job, forecast, checked) -> None:
     from hpcsweep.campaign import forecast as estimate
     from hpcsweep.parallel.schedule import ranks_that_help
 
-    each = {}
+    study, each = job.study, {}
     if checked and checked["messages"]:
         each["message_seconds"] = 1 / checked["messages"]["capacity"]
     predictions = estimate.predict(job, forecast, options.ranks or estimate.RANKS, **each)
@@ -127,7 +128,7 @@ def _show(options, job, forecast, checked) -> None:
         totals = forecast.costs.totals()
         report = {
             "job": job.name,
-            "runs": job.n_runs,
+            "runs": study.n_runs,
             "runs_timed": forecast.n_timed,
             "core_seconds": float(totals.sum()),
             "ranks_that_help": ranks_that_help(totals),
@@ -139,8 +140,9 @@ def _show(options, job, forecast, checked) -> None:
         print()
         return
     print(
-        f"{job.name}: {job.omega.size} frames, {forecast.run_seconds * job.n_runs:.4g} core "
-        f"seconds, from {forecast.n_timed} runs timed, of {job.n_runs}"
+        f"{job.name}: {study.n_tasks} {study.task_noun}s, "
+        f"{forecast.run_seconds * study.n_runs:.4g} core seconds, from {forecast.n_timed} runs "
+        f"timed, of {study.n_runs}"
     )
     print("\n".join(estimate.ranks_text(job, forecast, predictions)))
     if checked is None:

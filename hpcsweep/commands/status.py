@@ -27,7 +27,7 @@ def add_to(commands) -> None:
 
 
 def _status(options) -> int:
-    from hpcsweep.campaign.status import monitor
+    from hpcsweep.campaign.status import status
     from hpcsweep.store import StoreError, job_of
 
     try:
@@ -35,7 +35,7 @@ def _status(options) -> int:
             sys.stdout.buffer.write(job_of(options.file).text.encode())
             sys.stdout.flush()
             return 0
-        state = monitor(options.file)
+        state = status(options.file)
     except StoreError as error:
         complain(str(error))
         return USER_ERROR
@@ -107,8 +107,8 @@ def _describe_work(state: dict) -> list[str]:
     frames = state["frame_seconds"]
     if frames:
         lines.append(
-            f"  frames    dearest {frames['dearest']:.3g} s (Omega = "
-            f"{frames['dearest_omega']:.6g}), median {frames['median']:.3g} s, cheapest "
+            f"  frames    costliest {frames['costliest']:.3g} s (Omega = "
+            f"{frames['costliest_omega']:.6g}), median {frames['median']:.3g} s, cheapest "
             f"{frames['cheapest']:.3g} s (Omega = {frames['cheapest_omega']:.6g}), of "
             f"{frames['frames']} timed whole"
         )

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 
@@ -73,7 +74,7 @@ class Structure:
             object.__setattr__(self, "damping_ratio", self._ratios)
 
     def _validated_damping(self) -> tuple[float, ...]:
-        given = self.damping_ratio
+        given: Any = self.damping_ratio
         if isinstance(given, Real):
             ratios = (_number("damping_ratio", given),) * self.n_floors
         elif isinstance(given, str | bytes) or not hasattr(given, "__len__"):

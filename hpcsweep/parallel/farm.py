@@ -150,7 +150,7 @@ def run(
         Called on rank 0.
     cost : callable
         Estimated cost (s) of what is left of a task, as of the last report; asked on rank 0, again
-        and again. The dearest are handed out first, equal ones in order.
+        and again. The costliest are handed out first, equal ones in order.
     traffic : Traffic, optional
         Filled on rank 0.
     tick : callable

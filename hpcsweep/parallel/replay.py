@@ -91,7 +91,8 @@ def replay(
         return None
 
     def on_report(_rank, value) -> None:
-        known.done(*value, 0.0)
+        task, position = value
+        known.done(task, position, 0.0)
         ended[0] = time.monotonic()
 
     comm.barrier()

@@ -1,15 +1,15 @@
 """Which rank does which task when: the rule the farm follows, and a simulation of it.
 
 A task is a path: its pieces can only be done one after the other, but not all on one rank. With
-work W on N ranks and a dearest task d no schedule ends before max(W / N, d). The rule here comes
+work W on N ranks and a costliest task d no schedule ends before max(W / N, d). The rule here comes
 close to that bound for any costs:
 
-* a free rank gets the dearest task that waits;
+* a free rank gets the costliest task that waits;
 * a waiting task whose rest is as long as the fair share W(t) / N of what is left must start now,
   or it alone ends late. The running task with the least left is taken back after its piece, and
   waits in its turn.
 
-Without the second rule (only dearest first, Graham 1969) three equal tasks on two ranks take 4/3
+Without the second rule (only costliest first, Graham 1969) three equal tasks on two ranks take 4/3
 of the bound; with it, and small pieces, the bound of McNaughton (1959): as long as no rank idles
 and no waiting task is longer than the fair share, both shrink at the same rate.
 """
@@ -81,7 +81,7 @@ class Schedule:
         self._waiting.clear()
 
     def take(self, now: float) -> int:
-        """Start the dearest waiting task at time `now` (s)."""
+        """Start the costliest waiting task at time `now` (s)."""
         left, task = self._waiting.pop()
         self._left[-task] = left
         self._since[-task] = now
@@ -170,7 +170,7 @@ class Prediction:
     makespan : float
         Seconds from the start to the end of the last task.
     bound : float
-        max(total / n_ranks, dearest): no schedule is faster.
+        max(total / n_ranks, costliest): no schedule is faster.
     efficiency : float
         total / (n_ranks makespan).
     recalls : int
@@ -191,7 +191,7 @@ class Prediction:
 
 
 def ranks_that_help(costs: Sequence[float]) -> float:
-    """Give total / dearest: with more ranks the dearest task is the bound."""
+    """Give total / costliest: with more ranks the costliest task is the bound."""
     costs = np.asarray(costs, float)
     return float(costs.sum() / costs.max()) if costs.size and costs.max() > 0 else 1.0
 
@@ -278,11 +278,11 @@ class _Simulation:
                 self._recalled.add(task)
                 self._serve(now)
         total = sum(map(sum, self._pieces))
-        dearest = max(map(sum, self._pieces), default=0.0)
+        costliest = max(map(sum, self._pieces), default=0.0)
         return Prediction(
             n_ranks=self._n_ranks,
             makespan=end,
-            bound=max(total / self._n_ranks, dearest),
+            bound=max(total / self._n_ranks, costliest),
             efficiency=total / (self._n_ranks * end) if end > 0 else 1.0,
             recalls=self._recalls,
             messages=self._messages,

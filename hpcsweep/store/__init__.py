@@ -8,30 +8,31 @@
 
 from hpcsweep.store.check import layout_problems
 from hpcsweep.store.commit import Campaign, open_campaign
-from hpcsweep.store.create import create, file_size
+from hpcsweep.store.create import create
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.journal import Journal
-from hpcsweep.store.layout import DamagedError, StoreError, WriteError
+from hpcsweep.store.layout import DamagedError, Layout, StoreError, WriteError
 from hpcsweep.store.lock import Lock
 from hpcsweep.store.offsets import is_packed
 from hpcsweep.store.packing import pack
-from hpcsweep.store.reader import job_of, open_results, status
+from hpcsweep.store.reader import job_of, open_results
+from hpcsweep.store.records import read_history
 
 __all__ = [
     "Campaign",
     "DamagedError",
     "Frames",
     "Journal",
+    "Layout",
     "Lock",
     "StoreError",
     "WriteError",
     "create",
-    "file_size",
     "is_packed",
     "job_of",
     "layout_problems",
     "open_campaign",
     "open_results",
     "pack",
-    "status",
+    "read_history",
 ]

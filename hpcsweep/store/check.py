@@ -6,15 +6,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.job import Job
-from hpcsweep.store.layout import COMMIT, OMEGA, coordinates, dimensions, run_variables
+from hpcsweep.store.layout import Layout
 from hpcsweep.store.offsets import open_for_reading
 
 PROVENANCE = ("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ranks", "created")
 """Attributes that tell where the results come from."""
 
 
-def layout_problems(path: Path, job: Job) -> list[str]:
+def layout_problems(path: Path, layout: Layout) -> list[str]:
     """Compare attributes, coordinates and the variables' form with the layout of the job's file.
 
     Returns
@@ -23,26 +22,28 @@ def layout_problems(path: Path, job: Job) -> list[str]:
         What is not as promised, one line each; empty for a sound file.
     """
     with open_for_reading(path) as file:
-        problems = _attribute_problems(file, job)
-        expected = coordinates(job)
-        for name, (values, units, _) in expected.items():
+        problems = _attribute_problems(file, layout)
+        for name, (values, units, _) in layout.coordinates.items():
             problems += _coordinate_problems(file, name, values, units)
-        size = dimensions(job)
-        variables = [OMEGA, *run_variables(job), COMMIT]
-        for variable in variables:
-            problems += _variable_problems(file, variable, size)
-        known = set(expected) | {variable.name for variable in variables}
+        for variable in layout.datasets:
+            problems += _variable_problems(file, variable, layout)
+        known = set(layout.coordinates) | {variable.name for variable in layout.datasets}
         problems += [f"{name}: not part of the layout" for name in file if name not in known]
         if not problems:
-            if not np.array_equal(file["omega"][...], job.omega):
-                problems.append("omega: not the frequencies of the job")
-            problems += _storage_problems(file, [variable.name for variable in variables], path)
+            problems += [
+                f"{variable.name}: its values are not those of the job"
+                for variable, values in layout.given
+                if not np.array_equal(file[variable.name][...], values)
+            ]
+            names = [variable.name for variable in (*layout.variables, layout.commit)]
+            problems += _storage_problems(file, names, path)
     return problems
 
 
-def _attribute_problems(file: h5py.File, job: Job) -> list[str]:
+def _attribute_problems(file: h5py.File, layout: Layout) -> list[str]:
     problems = [f"attribute {key}: missing" for key in PROVENANCE if key not in file.attrs]
-    for key, value in (("solver", job.settings.solver), ("rtol", job.settings.rtol)):
+    for key in ("solver", "rtol"):
+        value = layout.attributes[key]
         if file.attrs.get(key) != value:
             problems.append(f"attribute {key}: is {file.attrs.get(key)!r}, the job says {value!r}")
     return problems
@@ -63,12 +64,19 @@ def _coordinate_problems(file, name: str, values: np.ndarray, units: str) -> lis
         if scale.dtype != values.dtype:
             problems.append(f"{name}: its type is {scale.dtype}, not {values.dtype}")
         stored = scale[...]
-    if not np.array_equal(stored, values):
+    if not _same(stored, values):
         problems.append(f"{name}: its values are not those of the job")
     return problems
 
 
-def _variable_problems(file, variable, size: dict[str, int]) -> list[str]:
+def _same(stored: np.ndarray, values: np.ndarray) -> bool:
+    """Compare to the last bit; NaN equals NaN."""
+    if values.dtype == object:
+        return np.array_equal(stored, values)
+    return stored.shape == values.shape and stored.tobytes() == values.tobytes()
+
+
+def _variable_problems(file, variable, layout: Layout) -> list[str]:
     name = variable.name
     if name not in file:
         return [f"{name}: missing"]
@@ -76,7 +84,7 @@ def _variable_problems(file, variable, size: dict[str, int]) -> list[str]:
     problems = _note_problems(data, name, variable.units)
     if data.dtype != np.dtype(variable.dtype):
         problems.append(f"{name}: its type is {data.dtype}, not {np.dtype(variable.dtype)}")
-    shape = tuple(size[dim] for dim in variable.dims)
+    shape = layout.shape(variable)
     if data.shape != shape:
         return [*problems, f"{name}: its shape is {data.shape}, not {shape}"]
     for axis, dim in enumerate(variable.dims):
@@ -97,7 +105,6 @@ def _note_problems(data, name: str, units: str) -> list[str]:
 
 def _storage_problems(file, names: list[str], path: Path) -> list[str]:
     """Plain: every variable one run of bytes inside the file, none over another. Packed: chunks."""
-    names = [name for name in names if name != OMEGA.name]
     chunked = [name for name in names if file[name].chunks is not None]
     if chunked:
         return [

@@ -8,47 +8,20 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.job import Job
-from hpcsweep.store.layout import (
-    COMMIT,
-    FORMAT,
-    LAYOUT_VERSION,
-    OMEGA,
-    StoreError,
-    Variable,
-    coordinates,
-    dimensions,
-    run_variables,
-)
+from hpcsweep.store.layout import Layout, StoreError
 
 METADATA = 2**16
 """Bytes that are more than enough for the names, scales and attributes of a file."""
 
 
-def file_size(job: Job) -> int:
-    """Give the bytes of a job's file, without its few kilobytes of metadata."""
-    size = dimensions(job)
-    total = 0
-    for variable in [*run_variables(job), COMMIT]:
-        total += _bytes(variable, size)
-    return total
-
-
-def _bytes(variable: Variable, size: dict[str, int]) -> int:
-    count = 1
-    for dim in variable.dims:
-        count *= size[dim]
-    return count * np.dtype(variable.dtype).itemsize
-
-
-def create(path: Path, job: Job, provenance: dict[str, str]) -> None:
+def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None:
     """Create the file under a temporary name, reserve its room and rename it into place.
 
     Parameters
     ----------
     path : Path
         Must not exist.
-    job : Job
+    layout : Layout
     provenance : dict of str to str
         Stored as attributes.
 
@@ -60,7 +33,7 @@ def create(path: Path, job: Job, provenance: dict[str, str]) -> None:
     temporary = path.with_name(path.name + ".new")
     try:
         free = shutil.disk_usage(path.parent).free
-        need = file_size(job)
+        need = layout.file_size()
         if need > free:
             raise StoreError(
                 f"{path}: the results need {need / 1e9:.3g} GB, the file system has "
@@ -69,7 +42,7 @@ def create(path: Path, job: Job, provenance: dict[str, str]) -> None:
         # HDF5 may crash when a file it closes finds no room: find out before
         _reserve(temporary, need + METADATA)
         with h5py.File(temporary, "w", libver=("v108", "v108")) as file:
-            _fill(file, job, provenance)
+            _fill(file, layout, provenance)
         _reserve(temporary, temporary.stat().st_size)
         temporary.rename(path)
     except (OSError, RuntimeError) as error:
@@ -95,9 +68,8 @@ def reason(error: Exception) -> str:
     return strerror or " ".join(str(error).split())
 
 
-def _fill(file: h5py.File, job: Job, provenance: dict[str, str]) -> None:
-    size = dimensions(job)
-    for name, (values, units, long_name) in coordinates(job).items():
+def _fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> None:
+    for name, (values, units, long_name) in layout.coordinates.items():
         if values.dtype == object:
             scale = file.create_dataset(name, data=values, dtype=h5py.string_dtype())
         else:
@@ -106,22 +78,16 @@ def _fill(file: h5py.File, job: Job, provenance: dict[str, str]) -> None:
         scale.make_scale(name)
         scale.attrs["units"] = units
         scale.attrs["long_name"] = long_name
-    for variable in [OMEGA, *run_variables(job), COMMIT]:
-        data = _dataset(
-            file, variable.name, tuple(size[dim] for dim in variable.dims), variable.dtype
-        )
+    for variable in layout.datasets:
+        data = _dataset(file, variable.name, layout.shape(variable), variable.dtype)
         for axis, dim in enumerate(variable.dims):
             data.dims[axis].attach_scale(file[dim])
         data.attrs["units"] = variable.units
         data.attrs["long_name"] = variable.long_name
-    file["omega"][...] = job.omega
-    file["commit"][...] = 0
-    file.attrs["format"] = FORMAT
-    file.attrs["layout_version"] = LAYOUT_VERSION
-    file.attrs["fingerprint"] = job.fingerprint
-    file.attrs["name"] = job.name
-    file.attrs["job"] = job.text
-    for key, value in provenance.items():
+    for variable, values in layout.given:
+        file[variable.name][...] = values
+    file[layout.commit.name][...] = 0
+    for key, value in {**layout.attributes, **provenance}.items():
         file.attrs[key] = value
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.layout import RUN, StoreError, coordinates, run_variables
-from hpcsweep.store.reader import MISSING, job_of
+from hpcsweep.store.layout import Layout, StoreError
+from hpcsweep.store.reader import job_of
 
 
 class Frames:
@@ -31,8 +31,10 @@ class Frames:
     def __init__(self, path: str | Path):
         self.path = Path(path)
         self.job = job_of(self.path)
-        self._variables = {variable.name for variable in run_variables(self.job)}
-        self._blocks = Blocks(self.path, self.job)
+        self.study = self.job.study
+        self._layout = Layout(self.job)
+        self._variables = {variable.name: variable for variable in self._layout.variables}
+        self._blocks = Blocks(self.path, self._layout)
 
     def __contains__(self, variable: str) -> bool:
         return variable in self._variables
@@ -60,19 +62,18 @@ class Frames:
                 raise StoreError(
                     f"{self.path}: holds no {name}: set output.{name} = true in the job"
                 )
-        job = self.job
         found: dict[str, np.ndarray] = {}
-        for (direction, block), valid in self._blocks.valid(frame).items():
-            rows = self._blocks.read(direction, frame, block) if valid or not found else None
-            if not found:
-                shape = (len(job.directions), job.amplitude.size)
-                for name in names:
-                    empty = MISSING.get(name, np.nan)
-                    found[name] = np.full((*shape, *rows[name].shape[1:]), empty, rows[name].dtype)
-            if valid:
-                low, high = self._blocks.rows(direction, block)
-                for name in names:
-                    found[name][direction, low:high] = rows[name]
+        for name in names:
+            variable = self._variables[name]
+            directions, _, *rest = self._layout.shape(variable)
+            found[name] = np.full((directions, *rest), variable.missing, variable.dtype)
+        for task in self.study.tasks_of(frame):
+            for block, valid in self._blocks.valid(task):
+                if valid:
+                    rows = self._blocks.read(block)
+                    direction, _, at = block.runs
+                    for name in names:
+                        found[name][direction, at] = rows[name]
         return found
 
     def dataset(self, frame: int):
@@ -84,24 +85,32 @@ class Frames:
             As of `open_results`, with dimension `frame` of size 1; of the attributes only
             `job` and `name`.
         """
+        found = self.read(frame, tuple(self._variables))
+        arrays = {name: values[:, None] for name, values in found.items()}
+        return self._dataset([frame], {n: (self._variables[n].dims, v) for n, v in arrays.items()})
+
+    def _dataset(self, frames: Sequence[int], arrays: dict, directions: slice = slice(None)):
+        """Put arrays of some frames together with what is known of these frames."""
         import xarray
 
-        job = self.job
-        variables = run_variables(job)
-        found = self.read(frame, tuple(variable.name for variable in variables))
+        study = self.study
+        given = {
+            variable.name: (variable.dims, values[list(frames)])
+            for variable, values in self._layout.given
+        }
+        # the amplitudes of one frame are its own even where frames share none
+        amplitude = study.amplitudes_of(frames[0]) if len(frames) == 1 else None
+        if amplitude is None:
+            amplitude = self._layout.coordinates["amplitude"].values
         return xarray.Dataset(
-            {
-                "omega": (("frame",), job.omega[[frame]]),
-                **{
-                    v.name: ((*RUN, *v.dims[len(RUN) :]), found[v.name][:, None]) for v in variables
-                },
-            },
+            {**given, **arrays},
             coords={
-                "direction": list(job.directions),
-                "frame": [frame],
-                "amplitude": job.amplitude,
+                "direction": list(study.directions)[directions],
+                "frame": list(frames),
+                "amplitude": amplitude,
+                "state": self._layout.coordinates["state"].values.astype(str),
             },
-            attrs={"job": job.text, "name": job.name},
+            attrs={"job": self.job.text, "name": self.job.name},
         )
 
     def gather(
@@ -130,16 +139,13 @@ class Frames:
         xarray.Dataset
             As of `dataset`, with all `frames`.
         """
-        import xarray
-
-        job = self.job
-        frames = range(job.omega.size) if frames is None else frames
-        kept = [v for v in run_variables(job) if v.name in names]
-        axes = {v.name: (*RUN, *v.dims[len(RUN) :]) for v in kept}
-        axes |= dict.fromkeys(derive or {}, RUN)
+        study = self.study
+        frames = range(study.omega.size) if frames is None else frames
+        kept = [v for v in self._layout.variables if v.name in names]
+        axes = {v.name: v.dims for v in kept} | dict.fromkeys(derive or {}, study.run_dims)
         chosen = slice(None)
         if direction is not None:
-            place = job.directions.index(direction)
+            place = study.directions.index(direction)
             chosen = slice(place, place + 1)
         arrays: dict[str, np.ndarray] = {}
         for place, frame in enumerate(frames):
@@ -152,16 +158,6 @@ class Frames:
                     shape = (values.shape[0], len(frames), *values.shape[2:])
                     arrays[name] = np.empty(shape, values.dtype)
                 arrays[name][:, place] = values[:, 0]
-        return xarray.Dataset(
-            {
-                "omega": (("frame",), job.omega[list(frames)]),
-                **{name: (axes[name], values) for name, values in arrays.items()},
-            },
-            coords={
-                "direction": list(job.directions)[chosen],
-                "frame": list(frames),
-                "amplitude": job.amplitude,
-                "state": coordinates(job)["state"][0].astype(str),
-            },
-            attrs={"job": job.text, "name": job.name},
+        return self._dataset(
+            list(map(int, frames)), {n: (axes[n], values) for n, values in arrays.items()}, chosen
         )

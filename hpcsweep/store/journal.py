@@ -58,7 +58,7 @@ class Journal:
         except OSError as error:
             raise WriteError(
                 f"{self.path}: cannot be written: {error.strerror}; what is committed is safe: "
-                "make room and run again to go on"
+                "make room and run again to resume"
             ) from None
 
     def read(self) -> list[dict]:

@@ -26,6 +26,8 @@ ORPHAN_WAIT = 20.0
 """Seconds to wait for orphaned ranks of a killed campaign to end."""
 UNSUPPORTED = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
 MASTER_BYTE, RANKS_BYTE = 0, 1
+CLOSED = -1
+"""In place of a descriptor."""
 FLOCK = "hhqqi"
 """Linux's struct flock on 64 bits: type, whence, start, length, process."""
 
@@ -36,7 +38,7 @@ class Lock:
     def __init__(self, path: Path):
         self._results = path
         self.path = path.with_name(path.name + ".lock")
-        self._descriptor: int | None = None
+        self._descriptor = CLOSED
         self._by_existence = False
 
     def acquire(self, ranks: int, wait: float | None = None) -> None:
@@ -116,7 +118,7 @@ class Lock:
 
     def join(self) -> None:
         """Hold the lock of a rank; after `acquire`, on every rank."""
-        if self._descriptor is None:
+        if self._descriptor == CLOSED:
             self._descriptor = os.open(self.path, os.O_RDWR)
         with contextlib.suppress(OSError):
             fcntl.lockf(self._descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, RANKS_BYTE)
@@ -146,9 +148,9 @@ class Lock:
             return False
 
     def _forget(self) -> None:
-        if self._descriptor is not None:
+        if self._descriptor != CLOSED:
             os.close(self._descriptor)
-            self._descriptor = None
+            self._descriptor = CLOSED
 
     def _process_holding(self, byte: int) -> int:
         """Give the process of this node that holds a byte's lock, 0 if it is not known."""

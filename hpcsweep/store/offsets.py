@@ -42,7 +42,9 @@ class Offsets:
         padded = (*start, *(0,) * (len(shape) - len(start)))
         return offset + int(np.ravel_multi_index(padded, shape)) * dtype.itemsize
 
-    def extent(self, variable: str, start: tuple[int, ...], n: int) -> tuple[int, int, tuple, str]:
+    def extent(
+        self, variable: str, start: tuple[int, ...], n: int
+    ) -> tuple[int, int, tuple[int, ...], np.dtype]:
         """Give offset, bytes, shape and type of `n` rows of a variable from index `start`."""
         _, shape, dtype = self._of[variable]
         shape = (n, *shape[len(start) :])

@@ -9,12 +9,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.job import Job
 from hpcsweep.store.check import layout_problems
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.create import reason
 from hpcsweep.store.journal import Journal
-from hpcsweep.store.layout import StoreError
+from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.lock import Lock
 from hpcsweep.store.offsets import is_packed, open_for_reading
 from hpcsweep.store.reader import job_of
@@ -40,7 +39,7 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     path : str or Path
     output : str or Path, optional
         Must not exist. Without it the packed file takes the place of `path`, whose job must be
-        complete, because a packed file cannot be gone on with.
+        complete, because a packed file cannot be resumed.
 
     Returns
     -------
@@ -54,8 +53,8 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     """
     path = Path(path)
     target = path if output is None else Path(output)
-    job = job_of(path)
-    problems = layout_problems(path, job)
+    layout = Layout(job_of(path))
+    problems = layout_problems(path, layout)
     if problems:
         raise StoreError(f"{path}: damaged ({problems[0]}); it is left as it is")
     if is_packed(path):
@@ -67,11 +66,11 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     lock = Lock(path)
     lock.acquire(1)
     try:
-        committed = _check_blocks(path, job, whole=output is None)
+        committed = _check_blocks(path, layout, whole=output is None)
         temporary = target.with_name(target.name + ".packing")
         try:
             _copy(path, temporary)
-            _verify(path, temporary, job, committed)
+            _verify(path, temporary, layout, committed)
             before, after = path.stat().st_size, temporary.stat().st_size
             if output is not None and Journal(path).path.exists():
                 shutil.copyfile(Journal(path).path, Journal(target).path)
@@ -87,16 +86,16 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     return before, after
 
 
-def _check_blocks(path: Path, job: Job, whole: bool) -> list[tuple[int, int, int]]:
-    """List the committed blocks, all of whose checksums hold."""
+def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ...]]:
+    """List the places of the committed blocks, all of whose checksums hold."""
     committed, waiting = [], 0
-    blocks = Blocks(path, job)
+    blocks = Blocks(path, layout)
     try:
-        for frame in range(job.omega.size):
-            for (direction, block), good in blocks.valid(frame).items():
+        for task in range(layout.study.n_tasks):
+            for block, good in blocks.valid(task):
                 if good:
-                    committed.append((direction, frame, block))
-                elif blocks.committed(direction, frame, block):
+                    committed.append(block.place)
+                elif blocks.committed(block):
                     raise StoreError(
                         f"{path}: damaged (see hpcsweep validate); run its job again, then pack it"
                     )
@@ -107,7 +106,7 @@ def _check_blocks(path: Path, job: Job, whole: bool) -> list[tuple[int, int, int
     if waiting and whole:
         raise StoreError(
             f"{path}: not complete ({waiting} of {waiting + len(committed)} blocks are missing), "
-            "and a packed file cannot be gone on with; run it to its end, or pack a copy with -o"
+            "and a packed file cannot be resumed; run it to its end, or pack a copy with -o"
         )
     return committed
 
@@ -185,7 +184,7 @@ def _parts(data: h5py.Dataset) -> Iterator[tuple[slice, ...]]:
         )
 
 
-def _verify(path: Path, temporary: Path, job: Job, committed) -> None:
+def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:
     """Compare the copy with the file.
 
     Raises
@@ -204,10 +203,10 @@ def _verify(path: Path, temporary: Path, job: Job, committed) -> None:
                 _bytes(data[part]) != _bytes(packed[part]) for part in parts
             ):
                 different.append(name)
-    copied = Blocks(temporary, job)
+    copied = Blocks(temporary, layout)
     try:
-        frames = sorted({frame for _, frame, _ in committed})
-        good = [(d, f, b) for f in frames for (d, b), ok in copied.valid(f).items() if ok]
+        tasks = sorted({layout.study.block(place).task for place in committed})
+        good = [block.place for task in tasks for block, ok in copied.valid(task) if ok]
         if sorted(good) != sorted(committed):
             different.append("the checksums")
     finally:

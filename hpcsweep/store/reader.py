@@ -1,21 +1,13 @@
-"""Open the results for people: an xarray.Dataset, and the state of a campaign."""
+"""Open the results for people: the job they are of, and an xarray.Dataset."""
 
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.job import Job, JobError, parse_job
-from hpcsweep.solvers.outcome import Outcome, Shortcut
-from hpcsweep.store.commit import Blocks, check_file, path_blocks
-from hpcsweep.store.journal import Journal
-from hpcsweep.store.layout import DamagedError
+from hpcsweep.store.commit import Blocks, check_file
+from hpcsweep.store.layout import DamagedError, Layout
 from hpcsweep.store.offsets import open_for_reading
-
-MISSING = {"n_points": 0, "orbit_period": 0, "contact": 0, "cycles": 0, "outcome": 0, "shortcut": 0}
-"""What stands where nothing is committed; NaN in the other variables."""
-
-
-OUTCOMES = {int(outcome): outcome.name for outcome in Outcome}
 
 
 def job_of(path: str | Path) -> Job:
@@ -77,118 +69,9 @@ def open_results(path: str | Path):
             notes = {key: data.attrs[key] for key in ("units", "long_name")}
             arrays[name] = (dims, values, notes)
         attributes = dict(file.attrs)
-    mask = _valid_runs(path, job)
-    for name, (dims, values, _notes) in arrays.items():
-        if dims[:3] == ("direction", "frame", "amplitude"):
-            values[~mask] = MISSING.get(name, np.nan)
+    layout = Layout(job)
+    with Blocks(path, layout) as blocks:
+        missing = ~blocks.valid_runs()
+    for variable in layout.variables:
+        arrays[variable.name][1][missing] = variable.missing
     return xarray.Dataset(arrays, attrs=attributes)
-
-
-def _valid_runs(path: Path, job: Job) -> np.ndarray:
-    """Tell for each (direction, frame, amplitude) whether it belongs to a valid block."""
-    mask = np.zeros((len(job.directions), job.omega.size, job.amplitude.size), bool)
-    blocks = Blocks(path, job)
-    try:
-        for frame in range(job.omega.size):
-            for (direction, block), good in blocks.valid(frame).items():
-                if good:
-                    low, high = blocks.rows(direction, block)
-                    mask[direction, frame, low:high] = True
-    finally:
-        blocks.close()
-    return mask
-
-
-def status(path: str | Path) -> dict:
-    """Describe a campaign file, live or not, without disturbing its writers.
-
-    Returns
-    -------
-    dict
-        Plain numbers, strings and lists: what is done, outcomes, sessions, failures.
-    """
-    path = Path(path)
-    job = job_of(path)
-    attributes = check_file(path)
-    with open_for_reading(path) as file:
-        commit = file["commit"][...]
-        outcome = file["outcome"][...]
-        cycles = file["cycles"][...]
-        period = file["orbit_period"][...]
-        shortcut = file["shortcut"][...]
-    done = np.zeros(outcome.shape, bool)
-    blocks = Blocks(path, job)
-    for direction, block in path_blocks(job):
-        low, high = blocks.rows(direction, block)
-        done[direction, :, low:high] = (commit[direction, :, block] != 0)[:, None]
-    blocks.close()
-    failed = np.argwhere(done & (outcome != Outcome.COMPLETE))
-    records = Journal(path).read()
-    costs = [r for r in records if r["kind"] == "block"]
-    seconds = sum(r["seconds"] for r in costs)
-    runs_timed = sum(r["runs"] for r in costs)
-    n_done = int(done.sum())
-    plain = job.settings.transient_cycles + job.settings.sampling_cycles
-    return {
-        "file": str(path),
-        "name": job.name,
-        "solver": job.settings.solver,
-        "version": str(attributes.get("hpcsweep_version", "")),
-        "runs_done": n_done,
-        "runs_total": job.n_runs,
-        "frames_done": int(done.all(axis=(0, 2)).sum()),
-        "frames_total": int(job.omega.size),
-        "complete": n_done == job.n_runs,
-        "core_seconds": seconds,
-        "runs_per_core_second": runs_timed / seconds if seconds else None,
-        "core_seconds_remaining": (
-            (job.n_runs - n_done) * seconds / runs_timed if runs_timed else None
-        ),
-        "periods_per_run": float(cycles[done].mean()) if n_done else None,
-        "periods_per_run_plain": plain,
-        "runs_spared": {
-            rule.name.lower(): int((done & (shortcut == rule)).sum())
-            for rule in Shortcut
-            if rule is not Shortcut.NONE
-        },
-        "no_period_found": int((done & (period == 0) & (outcome == Outcome.COMPLETE)).sum()),
-        "n_failed": len(failed),
-        "failures": [
-            {
-                "direction": job.directions[d],
-                "omega": float(job.omega[f]),
-                "amplitude": float(job.amplitude[a]),
-                "outcome": OUTCOMES.get(int(outcome[d, f, a]), "damaged; see validate"),
-            }
-            for d, f, a in failed[:20]
-        ],
-        "sessions": _sessions(records),
-    }
-
-
-def _sessions(records: list[dict]) -> list[dict]:
-    """Pair every start with the end that follows it; a killed session has none."""
-    sessions = []
-    for record in records:
-        if record["kind"] == "start":
-            sessions.append(
-                {
-                    "started": record["time"],
-                    "ranks": record["ranks"],
-                    "hosts": record["hosts"],
-                    "transport": record.get("transport"),
-                    "ended": None,
-                    "written_bytes": None,
-                    "write_bytes_per_second": None,
-                    "write_share": None,
-                }
-            )
-        elif record["kind"] == "end" and sessions:
-            last = sessions[-1]
-            last["ended"] = record["reason"]
-            written, seconds = record.get("written_bytes"), record.get("write_seconds")
-            if written:
-                last["written_bytes"] = written
-                last["write_bytes_per_second"] = written / seconds if seconds else None
-                last["write_share"] = seconds / record["rank_seconds"]
-    return sessions

@@ -43,7 +43,7 @@ def _failures_named(path: Path) -> Iterator[None]:
     except (OSError, RuntimeError) as error:
         raise WriteError(
             f"{path}: cannot be written: {_reason(error)}; what is committed is safe: make room "
-            "and run again to go on"
+            "and run again to resume"
         ) from None
 
 
@@ -77,7 +77,7 @@ class PosixTransport:
 
     def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
         """Write rows; see `Transport`."""
-        data = memoryview(np.ascontiguousarray(rows)).cast("B")
+        data = memoryview(np.ascontiguousarray(rows).data).cast("B")
         offset = self._offsets.at(variable, start)
         with _failures_named(self._path):
             while data:

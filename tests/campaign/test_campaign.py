@@ -150,7 +150,7 @@ def test_sigterm_stops_in_good_order_within_seconds(tmp_path, ranks):
     _, errors = process.communicate(timeout=60)
     assert time.monotonic() - begun < 10
     assert process.returncode == 75, errors
-    assert "run again to go on" in errors
+    assert "run again to resume" in errors
     assert journal(path, "end")[-1]["reason"] == "SIGTERM"
     assert not Path(f"{path}.lock").exists()
 

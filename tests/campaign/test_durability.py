@@ -110,7 +110,7 @@ def test_a_long_bdf_sweep_stops_within_seconds(tmp_path, ranks, name, victim):
         code, _, errors = process.finish()
         assert code == 75, errors
         assert time.monotonic() - begun < 10
-        assert "run again to go on" in errors
+        assert "run again to resume" in errors
         assert faults.records(path)[-1]["reason"] == name
         assert not Path(f"{path}.lock").exists()
     finally:
@@ -133,11 +133,11 @@ def test_a_signal_to_a_campaign_that_still_loads_its_libraries_is_obeyed(tmp_pat
     script = tmp_path / "early.py"
     script.write_text(
         "import os, signal, sys\n"
-        "from hpcsweep.commands import cli; from hpcsweep.job import job\n"
+        "from hpcsweep import job; from hpcsweep.commands import cli\n"
         "load = job.load_job\n"
-        "def load_job(path):\n"
+        "def load_job(*arguments):\n"
         "    os.kill(os.getpid(), signal.SIGTERM)\n"
-        "    return load(path)\n"
+        "    return load(*arguments)\n"
         "job.load_job = load_job\n"
         "sys.exit(cli.main(sys.argv[1:]))\n"
     )
@@ -150,7 +150,7 @@ def test_a_signal_to_a_campaign_that_still_loads_its_libraries_is_obeyed(tmp_pat
         check=False,
     )
     assert done.returncode == 75, done.stderr
-    assert "SIGTERM before the first run; run again to go on" in done.stderr
+    assert "SIGTERM before the first run; run again to resume" in done.stderr
     assert faults.committed(tmp_path / "small.h5") == set()
     assert hpcsweep(0, "run", small_job, "-o", tmp_path / "small.h5").returncode == 0
 

@@ -110,7 +110,7 @@ def test_once_stops_at_the_signal_and_submitted_again_completes(
     assert (stopped["JobState"], stopped["ExitCode"]) == ("FAILED", "75:0")
     assert stopped["Account"] == "test"
     log = (tmp_path / f"hpcsweep-{first}.log").read_text()
-    assert "stopped in good order; run again to go on" in log
+    assert "stopped in good order; run again to resume" in log
     assert not status(results)["complete"]
     second = cluster.submit("--ntasks=2", script, long_job, results, cwd=tmp_path)
     assert cluster.wait(second)["ExitCode"] == "0:0"
@@ -136,8 +136,8 @@ def test_requeue_goes_on_until_complete(cluster, tmp_path, long_job, uninterrupt
     assert (ended["JobState"], ended["Restarts"]) == ("COMPLETED", "2")
     log = log_of(tmp_path)
     for line in (
-        "requeued, to go on (restart 1 of at most 50)",
-        "requeued, to go on (restart 2 of at most 50)",
+        "requeued, to resume (restart 1 of at most 50)",
+        "requeued, to resume (restart 2 of at most 50)",
         "long.h5: complete",
     ):
         assert log.count(line) == 1, log

@@ -8,14 +8,15 @@ from tools import SMALL
 
 from hpcsweep import store
 from hpcsweep.campaign import run as campaign
-from hpcsweep.campaign.summary import _cost, summarize
+from hpcsweep.campaign.summary import summarize, total_cost
 from hpcsweep.commands import cli
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares
 from hpcsweep.figures.diagrams import benefit, mesh, period_map
 from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.solvers.outcome import Outcome, Shortcut
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.shortcut import Shortcut
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def test_a_summary_counts_what_the_file_holds(file):
 def test_only_what_is_there_is_counted(tmp_path):
     job = parse_job(SMALL, "x", "x")
     path = tmp_path / "empty.h5"
-    store.create(path, job, {})
+    store.create(path, store.Layout(job), {})
     told = summarize(path)
     assert told["runs_done"] == 0
     assert told["cost"] is told["periods_per_run"] is None
@@ -70,7 +71,12 @@ def test_only_what_is_there_is_counted(tmp_path):
     }
 
 
-def test_sessions_add_up_and_a_block_done_twice_counts_once():
+def test_sessions_add_up_and_a_block_done_twice_counts_once(tmp_path):
+    def told(records):
+        journal = tmp_path / "x.h5.journal"
+        journal.write_text("".join(json.dumps(record) + "\n" for record in records))
+        return total_cost(store.read_history(tmp_path / "x.h5"))
+
     def block(time, place, seconds):
         return {
             "kind": "block", "time": time, "frame": place, "direction": 0, "block": 0,
@@ -78,14 +84,14 @@ def test_sessions_add_up_and_a_block_done_twice_counts_once():
         }  # fmt: skip
 
     records = [
-        {"kind": "start", "time": 100.0, "ranks": 2},
+        {"kind": "start", "time": 100.0, "ranks": 2, "hosts": ["a"]},
         block(110.0, 0, 10.0),
         block(112.0, 1, 11.0),  # killed: no end, and the last block was lost
-        {"kind": "start", "time": 500.0, "ranks": 4},
+        {"kind": "start", "time": 500.0, "ranks": 4, "hosts": ["a"]},
         block(512.0, 1, 12.0),
-        {"kind": "end", "time": 513.0},
+        {"kind": "end", "time": 513.0, "reason": "complete"},
     ]
-    assert _cost(records) == {
+    assert told(records) == {
         "sessions": 2,
         "ranks": [2, 4],
         "wall_seconds": 25.0,
@@ -94,7 +100,7 @@ def test_sessions_add_up_and_a_block_done_twice_counts_once():
         "runs_per_second": 4.0,
         "runs_per_core_second": 100 / 22,
     }
-    assert _cost([]) is _cost(records[:1]) is None
+    assert told([]) is told(records[:1]) is None
 
 
 def test_the_command_writes_text_tables_and_json(file, tmp_path, capsys):

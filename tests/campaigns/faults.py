@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 from tools import ROOT, SMALL, environment, mpirun
 
+from hpcsweep.store import Layout
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.offsets import Offsets
 from hpcsweep.store.reader import job_of
@@ -174,16 +175,13 @@ def valid(path: Path) -> set[tuple[int, int, int]]:
     StoreError
         If the file is no campaign file.
     """
-    blocks = Blocks(path, job := job_of(path))
-    try:
+    with Blocks(path, Layout(job_of(path))) as blocks:
         return {
-            (direction, frame, block)
-            for frame in range(job.omega.size)
-            for (direction, block), good in blocks.valid(frame).items()
+            block.place
+            for task in range(blocks.study.n_tasks)
+            for block, good in blocks.valid(task)
             if good
         }
-    finally:
-        blocks.close()
 
 
 def wait_for_commits(process: Processes, path: Path, least: int) -> bool:
@@ -198,13 +196,11 @@ def wait_for_commits(process: Processes, path: Path, least: int) -> bool:
 
 def flip_bit(path: Path, place: tuple[int, int, int], rng: random.Random) -> str:
     """Flip one bit of a committed block; say of which variable."""
-    direction, frame, block = place
-    blocks = Blocks(path, job_of(path))
-    name = rng.choice(blocks.variables)
-    rows = blocks.read(direction, frame, block)[name]
-    low, _ = blocks.rows(direction, block)
-    blocks.close()
-    at = Offsets(path).at(name, (direction, frame, low)) + rng.randrange(rows.nbytes)
+    with Blocks(path, Layout(job_of(path))) as blocks:
+        block = blocks.study.block(place)
+        name = rng.choice(blocks.variables)
+        rows = blocks.read(block)[name]
+    at = Offsets(path).at(name, block.first) + rng.randrange(rows.nbytes)
     with path.open("r+b") as file:
         file.seek(at)
         byte = file.read(1)[0]

@@ -1,5 +1,6 @@
 """Where things are, how a campaign is started, how two files are compared."""
 
+import dataclasses
 import os
 import shutil
 import subprocess
@@ -29,6 +30,13 @@ max_orbit_period = 6
 [output]
 block = 4
 """
+
+
+def of_study(job, kind: type):
+    """Give a job the study of another class, with the fields of its own: a small one for a test."""
+    study = job.study
+    fields = {field.name: getattr(study, field.name) for field in dataclasses.fields(study)}
+    return dataclasses.replace(job, study=kind(**fields))
 
 
 def mpirun() -> str:
@@ -79,7 +87,7 @@ def run_script(ranks: int, script: Path, *arguments: object):
     line[line.index("-m") :] = [str(script), *map(str, arguments)]
     return subprocess.run(
         line,
-        env=environment(PYTHONPATH=str(JOBS.parent)),
+        env=environment(PYTHONPATH=f"{ROOT}:{ROOT / 'tests' / 'campaigns'}"),
         capture_output=True,
         text=True,
         timeout=300,

@@ -8,15 +8,16 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from tools import ROOT, SMALL, assert_same_datasets, hpcsweep
+from tools import ROOT, SMALL, assert_same_datasets, hpcsweep, of_study
 
 from hpcsweep import Structure
 from hpcsweep.campaign import run as campaign
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import job_of, layout_problems, pack
-from hpcsweep.studies import amplitude_sweep as sweep
+from hpcsweep.store import Layout, job_of, layout_problems, pack
+from hpcsweep.studies.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.runs import frame_runs
 
 JOB = SMALL.replace("count = 4", "count = 2").replace("to = 0.3", "to = 0.15")
 
@@ -25,9 +26,9 @@ def journal_blocks(path: Path) -> int:
     return Path(f"{path}.journal").read_text().count('"kind": "block"')
 
 
-def make(path: Path, text: str = JOB, sweep_block=None):
-    job = parse_job(text, "test", "test")
-    assert campaign.run(job, path, Serial(), sweep_block=sweep_block) == 0
+def make(path: Path, text: str = JOB, study=AmplitudeSweep):
+    job = of_study(parse_job(text, "test", "test"), study)
+    assert campaign.run(job, path, Serial()) == 0
     return job
 
 
@@ -162,7 +163,10 @@ def test_mistakes_of_the_user_are_no_verdict(tmp_path):
     [
         (lambda file: file["drift"].attrs.__setitem__("units", "m"), "drift: its units"),
         (lambda file: file["amplitude"].__setitem__(2, 0.5), "amplitude: its values"),
-        (lambda file: file["omega"].__setitem__(1, 0.5), "omega: not the frequencies"),
+        (
+            lambda file: file["omega"].__setitem__(1, 0.5),
+            "omega: its values are not those of the job",
+        ),
         (lambda file: file["state"].__setitem__(0, b"w_1"), "state: its values"),
         (lambda file: file.__delitem__("cycles"), "cycles: missing"),
         (lambda file: file.__setitem__("mine", 1), "mine: not part of the layout"),
@@ -185,28 +189,29 @@ def test_every_part_of_the_layout_is_compared(copy, change, problem):
 
 def test_variables_of_another_form_or_place_are_found(whole, copy):
     job = parse_job(JOB, "test", "test")
-    assert layout_problems(whole, job) == []
+    assert layout_problems(whole, Layout(job)) == []
     with h5py.File(copy, "r+") as file:
         values = file["cycles"][...]
         del file["cycles"]
         data = file.create_dataset("cycles", data=values.astype("f4"), chunks=True)
         data.attrs["units"], data.attrs["long_name"] = "forcing periods", ""
-    problems = "\n".join(layout_problems(copy, job))
+    problems = "\n".join(layout_problems(copy, Layout(job)))
     assert "cycles: its type is float32, not int32" in problems
     assert "cycles: has no long_name" in problems
     assert "cycles: axis 0 has the scales []" in problems
 
 
 def altered(**changes):
-    """A sweep whose results are changed before they are written, checksums and all."""
+    """A study whose results are changed before they are committed."""
 
-    def sweep_block(*arguments):
-        result = sweep.sweep_block(*arguments)
-        for name, change in changes.items():
-            result[name] = change(result[name])
-        return result
+    class Altered(AmplitudeSweep):
+        def rows(self, *arguments):
+            result = super().rows(*arguments)
+            for name, change in changes.items():
+                result[name] = change(result[name])
+            return result
 
-    return sweep_block
+    return Altered
 
 
 @pytest.mark.parametrize(
@@ -229,7 +234,7 @@ def altered(**changes):
 )
 def test_a_broken_promise_is_found_under_a_checksum_that_holds(tmp_path, name, change, promise):
     path = tmp_path / "altered.h5"
-    make(path, sweep_block=altered(**{name: change}))
+    make(path, study=altered(**{name: change}))
     report = validate(path, samples=0)
     assert not report.sound
     assert any(promise in problem for problem in report.problems), report.problems
@@ -240,32 +245,36 @@ def test_a_window_that_repeats_has_a_period(tmp_path):
     path = tmp_path / "altered.h5"
     plain = JOB.replace("[output]", '[solver]\nskip = "none"\n[output]')
 
-    def forgetful(structure, omega, path, start, settings, poll=None):
-        return sweep.sweep_block(
-            structure, omega, path, start, replace(settings, period_tolerance=1e-300), poll
-        )
+    class Forgetful(AmplitudeSweep):
+        def rows(self, *arguments):
+            return AmplitudeSweep.rows(self.with_settings(period_tolerance=1e-300), *arguments)
 
-    make(path, plain, forgetful)
+    make(path, plain, Forgetful)
     report = validate(path, samples=0)
     assert any("0 only where the points do not repeat" in found for found in report.problems)
 
 
-def of_another_structure(structure, *arguments):
-    other = Structure(structure.n_floors, structure.stiffness_ratio * 1.001, 4e3, 0.0501)
-    return sweep.sweep_block(other, *arguments)
+class OfAnotherStructure(AmplitudeSweep):
+    """Results that are not those of the job."""
+
+    def rows(self, *arguments):
+        own = self.structure
+        other = Structure(own.n_floors, own.stiffness_ratio * 1.001, 4e3, 0.0501)
+        return AmplitudeSweep.rows(replace(self, structure=other), *arguments)
 
 
-def not_following(structure, omega, path, start, *arguments):
+class NotFollowing(AmplitudeSweep):
     """Every run from rest: each ends on an orbit, but not always on the one the path leads to."""
-    rest = np.zeros_like(start)
-    runs = [sweep.sweep_block(structure, omega, [a], rest, *arguments) for a in path]
-    return {name: np.concatenate([run[name] for run in runs]) for name in runs[0]}
+
+    def rows(self, frame, amplitudes, state, poll=None):
+        runs = frame_runs(self.structure, float(self.omega[frame]), self.settings)
+        return runs.each(amplitudes, np.zeros_like(state), poll)
 
 
 def test_orbits_off_the_path_are_found_out(tmp_path):
     path = tmp_path / "off.h5"
     text = job_of(ROOT / "tests" / "data" / "layout1.h5").text
-    make(path, text.replace("[0.55, 0.7]", "[0.55]"), not_following)
+    make(path, text.replace("[0.55, 0.7]", "[0.55]"), NotFollowing)
     report = validate(path, samples=14)
     assert any("from the state stored before it" in problem for problem in report.problems)
     assert not any("bdf finds" in problem for problem in report.problems)
@@ -273,7 +282,7 @@ def test_orbits_off_the_path_are_found_out(tmp_path):
 
 def test_results_of_another_structure_are_found_out_by_the_other_solver(tmp_path):
     path = tmp_path / "other.h5"
-    make(path, sweep_block=of_another_structure)
+    make(path, study=OfAnotherStructure)
     report = validate(path, samples=4)
     assert not report.sound
     assert report.n_problems >= 3
@@ -290,7 +299,7 @@ def test_results_of_another_structure_are_found_out_by_the_other_solver(tmp_path
 )
 def test_wrong_metrics_are_found_out_by_the_other_solver(tmp_path, name, change, finding):
     path = tmp_path / "altered.h5"
-    make(path, sweep_block=altered(**{name: change}))
+    make(path, study=altered(**{name: change}))
     report = validate(path, samples=5)
     assert any(finding in problem for problem in report.problems), report.problems
 

@@ -323,7 +323,7 @@ EXPECTED = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(EXPECTED))
 def test_claims_of_figure_3(tmp_path, name):
-    text = (JOBS / f"{name}.toml").read_text()
+    text = load_job(JOBS / f"{name}.toml").text
     if "lyapunov" not in text:
         text += "\n[output]\nlyapunov = true\n"
     path = tmp_path / "f.h5"

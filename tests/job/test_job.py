@@ -124,24 +124,28 @@ OTHER = {
     "amplitude": np.array([0.07]),
     "directions": ("up",),
     "initial_state": np.full(6, 0.07),
-    "block": 7,
+    "block_size": 7,
+    "listed": True,
 }
 """Another value than that of the job below, for every field that has a meaning."""
 
 
-@pytest.mark.parametrize("part", ["structure", "settings", "job"])
-def test_every_field_is_part_of_the_fingerprint(part):
-    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
-    owner = job if part == "job" else getattr(job, part)
-    silent = {"name", "text", "structure", "settings", "_ratios"}
+@pytest.mark.parametrize("kind", ["amplitude_sweep", "points"])
+@pytest.mark.parametrize("part", ["structure", "settings", "study"])
+def test_every_field_is_part_of_the_fingerprint(part, kind):
+    text = f'[study]\nkind = "{kind}"\n[sweep]\nomega = 0.5\namplitude = 0.1\n'
+    job = parse_job(text, "", "name")
+    owner = getattr(job, part)
+    silent = {"structure", "settings", "_ratios"}
     names = [field.name for field in dataclasses.fields(owner) if field.name not in silent]
     assert names
     for name in names:
         assert name in OTHER, f"{name}: give it another value here, and it must change the hash"
         changed = dataclasses.replace(owner, **{name: OTHER[name]})
-        if part != "job":
-            changed = dataclasses.replace(job, **{part: changed})
-        assert changed.fingerprint != job.fingerprint, name
+        study = changed
+        if part != "study":
+            study = dataclasses.replace(job.study, **{part: changed})
+        assert dataclasses.replace(job, study=study).fingerprint != job.fingerprint, name
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,17 +158,20 @@ class Later(SweepSettings):
 
 def test_a_new_field_counts_only_where_it_is_not_its_default():
     job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
-    assert dataclasses.replace(job, settings=Later()).fingerprint == job.fingerprint
-    hashes = {
-        dataclasses.replace(job, settings=later).fingerprint
-        for later in (Later(), Later(offset=1e-300), Later(weights=(0.1,)), Later(weights=(0.2,)))
-    }
-    assert len(hashes) == 4
+
+    def of(later):
+        study = dataclasses.replace(job.study, settings=later)
+        return dataclasses.replace(job, study=study).fingerprint
+
+    assert of(Later()) == job.fingerprint
+    later = (Later(), Later(offset=1e-300), Later(weights=(0.1,)), Later(weights=(0.2,)))
+    assert len({of(settings) for settings in later}) == 4
 
 
 def test_a_field_that_cannot_be_hashed_is_refused():
     job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
-    strange = dataclasses.replace(job, settings=Later(weights=object()))
+    study = dataclasses.replace(job.study, settings=Later(weights=object()))
+    strange = dataclasses.replace(job, study=study)
     with pytest.raises(TypeError, match="no place in a job's fingerprint"):
         _ = strange.fingerprint
 
@@ -172,3 +179,51 @@ def test_a_field_that_cannot_be_hashed_is_refused():
 def test_the_fingerprint_of_the_first_version_stays():
     job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
     assert job.fingerprint == FIRST_FINGERPRINT
+
+
+def test_the_kind_of_study_is_part_of_the_fingerprint():
+    text = "[sweep]\nomega = 0.5\namplitude = 0.1\ndirections = ['up']\n[output]\nblock = 1\n"
+    sweep = parse_job(text, "", "name")
+    named = parse_job('[study]\nkind = "amplitude_sweep"\n' + text, "", "name")
+    points = parse_job(
+        '[study]\nkind = "points"\n' + text.replace("directions = ['up']\n", ""), "", "name"
+    )
+    listed = parse_job('[study]\nkind = "points"\npoints = [[0.1, 0.5]]\n', "", "name")
+    assert named.fingerprint == sweep.fingerprint
+    assert len({sweep.fingerprint, points.fingerprint, listed.fingerprint}) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ('[study]\nkind = "pionts"', ("study.kind", "amplitude_sweep, points")),
+        ("[study]\nkind = 3", ("study.kind", "amplitude_sweep, points")),
+        ("[study]\nkind = ['points']", ("study.kind", "amplitude_sweep, points")),
+        ("study = 3", ("study", "must be a table")),
+        (
+            '[study]\nkind = "points"\n[sweep]\ndirections = ["up"]',
+            ("sweep.directions", "goes with"),
+        ),
+        ("[study]\npoints = [[0.1, 0.5]]", ("study.points", 'study.kind = "points"')),
+        ('[study]\nkind = "points"\npoints = []', ("study.points", "pairs [A, Omega]")),
+        ('[study]\nkind = "points"\npoints = [[0.1]]', ("study.points", "pairs [A, Omega]")),
+        ('[study]\nkind = "points"\npoints = [[0.1, "x"]]', ("study.points", "a number")),
+        ('[study]\nkind = "points"\npoints = [[0.1, 0.0]]', ("study.points", "Omega above 0")),
+        ('[study]\nkind = "points"\npoints = [[-0.1, 1.0]]', ("study.points", "at least 0")),
+        ('[study]\nkind = "points"\npoints = [[0.1, inf]]', ("study.points", "Omega above 0")),
+        ('[study]\nkind = "points"\npoints = [[0.1, 1], [0.1, 1.0]]', ("study.points", "twice")),
+        (
+            '[study]\nkind = "points"\npoints = [[0.1, 1]]\n[sweep]\nomega = 1.0',
+            ("sweep.omega", "beside study.points"),
+        ),
+        ('[study]\nkind = "points"', ("sweep.omega", "missing")),
+    ],
+)
+def test_mistakes_in_a_study_name_key_and_limit(text, parts):
+    with pytest.raises(JobError) as caught:
+        parse_job(text, "job.toml", "x")
+    message = str(caught.value)
+    assert message.startswith("job.toml: ")
+    assert "\n" not in message
+    for part in parts:
+        assert part in message

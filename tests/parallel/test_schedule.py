@@ -7,13 +7,17 @@ import sys
 
 import numpy as np
 import pytest
-from tools import JOBS, ROOT, SMALL, assert_same_datasets, hpcsweep, run_script
+from tools import JOBS, ROOT, SMALL, assert_same_datasets, hpcsweep, of_study, run_script
 
 from hpcsweep.campaign import costs
-from hpcsweep.campaign.costs import FrameCosts
+from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.job import parse_job
 from hpcsweep.parallel import schedule
 from hpcsweep.parallel.schedule import ranks_that_help, simulate
+from hpcsweep.solvers.outcome import REMEDIES, Outcome
+from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.studies.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.runs import empty_rows
 
 MANY = """
 [sweep]
@@ -54,7 +58,7 @@ def test_equal_tasks_that_do_not_divide_by_the_ranks_are_shared():
     shared = simulate(pieces, 2)
     assert shared.makespan < 1.03 * shared.bound
     assert shared.recalls > 0
-    # the control: in one piece each, dearest first is Graham's 4/3 of the bound
+    # the control: in one piece each, costliest first is Graham's 4/3 of the bound
     whole = simulate([piece.sum(keepdims=True) for piece in pieces], 2)
     assert whole.makespan == pytest.approx(4 / 3 * whole.bound, rel=1e-2)
 
@@ -83,82 +87,98 @@ def test_the_master_is_no_bottleneck_on_4096_ranks():
 
 
 class _Believed:
-    """A job's learnt costs, for the simulation: what a campaign's rank 0 would know."""
+    """A study's learnt costs, for the simulation: what a campaign's rank 0 would know."""
 
-    def __init__(self, job, n_blocks):
-        self.costs, self._job, self._n_blocks = FrameCosts(job), job, n_blocks
+    def __init__(self, study):
+        self.costs, self._study = TaskCosts(study), study
 
     def done(self, task, piece, seconds):
-        direction, block = divmod(piece, self._n_blocks)
-        self.costs.measured(task, direction, block, self._job.block, seconds)
-        self.costs.done(task, direction, block, self._job.block)
+        block = self._study.path(task)[piece]
+        self.costs.measured(BlockCost(block.place, block.n_runs, seconds))
+        self.costs.done(block.place)
 
     def left(self, task):
         return self.costs.left(task)
 
 
 def test_a_rough_pilot_is_enough_because_costs_are_learnt():
-    job = parse_job(MANY, "many", "many")
-    n_frames, n_blocks = job.omega.size, 16
+    study = parse_job(MANY, "many", "many").study
+    n_frames, n_blocks, size = study.omega.size, 16, study.block_size
     rng = np.random.default_rng(5)
-    # a hundredfold over the frames, smooth but for noise; dearer at large amplitudes
+    # a hundredfold over the frames, smooth but for noise; costlier at large amplitudes
     frame = 100 ** (0.5 + 0.5 * np.sin(np.linspace(0, 9, n_frames)))
     place = np.concatenate((np.linspace(0.2, 1.8, n_blocks), np.linspace(1.8, 0.2, n_blocks)))
     true = frame[:, None] * place * rng.lognormal(0, 0.3, (n_frames, 2 * n_blocks)) / 20
-    believed = _Believed(job, n_blocks)
-    n_samples = costs.n_samples(job)
-    assert 3 * n_samples <= 0.01 * job.n_runs
+    believed = _Believed(study)
+    n_samples = costs.n_samples(study)
+    assert 3 * n_samples <= 0.01 * study.n_runs
     for index in range(n_samples):
-        at, amplitude = costs.sample_place(job, index)
-        rough = true[at, amplitude // job.block] / job.block * rng.lognormal(0, 0.7)
-        believed.costs.sampled(at, amplitude, 2, 2 * rough)
+        share, along = costs.sample_place(index)
+        at = int(share * n_frames)
+        rough = true[at, int(along * n_blocks)] / size * rng.lognormal(0, 0.7)
+        believed.costs.sampled(PilotCost(at, along, 2, 2 * rough))
     limit = ranks_that_help(true.sum(axis=1))
     for n_ranks in (2, 5, int(limit / 2)):
         found = simulate(list(true), n_ranks, costs=believed, computing_master=True)
         assert found.makespan < 1.10 * found.bound, n_ranks
-        fresh = _Believed(job, n_blocks)
-        fresh.costs = FrameCosts(job)
-        believed = fresh
+        believed = _Believed(study)
         for at in range(0, n_frames, 7):
-            believed.costs.sampled(at, 80, 2, 2 * true[at].mean() / job.block)
+            believed.costs.sampled(PilotCost(at, 0.5, 2, 2 * true[at].mean() / size))
 
 
 def test_costs_are_interpolated_and_corrected_by_what_was_measured():
-    job = parse_job(MANY, "many", "many")
-    known = FrameCosts(job)
-    assert known.left(0) == job.amplitude.size * 2
-    known.sampled(0, 80, 2, 2.0)
-    known.sampled(100, 80, 2, 6.0)
+    study = parse_job(MANY, "many", "many").study
+    known = TaskCosts(study)
+    assert known.left(0) == study.amplitude.size * 2
+    known.sampled(PilotCost(0, 0.5, 2, 2.0))
+    known.sampled(PilotCost(100, 0.5, 2, 6.0))
     assert known.left(0) == pytest.approx(320 * 1.0)
     assert known.left(50) == pytest.approx(320 * 2.0)
     assert known.left(119) == pytest.approx(320 * 3.0)
-    known.done(50, 0, 3, 10)
+    known.done((0, 50, 3))
     assert known.left(50) == pytest.approx(310 * 2.0)
-    # twice as dear as the pilot said, here and therefore nearby, in this cell
-    known.measured(50, 0, 3, 10, 40.0)
-    known.measured(60, 1, 3, 10, 22.0)
+    # twice as costly as the pilot said, here and therefore nearby, in this cell
+    known.measured(BlockCost((0, 50, 3), 10, 40.0))
+    known.measured(BlockCost((1, 60, 3), 10, 22.0))
     assert known.totals()[51] > 320 * 2.02
-    assert sum(piece.sum() for piece in known.pieces()) == pytest.approx(known.totals().sum())
-    exact = FrameCosts(job)
+    for most in (10**6, 200, 50):
+        pieces = known.pieces(most)
+        assert sum(piece.sum() for piece in pieces) == pytest.approx(known.totals().sum())
+        assert sum(piece.size for piece in pieces) <= most
+    exact = TaskCosts(study)
     for direction in range(2):
         for block in range(16):
-            exact.measured(7, direction, block, 10, 1.0 + block + direction)
+            exact.measured(BlockCost((direction, 7, block), 10, 1.0 + block + direction))
     assert exact.totals()[7] == pytest.approx(sum(1.0 + b + d for d in (0, 1) for b in range(16)))
     # the down sweep begins at the largest amplitudes
-    assert exact.pieces()[7][8:] == pytest.approx([5.0 + 4.0 * k for k in range(8)])
+    assert exact.pieces(10**6)[7][8:] == pytest.approx([5.0 + 4.0 * k for k in range(8)])
+
+
+def test_costs_of_single_points_are_told_apart():
+    text = MANY.replace("[sweep]", '[study]\nkind = "points"\n[sweep]')
+    study = parse_job(text, "points", "points").study
+    known = TaskCosts(study)
+    assert study.n_tasks == len(known.totals()) == study.n_runs // study.block_size
+    known.sampled(PilotCost(0, 0.1, 1, 2.0))
+    known.sampled(PilotCost(0, 0.9, 1, 6.0))
+    last = study.path(study.n_tasks // study.dimensions["frame"] - 1)[0]
+    assert known.left(0) == pytest.approx(2.0 * study.block_size)
+    assert known.left(last.task) == pytest.approx(6.0 * last.n_runs)
+    known.done(last.place)
+    assert known.left(last.task) == 0.0
 
 
 def test_samples_fill_frames_and_amplitudes_for_any_number_of_them():
-    job = parse_job(MANY, "many", "many")
-    places = np.array([costs.sample_place(job, index) for index in range(64)])
+    places = np.array([costs.sample_place(index) for index in range(64)])
     assert places.min() >= 0
-    assert places[:, 0].max() < 120
-    assert places[:, 1].max() + costs.PILOT_TIMED < 160
-    cells = {(f // 30, a // 40) for f, a in places[:32].tolist()}
+    assert places.max() < 1
+    cells = {(int(4 * first), int(4 * second)) for first, second in places[:32].tolist()}
     assert len(cells) == 16
-    one = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "one", "one")
-    assert costs.sample_place(one, 5) == (0, 0)
+    one = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "one", "one").study
     assert costs.n_samples(one) == 0
+    sample = costs.time_sample(one, 5)
+    assert (sample.frame, sample.runs) == (0, 1)
+    assert sample.seconds > 0
 
 
 REPLAY = """
@@ -274,18 +294,24 @@ NO_PHYSICS = """
 import sys
 from pathlib import Path
 from hpcsweep.campaign import run as campaign
+from hpcsweep.job import load_job
 from hpcsweep.parallel import mpi
-from hpcsweep.studies import amplitude_sweep as sweep
-from hpcsweep.job.job.job import load_job
+from hpcsweep.studies.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.runs import empty_rows
+from tools import of_study
 
-def nothing(structure, omega, amplitudes, state, settings, poll):
-    result = sweep.empty_block(structure.n_floors, len(amplitudes), settings)
-    result["final_state"][:], result["outcome"][:] = 0.0, 1
-    return result
+class Nothing(AmplitudeSweep):
+    def warm_up(self, say=None):
+        pass
+
+    def rows(self, frame, amplitudes, state, poll=None):
+        result = empty_rows(self.structure.n_floors, len(amplitudes), self.settings)
+        result["final_state"][:], result["outcome"][:] = 0.0, 1
+        return result
 
 job = load_job(sys.argv[1])
-sweep_block = nothing if sys.argv[3] == "none" else None
-sys.exit(campaign.run(job, Path(sys.argv[2]), mpi.world(), sweep_block=sweep_block))
+job = of_study(job, Nothing) if sys.argv[3] == "none" else job
+sys.exit(campaign.run(job, Path(sys.argv[2]), mpi.world()))
 """
 
 
@@ -310,25 +336,23 @@ def test_memory_of_a_rank_does_not_grow_with_the_frames(tmp_path, physics, frame
     assert many < few + 16e6
 
 
-def failing_sweep(structure, omega, amplitudes, state, settings, poll):
+class Failing(AmplitudeSweep):
     """Results of which some failed."""
-    from hpcsweep.solvers.outcome import Outcome
-    from hpcsweep.studies import amplitude_sweep as sweep
 
-    result = sweep.empty_block(structure.n_floors, len(amplitudes), settings)
-    result["final_state"][:] = 0.0
-    result["outcome"][:] = Outcome.COMPLETE
-    result["outcome"][np.asarray(amplitudes) > 0.2] = Outcome.STEP_LIMIT
-    if omega > 0.75:
-        result["outcome"][0] = Outcome.NON_FINITE
-    return result
+    def rows(self, frame, amplitudes, state, poll=None):
+        result = empty_rows(self.structure.n_floors, len(amplitudes), self.settings)
+        result["final_state"][:] = 0.0
+        result["outcome"][:] = Outcome.COMPLETE
+        result["outcome"][np.asarray(amplitudes) > 0.2] = Outcome.STEP_LIMIT
+        if self.omega[frame] > 0.75:
+            result["outcome"][0] = Outcome.NON_FINITE
+        return result
 
 
 def test_failures_are_listed_with_what_to_do(tmp_path):
     from hpcsweep.campaign import run as campaign
-    from hpcsweep.campaign.status import monitor
+    from hpcsweep.campaign.status import status
     from hpcsweep.parallel import mpi
-    from hpcsweep.solvers.outcome import REMEDIES, Outcome
 
     class Said(campaign.Silent):
         def __init__(self, total, done):
@@ -338,11 +362,11 @@ def test_failures_are_listed_with_what_to_do(tmp_path):
             said.append(text)
 
     said: list[str] = []
-    job = parse_job(SMALL, "small", "small")
+    job = of_study(parse_job(SMALL, "small", "small"), Failing)
     path = tmp_path / "failing.h5"
-    code = campaign.run(job, path, mpi.Serial(), progress=Said, sweep_block=failing_sweep)
+    code = campaign.run(job, path, mpi.Serial(), progress=Said)
     assert code == 0
-    state = monitor(path)
+    state = status(path)
     assert state["n_failed"] == sum(kind["runs"] for kind in state["remedies"].values()) > 20
     assert said[0].startswith(f"{state['n_failed']} runs failed")
     for outcome in (Outcome.STEP_LIMIT, Outcome.NON_FINITE):
@@ -360,40 +384,39 @@ def test_failures_are_listed_with_what_to_do(tmp_path):
 
 
 def test_every_failure_has_a_remedy():
-    from hpcsweep.solvers.outcome import REMEDIES, Outcome
-
     assert set(REMEDIES) == set(Outcome) - {Outcome.NOT_COMPUTED, Outcome.COMPLETE}
 
 
 def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
     from hpcsweep.campaign import run as campaign
-    from hpcsweep.campaign.status import monitor
+    from hpcsweep.campaign.status import status
     from hpcsweep.parallel import mpi
     from hpcsweep.parallel.farm import Stop
-    from hpcsweep.studies import amplitude_sweep as sweep
 
     calls = []
 
-    def until_the_15th(*arguments):
-        calls.append(1)
-        if len(calls) > 15:
-            raise Stop
-        return sweep.sweep_block(*arguments)
+    class UntilThe15th(AmplitudeSweep):
+        def rows(self, *arguments):
+            calls.append(1)
+            if len(calls) > 15:
+                raise Stop
+            return super().rows(*arguments)
 
     job = parse_job(SMALL, "small", "small")
     path = tmp_path / "part.h5"
-    assert campaign.run(job, path, mpi.Serial(), sweep_block=until_the_15th) == 75
-    state = monitor(path)
+    assert campaign.run(of_study(job, UntilThe15th), path, mpi.Serial()) == 75
+    state = status(path)
     seconds = [block["seconds"] for block in journal(path, "block")]
     assert not state["complete"]
     assert 0 < state["seconds_remaining"] < 20 * sum(seconds)
     assert state["runs_per_second"] > 0
     assert state["frame_seconds"]["frames"] == 2
-    assert state["frame_seconds"]["dearest"] == pytest.approx(
+    assert state["frame_seconds"]["dearest"] == state["frame_seconds"]["costliest"]
+    assert state["frame_seconds"]["costliest"] == pytest.approx(
         max(sum(seconds[:6]), sum(seconds[6:12]))
     )
     assert campaign.run(job, path, mpi.Serial()) == 0
-    assert monitor(path)["seconds_remaining"] is None
+    assert status(path)["seconds_remaining"] is None
 
 
 def test_the_log_has_a_line_a_minute_without_any_news(monkeypatch, capsys):

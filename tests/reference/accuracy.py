@@ -1,8 +1,8 @@
 """Random states, structures and forcing that are hard for the map of one period, and its error.
 
 `python tests/reference/accuracy.py [--cases N] [--seed S] [--worst K] [--certify] [--json FILE]`
-prints the error of `flow` on N cases, by kind, and the worst cases with their parameters; `--certify` repeats
-the worst ones in extended precision.
+prints the error of `flow` on N cases, by kind, and the worst cases with their parameters;
+`--certify` repeats the worst ones in extended precision.
 
 Two errors are told: the plain one (largest coordinate, over max(1, |z|)), and the same over the
 conditioning of the case,

@@ -1,9 +1,9 @@
 """A search for contacts that `flow` does not see.
 
-`python tests/reference/contacts.py [--tries N] [--seed S]`
-starts motions whose floors, one to three of them and free or beside floors in contact, come to rest at some time within 1e-3 to 1e-13 gaps of the
-stop. The Taylor reference, whose steps are searched for their highest points one by one, says
-whether each floor touched; `flow` has to say the same and to end in the same state.
+`python tests/reference/contacts.py [--tries N] [--seed S]` starts motions whose floors, one to
+three of them and free or beside floors in contact, come to rest at some time within 1e-3 to 1e-13
+gaps of the stop. The Taylor reference, whose steps are searched for their highest points one by
+one, says whether each floor touched; `flow` has to say the same and to end in the same state.
 """
 
 import argparse

@@ -8,8 +8,9 @@ import pytest
 from tools import ROOT, assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
+from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
-from hpcsweep.store import StoreError, is_packed, job_of, status
+from hpcsweep.store import StoreError, is_packed, job_of
 
 DATA = ROOT / "tests" / "data"
 PLAIN, PACKED = DATA / "layout1.h5", DATA / "layout1-packed.h5"
@@ -71,7 +72,7 @@ def test_a_file_of_version_1_is_sound_and_the_other_solver_agrees(path):
     assert all(run.difference <= run.allowed for run in report.sample)
 
 
-def test_a_campaign_of_version_1_can_be_gone_on_with(tmp_path):
+def test_a_campaign_of_version_1_can_be_resumed(tmp_path):
     path = tmp_path / "layout1.h5"
     shutil.copy(PLAIN, path)
     with h5py.File(path, "r+") as file:

@@ -10,10 +10,11 @@ from tools import ROOT, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import Lock, StoreError, is_packed, pack, packing, status
+from hpcsweep.store import Lock, StoreError, is_packed, pack, packing
 
 KEPT = ROOT / "tests" / "data" / "layout1.h5"
 
@@ -44,6 +45,7 @@ def test_a_packed_file_reads_the_same_and_is_smaller(copy, tmp_path):
     assert_same_datasets(copy, packed)
     left, right = status(copy), status(packed)
     assert left.pop("file") != right.pop("file")
+    assert left.pop("last_heard") <= right.pop("last_heard")
     assert left == right
     left, right = validate(copy, samples=2), validate(packed, samples=2)
     assert left.problems == right.problems == []

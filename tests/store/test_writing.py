@@ -10,7 +10,7 @@ import pytest
 from tools import SMALL, assert_same_datasets, hpcsweep, run_script
 
 from hpcsweep.job import parse_job
-from hpcsweep.store import Lock, StoreError, WriteError, file_size
+from hpcsweep.store import Layout, Lock, StoreError, WriteError
 from hpcsweep.store.commit import Campaign
 from hpcsweep.store.create import create
 from hpcsweep.store.transport import Transport
@@ -61,8 +61,7 @@ def test_a_full_disk_takes_one_line_and_the_run_goes_on_when_there_is_room(
     assert hpcsweep(0, "run", small_job, "-o", whole).returncode == 0
     job = parse_job(SMALL, "test", "small")
     notes = {"hpcsweep_version": "", "git_commit": "", "libraries": "", "mpi": "", "hosts": ""}
-    provenance = {**notes, "ranks": 1, "created": "", "solver": "flow", "rtol": 1e-9}
-    create(path, job, provenance)
+    create(path, Layout(job), {**notes, "ranks": 1, "created": ""})
     with h5py.File(path, "r") as file:
         # the place of commit(0, 2, 0): the checksums of two frames' sweeps up can be written
         commits = file["commit"].id.get_offset() + 8 * 2 * 3
@@ -120,13 +119,13 @@ class Forgetful:
 
 
 def test_checksums_of_a_failed_flush_are_never_written(tmp_path):
-    job = parse_job(SMALL, "test", "small")
+    layout = Layout(parse_job(SMALL, "test", "small"))
     path = tmp_path / "a.h5"
-    create(path, job, {})
+    create(path, layout, {})
     transport: Transport = Forgetful()
-    campaign = Campaign(path, job, transport)
-    block = campaign.blocks.read(0, 0, 0)
-    campaign.write_block(0, 0, 0, job.initial_state, block)
+    campaign = Campaign(path, layout, transport)
+    (block, *_) = layout.study.path(0)
+    campaign.write_block(block, layout.study.initial_state, campaign.blocks.read(block))
     with pytest.raises(WriteError, match="lost"):
         campaign.flush()
     campaign.flush()
@@ -143,7 +142,7 @@ def test_a_disk_with_no_room_for_the_whole_file_is_found_before_the_start(tmp_pa
 
     monkeypatch.setattr("shutil.disk_usage", lambda folder: Usage)
     with pytest.raises(StoreError, match=r"the results need .* GB, the file system has 1e-06 GB"):
-        module(tmp_path / "a.h5", parse_job(SMALL, "test", "small"), {})
+        module(tmp_path / "a.h5", Layout(parse_job(SMALL, "test", "small")), {})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -157,7 +156,7 @@ def test_status_tells_what_was_written_how_fast_and_in_what_share_of_the_time(
     assert done.returncode == 0, done.stderr
     (session,) = json.loads(hpcsweep(0, "status", path, "--json").stdout)["sessions"]
     assert session["transport"] == transport
-    assert session["written_bytes"] == file_size(parse_job(SMALL, "test", "small"))
+    assert session["written_bytes"] == Layout(parse_job(SMALL, "test", "small")).file_size()
     assert session["write_bytes_per_second"] > 1e3
     assert 0 < session["write_share"] < 1
     (end,) = journal(path, "end")

@@ -203,11 +203,12 @@ LEFT_TO_COMPILE = """
 import numpy as np
 from hpcsweep.studies import amplitude_sweep as sweep
 from hpcsweep.solvers.flow import march, transient
+from hpcsweep.studies.runs import warm_up
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.model.structure import Structure
 
 settings = SweepSettings(metrics=frozenset({metrics!r}))
-sweep.warm_up(settings)
+warm_up(settings)
 kernels = march.march, transient.end_of_transient
 before = [len(kernel.signatures) for kernel in kernels]
 amplitude = np.linspace(0.01, 0.25, 40)

@@ -11,7 +11,7 @@ import numpy as np
 MOST_BITS = 16
 
 
-def resolution(low: np.ndarray, high: np.ndarray, bits: int) -> np.ndarray:
+def resolution(low: np.ndarray | float, high: np.ndarray | float, bits: int) -> np.ndarray:
     """Give the step between quantised values that cover [`low`, `high`].
 
     The integers 1 to 2^bits - 1 are used, the first and the last of them exact, so a value comes

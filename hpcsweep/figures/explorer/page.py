@@ -125,7 +125,7 @@ def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
     n_amplitudes = study.amplitude.size
     sets, contact = _contact_index(study.codes.get("contact"))
     for name, codes in study.codes.items():
-        add(name, contact if name == "contact" else _narrow(codes))
+        add(name, contact if name == "contact" and contact is not None else _narrow(codes))
     for name, values in study.values.items():
         low, high = _range(values)
         own = VALUE_BITS.get(name, NORM_BITS)

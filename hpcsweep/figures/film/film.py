@@ -87,8 +87,8 @@ def make(
     processes : int
         Processes that share the work where there is one rank.
     progress : callable, optional
-        Makes what shows progress on rank 0 (`campaign.progress`): each frame counts twice, once surveyed and
-        once painted.
+        Makes what shows progress on rank 0 (`campaign.progress`): each frame counts twice, once
+        surveyed and once painted.
 
     Returns
     -------

@@ -85,11 +85,13 @@ def encode(pictures: Iterable[np.ndarray], path: Path, fps: float, lossless: boo
                 ]
                 process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said)
             try:
+                assert process.stdin is not None
                 process.stdin.write(picture.data)
             except BrokenPipeError:
                 break
         if process is None:
             raise ValueError("no picture to encode")
+        assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):
             process.stdin.close()
         _check(process.wait(), said)
@@ -113,6 +115,7 @@ def join(segments: list[Path], path: Path, palette: np.ndarray | None = None) ->
     if path.suffix.lower() == ".gif":
         from PIL import Image
 
+        assert palette is not None, "a GIF needs its colours"
         colours = np.zeros((256, 4), np.uint8)
         colours[: len(palette), :3] = palette
         colours[: len(palette), 3] = 255

@@ -1,23 +1,24 @@
-"""What every committed run promises about its own numbers."""
+"""Invariants of the results: what every committed run promises about its own numbers."""
 
 import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
-from hpcsweep.job import Job
-from hpcsweep.solvers.outcome import Outcome, Shortcut
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.shortcut import Shortcut
 
 ROUNDING = 1e-9
 """Excess over 1 allowed a mean modal norm."""
 
 
-def broken_promises(
-    job: Job, amplitude: np.ndarray, rows: dict[str, np.ndarray]
+def broken_invariants(
+    structure, settings, amplitude: np.ndarray, rows: dict[str, np.ndarray]
 ) -> list[tuple[int, str]]:
-    """Check k runs against what `hpcsweep.studies.amplitude_sweep` says of its results.
+    """Check k runs against what `hpcsweep.studies.runs` says of its results.
 
     Parameters
     ----------
-    job : Job
+    structure : Structure
+    settings : SweepSettings
     amplitude : ndarray, shape (k,)
     rows : dict of str to ndarray
         The file's variables, first axis the k runs.
@@ -27,11 +28,11 @@ def broken_promises(
     list of (int, str)
         Row and what is wrong there.
     """
-    broken = {**_of_the_run(job, rows), **_of_failures(rows)}
+    broken = {**_of_the_run(settings, rows), **_of_failures(rows)}
     if "poincare" in rows:
-        broken.update(_of_points(job, rows))
+        broken.update(_of_points(settings, rows))
     if "contact" in rows:
-        broken.update(_of_contact(job, rows))
+        broken.update(_of_contact(structure, rows))
     complete = rows["outcome"] == Outcome.COMPLETE
     if "drift" in rows:
         drift = rows["drift"]
@@ -45,14 +46,13 @@ def broken_promises(
     if "lyapunov" in rows:
         broken["lyapunov is not +inf"] = rows["lyapunov"] == np.inf
     return sorted(
-        (int(row), f"not so: {promise}")
-        for promise, where in broken.items()
+        (int(row), f"not so: {invariant}")
+        for invariant, where in broken.items()
         for row in np.flatnonzero(where)
     )
 
 
-def _of_the_run(job: Job, rows: dict) -> dict[str, np.ndarray]:
-    settings = job.settings
+def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
     outcome, shortcut = rows["outcome"], rows["shortcut"]
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
@@ -89,8 +89,7 @@ def _of_failures(rows: dict) -> dict[str, np.ndarray]:
     return broken
 
 
-def _of_points(job: Job, rows: dict) -> dict[str, np.ndarray]:
-    settings = job.settings
+def _of_points(settings, rows: dict) -> dict[str, np.ndarray]:
     points, n_points, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     window = points.shape[1]
@@ -114,8 +113,8 @@ def _of_points(job: Job, rows: dict) -> dict[str, np.ndarray]:
     }
 
 
-def _of_contact(job: Job, rows: dict) -> dict[str, np.ndarray]:
-    contact, n = rows["contact"], job.structure.n_floors
+def _of_contact(structure, rows: dict) -> dict[str, np.ndarray]:
+    contact, n = rows["contact"], structure.n_floors
     floors = np.uint64(2**n - 1)
     return {
         "contact has bits of existing floors only": (contact & ~floors) != 0,

@@ -1,0 +1,226 @@
+"""Job files: TOML in, a validated `Job` out. The only place that checks what a user wrote.
+
+Every error is one line that names the file, the key, the value and the limit. The keys that only
+one kind of study knows are read by that study, with the same `Values`.
+"""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.tree import TreeError, resolve
+from hpcsweep.job.values import MAX_VALUES, Values
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.solver import SOLVERS
+from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
+from hpcsweep.studies.settings import METRICS, SKIP_RULES, SweepSettings
+
+KEYS: dict[str, tuple[str, ...]] = {
+    "": ("name", "study", "structure", "sweep", "solver", "output"),
+    "study": ("kind",),
+    "structure": ("n_floors", "stiffness_ratio", "sharpness", "damping_ratio"),
+    "sweep": (
+        "transient_cycles",
+        "sampling_cycles",
+        "max_orbit_period",
+        "period_tolerance",
+        "initial_state",
+    ),
+    "solver": ("method", "rtol", "skip"),
+    "output": (*METRICS, "max_points", "block"),
+}
+"""Keys of every study; each adds its own (`keys` of its class)."""
+MAX_CYCLES = 10_000_000
+
+
+def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
+    """Read and validate a job file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; what it extends is read too.
+    settings : sequence of str
+        ``TABLE.KEY=VALUE`` each, the value in TOML: replace what the files give.
+
+    Raises
+    ------
+    JobError
+        If a file cannot be read or all together is not a valid job.
+    """
+    path = Path(path)
+    try:
+        text, source = resolve(path, settings, every_key())
+    except TreeError as error:
+        raise JobError(str(error)) from None
+    return parse_job(text, source, path.stem)
+
+
+def parse_job(text: str, source: str, default_name: str) -> Job:
+    """Validate the text of a job; `source` is named in errors.
+
+    Raises
+    ------
+    JobError
+        If it is not a valid job.
+    """
+    try:
+        tree = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise JobError(f"{source}: not valid TOML: {error}") from None
+    values = Values(source, tree)
+    study = _kind(values)
+    values.check_tables(keys_of(study), _keys_of_others(study))
+    structure = _structure(values)
+    return Job(
+        name=_name(values, default_name),
+        text=text,
+        study=study.read(
+            values,
+            structure=structure,
+            initial_state=_initial_state(values, structure.n_floors),
+            settings=_settings(values),
+            block_size=values.whole("output.block", study.default_block, 1, MAX_VALUES),
+        ),
+    )
+
+
+def keys_of(study) -> dict[str, tuple[str, ...]]:
+    """Give the keys of each table of a job of one kind of study."""
+    return {table: (*study.keys.get(table, ()), *keys) for table, keys in KEYS.items()}
+
+
+def every_key() -> dict[str, tuple[str, ...]]:
+    """Give the keys of each table of a job of any kind of study, each once."""
+    tables = [keys_of(study) for study in KINDS.values()]
+    return {
+        name: tuple(dict.fromkeys(key for table in tables for key in table[name])) for name in KEYS
+    }
+
+
+def _keys_of_others(study) -> dict[str, str]:
+    """Give the keys that only other kinds of study know, and which."""
+    own = keys_of(study)
+    return {
+        f"{table}.{key}": f'study.kind = "{other.kind}"'
+        for other in KINDS.values()
+        for table, keys in other.keys.items()
+        for key in keys
+        if key not in own[table]
+    }
+
+
+def _kind(values: Values):
+    """Read which study it is."""
+    table = values.top("study", {})
+    if not isinstance(table, dict):
+        raise values.error("study", table, "must be a table")
+    kind = table.get("kind", DEFAULT_KIND)
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise values.error("study.kind", kind, f"must be one of {', '.join(KINDS)}")
+    return KINDS[kind]
+
+
+def _name(values: Values, default: str) -> str:
+    name = values.top("name", default)
+    if not isinstance(name, str) or not name or "/" in name or name != name.strip():
+        raise values.error("name", name, "must be a file name without folder")
+    return name
+
+
+def _structure(values: Values) -> Structure:
+    given = dict(values.table("structure"))
+    for key, value in given.items():
+        if isinstance(value, list):
+            given[key] = tuple(value)
+    try:
+        return Structure(**given)
+    except ValueError as error:
+        raise JobError(f"{values.source}: structure.{error}") from None
+
+
+def _initial_state(values: Values, n: int) -> np.ndarray:
+    given = values.get("sweep.initial_state", "rest")
+    if given == "rest":
+        return np.zeros(2 * n)
+    if not isinstance(given, list) or len(given) != 2 * n:
+        raise values.error(
+            "sweep.initial_state", given, f'must be "rest" or a list of 2 n = {2 * n} numbers'
+        )
+    state = np.array([values.number("sweep.initial_state", value) for value in given])
+    if not np.all(np.isfinite(state)):
+        raise values.error("sweep.initial_state", given, "must be finite")
+    return state
+
+
+def _settings(values: Values) -> SweepSettings:
+    default = SweepSettings()
+    sampling = values.whole("sweep.sampling_cycles", default.sampling_cycles, 1, MAX_CYCLES)
+    longest = max(sampling // 2, 1)
+    tolerance = values.number(
+        "sweep.period_tolerance", values.get("sweep.period_tolerance", default.period_tolerance)
+    )
+    if not 0 < tolerance < 1:
+        raise values.error("sweep.period_tolerance", tolerance, "must lie between 0 and 1")
+    method = values.get("solver.method", default.solver)
+    if not isinstance(method, str) or method not in SOLVERS:
+        raise values.error("solver.method", method, f"must be one of {', '.join(SOLVERS)}")
+    rtol = values.number(
+        "solver.rtol", values.get("solver.rtol", 1e-6 if method == "bdf" else default.rtol)
+    )
+    if not 1e-13 <= rtol <= 1e-2:
+        raise values.error("solver.rtol", rtol, "must be from 1e-13 to 1e-2")
+    longest = values.whole(
+        "sweep.max_orbit_period", min(default.max_orbit_period, longest), 1, longest
+    )
+    return SweepSettings(
+        transient_cycles=values.whole(
+            "sweep.transient_cycles", default.transient_cycles, 0, MAX_CYCLES
+        ),
+        sampling_cycles=sampling,
+        max_orbit_period=longest,
+        period_tolerance=tolerance,
+        solver=method,
+        rtol=rtol,
+        skip=_skip(values),
+        metrics=_metrics(values, default),
+        max_points=_max_points(values, sampling, longest),
+    )
+
+
+def _max_points(values: Values, sampling: int, longest: int) -> int | None:
+    given = values.get("output.max_points", sampling)
+    least = min(2 * longest, sampling)
+    if isinstance(given, bool) or not isinstance(given, int) or given < least:
+        limit = f"must be a whole number of at least 2 max_orbit_period = {least}"
+        raise values.error("output.max_points", given, limit)
+    return given if given < sampling else None
+
+
+def _skip(values: Values) -> frozenset[str]:
+    given = values.get("solver.skip", "all")
+    if given == "all":
+        return frozenset(SKIP_RULES)
+    if given == "none":
+        return frozenset()
+    if not isinstance(given, list) or not all(name in SKIP_RULES for name in given):
+        raise values.error(
+            "solver.skip",
+            given,
+            f'must be "all", "none" or a list of {", ".join(SKIP_RULES)}',
+        )
+    return frozenset(given)
+
+
+def _metrics(values: Values, default: SweepSettings) -> frozenset[str]:
+    wanted = set()
+    for name in METRICS:
+        value = values.get(f"output.{name}", name in default.metrics)
+        if not isinstance(value, bool):
+            raise values.error(f"output.{name}", value, "must be true or false")
+        if value:
+            wanted.add(name)
+    return frozenset(wanted)

@@ -1,0 +1,100 @@
+"""A job to start from: every key with its meaning, unit, range and default."""
+
+TEMPLATE = """\
+# A job of hpcsweep: TOML. It is complete, and takes seconds:
+#     mpirun -n 2 hpcsweep run FILE.toml       computes FILE.h5; hpcsweep run FILE.toml works too
+#     hpcsweep plot FILE.h5 -o FILE.png        draws it
+#     hpcsweep run FILE.toml --dry-run         tells what a larger one will cost
+#
+# A key behind a # has its default, which is shown; take the # away to give it another value.
+#
+# Lengths are in gaps, from a floor at rest to the stop, so that the stop is at 1. Time is in
+# 1/omega_0, where omega_0 = sqrt(k/m) of one storey. With u the floors' displacements
+#
+#     u'' + 2 gamma C u' + K u + beta S(u) (u - 1) = -A sin(Omega tau)
+
+# Another job, whose path is relative to this file: what is given here replaces what is there.
+#extends = "other.toml"
+
+# Name of the results, without folder; default: the name of this file.
+#name = "other"
+
+[study]
+# "amplitude_sweep": at each frequency the amplitudes in their order, each from where the one before
+# it ended. "points": every amplitude at every frequency from the initial state, each on its own;
+# or, with points = [[A, Omega], [A, Omega], ...] here and neither omega nor amplitude below, the
+# points of that list. It has no directions.
+#kind = "amplitude_sweep"
+
+[structure]
+# Storeys n on a fixed base: a whole number from 1 to 64.
+#n_floors = 3
+
+# beta, stiffness of the stop over that of a storey: at least 0, which is no stop.
+#stiffness_ratio = 1000.0
+
+# rho, sharpness of the contact spring in S(u) = 1/(1 + exp(-rho (u - 1))), per gap: at least 0;
+# inf is the piecewise linear stop.
+#sharpness = 1e4
+
+# zeta, damping ratio of the free structure's modes: at least 0, one number for all of them, or a
+# list of n, lowest frequency first.
+#damping_ratio = 0.05
+
+[sweep]
+# Omega, forcing frequency in omega_0: greater than 0. One number, a list of them, or a range:
+#     {from = 0.3, to = 0.6, count = 31}    or    {from = 0.3, to = 0.6, step = 0.01}
+# Each is a frame, the work of one rank at a time.
+omega = 0.445
+
+# A, amplitude of the forcing acceleration in gaps omega_0^2: at least 0, ascending. Likewise.
+amplitude = {from = 0.005, to = 0.25, step = 0.0025}
+
+# Ways through the amplitudes: ["up"], or ["up", "down"], the way back too.
+#directions = ["up", "down"]
+
+# Forcing periods that are discarded at each amplitude: a whole number from 0 to 10000000.
+#transient_cycles = 100
+
+# Forcing periods after them, of which the results are: a whole number from 1 to 10000000.
+#sampling_cycles = 100
+
+# Longest orbit period that is looked for, in forcing periods: from 1 to half of sampling_cycles;
+# default: 16, or that half where it is less.
+#max_orbit_period = 16
+
+# Two stroboscopic points are the same if no coordinate (u in gaps, v in gaps omega_0) differs by
+# more than this: between 0 and 1.
+#period_tolerance = 1e-6
+
+# State at which each frame begins: "rest", or a list of 2 n numbers, u_1 .. u_n, v_1 .. v_n.
+#initial_state = "rest"
+
+[solver]
+# "flow" is exact between contacts; "bdf" is scipy's BDF, thousands of times slower.
+#method = "flow"
+
+# Relative tolerance: from 1e-13 to 1e-2; default: 1e-9, with bdf 1e-6.
+#rtol = 1e-9
+
+# Rules by which periods are not integrated because their result is known: "all", "none" (each
+# amplitude gets all its periods), or a list of "linear" (no floor reaches the stop), "converged"
+# (the motion repeats) and "newton" (the orbit is solved for).
+#skip = "all"
+
+[output]
+# Results wanted: true or false.
+#poincare = true      # stroboscopic points (u in gaps, v in gaps omega_0)
+#contact = true       # which floors touch the stop
+#drift = true         # peak interstorey drift, in A/Omega^2
+#modal_norm = true    # mean modal norms, free of contact
+#lyapunov = false     # largest Lyapunov exponent, per unit of time
+
+# Stroboscopic points that are stored of each run, the last ones: at least 2 max_orbit_period, or
+# sampling_cycles where that is less; default: all.
+#max_points = 100
+
+# Amplitudes that are committed to the file together: a whole number from 1 to 10000000. After a
+# kill at most this many of a frame are computed again. Default: 50, of points 1.
+#block = 50
+"""

@@ -1,0 +1,219 @@
+"""Job files as trees: what a file extends, what the command line sets, and back to TOML text.
+
+A tree is what ``tomllib`` makes of a job file: keys at the top, and tables of keys. Trees are laid
+over each other key by key; the value of a key, a range table among them, is one thing and is
+replaced whole. This module knows neither the keys of a job nor their limits: it hands on a text,
+and whoever validates that text validates all that was put together.
+"""
+
+import datetime
+import difflib
+import json
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+EXTENDS = "extends"
+MAX_BASES = 8
+"""Files that one job may be built on; the shipped jobs need at most four."""
+MAX_SHOWN = 80
+"""Characters of a setting that an error shows."""
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+
+Order = Mapping[str, Sequence[str]]
+"""Keys in the order in which they are written: of the top (``""``) and of each table."""
+
+
+class TreeError(ValueError):
+    """A tree that cannot be put together; the message is one line for the user."""
+
+
+def resolve(path: Path, settings: Sequence[str], order: Order) -> tuple[str, str]:
+    """Read a job file with all it extends and all that is set on the command line.
+
+    Parameters
+    ----------
+    path : Path
+    settings : sequence of str
+        ``TABLE.KEY=VALUE`` each, the value in TOML; later ones replace earlier ones.
+    order : mapping
+        Order in which the keys are written.
+
+    Returns
+    -------
+    text : str
+        The whole job. The file's own text, to the last byte, where it extends nothing and nothing
+        is set.
+    source : str
+        What the text was made of, to be named in errors.
+
+    Raises
+    ------
+    TreeError
+        If a file cannot be read or is no TOML, if the files go in a circle or are too many, or if
+        a setting is not of the form above.
+    """
+    text, tree = _read(path)
+    bases = _read_bases(path, tree)
+    given = [_parse_setting(setting) for setting in settings]
+    if not bases and not given:
+        return text, str(path)
+    made_of = [path.name, *(f"extends {base.name}" for base, _ in bases)]
+    source = str(path)
+    if bases:
+        source += f" (extends {', '.join(base.name for base, _ in bases)})"
+    if given:
+        made_of += [f"with {setting}" for setting in settings]
+        source += f" with {' '.join(_option(setting) for setting in settings)}"
+    whole: dict = {}
+    for layer in (*(layer for _, layer in reversed(bases)), tree, *given):
+        whole = merge(whole, layer)
+    try:
+        text = write(whole, order)
+    except (ValueError, RecursionError) as error:  # numbers too long, brackets too deep
+        raise TreeError(f"{source}: cannot be written as TOML: {error}") from None
+    return "".join(f"# {_printable(line)}\n" for line in made_of) + text, source
+
+
+def merge(base: Mapping, given: Mapping) -> dict:
+    """Lay a tree over another: tables key by key, the value of a key whole."""
+    merged = dict(base)
+    for key, value in given.items():
+        below = merged.get(key)
+        if isinstance(below, Mapping) and isinstance(value, Mapping):
+            value = {**below, **value}
+        merged[key] = value
+    return merged
+
+
+def write(tree: Mapping, order: Order) -> str:
+    """Write a tree as TOML; ``tomllib`` reads an equal tree out of it.
+
+    Keys at the top come first, then each table under its header, each in the given order; keys
+    that have no place in it follow as they are. Floats are written with the fewest digits that
+    give the same number, tables within a table inline.
+    """
+    keys = _ordered(tree, order.get("", ()))
+    parts = [_write_pairs(tree, (key for key in keys if not isinstance(tree[key], Mapping)))]
+    for key in (key for key in keys if isinstance(tree[key], Mapping)):
+        table = tree[key]
+        pairs = _write_pairs(table, _ordered(table, order.get(key, ())))
+        parts.append(f"[{_write_key(key)}]\n{pairs}")
+    return "\n".join(part for part in parts if part)
+
+
+def _read(path: Path) -> tuple[str, dict]:
+    """Read text and tree of one file."""
+    try:
+        text = path.read_bytes().decode("utf-8")
+    except OSError as error:
+        raise TreeError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise TreeError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
+    try:
+        return text, tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # the second: brackets too deep
+        raise TreeError(f"{path}: not valid TOML: {error}") from None
+
+
+def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
+    """Read the files that a tree is built on, nearest first; take `extends` out of all trees.
+
+    A base's name is its own and goes no further.
+    """
+    bases: list[tuple[Path, dict]] = []
+    met = [path.resolve()]
+    while True:
+        _refuse_misspelt(path, tree)
+        if EXTENDS not in tree:
+            return bases
+        given = tree.pop(EXTENDS)
+        where = f"{path}: {EXTENDS} = {given!r}"
+        if not isinstance(given, str) or not given.isprintable() or not given:
+            raise TreeError(f"{where}: must be the name of one job file")
+        if len(bases) == MAX_BASES:
+            raise TreeError(f"{where}: a job may be built on {MAX_BASES} files at most")
+        path = path.parent / given
+        try:
+            _, tree = _read(path)
+        except TreeError as error:
+            raise TreeError(f"{where}: {error}") from None
+        met.append(path.resolve())
+        if met[-1] in met[:-1]:
+            circle = " -> ".join(file.name for file in met[met.index(met[-1]) :])
+            raise TreeError(f"{where}: must not lead back to a file before it: {circle}")
+        tree.pop("name", None)
+        bases.append((path, tree))
+
+
+def _refuse_misspelt(path: Path, tree: Mapping) -> None:
+    """Refuse a key that can only mean `extends`, which no validation after this one knows."""
+    for key in tree:
+        if key != EXTENDS and difflib.get_close_matches(key, [EXTENDS], cutoff=0.8):
+            raise TreeError(f"{path}: unknown key {key!r}; did you mean {EXTENDS!r}?")
+
+
+def _parse_setting(setting: str) -> dict:
+    """Read ``TABLE.KEY=VALUE``, which is a line of TOML, as a tree of one key."""
+    option = _option(setting)
+    key, equals, value = (part.strip() for part in setting.partition("="))
+    if not setting.isprintable() or not equals or not key or key.startswith("#"):
+        raise TreeError(f"{option}: must be TABLE.KEY=VALUE")
+    if key == EXTENDS:
+        raise TreeError(f"{option}: {EXTENDS!r} can only be said in a job file")
+    if key.count(".") > 1:
+        whole = ".".join(key.split(".")[:2])
+        raise TreeError(f"{option}: must be TABLE.KEY=VALUE; the value of {whole} is set whole")
+    try:
+        return tomllib.loads(setting)
+    except (ValueError, RecursionError):
+        is_word = value[:1].isalpha() and BARE_KEY.fullmatch(value) and len(value) <= MAX_SHOWN
+        hint = f"; a string needs quotes: --set '{key}=\"{value}\"'" if is_word else ""
+        raise TreeError(f"{option}: not a key and a value of TOML{hint}") from None
+
+
+def _option(setting: str) -> str:
+    """Show a setting as it was given, on one line, a long one cut."""
+    shown = setting if len(setting) <= MAX_SHOWN else f"{setting[: MAX_SHOWN - 3]}..."
+    return f"--set {shown if shown.isprintable() else repr(shown)}"
+
+
+def _ordered(keys: Iterable[str], order: Sequence[str]) -> list[str]:
+    """Sort keys as in `order`; those that are not in it stay as they are, at the end."""
+    place = {key: index for index, key in enumerate(order)}
+    return sorted(keys, key=lambda key: place.get(key, len(order)))
+
+
+def _write_pairs(table: Mapping, keys: Iterable[str]) -> str:
+    return "".join(f"{_write_key(key)} = {_write_value(table[key])}\n" for key in keys)
+
+
+def _write_key(key: str) -> str:
+    return key if BARE_KEY.fullmatch(key) else _write_string(key)
+
+
+def _write_string(text: str) -> str:
+    # a basic string of TOML has the escapes of JSON, and one more character that needs them
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _write_value(value: object) -> str:
+    """Write a value of any kind that ``tomllib`` gives."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, str):
+        return _write_string(value)
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    if isinstance(value, Mapping):
+        pairs = (f"{_write_key(key)} = {_write_value(item)}" for key, item in value.items())
+        return f"{{{', '.join(pairs)}}}"
+    return f"[{', '.join(_write_value(item) for item in value)}]"
+
+
+def _printable(text: str) -> str:
+    """Make a text fit for one line of comment."""
+    return "".join(char if char.isprintable() else "?" for char in text)

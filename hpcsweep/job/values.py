@@ -1,0 +1,172 @@
+"""Values of a job file, one kind a method; every error names file, key, value and limit."""
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hpcsweep.job.job import JobError
+
+RANGE_KEYS = ("from", "to", "count", "step")
+MAX_VALUES = 10_000_000
+"""Frames or amplitudes of one job."""
+
+
+class Values:
+    """Reads the values of one job.
+
+    Parameters
+    ----------
+    source : str
+        Named in errors.
+    tree : mapping
+        The job file as TOML gives it: tables by their names, and keys outside tables.
+    """
+
+    def __init__(self, source: str, tree: Mapping):
+        self.source = source
+        self._tree = tree
+
+    def error(self, key: str, value: object, limit: str) -> JobError:
+        """Make the error of a value that is not allowed."""
+        shown = repr(float(value)) if isinstance(value, np.floating) else repr(value)
+        if len(shown) > 60:
+            shown = shown[:57] + "..."
+        return JobError(f"{self.source}: {key} = {shown}: {limit}")
+
+    def check_tables(self, keys: Mapping[str, Sequence[str]], elsewhere: Mapping[str, str]) -> None:
+        """Refuse keys that are not known.
+
+        Parameters
+        ----------
+        keys : mapping of str to sequence of str
+            Keys of each table; of '' those outside tables, tables among them.
+        elsewhere : mapping of str to str
+            Full names of keys that are known otherwise, and when.
+        """
+        self._check_keys("", self._tree, keys[""], keys, elsewhere)
+        for table in keys:
+            if not table:
+                continue
+            given = self._tree.get(table, {})
+            if not isinstance(given, Mapping):
+                raise self.error(table, given, "must be a table")
+            self._check_keys(table, given, keys[table], keys, elsewhere)
+
+    def _check_keys(self, table, tree, known, keys=None, elsewhere=None) -> None:
+        for key in tree:
+            if key in known:
+                continue
+            full = f"{table}.{key}" if table else key
+            near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
+            hint = f"; did you mean {near[0]!r}?" if near else f"; known are {', '.join(known)}"
+            homes = [name for name in keys or {} if name and name != table and key in keys[name]]
+            if homes:
+                hint = f"; it belongs in [{homes[0]}]"
+            if elsewhere and full in elsewhere:
+                hint = f"; it goes with {elsewhere[full]}"
+            raise JobError(f"{self.source}: unknown key {full!r}{hint}")
+
+    def has(self, key: str) -> bool:
+        """Tell whether a key of a table is given."""
+        table, name = key.split(".")
+        return name in self._tree.get(table, {})
+
+    def table(self, name: str) -> Mapping:
+        """Give a whole table, empty if it is not there."""
+        return self._tree.get(name, {})
+
+    def top(self, key: str, default: object) -> object:
+        """Give the value of a key outside tables."""
+        return self._tree.get(key, default)
+
+    def get(self, key: str, default: object = None) -> object:
+        """Give the value of a key; one without a default must be there."""
+        table, name = key.split(".")
+        value = self._tree.get(table, {}).get(name, default)
+        if value is None:
+            raise JobError(f"{self.source}: {key} is missing")
+        return value
+
+    def number(self, key: str, value: object) -> float:
+        """Convert a value that must be a number."""
+        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+            raise self.error(key, value, "must be a number")
+        return float(value)
+
+    def whole(self, key: str, default: int, least: int, most: int) -> int:
+        """Read a whole number within bounds."""
+        value = self.get(key, default)
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise self.error(key, value, f"must be a whole number from {least} to {most}")
+        return value
+
+    def numbers(self, key: str, ascending: bool) -> np.ndarray:
+        """Read a number, a list of numbers, or a range table."""
+        given = self.get(key)
+        if isinstance(given, Mapping):
+            return self._range(key, given)
+        listed = given if isinstance(given, list) else [given]
+        if not listed:
+            raise self.error(key, given, "must not be empty")
+        values = np.array([self.number(key, value) for value in listed])
+        if not np.all(np.isfinite(values)):
+            raise self.error(key, given, "must be finite")
+        if ascending and np.any(np.diff(values) <= 0):
+            place = int(np.argmax(np.diff(values) <= 0))
+            raise self.error(
+                key,
+                given,
+                f"must ascend, but {values[place]!r} is followed by {values[place + 1]!r}",
+            )
+        if np.unique(values).size != values.size:
+            raise self.error(key, given, "must not hold a value twice")
+        return values
+
+    def frequencies(self, key: str) -> np.ndarray:
+        """Read forcing frequencies."""
+        omega = self.numbers(key, ascending=False)
+        if np.any(omega <= 0):
+            raise self.error(key, omega[omega <= 0][0], "must be greater than 0")
+        return omega
+
+    def amplitudes(self, key: str) -> np.ndarray:
+        """Read forcing amplitudes, ascending."""
+        amplitude = self.numbers(key, ascending=True)
+        if amplitude[0] < 0:
+            raise self.error(key, amplitude[0], "must be at least 0")
+        return amplitude
+
+    def _range(self, key: str, given: Mapping) -> np.ndarray:
+        self._check_keys(key, given, RANGE_KEYS)
+        ends = []
+        for end in ("from", "to"):
+            if end not in given:
+                raise JobError(f"{self.source}: {key}.{end} is missing")
+            value = self.number(f"{key}.{end}", given[end])
+            if not math.isfinite(value):
+                raise self.error(f"{key}.{end}", value, "must be finite")
+            ends.append(value)
+        low, high = ends
+        if not low < high:
+            raise self.error(f"{key}.from", low, f"must be less than to = {high!r}")
+        if ("count" in given) == ("step" in given):
+            raise JobError(f"{self.source}: {key} needs either count or step beside from and to")
+        if "count" in given:
+            count = given["count"]
+            if isinstance(count, bool) or not isinstance(count, int):
+                raise self.error(f"{key}.count", count, "must be a whole number")
+            if not 2 <= count <= MAX_VALUES:
+                raise self.error(f"{key}.count", count, f"must be from 2 to {MAX_VALUES}")
+            return np.linspace(low, high, count)
+        step = self.number(f"{key}.step", given["step"])
+        if not (0 < step <= high - low and (high - low) / step < MAX_VALUES):
+            raise self.error(
+                f"{key}.step",
+                step,
+                f"must be greater than 0, at most to - from = {high - low:g}, and give at most "
+                f"{MAX_VALUES} values",
+            )
+        n_steps = math.floor((high - low) / step * (1 + 1e-12) + 1e-9)
+        return low + step * np.arange(n_steps + 1)

@@ -1,0 +1,193 @@
+"""The journal's records as values: the only place that knows their keys.
+
+=========  ======================================================================================
+kind       values
+=========  ======================================================================================
+start      ranks, hosts, transport: a session begins
+pilot      frame, along, runs, seconds: runs that were timed at a place of a frame
+block      rank, direction, frame, block, runs, seconds: a block was computed
+master     messages, message_seconds, master_seconds, recalls: load of rank 0 so far
+end        reason, written_bytes, write_seconds, rank_seconds, peak_memory, and as master
+=========  ======================================================================================
+"""
+
+import contextlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from hpcsweep.store.journal import Journal
+
+
+class BlockCost(NamedTuple):
+    """What a block cost: its index in ``commit``, its runs, seconds, and when it was said."""
+
+    place: tuple[int, int, int]
+    runs: int
+    seconds: float
+    time: float = 0.0
+
+
+class PilotCost(NamedTuple):
+    """What runs cost that were timed: frame, place along it (0 to 1), runs, seconds."""
+
+    frame: int
+    along: float
+    runs: int
+    seconds: float
+
+
+@dataclass
+class MasterLoad:
+    """What rank 0 had to do beside its own runs."""
+
+    messages: int = 0
+    message_seconds: float = 0.0
+    seconds: float = 0.0
+    recalls: int = 0
+
+    def record(self) -> dict:
+        """Write the values of a record."""
+        return {
+            "messages": self.messages,
+            "message_seconds": round(self.message_seconds, 6),
+            "master_seconds": round(self.seconds, 6),
+            "recalls": self.recalls,
+        }
+
+
+@dataclass
+class Session:
+    """One call of `hpcsweep run`, as far as the journal tells it.
+
+    Attributes
+    ----------
+    started, last : float
+        Times (s since the epoch) of its first and its last record.
+    ended : str or None
+        Why it ended; None if it runs, or was killed.
+    costs : list of BlockCost
+    load : MasterLoad or None
+        As of its last record; `load_time` tells when.
+    """
+
+    started: float
+    ranks: int
+    hosts: list[str]
+    transport: str | None
+    last: float
+    ended: str | None = None
+    written_bytes: int | None = None
+    write_seconds: float | None = None
+    rank_seconds: float | None = None
+    peak_memory: list[int] | None = None
+    costs: list[BlockCost] = field(default_factory=list)
+    load: MasterLoad | None = None
+    load_time: float = 0.0
+
+
+@dataclass
+class History:
+    """All that a journal tells.
+
+    Attributes
+    ----------
+    sessions : list of Session
+    costs : list of BlockCost
+        Of all sessions, and of journals whose beginning is lost.
+    samples : list of PilotCost
+    last : float or None
+        Time of the last record.
+    """
+
+    sessions: list[Session] = field(default_factory=list)
+    costs: list[BlockCost] = field(default_factory=list)
+    samples: list[PilotCost] = field(default_factory=list)
+    last: float | None = None
+
+    @property
+    def latest(self) -> dict[tuple[int, int, int], BlockCost]:
+        """What each block cost when it was computed last."""
+        return {cost.place: cost for cost in self.costs}
+
+
+def block_record(cost: BlockCost) -> dict:
+    """Write the values of a record of a block."""
+    direction, frame, block = cost.place
+    return {
+        "frame": frame,
+        "direction": direction,
+        "block": block,
+        "runs": cost.runs,
+        "seconds": cost.seconds,
+    }
+
+
+def read_history(path: Path) -> History:
+    """Read the journal of a results file; empty if there is none."""
+    history = History()
+    for record in Journal(path).read():
+        history.last = record["time"]
+        with contextlib.suppress(KeyError, TypeError, ValueError):
+            _READERS.get(record["kind"], _pass)(history, record)
+        if history.sessions:
+            history.sessions[-1].last = record["time"]
+    return history
+
+
+def _pass(history: History, record: dict) -> None:
+    """Pass over a record of a later version."""
+
+
+def _start(history: History, record: dict) -> None:
+    history.sessions.append(
+        Session(
+            started=record["time"],
+            ranks=record["ranks"],
+            hosts=record["hosts"],
+            transport=record.get("transport"),
+            last=record["time"],
+        )
+    )
+
+
+def _block(history: History, record: dict) -> None:
+    place = record["direction"], record["frame"], record["block"]
+    cost = BlockCost(place, record["runs"], record["seconds"], record["time"])
+    history.costs.append(cost)
+    if history.sessions:
+        history.sessions[-1].costs.append(cost)
+
+
+def _pilot(history: History, record: dict) -> None:
+    if "along" in record:  # not in journals of early versions, which told it otherwise
+        history.samples.append(PilotCost(*(record[key] for key in PilotCost._fields)))
+
+
+def _master(history: History, record: dict) -> None:
+    if history.sessions and "master_seconds" in record:
+        history.sessions[-1].load = MasterLoad(
+            record["messages"],
+            record["message_seconds"],
+            record["master_seconds"],
+            record["recalls"],
+        )
+        history.sessions[-1].load_time = record["time"]
+
+
+def _end(history: History, record: dict) -> None:
+    _master(history, record)
+    if history.sessions:
+        session = history.sessions[-1]
+        session.ended = record["reason"]
+        for name in ("written_bytes", "write_seconds", "rank_seconds", "peak_memory"):
+            setattr(session, name, record.get(name))
+
+
+_READERS = {
+    "start": _start,
+    "block": _block,
+    "pilot": _pilot,
+    "master": _master,
+    "end": _end,
+}

@@ -1,0 +1,317 @@
+"""Runs over direction, frame (forcing frequency) and forcing amplitude: what studies of them share.
+
+A frame's runs of one direction are cut into blocks of `block_size` amplitudes. Rows of the file are
+always in ascending amplitude; block b of a direction that descends holds as many amplitudes,
+counted from the top.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies import runs
+from hpcsweep.studies.invariants import broken_invariants
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.study import Amplitudes, Block, BlockTable, Coordinate, Variable
+from hpcsweep.studies.variables import (
+    AMPLITUDE,
+    COMMIT,
+    OMEGA,
+    RUN,
+    named,
+    numbered,
+    run_variables,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RunGrid:
+    """Runs over direction, frame and amplitude; see `hpcsweep.studies.study.Study`.
+
+    Attributes
+    ----------
+    structure : Structure
+    omega : ndarray, shape (n_frames,)
+        Forcing frequency of each frame.
+    amplitude : ndarray, shape (n_amplitudes,)
+        Ascending.
+    initial_state : ndarray, shape (2n,)
+        State from which the first run of every task starts.
+    settings : SweepSettings
+    block_size : int
+        Amplitudes that are committed to the file together.
+    directions : tuple of str
+        Values of the first dimension of a run.
+    """
+
+    structure: Structure
+    omega: np.ndarray
+    amplitude: np.ndarray
+    initial_state: np.ndarray
+    settings: SweepSettings
+    block_size: int
+    directions: tuple[str, ...]
+
+    kind: ClassVar[str]
+    task_noun: ClassVar[str]
+    why_whole: ClassVar[str]
+    words: ClassVar[dict[str, str]]
+    """How each direction is told in a sentence."""
+    direction_name: ClassVar[str]
+    """Long name of the first dimension."""
+    keys: ClassVar[dict[str, tuple[str, ...]]]
+    """Keys of job files, by table, that this study has of its own."""
+    default_block: ClassVar[int]
+    run_dims: ClassVar[tuple[str, ...]] = RUN
+    commit: ClassVar[Variable] = COMMIT
+
+    # what a study of this kind says of itself
+
+    @classmethod
+    def read(cls, values, **common) -> "RunGrid":
+        """Make the study a job asks for.
+
+        Parameters
+        ----------
+        values : hpcsweep.job.values.Values
+            Of the job.
+        **common
+            What every study has: `structure`, `initial_state`, `settings`, `block_size`.
+
+        Raises
+        ------
+        JobError
+            If a value is not allowed.
+        """
+        raise NotImplementedError
+
+    def task_of(self, direction, frame, number):
+        """Give the task of blocks: arrays or numbers."""
+        raise NotImplementedError
+
+    def path(self, task: int) -> list[Block]:
+        """List the blocks of a task in the order of computation."""
+        raise NotImplementedError
+
+    def descends(self, direction: int) -> bool:
+        """Tell whether the amplitudes of a direction are computed from the highest on."""
+        raise NotImplementedError
+
+    def rows(
+        self,
+        frame: int,
+        amplitudes: Amplitudes,
+        state: np.ndarray,
+        poll: Callable[[], None] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Compute runs of a frame in the order given, from where its path has come."""
+        raise NotImplementedError
+
+    # what follows from it
+
+    @property
+    def n_amplitudes(self) -> int:
+        """Runs of one frame and direction."""
+        return self.amplitude.size
+
+    @property
+    def n_blocks(self) -> int:
+        """Blocks of one frame and direction."""
+        return -(-self.n_amplitudes // self.block_size)
+
+    @property
+    def n_tasks(self) -> int:
+        """Tasks of the study."""
+        last = len(self.directions) - 1, self.omega.size - 1, self.n_blocks - 1
+        return int(self.task_of(*last)) + 1
+
+    @property
+    def n_runs(self) -> int:
+        """Runs of the study: directions x frames x amplitudes."""
+        return len(self.directions) * self.omega.size * self.n_amplitudes
+
+    def amplitudes_of(self, frame: int) -> np.ndarray:
+        """Give the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
+        del frame
+        return self.amplitude
+
+    def tasks_of(self, frame: int) -> list[int]:
+        """List the tasks that have runs of a frame."""
+        direction, number = np.indices((len(self.directions), self.n_blocks))
+        tasks = self.task_of(direction, np.full_like(direction, frame), number)
+        return np.unique(tasks).tolist()
+
+    @cached_property
+    def variables(self) -> list[Variable]:
+        """Variables of the runs, in the order of the file."""
+        return run_variables(self.settings)
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+        n = self.structure.n_floors
+        return {
+            "direction": len(self.directions),
+            "frame": self.omega.size,
+            "amplitude": self.n_amplitudes,
+            "point": self.settings.stored_points,
+            "state": 2 * n,
+            "mode": n,
+            "block": self.n_blocks,
+        }
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+        n, size = self.structure.n_floors, self.dimensions
+        states = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
+        return {
+            "direction": named(self.directions, self.direction_name),
+            "frame": numbered(size["frame"], "frame"),
+            "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),
+            "point": numbered(size["point"], "stroboscopic point"),
+            "state": named(states, "state component"),
+            "mode": numbered(n, "mode of the free structure", first=1),
+            "block": numbered(size["block"], "block of amplitudes"),
+        }
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known beforehand, with their values."""
+        return [(OMEGA, self.omega)]
+
+    def block(self, place: tuple[int, ...]) -> Block:
+        """Give the block with an index in ``commit``: direction, frame, number along the path."""
+        direction, frame, number = place
+        descends = self.descends(direction)
+        begin, end = number * self.block_size, (number + 1) * self.block_size
+        if descends:
+            begin, end = self.n_amplitudes - end, self.n_amplitudes - begin
+        low, high = max(begin, 0), min(end, self.n_amplitudes)
+        task = int(self.task_of(direction, frame, number))
+        return Block(task, place, (direction, frame, low), high - low, descends)
+
+    def table(self) -> BlockTable:
+        """Describe all blocks at once."""
+        shape = len(self.directions), self.omega.size, self.n_blocks
+        direction, frame, number = (axis.ravel() for axis in np.indices(shape, np.int32))
+        size, count = self.block_size, self.n_amplitudes
+        n_runs = np.minimum(size, count - number * size)
+        middle = np.minimum((number + 0.5) * size, count) / count
+        down = np.array([self.descends(d) for d in range(shape[0])])[direction]
+        middle = np.where(down, 1.0 - middle, middle)
+        task = self.task_of(direction, frame, number)
+        # within a task: direction by direction, block by block
+        order = np.lexsort((number, direction, task))
+        place = np.stack((direction, frame, number), axis=1)
+        return BlockTable(task[order], n_runs[order], place[order], middle[order])
+
+    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
+        """Give the index of the run whose final state a run starts from; None: `initial_state`."""
+        raise NotImplementedError
+
+    def compute(
+        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Compute a block from the state its path has reached; rows in the order of the file."""
+        _, frame, low = block.first
+        amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs][block.order]
+        result = self.rows(frame, amplitudes, state, poll)
+        return {name: np.ascontiguousarray(values[block.order]) for name, values in result.items()}
+
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
+        """Compute one run alone from a state."""
+        _, frame, at = block.run(row)
+        return self.rows(frame, self.amplitudes_of(frame)[at : at + 1], state)
+
+    def with_settings(self, **changes: Any) -> "RunGrid":
+        """Give the same study with other settings."""
+        return replace(self, settings=replace(self.settings, **changes))
+
+    def time_runs(
+        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
+    ) -> tuple[tuple[int, float], int, float]:
+        """Time a few runs of a frame, after one that arrives on the attractor and is not timed."""
+        frame = int(share * self.omega.size)
+        at = int(along * (max(self.n_amplitudes - n_runs - 1, 0) + 1))
+        amplitudes = self.amplitudes_of(frame)[at : at + n_runs + 1]
+        arrived = self.rows(frame, amplitudes[:1], self.initial_state, poll)["final_state"][-1]
+        state = arrived if np.isfinite(arrived).all() else self.initial_state
+        amplitudes = amplitudes[1:] if amplitudes.size > 1 else amplitudes
+        begun = time.perf_counter()
+        self.rows(frame, amplitudes, state, poll)
+        seconds = time.perf_counter() - begun
+        middle = (at + 0.5 * amplitudes.size) / self.n_amplitudes
+        return (frame, middle), amplitudes.size, seconds
+
+    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+        """List what is not as every run promises: row and what is wrong there."""
+        _, frame, low = block.first
+        amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs]
+        return broken_invariants(self.structure, self.settings, amplitudes, rows)
+
+    def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
+        """Tell what a run is: ``direction``, ``omega``, ``amplitude``."""
+        direction, frame, at = run
+        return {
+            "direction": self.directions[direction],
+            "omega": float(self.omega[frame]),
+            "amplitude": float(self.amplitudes_of(frame)[at]),
+        }
+
+    def warm_up(self, say: Callable[[str], None] = lambda text: None) -> None:
+        """Compile all that its runs call, or load it from the disk."""
+        runs.warm_up(self.settings, say)
+
+    def meaning(self) -> tuple[list, tuple[np.ndarray, ...], frozenset[str]]:
+        """Give what the fingerprint of a job is made of: see `hpcsweep.job.fingerprint`.
+
+        Returns
+        -------
+        listed : list
+            The values of the fields that the first version knew, in its order.
+        arrays : tuple of ndarray
+        covered : frozenset of str
+            Fields of the study, the structure and the settings that are in `listed` and `arrays`.
+        """
+        structure, settings = self.structure, self.settings
+        listed: list[object] = [
+            structure.n_floors,
+            structure.stiffness_ratio.hex(),
+            structure.sharpness.hex(),
+            [float(value).hex() for value in structure.damping_ratios],
+            self.directions,
+            settings.transient_cycles,
+            settings.sampling_cycles,
+            settings.max_orbit_period,
+            settings.period_tolerance.hex(),
+            settings.solver,
+            settings.rtol.hex(),
+            sorted(settings.skip),
+            sorted(settings.metrics),
+            self.block_size,
+        ]
+        if settings.stored_points < settings.sampling_cycles:
+            listed.append(("max_points", settings.stored_points))
+        return listed, (self.omega, self.amplitude, self.initial_state), COVERED
+
+    def frames_of(self, omega: float) -> np.ndarray:
+        """List the frames by their distance from a frequency, the nearest first."""
+        return np.argsort(np.abs(self.omega - omega), kind="stable")
+
+
+COVERED = frozenset(
+    {
+        *("n_floors", "stiffness_ratio", "sharpness", "damping_ratio", "_ratios"),
+        *("transient_cycles", "sampling_cycles", "max_orbit_period", "period_tolerance"),
+        *("solver", "rtol", "skip", "metrics", "max_points"),
+        *("structure", "omega", "amplitude", "directions", "initial_state", "settings"),
+        "block_size",
+    }
+)
+"""Fields that `RunGrid.meaning` writes out."""

@@ -1,0 +1,133 @@
+"""Single points (A, Omega), each from the job's initial state: no path, every point on its own.
+
+The points are a grid, or a list of pairs. A list has one frame a point, and one amplitude a frame:
+`forcing_amplitude` tells it. Each block of points is a task, one point unless the job asks for
+larger blocks, so that a study scales to as many ranks as it has points.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.runs import frame_runs
+from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
+from hpcsweep.studies.variables import AMPLITUDE
+
+START = "initial"
+FORCING_AMPLITUDE = Variable("forcing_amplitude", ("frame",), "<f8", *AMPLITUDE)
+
+
+@dataclass(frozen=True, eq=False)
+class Points(RunGrid):
+    """Points of a grid or a list, a block of them a task; see `RunGrid`.
+
+    Attributes
+    ----------
+    listed : bool
+        Whether `omega` and `amplitude`, of one length, are a list of pairs.
+    """
+
+    directions: tuple[str, ...] = (START,)
+    listed: bool = False
+
+    kind: ClassVar[str] = "points"
+    task_noun: ClassVar[str] = "point"
+    why_whole: ClassVar[str] = "a point is one run, which cannot be cut"
+    words: ClassVar[dict[str, str]] = {START: "each from the initial state"}
+    direction_name: ClassVar[str] = "where each run starts"
+    keys: ClassVar[dict] = {"study": ("points",), "sweep": ("omega", "amplitude")}
+    default_block: ClassVar[int] = 1
+
+    @classmethod
+    def read(cls, values, **common) -> "Points":
+        """Read the grid, or the list, of points a job asks for; see `RunGrid.read`."""
+        if not values.has("study.points"):
+            return cls(
+                omega=values.frequencies("sweep.omega"),
+                amplitude=values.amplitudes("sweep.amplitude"),
+                **common,
+            )
+        for key in ("sweep.omega", "sweep.amplitude"):
+            if values.has(key):
+                raise values.error(
+                    key, values.get(key), "must not be given beside study.points, a list of points"
+                )
+        pairs = values.get("study.points")
+        if not isinstance(pairs, list) or not pairs or not all(map(_is_pair, pairs)):
+            raise values.error("study.points", pairs, "must be a list of pairs [A, Omega]")
+        amplitude, omega = np.array(
+            [[values.number("study.points", value) for value in pair] for pair in pairs]
+        ).T
+        wrong = ~(np.isfinite(amplitude) & np.isfinite(omega) & (amplitude >= 0) & (omega > 0))
+        if wrong.any():
+            first = pairs[int(np.argmax(wrong))]
+            raise values.error("study.points", first, "must have A of at least 0, Omega above 0")
+        if np.unique(np.stack((amplitude, omega)), axis=1).shape[1] < len(pairs):
+            raise values.error("study.points", pairs, "must not hold a point twice")
+        return cls(omega=omega.copy(), amplitude=amplitude.copy(), listed=True, **common)
+
+    @property
+    def n_amplitudes(self) -> int:
+        """Runs of one frame: 1 in a list."""
+        return 1 if self.listed else self.amplitude.size
+
+    def amplitudes_of(self, frame: int) -> np.ndarray:
+        """Give the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
+        return self.amplitude[frame : frame + 1] if self.listed else self.amplitude
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension; a list has no amplitude that its frames share."""
+        values = super().coordinates
+        if self.listed:
+            values["amplitude"] = Coordinate(np.array([np.nan]), *AMPLITUDE)
+        return values
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known beforehand, with their values."""
+        own = [(FORCING_AMPLITUDE, self.amplitude)] if self.listed else []
+        return super().given + own
+
+    def task_of(self, direction, frame, number):
+        """Give the task of blocks: every block is one."""
+        del direction
+        return frame * self.n_blocks + number
+
+    def path(self, task: int) -> list[Block]:
+        """Give the one block of a task."""
+        return [self.block((0, *divmod(task, self.n_blocks)))]
+
+    def descends(self, direction: int) -> bool:
+        """Tell that amplitudes are computed in their order."""
+        del direction
+        return False
+
+    def rows(
+        self,
+        frame: int,
+        amplitudes: Amplitudes,
+        state: np.ndarray,
+        poll: Callable[[], None] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Compute runs, each from the same state."""
+        runs = frame_runs(self.structure, float(self.omega[frame]), self.settings)
+        return runs.each(amplitudes, state, poll)
+
+    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
+        """Tell that every run starts from the initial state."""
+        del block, row
+        return None
+
+    def describe_task(self, task: int) -> str:
+        """Tell a point by its frequency and amplitude."""
+        (block,) = self.path(task)
+        found = self.describe(block.first)
+        return f"Omega = {found['omega']:.6g}, A = {found['amplitude']:.6g}"
+
+
+def _is_pair(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 2

@@ -1,0 +1,227 @@
+"""What a study is: what differs between studies, and nothing else.
+
+A study is cut into tasks, which are independent of each other, and each task into blocks, which
+are computed one after the other along the task's path and committed one by one. A block is a
+stretch of runs; the state at the end of one block is what the next one starts from.
+
+`store` makes the file from a study's variables and verifies its blocks, `campaign` hands its tasks
+to ranks, `checks` computes its runs again; none of them knows which study it is. A new study is a
+module in this folder and an entry in `hpcsweep.studies.kinds`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+Amplitudes = Sequence[float] | np.ndarray
+"""In the order in which they are computed, shape (k,)."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of the results.
+
+    Attributes
+    ----------
+    name : str
+    dims : tuple of str
+    dtype : str
+    units, long_name : str
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    units: str
+    long_name: str
+
+    @property
+    def missing(self) -> float:
+        """What stands where nothing is committed: 0 in whole numbers, NaN in others."""
+        return np.nan if np.dtype(self.dtype).kind == "f" else 0
+
+
+class Coordinate(NamedTuple):
+    """Values of a dimension of the results, numbers or (as objects) strings."""
+
+    values: np.ndarray
+    units: str
+    long_name: str
+
+
+@dataclass(frozen=True)
+class Block:
+    """A stretch of runs that are computed and committed together.
+
+    Attributes
+    ----------
+    task : int
+        To which it belongs.
+    place : tuple of int
+        Its index in ``commit``.
+    first : tuple of int
+        Index of its lowest run in the variables of the runs.
+    n_runs : int
+        It holds that run and those after it along the last axis.
+    descending : bool
+        Whether they are computed from the highest to the lowest.
+    """
+
+    task: int
+    place: tuple[int, ...]
+    first: tuple[int, ...]
+    n_runs: int
+    descending: bool = False
+
+    @property
+    def order(self) -> slice:
+        """Rows of the file in the order of computation, and the other way round."""
+        return slice(None, None, -1) if self.descending else slice(None)
+
+    @property
+    def begin(self) -> int:
+        """Row of the file that is computed first."""
+        return self.n_runs - 1 if self.descending else 0
+
+    @property
+    def end(self) -> int:
+        """Row of the file that is computed last."""
+        return 0 if self.descending else self.n_runs - 1
+
+    @property
+    def runs(self) -> tuple:
+        """Index of all its runs in the variables of the runs."""
+        return (*self.first[:-1], slice(self.first[-1], self.first[-1] + self.n_runs))
+
+    def run(self, row: int) -> tuple[int, ...]:
+        """Give the index of one of its runs."""
+        return (*self.first[:-1], self.first[-1] + row)
+
+
+class BlockTable(NamedTuple):
+    """All blocks of a study, those of a task together and in the order of its path.
+
+    Attributes
+    ----------
+    task, n_runs : ndarray of int, shape (n_blocks,)
+    place : ndarray of int, shape (n_blocks, n_axes)
+        Index in ``commit``.
+    middle : ndarray of float, shape (n_blocks,)
+        Place of the block's middle along the last axis of the runs, from 0 to 1.
+    """
+
+    task: np.ndarray
+    n_runs: np.ndarray
+    place: np.ndarray
+    middle: np.ndarray
+
+
+class Study(Protocol):
+    """What `store`, `campaign` and `checks` ask of a study.
+
+    A block's results are arrays by the names of `variables`, first axis its runs in the order of
+    the file.
+    """
+
+    kind: str
+    """Name in job files."""
+    task_noun: str
+    """What a task is called."""
+    why_whole: str
+    """Why a task cannot be cut further, as a user is told."""
+    structure: Any
+    settings: Any
+    initial_state: np.ndarray
+    """State from which the first run of every task starts, shape (2n,)."""
+    n_tasks: int
+    n_runs: int
+    run_dims: tuple[str, ...]
+    """Dimensions of a run."""
+    commit: Variable
+    """Checksums of the blocks."""
+
+    @property
+    def variables(self) -> list[Variable]:
+        """Variables of the runs, in the order of the file."""
+        ...
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+        ...
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+        ...
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known beforehand, with their values."""
+        ...
+
+    def path(self, task: int) -> list[Block]:
+        """List the blocks of a task in the order of computation."""
+        ...
+
+    def block(self, place: tuple[int, ...]) -> Block:
+        """Give the block with an index in ``commit``."""
+        ...
+
+    def table(self) -> BlockTable:
+        """Describe all blocks at once."""
+        ...
+
+    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
+        """Give the index of the run whose final state a run starts from; None: `initial_state`."""
+        ...
+
+    def compute(
+        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Compute a block from the state its path has reached."""
+        ...
+
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
+        """Compute one run alone from a state; arrays as of `compute`, for one run."""
+        ...
+
+    def with_settings(self, **changes: Any) -> "Study":
+        """Give the same study with other settings."""
+        ...
+
+    def time_runs(
+        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
+    ) -> tuple[tuple[int, float], int, float]:
+        """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis.
+
+        Returns
+        -------
+        place : (int, float)
+            Frame, and place along the last axis of the runs, from 0 to 1.
+        n_runs : int
+        seconds : float
+        """
+        ...
+
+    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+        """List what is not as every run promises: row and what is wrong there."""
+        ...
+
+    def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
+        """Tell what a run is: ``direction``, ``omega``, ``amplitude``."""
+        ...
+
+    def describe_task(self, task: int) -> str:
+        """Tell a task by its frequency, and what else is its own."""
+        ...
+
+    def warm_up(self, say: Callable[[str], None] = lambda text: None) -> None:
+        """Compile all that its runs call."""
+        ...
+
+    def meaning(self) -> tuple[list, tuple[np.ndarray, ...], frozenset[str]]:
+        """Give what the fingerprint of a job is made of; see `hpcsweep.job.fingerprint`."""
+        ...

@@ -1,0 +1,57 @@
+"""Variables of the results of runs over forcing amplitude and frequency."""
+
+import numpy as np
+
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.study import Coordinate, Variable
+
+SPEED = "gaps omega_0"
+RUN = ("direction", "frame", "amplitude")
+"""Dimensions of a run."""
+
+RUN_VARIABLES = (
+    Variable("poincare", (*RUN, "point", "state"), "<f8", "gaps; " + SPEED, "stroboscopic points"),
+    Variable("n_points", RUN, "<i4", "1", "number of stroboscopic points stored"),
+    Variable("orbit_period", RUN, "<i4", "forcing periods", "orbit period, 0 if none was found"),
+    Variable("contact", RUN, "<u8", "1", "contact set, bit i - 1 for floor i"),
+    Variable("drift", RUN, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
+    Variable("modal_norm", (*RUN, "mode"), "<f8", "1", "mean modal norm free of contact"),
+    Variable("lyapunov", RUN, "<f8", "omega_0", "largest Lyapunov exponent"),
+    Variable(
+        "final_state", (*RUN, "state"), "<f8", "gaps; " + SPEED, "state after the last period"
+    ),
+    Variable("cycles", RUN, "<i4", "forcing periods", "forcing periods integrated"),
+    Variable(
+        "outcome",
+        RUN,
+        "<i1",
+        "1",
+        "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
+    ),
+    Variable(
+        "shortcut", RUN, "<i1", "1", "rule that spared periods: 1 linear, 2 converged, 3 newton"
+    ),
+)
+ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "shortcut")
+OMEGA = Variable("omega", ("frame",), "<f8", "omega_0", "forcing frequency Omega")
+COMMIT = Variable("commit", ("direction", "frame", "block"), "<u8", "1", "checksum of a block")
+AMPLITUDE = ("gaps omega_0^2", "forcing amplitude A")
+"""Units and long name."""
+
+
+def run_variables(settings: SweepSettings) -> list[Variable]:
+    """List the variables of each run, in the order of the file."""
+    wanted = set(ALWAYS) | set(settings.metrics)
+    if "poincare" in wanted:
+        wanted.add("n_points")
+    return [variable for variable in RUN_VARIABLES if variable.name in wanted]
+
+
+def numbered(count: int, long_name: str, first: int = 0) -> Coordinate:
+    """Make the coordinate of a dimension whose values are numbers in a row."""
+    return Coordinate(np.arange(first, first + count, dtype="<i4"), "1", long_name)
+
+
+def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
+    """Make the coordinate of a dimension whose values are names."""
+    return Coordinate(np.array(names, object), "1", long_name)

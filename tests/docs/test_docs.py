@@ -1,0 +1,167 @@
+"""What the pages say exists: links, paths, names, command lines, keys, variables."""
+
+import ast
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import h5py
+import pytest
+from tools import ROOT
+
+from hpcsweep.commands.cli import build_parser
+from hpcsweep.job import JobError, parse_job
+
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+ROOMS = sorted(path.parent.name for path in (ROOT / "hpcsweep").glob("*/__init__.py"))
+TOP = ("hpcsweep", "jobs", "slurm", "tests", "docs", r"\.ci")
+LAUNCHER = re.compile(r"^(?:(?:mpirun|srun)(?: -n \S+| --\S+)* )?hpcsweep (?=[a-z-])")
+
+every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+def blocks(text: str, *languages: str) -> list[str]:
+    """Contents of the fenced blocks of some languages."""
+    found = re.findall(r"^ *```(\w*)\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
+    return [body for language, body in found if language in languages]
+
+
+def spans(text: str) -> list[str]:
+    """Everything between backticks outside fenced blocks, on one line."""
+    text = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.MULTILINE | re.DOTALL)
+    return [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", text)]
+
+
+def anchors(text: str) -> set[str]:
+    """The anchors GitHub gives a page's headings."""
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in headings}
+
+
+def command_lines(text: str) -> list[str]:
+    """Command lines of hpcsweep: of shell blocks, and between backticks."""
+    shell = "\n".join(blocks(text, "sh")).replace("\\\n", " ").splitlines()
+    lines = [" ".join(line.split()) for line in shell] + spans(text)
+    return [LAUNCHER.sub("", line) for line in lines if LAUNCHER.match(line)]
+
+
+@every_page
+def test_every_relative_link_leads_somewhere(page):
+    lost = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        if re.match(r"[a-z]+:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        file = (page.parent / name).resolve() if name else page
+        if not file.exists() or (anchor and anchor not in anchors(file.read_text())):
+            lost.append(target)
+    assert lost == []
+
+
+@every_page
+def test_every_path_that_is_named_exists(page):
+    text = page.read_text()
+    said = "\n".join([*spans(text), *blocks(text, "sh", "python", "toml", "")])
+    named = re.findall(rf"(?<![\w/.~-])(?:{'|'.join(TOP)})/[\w./*-]*\w", said)
+    rooms = re.findall(rf"(?<![\w/.~-])(?:{'|'.join(ROOMS)})/[\w./]*\w", "\n".join(spans(text)))
+    paths = [*named, *(f"hpcsweep/{room}" for room in rooms)]
+    lost = [
+        path
+        for path in paths
+        if not any([*ROOT.glob(path), *ROOT.glob(f"{path}.py"), *ROOT.glob(f"{path}.toml")])
+    ]
+    assert lost == []
+
+
+@every_page
+def test_every_name_of_the_package_exists(page):
+    for name in re.findall(
+        r"(?<![\w/])hpcsweep(?:\.[a-zA-Z_]+)+", "\n".join(spans(page.read_text()))
+    ):
+        parts = name.split(".")
+        for length in range(len(parts), 0, -1):
+            try:
+                found = importlib.import_module(".".join(parts[:length]))
+            except ModuleNotFoundError:
+                continue
+            break
+        for part in parts[length:]:
+            assert hasattr(found, part), name
+            found = getattr(found, part)
+
+
+@every_page
+def test_every_command_line_is_understood(page, capsys):
+    parser = build_parser()
+    refused = []
+    for line in command_lines(page.read_text()):
+        words = shlex.split(line, comments=True)
+        try:
+            # a command by its name alone is meant, not given
+            parser.parse_args(words if len(words) > 1 else [*words, "--help"])
+        except SystemExit as end:
+            if end.code:
+                refused.append((line, capsys.readouterr().err))
+    assert refused == []
+
+
+def test_command_lines_are_found_and_mistakes_in_them_are_refused(capsys):
+    lines = command_lines(
+        "```sh\nmpirun -n 2 hpcsweep run a.toml \\\n --no # x\n```\n`hpcsweep plto`"
+    )
+    assert lines == ["run a.toml --no # x", "plto"]
+    for line in lines:
+        with pytest.raises(SystemExit) as end:
+            build_parser().parse_args(shlex.split(line, comments=True))
+        assert end.value.code == 2
+    assert sum(len(command_lines(page.read_text())) for page in PAGES) > 40
+
+
+@every_page
+def test_every_example_can_be_read(page):
+    text = page.read_text()
+    for example in blocks(text, "python"):
+        assert ast.parse(example).body
+    for example in blocks(text, "toml"):
+        tree = tomllib.loads(example)
+        if "sweep" in tree and "study" not in tree:
+            assert parse_job(example, page.name, "example").omega.size
+
+
+def known_keys(start: str) -> list[str]:
+    """Keys that the parser of jobs says it knows at one place."""
+    with pytest.raises(JobError) as refused:
+        parse_job(f"{start}0 = 1", "job.toml", "job")
+    return str(refused.value).partition("known are ")[2].split(", ")
+
+
+def test_every_key_of_a_job_is_described():
+    described = spans((ROOT / "docs" / "job-files.md").read_text())
+    tables = [key for key in known_keys("") if key != "name"]
+    keys = [f"{table}.{key}" for table in tables for key in known_keys(f"[{table}]\n")]
+    assert len(keys) > 20
+    assert [key for key in ["name", *keys] if key not in described] == []
+
+
+def test_every_variable_and_attribute_of_a_file_is_described():
+    described = spans((ROOT / "docs" / "file-format.md").read_text())
+    with h5py.File(ROOT / "tests" / "data" / "layout1.h5", locking=False) as file:
+        names = [*file, *file.attrs]
+    assert len(names) > 30
+    assert [name for name in names if name not in described] == []
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_contracts():
+    script = ROOT / "docs" / "draw_architecture.py"
+    done = subprocess.run([sys.executable, script, "--check"], check=False)
+    assert done.returncode == 0, f"python {script.relative_to(ROOT)} draws it anew"
+
+
+def test_every_room_has_its_page_of_words():
+    for room in ROOMS:
+        source = Path(ROOT / "hpcsweep" / room / "__init__.py").read_text()
+        assert ast.get_docstring(ast.parse(source))

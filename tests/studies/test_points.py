@@ -1,0 +1,131 @@
+"""Single points: a grid or a list, no path, the same bytes on any number of ranks."""
+
+import json
+import signal
+
+import faults
+import numpy as np
+import pytest
+from tools import SMALL, assert_same_datasets, hpcsweep
+
+from hpcsweep import open_results
+from hpcsweep.checks.validate import validate
+from hpcsweep.job import parse_job
+from hpcsweep.studies.amplitude_sweep import sweep_block
+
+GRID = '[study]\nkind = "points"\n' + SMALL.replace("block = 4", "lyapunov = true")
+LIST = """
+[study]
+kind = "points"
+points = [[0.05, 0.6], [0.2, 0.5], [0.2, 0.6], [0.0, 0.7]]
+[structure]
+n_floors = 2
+stiffness_ratio = 300.0
+[sweep]
+transient_cycles = 30
+sampling_cycles = 20
+max_orbit_period = 6
+initial_state = [0.1, 0.2, 0.0, 0.3]
+"""
+
+
+@pytest.fixture
+def grid_job(tmp_path):
+    path = tmp_path / "grid.toml"
+    path.write_text(GRID)
+    return path
+
+
+@pytest.mark.mpi
+def test_every_number_of_ranks_gives_the_same_bytes(tmp_path, grid_job):
+    assert hpcsweep(0, "run", grid_job, "-o", tmp_path / "1.h5").returncode == 0
+    for ranks in (2, 3):
+        path = tmp_path / f"{ranks}.h5"
+        done = hpcsweep(ranks, "run", grid_job, "-o", path)
+        assert done.returncode == 0, done.stderr
+        assert_same_datasets(tmp_path / "1.h5", path)
+    blocks = [r for r in faults.records(tmp_path / "3.h5") if r["kind"] == "block"]
+    assert len(blocks) == 44
+    assert len({record["rank"] for record in blocks}) > 1
+
+
+@pytest.mark.mpi
+def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, grid_job):
+    long = tmp_path / "long.toml"
+    long.write_text(
+        GRID.replace("transient_cycles = 30", "transient_cycles = 20000").replace(
+            "[output]", '[solver]\nskip = "none"\n[output]'
+        )
+    )
+    whole, cut = tmp_path / "whole.h5", tmp_path / "cut.h5"
+    assert hpcsweep(2, "run", long, "-o", whole).returncode == 0
+    process = faults.start(2, "run", long, "-o", cut, sync=0.0)
+    assert faults.wait_for_commits(process, cut, 5)
+    process.send(signal.SIGKILL, "all", faults.random.Random(1))
+    process.end()
+    process.finish()
+    kept = faults.valid(cut)
+    assert 5 <= len(kept) < 44
+    begun = len(faults.records(cut))
+    assert hpcsweep(3, "run", long, "-o", cut).returncode == 0
+    again = [r for r in faults.records(cut)[begun:] if r["kind"] == "block"]
+    assert len(again) == 44 - len(kept)
+    assert_same_datasets(whole, cut)
+
+
+def test_a_point_is_the_run_from_the_initial_state(tmp_path, grid_job):
+    path = tmp_path / "grid.h5"
+    assert hpcsweep(0, "run", grid_job, "-o", path).returncode == 0
+    results = open_results(path)
+    study = parse_job(GRID, "grid", "grid").study
+    assert results["direction"].values.tolist() == ["initial"]
+    assert dict(results.sizes)["frame"] == 4
+    for frame, at in ((0, 0), (2, 7), (3, 10)):
+        alone = sweep_block(
+            study.structure,
+            float(study.omega[frame]),
+            study.amplitude[at : at + 1],
+            study.initial_state,
+            study.settings,
+        )
+        for name, values in alone.items():
+            stored = results[name].values[0, frame, at]
+            assert np.array_equal(stored, values[0], equal_nan=True), name
+    report = validate(path, samples=6)
+    assert report.problems == []
+    assert report.committed == report.blocks == 44
+    assert all(run.whole_run == "equal" for run in report.sample)
+
+
+def test_larger_blocks_give_the_same_results_in_fewer_tasks(tmp_path, grid_job):
+    assert hpcsweep(0, "run", grid_job, "-o", tmp_path / "1.h5").returncode == 0
+    grid_job.write_text(GRID + "block = 4\n")
+    assert hpcsweep(0, "run", grid_job, "-o", tmp_path / "4.h5").returncode == 0
+    one, four = open_results(tmp_path / "1.h5"), open_results(tmp_path / "4.h5")
+    assert four.sizes["block"] == 3
+    kept = [name for name in one if name != "commit"]
+    assert one[kept].identical(four[kept])
+    assert parse_job(grid_job.read_text(), "", "x").study.n_tasks == 12
+
+
+def test_a_list_of_points_has_a_frame_a_point(tmp_path):
+    job, path = tmp_path / "list.toml", tmp_path / "list.h5"
+    job.write_text(LIST)
+    done = hpcsweep(0, "run", job, "-o", path)
+    assert done.returncode == 0, done.stderr
+    results = open_results(path)
+    assert results["forcing_amplitude"].values.tolist() == [0.05, 0.2, 0.2, 0.0]
+    assert results["omega"].values.tolist() == [0.6, 0.5, 0.6, 0.7]
+    assert dict(results.sizes)["amplitude"] == 1
+    study = parse_job(LIST, "", "list").study
+    alone = sweep_block(study.structure, 0.6, [0.2], study.initial_state, study.settings)
+    assert np.array_equal(results["final_state"].values[0, 2, 0], alone["final_state"][0])
+    assert validate(path, samples=4).problems == []
+    state = json.loads(hpcsweep(0, "status", path, "--json").stdout)
+    assert state["complete"]
+    assert state["study"] == "points"
+    assert state["runs_total"] == 4
+    for command in (("summary", path), ("plot", path), ("pack", path), ("summary", path)):
+        done = hpcsweep(0, *command, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 2

@@ -13,7 +13,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Advance, Observation
+from hpcsweep.solvers.records import Advance, Approach, Observation
 
 SOLVERS = {"flow": FlowMap, "bdf": BdfMap}
 
@@ -29,10 +29,26 @@ class Solver(Protocol):
         state: np.ndarray,
         amplitude: float,
         n_periods: int,
-        tol: float = -1.0,
         poll: Callable[[], None] | None = None,
     ) -> Advance:
         """Integrate, keeping only the last state; see `FlowMap.advance`."""
+        ...
+
+    def settle(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        max_period: int,
+        settled: float,
+        same: float,
+        near: float = 0.0,
+        poll: Callable[[], None] | None = None,
+    ) -> Approach:
+        """Integrate until the orbit is known, for at most `n_periods`; see `FlowMap.settle`.
+
+        A solver that cannot tell integrates all of them and returns period 0.
+        """
         ...
 
     def points(

@@ -202,14 +202,14 @@ def test_orbit_period_is_the_smallest_that_repeats():
 LEFT_TO_COMPILE = """
 import numpy as np
 from hpcsweep.studies import amplitude_sweep as sweep
-from hpcsweep.solvers.flow import approach, march
+from hpcsweep.solvers.flow import march, transient
 from hpcsweep.studies.runs import warm_up
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.model.structure import Structure
 
 settings = SweepSettings(metrics=frozenset({metrics!r}))
 warm_up(settings)
-kernels = march.march, approach.approach
+kernels = march.march, transient.end_of_transient
 before = [len(kernel.signatures) for kernel in kernels]
 amplitude = np.linspace(0.01, 0.25, 40)
 found = sweep.sweep_block(Structure(), 0.21, amplitude, np.zeros(6), settings)

@@ -271,7 +271,11 @@ def compare(
     paths = [
         (k, min(PATH, n_points - k * PATH), seed, *given) for k in range(math.ceil(n_points / PATH))
     ]
-    cycles, shortcuts, found, seconds, far = [], Counter(), [], np.zeros(2), {}
+    cycles: list[list[int]] = []
+    shortcuts: Counter[str] = Counter()
+    found: list[Difference] = []
+    far: dict[str, float] = {}
+    seconds = np.zeros(2)
     for done, path in enumerate(_all_paths(paths, processes), 1):
         cycles.append([row[0] for row in path["rows"]])
         shortcuts.update(Shortcut(row[1]).name for row in path["rows"])

@@ -158,9 +158,9 @@ def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
 def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Carry a few points of an aperiodic run to the next ones."""
     points = run["poincare"][: int(run["n_points"])]
-    places = (
-        np.unique(np.linspace(0, len(points) - 2, STEPS).astype(int)) if len(points) > 1 else []
-    )
+    places: list[int] = []
+    if len(points) > 1:
+        places = np.unique(np.linspace(0, len(points) - 2, STEPS).astype(int)).tolist()
     worst = -1.0
     for place in places:
         seen = _observe(solver, points[place], again.amplitude, 1, again.solver)
@@ -172,11 +172,14 @@ def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
             again.difference, again.allowed = difference, allowed
         _judge_metrics(again, seen, run, False)
     again.compared = f"{len(places)} points, each carried to the next"
-    if len(places):
+    if places:
         _judge_points(again)
 
 
 def _judge_points(again: RunAgain) -> None:
+    """Judge the largest difference of a point, which has been found."""
+    assert again.difference is not None
+    assert again.allowed is not None
     if not again.difference <= again.allowed:
         again.problem = (
             f"{again.solver} finds points that differ by {again.difference:.2g}, allowed are "
@@ -189,24 +192,24 @@ def _judge_metrics(again: RunAgain, seen, run: dict, equal: bool) -> None:
     if again.problem:
         return
     if "contact" in run:
-        stored = int(run["contact"])
-        if seen.contact != stored if equal else seen.contact & ~stored:
-            again.problem = f"{again.solver} finds contact set {seen.contact}, stored is {stored}"
+        contact = int(run["contact"])
+        if seen.contact != contact if equal else seen.contact & ~contact:
+            again.problem = f"{again.solver} finds contact set {seen.contact}, stored is {contact}"
     allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
     if "drift" in run and again.amplitude:
-        stored = float(run["drift"]) * again.amplitude / again.omega**2
-        excess = seen.peak_drift - stored
+        drift = float(run["drift"]) * again.amplitude / again.omega**2
+        excess = seen.peak_drift - drift
         if (abs(excess) if equal else excess) > 2 * allowed:
             again.problem = (
                 f"{again.solver} finds a peak drift of {seen.peak_drift:.9g} gaps, stored is "
-                f"{stored:.9g}"
+                f"{drift:.9g}"
             )
     if "modal_norm" in run and equal and again.amplitude:
-        stored = run["modal_norm"]
-        if not np.allclose(seen.modal_norm, stored, rtol=0, atol=MODAL_ALLOWED, equal_nan=True):
+        norms = run["modal_norm"]
+        if not np.allclose(seen.modal_norm, norms, rtol=0, atol=MODAL_ALLOWED, equal_nan=True):
             again.problem = (
                 f"{again.solver} finds modal norms {_short(seen.modal_norm)}, stored are "
-                f"{_short(stored)}"
+                f"{_short(norms)}"
             )
 
 

@@ -13,7 +13,7 @@ import hashlib
 import os
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +41,8 @@ def check_file(path: Path) -> dict:
         with open_for_reading(path) as file:
             attributes = dict(file.attrs)
     except (OSError, RuntimeError) as error:
-        if isinstance(error, PermissionError | FileNotFoundError | IsADirectoryError):
+        kinds = PermissionError | FileNotFoundError | IsADirectoryError
+        if isinstance(error, kinds) and error.errno is not None:
             # what h5py says of it is long, and may take several lines
             raise StoreError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
         cut = re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error))
@@ -154,7 +155,7 @@ class Blocks:
 
     def chain(
         self, task: int, first: int = 0, state: np.ndarray | None = None
-    ) -> Iterator[tuple[Block, np.ndarray, bool]]:
+    ) -> Generator[tuple[Block, np.ndarray, bool], np.ndarray | None, None]:
         """Walk a task's blocks in the order of the path.
 
         Parameters

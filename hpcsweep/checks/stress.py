@@ -22,9 +22,8 @@ from hpcsweep.parallel.watchdog import Lost, each
 from hpcsweep.solvers.flow import flow_map
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.reference import reference_points
-from hpcsweep.solvers.solver import make_solver
+from hpcsweep.solvers.solver import SOLVERS, make_solver
 
-RTOL = {"flow": 1e-9, "bdf": 1e-6}
 CAP = 3000
 """Steps a forcing period may take in the random runs; the solver's own cap is far larger."""
 PER_STRUCTURE = 20
@@ -77,7 +76,7 @@ def answer(case: Case | None) -> Answer | None:
         return _random_runs(case)
     structure = Structure(**case.structure)
     state = np.array(case.state) if case.state else np.zeros(2 * structure.n_floors)
-    solver = make_solver(case.solver, structure, case.omega, RTOL[case.solver])
+    solver = make_solver(case.solver, structure, case.omega, SOLVERS[case.solver].rtol)
     seen = solver.observe(state, case.amplitude, case.n_periods, modal_norm=True)
     problem = _inconsistent(structure, seen, case.n_periods)
     if problem:
@@ -179,7 +178,7 @@ def _random_runs(case: Case) -> Answer:
         for k in range(case.n_periods):
             if k % PER_STRUCTURE == 0:
                 structure, omega = random_structure(rng)
-                solver: Any = make_solver("flow", structure, omega, RTOL["flow"])
+                solver: Any = make_solver("flow", structure, omega, SOLVERS["flow"].rtol)
                 taken = steps_taken(solver)
             amplitude = float(rng.choice([0.0, _log_uniform(rng, 1e-12, 1e3)], p=[0.02, 0.98]))
             z = random_state(rng, structure)

@@ -129,7 +129,7 @@ def test_every_example_can_be_read(page):
     for example in blocks(text, "toml"):
         tree = tomllib.loads(example)
         if "sweep" in tree and "study" not in tree:
-            assert parse_job(example, page.name, "example").omega.size
+            assert parse_job(example, page.name, "example").study.omega.size
 
 
 def test_the_exercises_apply():

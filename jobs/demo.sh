@@ -9,4 +9,4 @@ bash .ci/venv .venv mpich
 mkdir -p out
 .venv/bin/mpirun -n 2 .venv/bin/hpcsweep run "$job" -o "out/$name.h5"
 .venv/bin/hpcsweep status "out/$name.h5"
-.venv/bin/hpcsweep plot "out/$name.h5" -o "out/$name.png"
+.venv/bin/hpcsweep plot "out/$name.h5" --color period -o "out/$name.png"

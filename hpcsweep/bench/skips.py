@@ -37,7 +37,7 @@ MODAL_NORM = 1e-4
 that a rest of the transient of `AGREE` moves them further than it moves the points."""
 LONGER = (2_000, 20_000)
 """Periods for which the plain run goes on. The jump is proved for multipliers up to 0.9999
-(`flow.approach.NEWTON_STABLE`), of which 2,000 periods leave 0.82: the second is for those."""
+(`flow.newton.NEWTON_STABLE`), of which 2,000 periods leave 0.82: the second is for those."""
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,11 @@ def compare(
     paths = [
         (k, min(PATH, n_points - k * PATH), seed, *given) for k in range(math.ceil(n_points / PATH))
     ]
-    cycles, shortcuts, found, seconds, far = [], Counter(), [], np.zeros(2), {}
+    cycles: list[list[int]] = []
+    shortcuts: Counter[str] = Counter()
+    found: list[Difference] = []
+    far: dict[str, float] = {}
+    seconds = np.zeros(2)
     for done, path in enumerate(_all_paths(paths, processes), 1):
         cycles.append([row[0] for row in path["rows"]])
         shortcuts.update(Shortcut(row[1]).name for row in path["rows"])

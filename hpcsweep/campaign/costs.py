@@ -213,8 +213,8 @@ def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
     known = np.flatnonzero(~np.isnan(filled[:, 0]))
     if not known.size:
         return np.ones(runs.shape)
-    for stratum in np.flatnonzero(np.isnan(filled[:, 0])):
-        above = np.searchsorted(known, stratum)
+    for stratum in np.flatnonzero(np.isnan(filled[:, 0])).tolist():
+        above = int(np.searchsorted(known, stratum))
         low, high = known[max(above - 1, 0)], known[min(above, known.size - 1)]
         share = (stratum - low) / (high - low) if high > low else 0.0
         filled[stratum] = (1 - share) * filled[low] + share * filled[high]
@@ -235,5 +235,5 @@ def sample_place(index: int) -> tuple[float, float]:
 
 def time_sample(study, index: int, poll: Callable[[], None] | None = None) -> PilotCost:
     """Time the runs of a sample."""
-    place, runs, seconds = study.time_runs(*sample_place(index), PILOT_TIMED, poll)
-    return PilotCost(*place, runs, seconds)
+    (frame, along), runs, seconds = study.time_runs(*sample_place(index), PILOT_TIMED, poll)
+    return PilotCost(frame, along, runs, seconds)

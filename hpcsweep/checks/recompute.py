@@ -23,19 +23,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.solver import make_solver
+from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Block
 
-TIGHT = {"bdf": 1e-10, "flow": 1e-11}
-"""Relative tolerance of the other solver."""
 STEPS = 3
 """Forcing periods of an aperiodic run that are computed again."""
-ERROR = {"bdf": 3e3, "flow": 1e3}
-"""Error of one forcing period in units of the relative tolerance, at beta = 1000 and a tangent map
-of norm 1: some three times the largest measured (`hpcsweep.solvers.bdf.BdfMap`)."""
 ERROR_GROWTH = 0.7
-"""Power of beta / 1000 with which that error grows beyond beta = 1000."""
+"""Power of beta / 1000 with which the error of a period grows beyond beta = 1000."""
 MODAL_ALLOWED = 2e-4
 """Difference allowed a modal norm: a mean of |q_j| / ||q||, which turns within a short time where
 the largest q_j changes sign; the quadrature of `bdf` errs by some 1e-5 there."""
@@ -96,11 +91,11 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     -------
     RunAgain
     """
-    other = "bdf" if study.settings.solver == "flow" else "flow"
+    other = witness_of(study.settings.solver)
     period = int(run["orbit_period"])
     again = RunAgain(**study.describe(block.run(row)), orbit_period=period, solver=other)
-    solver = make_solver(other, study.structure, again.omega, TIGHT[other])
-    tangent = make_solver("flow", study.structure, again.omega, TIGHT["flow"])
+    solver = make_solver(other, study.structure, again.omega, SOLVERS[other].tight)
+    tangent = make_solver("flow", study.structure, again.omega, SOLVERS["flow"].tight)
     try:
         if period:
             _compare_orbit(study, again, solver, tangent, run)
@@ -117,7 +112,8 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
 def _allowed(study, other: str, growth: float) -> float:
     settings = study.settings
     stiff = max(study.structure.stiffness_ratio / 1000.0, 1.0) ** ERROR_GROWTH
-    error = ERROR[settings.solver] * settings.rtol + ERROR[other] * TIGHT[other]
+    own, witness = SOLVERS[settings.solver], SOLVERS[other]
+    error = own.period_error * settings.rtol + witness.period_error * witness.tight
     return max(error * stiff, LEAST_ALLOWED) * max(growth, 1.0)
 
 
@@ -158,9 +154,9 @@ def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
 def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Carry a few points of an aperiodic run to the next ones."""
     points = run["poincare"][: int(run["n_points"])]
-    places = (
-        np.unique(np.linspace(0, len(points) - 2, STEPS).astype(int)) if len(points) > 1 else []
-    )
+    places: list[int] = []
+    if len(points) > 1:
+        places = np.unique(np.linspace(0, len(points) - 2, STEPS).astype(int)).tolist()
     worst = -1.0
     for place in places:
         seen = _observe(solver, points[place], again.amplitude, 1, again.solver)
@@ -172,11 +168,14 @@ def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
             again.difference, again.allowed = difference, allowed
         _judge_metrics(again, seen, run, False)
     again.compared = f"{len(places)} points, each carried to the next"
-    if len(places):
+    if places:
         _judge_points(again)
 
 
 def _judge_points(again: RunAgain) -> None:
+    """Judge the largest difference of a point, which has been found."""
+    assert again.difference is not None
+    assert again.allowed is not None
     if not again.difference <= again.allowed:
         again.problem = (
             f"{again.solver} finds points that differ by {again.difference:.2g}, allowed are "
@@ -189,24 +188,24 @@ def _judge_metrics(again: RunAgain, seen, run: dict, equal: bool) -> None:
     if again.problem:
         return
     if "contact" in run:
-        stored = int(run["contact"])
-        if seen.contact != stored if equal else seen.contact & ~stored:
-            again.problem = f"{again.solver} finds contact set {seen.contact}, stored is {stored}"
+        contact = int(run["contact"])
+        if seen.contact != contact if equal else seen.contact & ~contact:
+            again.problem = f"{again.solver} finds contact set {seen.contact}, stored is {contact}"
     allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
     if "drift" in run and again.amplitude:
-        stored = float(run["drift"]) * again.amplitude / again.omega**2
-        excess = seen.peak_drift - stored
+        drift = float(run["drift"]) * again.amplitude / again.omega**2
+        excess = seen.peak_drift - drift
         if (abs(excess) if equal else excess) > 2 * allowed:
             again.problem = (
                 f"{again.solver} finds a peak drift of {seen.peak_drift:.9g} gaps, stored is "
-                f"{stored:.9g}"
+                f"{drift:.9g}"
             )
     if "modal_norm" in run and equal and again.amplitude:
-        stored = run["modal_norm"]
-        if not np.allclose(seen.modal_norm, stored, rtol=0, atol=MODAL_ALLOWED, equal_nan=True):
+        norms = run["modal_norm"]
+        if not np.allclose(seen.modal_norm, norms, rtol=0, atol=MODAL_ALLOWED, equal_nan=True):
             again.problem = (
                 f"{again.solver} finds modal norms {_short(seen.modal_norm)}, stored are "
-                f"{_short(stored)}"
+                f"{_short(norms)}"
             )
 
 
@@ -219,7 +218,7 @@ def _compare_whole(
 ) -> None:
     """Do the whole run again by `flow`, from where the run before it ended."""
     own = study.settings.solver == "flow"
-    by_flow = study if own else study.with_settings(solver="flow", rtol=TIGHT["flow"])
+    by_flow = study if own else study.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
     result = by_flow.compute_run(block, row, start)
     if own and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"

@@ -3,6 +3,7 @@
 import argparse
 import errno
 import sys
+from collections.abc import Callable
 
 from hpcsweep.commands import (
     FAILURE,
@@ -75,7 +76,23 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose mistakes take one line, from one rank."""
+    """A parser whose mistakes take one line, from one rank.
+
+    Parameters
+    ----------
+    complete : callable, optional
+        Adds to the parser what is slow to find out, once its command is the one that is wanted.
+    """
+
+    def __init__(self, *arguments, complete: Callable | None = None, **options):
+        super().__init__(*arguments, **options)
+        self._complete = complete
+
+    def parse_known_args(self, args=None, namespace=None):
+        if self._complete is not None:
+            complete, self._complete = self._complete, None
+            complete(self)
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str):
         complain(f"{message} (see {self.prog} --help)")

@@ -74,6 +74,7 @@ def _whole(least: int, most: int):
 def _explore(options) -> int:
     from hpcsweep.figures.explorer.page import PageTooLarge, build_page, check_size, write_page
     from hpcsweep.figures.explorer.study import gather
+    from hpcsweep.figures.style import PlotError
     from hpcsweep.store import StoreError
 
     output = options.output or options.file.with_suffix(".html")
@@ -93,7 +94,7 @@ def _explore(options) -> int:
         )
         page, sizes = build_page(study, options.bits)
         check_size(sizes, options.max_mb * 1e6)
-    except (StoreError, PageTooLarge) as error:
+    except (StoreError, PlotError, PageTooLarge) as error:
         complain(str(error))
         return USER_ERROR
     try:

@@ -55,16 +55,15 @@ def _schedule(options) -> int:
     except LauncherError as error:
         complain(str(error))
         return USER_ERROR
-    problem, known = None, None
-    if comm.rank == 0:
-        known, problem = _costs(options.source)
+    known, problem = _costs(options.source) if comm.rank == 0 else (None, None)
     if comm.bcast(problem is not None):
-        if comm.rank == 0:
+        if problem is not None:
             complain(problem)
         return USER_ERROR
     checked = _replay(comm, known, options.replay) if options.replay else None
-    if comm.rank == 0:
-        _show(options, *known, checked)
+    if known is not None:
+        job, forecast = known
+        _show(options, job, forecast, checked)
     return 0
 
 
@@ -101,8 +100,8 @@ def _replay(comm, known, seconds: float) -> dict | None:
         bound = simulate(pieces, comm.size).bound
         pieces = [piece * (seconds / bound) for piece in pieces]
     makespan, traffic = replay.replay(comm, pieces)
-    if comm.rank != 0:
-        return None
+    if pieces is None:
+        return None  # the master compares
     each = 1 / messages.capacity if messages else MESSAGE_SECONDS
     predicted = simulate(pieces, comm.size, message_seconds=each, poll_seconds=replay.SLICE)
     return {

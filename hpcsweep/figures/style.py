@@ -1,27 +1,17 @@
-"""Colours and names the figures share: legible in print and to the colour-blind."""
+"""Labels, panels and legends the figures share; their colours are `hpcsweep.figures.palette`."""
 
 from pathlib import Path
 
 import numpy as np
 
-PALETTE = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#E69F00",
-    "#332288",
-    "#882255",
-    "#117733",
-    "#999933",
-)
-"""Okabe and Ito's colours, then Tol's."""
-UNDECIDED = "#8c8c8c"
+from hpcsweep.studies.amplitude_sweep import DOWN, UP
+from hpcsweep.studies.points import START
+
 DPI = 200
 AMPLITUDE = r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]"
 OMEGA = r"forcing frequency $\Omega$  [$\omega_0$]"
-MARKERS = {"up": "o", "down": "v"}
+MARKERS = {UP: "o", DOWN: "v", START: "o"}
+"""Of the directions; those of runs on the way down are hollow."""
 
 
 class PlotError(ValueError):
@@ -34,6 +24,11 @@ def contact_name(contact: int, n_floors: int) -> str:
     if not floors:
         return "none"
     return "C" + (",".join(floors) if n_floors > 9 else "".join(floors))
+
+
+def set_name(contact: int, n_floors: int) -> str:
+    """Write a contact set for a legend, 'no contact' if it is empty."""
+    return contact_name(contact, n_floors) if contact else "no contact"
 
 
 def new_figure(n_rows: int, height: float, width: float = 7.2):
@@ -139,6 +134,12 @@ def job_of(results):
     from hpcsweep.job import parse_job
 
     return parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
+
+
+def words_of(results, direction: str | None = None) -> str:
+    """Write a direction of the results, default their first, in the words of their study."""
+    name = str(results["direction"].values[0]) if direction is None else direction
+    return str(job_of(results).words[name])
 
 
 def classes_of(results) -> np.ndarray:

@@ -205,9 +205,7 @@ def _settings(values: Values) -> SweepSettings:
     method = values.get("solver.method", default.solver)
     if not isinstance(method, str) or method not in SOLVERS:
         raise values.error("solver.method", method, f"must be one of {', '.join(SOLVERS)}")
-    rtol = values.number(
-        "solver.rtol", values.get("solver.rtol", 1e-6 if method == "bdf" else default.rtol)
-    )
+    rtol = values.number("solver.rtol", values.get("solver.rtol", SOLVERS[method].rtol))
     if not 1e-13 <= rtol <= 1e-2:
         raise values.error("solver.rtol", rtol, "must be from 1e-13 to 1e-2")
     longest = values.whole(

@@ -272,7 +272,9 @@ def _write_value(value: object) -> str:
     if isinstance(value, Mapping):
         pairs = (f"{_write_key(key)} = {_write_value(item)}" for key, item in value.items())
         return f"{{{', '.join(pairs)}}}"
-    return f"[{', '.join(_write_value(item) for item in value)}]"
+    if isinstance(value, list):
+        return f"[{', '.join(_write_value(item) for item in value)}]"
+    raise TypeError(f"a {type(value).__name__} has no form in TOML")
 
 
 def _printable(text: str) -> str:

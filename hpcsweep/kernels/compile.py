@@ -24,11 +24,14 @@ import numba
 import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
+from hpcsweep.kernels.twins import plain
+
 PACKAGE = Path(__file__).resolve().parent.parent
 KERNEL_FILES = (
     "kernels",
     "model/contact.py",
     "model/equations.py",
+    "model/kernel_model.py",
     "solvers/flow",
     "solvers/outcome.py",
     "solvers/reference.py",
@@ -133,13 +136,18 @@ class _KernelCache(FunctionCache):
 
 def is_cold() -> bool:
     """Tell whether the kernels have not been compiled yet."""
-    return not any(cache_folder().rglob("*.nbi"))
+    return not (numba.config.DISABLE_JIT or any(cache_folder().rglob("*.nbi")))
 
 
 def _compile(function=None, **options):
-    """Compile as `numba.njit` does, and keep the result in the cache of this package."""
+    """Compile as `numba.njit` does, and keep the result in the cache of this package.
+
+    With NUMBA_DISABLE_JIT=1 the kernel stays Python: `twins.plain`.
+    """
     if function is None:
         return functools.partial(_compile, **options)
+    if numba.config.DISABLE_JIT:
+        return plain(function)
     dispatcher = numba.njit(error_model="numpy", **options)(function)
     if Path(function.__code__.co_filename).resolve().is_relative_to(PACKAGE):
         dispatcher._cache = _KernelCache(function)

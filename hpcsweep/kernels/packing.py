@@ -1,6 +1,7 @@
 """Values of the kernels, tuples of arrays too, written into an array of bytes and read from it.
 
 numba looks into every array of a call; what is read from one buffer costs nothing to hand over.
+Where kernels are not compiled (`twins`) a tuple is handed over as it is.
 """
 
 import numba
@@ -8,6 +9,7 @@ import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
 
+from hpcsweep.kernels import twins
 from hpcsweep.kernels.compile import jit, kernel
 
 _INDEX = types.intp
@@ -90,9 +92,9 @@ class Packing:
 
     def __init__(self, example: tuple):
         self._kind = numba.typeof(example)
-        self.read = reader(self._kind)
+        self.read = twins.read if numba.config.DISABLE_JIT else reader(self._kind)
 
-    def pack(self, value: tuple) -> np.ndarray:
+    def pack(self, value: tuple) -> np.ndarray | tuple:
         """Write a tuple into a buffer for the kernels.
 
         The buffer holds addresses: it is good as long as `value` is kept.
@@ -105,6 +107,8 @@ class Packing:
         kind = numba.typeof(value)
         if kind != self._kind:
             raise TypeError(f"the kernels read {self._kind}, not {kind}")
+        if numba.config.DISABLE_JIT:
+            return value
         buffer = np.zeros(_size(value), np.uint8)
         _write(value, buffer)
         return buffer

@@ -1,15 +1,32 @@
-"""The contact law: the stop, the sigmoid that switches it on, the layer in which it does."""
+"""The contact law (5), (9): the stop, the spring behind it, the layer in which it is switched on.
+
+At a distance x = u - `STOP` past the stop the force beta S(rho x) x pushes a floor back, S the
+sigmoid. The law stands here in every form that is needed: as numbers, as `Lanes` of kernels, and
+with its derivative. `hpcsweep.solvers.reference` has a form of its own, to be independent.
+"""
 
 import math
 
+from hpcsweep.kernels.compile import inlined, jit
+from hpcsweep.kernels.vectors import fma, switches
+
+STOP = 1.0
+"""Displacement at which a floor is at the stop: lengths are measured in gaps."""
 NEGLIGIBLE_FORCE = 1e-13
 """Contact force (gaps omega_0^2) at the edge of the layer that is neglected outside it."""
+FAR = 45.0
+"""rho |x| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
+STIFFEST = 2.4
+"""rho x at which the contact is stiffest, `MOST_STIFFNESS` times beta."""
+MOST_STIFFNESS = 1.0999
+FULL_POTENTIAL = math.pi**2 / 12.0
+"""Work that the sigmoid adds to the linear spring's on either side, in beta / rho^2."""
 
 
 def layer_half_width(beta: float, rho: float) -> float:
     """Choose the half-width of the contact layer, in gaps.
 
-    Outside it the neglected force r = beta/rho y exp(-y), y = rho |u - 1|, is below
+    Outside it the neglected force r = beta/rho y exp(-y), y = rho |x|, is below
     `NEGLIGIBLE_FORCE`.
     """
     if rho == math.inf or beta == 0.0:
@@ -20,3 +37,68 @@ def layer_half_width(beta: float, rho: float) -> float:
     for _ in range(50):
         y = max(20.0, math.log(beta / rho * y / NEGLIGIBLE_FORCE))
     return y / rho
+
+
+@jit
+def sigmoid(y):
+    """Evaluate 1 / (1 + exp(-y)) without overflow (5).
+
+    Parameters
+    ----------
+    y : float
+        rho x; any finite value or an infinity.
+    """
+    if y >= 0.0:
+        return 1.0 / (1.0 + math.exp(-y))
+    e = math.exp(y)
+    return e / (1.0 + e)
+
+
+@jit
+def switch(x, rho):
+    """Evaluate the contact sigmoid at distance x past the stop, in [0, 1].
+
+    ``rho = inf`` gives the unit step with value 1/2 at x = 0.
+    """
+    if rho == math.inf:
+        if x > 0.0:
+            return 1.0
+        return 0.0 if x < 0.0 else 0.5
+    return sigmoid(rho * x)
+
+
+@jit
+def contact_force(x, beta, rho):
+    """Evaluate the force beta S(x) x with which the stop pushes back."""
+    return beta * switch(x, rho) * x
+
+
+@jit
+def contact_stiffness(x, beta, rho):
+    """Differentiate the contact force with respect to x.
+
+    d/dx [x S] = S + rho x S (1 - S); at rho = inf the unit step.
+    """
+    s = switch(x, rho)
+    if rho == math.inf:
+        return beta * s
+    return beta * s * (1.0 + rho * x * (1.0 - s))
+
+
+@inlined
+def contact_forces(x, beta, rho):
+    """Evaluate `contact_force` of `Lanes`, rho finite."""
+    return beta * switches(rho * x) * x
+
+
+@inlined
+def less_contact_forces(force, x, beta, rho):
+    """Subtract `contact_force` of `Lanes` from `force`, with one rounding; rho finite."""
+    return fma(switches(rho * x), -1.0 * beta * x, force)
+
+
+@inlined
+def contact_stiffnesses(x, beta, rho):
+    """Evaluate `contact_stiffness` of `Lanes`, rho finite."""
+    s = switches(rho * x)
+    return beta * s * (1.0 + rho * x * (1.0 - s))

@@ -6,34 +6,7 @@ State z = (u_1..u_n, v_1..v_n), shape (2n,); units as in `hpcsweep.model.structu
 import math
 
 from hpcsweep.kernels.compile import jit
-
-
-@jit
-def sigmoid(y):
-    """Evaluate 1 / (1 + exp(-y)) without overflow (5).
-
-    Parameters
-    ----------
-    y : float
-        rho (u - 1); any finite value or an infinity.
-    """
-    if y >= 0.0:
-        return 1.0 / (1.0 + math.exp(-y))
-    e = math.exp(y)
-    return e / (1.0 + e)
-
-
-@jit
-def switch(x, rho):
-    """Evaluate the contact sigmoid at distance x = u - 1 past the stop, in [0, 1].
-
-    ``rho = inf`` gives the unit step with value 1/2 at x = 0.
-    """
-    if rho == math.inf:
-        if x > 0.0:
-            return 1.0
-        return 0.0 if x < 0.0 else 0.5
-    return sigmoid(rho * x)
+from hpcsweep.model.contact import STOP, contact_force, contact_stiffness
 
 
 @jit
@@ -56,25 +29,12 @@ def right_hand_side(tau, z, amplitude, omega, beta, rho, stiffness, damping, out
     n = stiffness.shape[0]
     ground = amplitude * math.sin(omega * tau)
     for i in range(n):
-        x = z[i] - 1.0
-        acceleration = -ground - beta * switch(x, rho) * x
+        acceleration = -ground - contact_force(z[i] - STOP, beta, rho)
         for j in range(n):
             acceleration -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
         out[i] = z[n + i]
         out[n + i] = acceleration
     return out
-
-
-@jit
-def contact_stiffness(x, beta, rho):
-    """Differentiate the contact force beta S(x) x with respect to x = u - 1.
-
-    d/dx [x S] = S + rho x S (1 - S); at rho = inf the unit step.
-    """
-    s = switch(x, rho)
-    if rho == math.inf:
-        return beta * s
-    return beta * s * (1.0 + rho * x * (1.0 - s))
 
 
 @jit
@@ -88,5 +48,5 @@ def jacobian(z, beta, rho, stiffness, damping, out):
             out[n + i, j] = -stiffness[i, j]
             out[n + i, n + j] = -damping[i, j]
         out[i, n + i] = 1.0
-        out[n + i, i] -= contact_stiffness(z[i] - 1.0, beta, rho)
+        out[n + i, i] -= contact_stiffness(z[i] - STOP, beta, rho)
     return out

@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.model.contact import layer_half_width
+
 MAX_FLOORS = 64
 """Contact sets are stored as the bits of one 64-bit integer."""
 
@@ -102,6 +104,21 @@ class Structure:
         matrix[-1, -1] = 1.0
         return _frozen(matrix)
 
+    @property
+    def stiffness_bound(self) -> float:
+        """Bound of the norm of K: the chain's eigenvalues are 4 sin^2(.), below 4 for every n."""
+        return 4.0
+
+    @property
+    def bandwidth(self) -> int:
+        """Largest |i - j| with K_ij != 0: a storey joins neighbouring floors."""
+        return min(1, self.n_floors - 1)
+
+    @property
+    def layer_half_width(self) -> float:
+        """Half-width of the contact layer in gaps; see `contact.layer_half_width`."""
+        return layer_half_width(self.stiffness_ratio, self.sharpness)
+
     @cached_property
     def frequencies(self) -> np.ndarray:
         """Undamped natural frequencies of the free structure, ascending, shape (n,).
@@ -122,6 +139,14 @@ class Structure:
         floors, modes = np.ogrid[1 : n + 1, 1 : n + 1]
         shapes = np.sin(floors * (2 * modes - 1) * math.pi / (2 * n + 1))
         return _frozen(shapes / np.linalg.norm(shapes, axis=0))
+
+    @property
+    def modal_transform(self) -> np.ndarray:
+        """Phi^-1, shape (n, n): takes displacements to modal coordinates.
+
+        Phi^T, because the floors' masses are 1 and the shapes orthonormal.
+        """
+        return self.mode_shapes.T
 
     @cached_property
     def damping_matrix(self) -> np.ndarray:

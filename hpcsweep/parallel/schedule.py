@@ -190,10 +190,10 @@ class Prediction:
     master_load: float
 
 
-def ranks_that_help(costs: Sequence[float]) -> float:
+def ranks_that_help(costs: Sequence[float] | np.ndarray) -> float:
     """Give total / costliest: with more ranks the costliest task is the bound."""
-    costs = np.asarray(costs, float)
-    return float(costs.sum() / costs.max()) if costs.size and costs.max() > 0 else 1.0
+    each = np.asarray(costs, float)
+    return float(each.sum() / each.max()) if each.size and each.max() > 0 else 1.0
 
 
 def simulate(

@@ -22,10 +22,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import BDF
 
+from hpcsweep.model.contact import STOP
 from hpcsweep.model.equations import jacobian, right_hand_side
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Advance, Observation, window_growth
+from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
 
 MAX_STEPS = 200_000
 """Cap of steps in one forcing period."""
@@ -70,28 +71,42 @@ class BdfMap:
         beta, rho = structure.stiffness_ratio, structure.sharpness
         self._layer = 1.0 / max(rho, FLATTEST)
         self._layer_step = beta * (math.pi * self._layer) ** 2 / 6 if rho > FLATTEST else 0.0
-        self.least_limit = (12 * self.rtol / (4.0 + structure.stiffness_ratio)) ** (1 / 3)
+        stiffest = structure.stiffness_bound + structure.stiffness_ratio
+        self.least_limit = (12 * self.rtol / stiffest) ** (1 / 3)
 
     def advance(
         self,
         state: np.ndarray,
         amplitude: float,
         n_periods: int,
-        tol: float = -1.0,
         poll: Callable[[], None] | None = None,
     ) -> Advance:
         """Integrate `n_periods` forcing periods; see `hpcsweep.solvers.flow.FlowMap.advance`."""
         z = np.array(state, dtype=float)
-        still = 0
         for done in range(n_periods):
-            following, outcome = self._period(z, amplitude, poll)
+            z, outcome = self._period(z, amplitude, poll)
             if outcome is not Outcome.COMPLETE:
                 return Advance(z, done, outcome)
-            still = still + 1 if np.abs(following - z).max() <= tol else 0
-            z = following
-            if still == 3:
-                return Advance(z, done + 1, Outcome.COMPLETE)
         return Advance(z, n_periods, Outcome.COMPLETE)
+
+    def settle(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        max_period: int,
+        settled: float,
+        same: float,
+        near: float = 0.0,
+        poll: Callable[[], None] | None = None,
+    ) -> Approach:
+        """Integrate the whole transient: the error of a period hides whether an orbit has closed.
+
+        The orbit stays unknown (period 0); see `hpcsweep.solvers.flow.FlowMap.settle`.
+        """
+        del max_period, settled, same, near
+        done = self.advance(state, amplitude, n_periods, poll)
+        return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
 
     def points(
         self,
@@ -233,7 +248,7 @@ class BdfMap:
     def _step_limit(self, tau, z, derivative):
         """Time in which a floor could reach its contact layer, or cross a part of it."""
         n = self.structure.n_floors
-        past = z[:n] - 1.0
+        past = z[:n] - STOP
         speed = z[n : 2 * n]
         gap = np.maximum(np.abs(past) - LAYER_HALF_WIDTH * self._layer, 0.0)
         # outside the layer only the motion towards it counts
@@ -251,7 +266,7 @@ class _Tally:
     def __init__(self, structure: Structure, modal_norm: bool):
         self.contact = 0
         self.peak_drift = 0.0
-        self._shapes = structure.mode_shapes
+        self._modal_transform = structure.modal_transform
         self._n = structure.n_floors
         self._modal = np.zeros(self._n)
         self._free_time = 0.0
@@ -278,14 +293,14 @@ class _Tally:
 
             top = abs(_extremum(pair, *tau[left : left + 2]))
             self.peak_drift = max(self.peak_drift, float(top))
-        for i in np.flatnonzero(highest >= 1.0):
+        for i in np.flatnonzero(highest >= STOP):
             self.contact |= 1 << int(i)
         if self._modal_norm:
             self._add_modal(interpolant, tau, z)
 
     def _add_modal(self, interpolant, tau, z):
         """Integrate |q_j| / ||q|| over the parts of a step in which no floor touches."""
-        gap = 1.0 - z[: self._n].max(axis=0)
+        gap = STOP - z[: self._n].max(axis=0)
         for k in range(STEP_NODES - 1):
             left, right = tau[k], tau[k + 1]
             if gap[k] <= 0 and gap[k + 1] <= 0:
@@ -294,7 +309,9 @@ class _Tally:
                 touch = left + (right - left) * gap[k] / (gap[k] - gap[k + 1])
                 left, right = (left, touch) if gap[k] > 0 else (touch, right)
             half = 0.5 * (right - left)
-            q = np.abs(self._shapes.T @ interpolant(left + half * (PANEL_NODES + 1))[: self._n])
+            q = np.abs(
+                self._modal_transform @ interpolant(left + half * (PANEL_NODES + 1))[: self._n]
+            )
             size = np.linalg.norm(q, axis=0)
             share = np.divide(q, size, out=np.zeros_like(q), where=size > 0)
             self._modal += half * (share @ PANEL_WEIGHTS)

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from scipy.linalg import expm
 
-from hpcsweep.model.contact import layer_half_width
+from hpcsweep.model.contact import STOP
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
@@ -41,8 +41,7 @@ class LinearOrbit:
     def __init__(self, structure: Structure, omega: float):
         self._structure = structure
         self._omega = omega
-        phi = structure.mode_shapes
-        self._level = 1.0 - layer_half_width(structure.stiffness_ratio, structure.sharpness)
+        self._level = STOP - structure.layer_half_width
         try:
             self._response = structure.linear_steady_state(omega)
         except ZeroDivisionError:
@@ -52,7 +51,7 @@ class LinearOrbit:
         """Of every linear motion: the largest real part of the eigenvalues of the free modes."""
         self._largest = float(np.abs(self._response).max())
         self._drift = float(np.abs(np.diff(self._response, prepend=0.0)).max())
-        self._modal_norm = _mean_modal_norm(phi.T @ self._response)
+        self._modal_norm = _mean_modal_norm(structure.modal_transform @ self._response)
         period = 2 * math.pi / omega
         self._decay = np.array(
             [
@@ -88,7 +87,8 @@ class LinearOrbit:
         phi, omega = self._structure.mode_shapes, self._structure.frequencies
         orbit = self.state(amplitude)
         rest = state - orbit
-        q, p = phi.T @ rest[:n], phi.T @ rest[n:]
+        transform = self._structure.modal_transform
+        q, p = transform @ rest[:n], transform @ rest[n:]
         reach = abs(amplitude) * np.abs(self._response)
         reach = reach + np.abs(phi) @ np.hypot(q, p / omega)
         if not reach.max() < self._level:

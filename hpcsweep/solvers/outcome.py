@@ -18,6 +18,12 @@ class Outcome(IntEnum):
     """The integrator gave up: its step became too small or its iteration diverged."""
 
 
+COMPLETE = int(Outcome.COMPLETE)
+NON_FINITE = int(Outcome.NON_FINITE)
+STEP_LIMIT = int(Outcome.STEP_LIMIT)
+SOLVER_FAILED = int(Outcome.SOLVER_FAILED)
+"""The same as the kernels return them."""
+
 REMEDIES = {
     Outcome.NON_FINITE: "the motion left double precision: check structure and amplitude",
     Outcome.STEP_LIMIT: "a period needed too many steps: a larger solver.rtol, or the other "

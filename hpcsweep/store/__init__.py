@@ -9,12 +9,12 @@ second campaign out, `journal` keeps the history beside it.
 
 from hpcsweep.store.commit import Campaign, open_campaign
 from hpcsweep.store.create import create
-from hpcsweep.store.frames import Frames
+from hpcsweep.store.frames import Frames, Grid
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import DamagedError, Layout, StoreError, WriteError
 from hpcsweep.store.lock import Lock
 from hpcsweep.store.offsets import is_packed
-from hpcsweep.store.opening import layout_problems, open_layout
+from hpcsweep.store.opening import layout_problems, open_layout, read_layout
 from hpcsweep.store.packing import pack
 from hpcsweep.store.reader import job_of, open_results
 from hpcsweep.store.records import read_history
@@ -23,6 +23,7 @@ __all__ = [
     "Campaign",
     "DamagedError",
     "Frames",
+    "Grid",
     "Journal",
     "Layout",
     "Lock",
@@ -37,4 +38,5 @@ __all__ = [
     "open_results",
     "pack",
     "read_history",
+    "read_layout",
 ]

@@ -12,7 +12,7 @@ data are flushed once and all waiting checksums are written. A kill loses at mos
 import hashlib
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -132,7 +132,7 @@ class Blocks:
 
     def chain(
         self, task: int, first: int = 0, state: np.ndarray | None = None
-    ) -> Iterator[tuple[Block, np.ndarray, bool]]:
+    ) -> Generator[tuple[Block, np.ndarray, bool], np.ndarray | None, None]:
         """Walk a task's blocks in the order of the path.
 
         Parameters

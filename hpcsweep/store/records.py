@@ -22,7 +22,7 @@ from hpcsweep.store.journal import Journal
 class BlockCost(NamedTuple):
     """What a block cost: its index in ``commit``, its runs, seconds, and when it was said."""
 
-    place: tuple[int, int, int]
+    place: tuple[int, ...]
     runs: int
     seconds: float
     time: float = 0.0
@@ -106,7 +106,7 @@ class History:
     last: float | None = None
 
     @property
-    def latest(self) -> dict[tuple[int, int, int], BlockCost]:
+    def latest(self) -> dict[tuple[int, ...], BlockCost]:
         """What each block cost when it was computed last."""
         return {cost.place: cost for cost in self.costs}
 

@@ -13,7 +13,7 @@ steady-state window. Rules that spare periods whose result is known (`skip`):
     row. The window is then one orbit, p forcing periods, which is all it holds.
 ``newton``
     While the orbit is still approached, from `NEAR` on, Newton's method with the exact tangent map
-    jumps to it, if it is proved that the present state goes there (`flow.approach`).
+    jumps to it, if it is proved that the present state goes there (`flow.transient`).
     Orbits whose multipliers are close to the unit circle, which the plain procedure leaves
     unsettled, are then decided.
 
@@ -163,7 +163,7 @@ class FrameRuns:
     def _transient(self, z, amplitude, poll) -> Approach:
         """Integrate the transient, or what of it is needed."""
         settings = self.settings
-        if "converged" not in settings.skip or not hasattr(self.solver, "settle"):
+        if "converged" not in settings.skip:
             done = self.solver.advance(z, amplitude, settings.transient_cycles, poll=poll)
             return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
         return self.solver.settle(
@@ -281,7 +281,7 @@ def warm_up(settings: SweepSettings, say: Callable[[str], None] = lambda text: N
         say("compiling the kernels, once on this machine: two minutes or so")
     solver = make_solver(settings.solver, Structure(1, 10.0), 1.0, settings.rtol)
     z = np.zeros(2)
-    if "converged" in settings.skip and hasattr(solver, "settle"):
+    if "converged" in settings.skip:
         solver.settle(z, 1.0, 1, 1, SETTLED, SETTLED)
     else:
         solver.advance(z, 1.0, 1)

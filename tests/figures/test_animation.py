@@ -13,9 +13,12 @@ from tools import SMALL, hpcsweep
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands import cli
-from hpcsweep.figures.film import film, pixels, video
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures.film import film, video
 from hpcsweep.figures.film import frame as film_frame
-from hpcsweep.figures.style import PALETTE, PlotError
+from hpcsweep.figures.film.scene import Scene
+from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, contact_colour, motion_place
+from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Frames, StoreError
@@ -87,22 +90,25 @@ def test_point_pixels_of_the_decoded_film_are_where_they_should_be(made):
         for a in range(data.sizes["amplitude"]):
             for floor in range(n):
                 u = float(up["poincare"].values[a, 0, floor])
-                y, x = painter.row(floor, u), painter.column(float(data["amplitude"][a]))
+                y, x = (
+                    painter.layout.row(floor, u),
+                    painter.layout.column(float(data["amplitude"][a])),
+                )
                 colour = pictures[k][y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3).astype(int)
                 # the other sweep's colour is 213 away, the background 255
-                assert np.abs(colour - rgb(PALETTE[0])).max(axis=1).min() < 90, (k, a, floor)
+                assert np.abs(colour - rgb(DIRECTIONS["up"])).max(axis=1).min() < 90, (k, a, floor)
                 seen += 1
     assert seen == 4 * 11 * 2
     # between two columns of points there is none
-    middle = int(painter.column(data["amplitude"].values[5:7]).mean())
-    top, bottom = painter.panels[0][:2]
+    middle = int(painter.layout.column(data["amplitude"].values[5:7]).mean())
+    top, bottom = painter.layout.panels[0][:2]
     assert pictures[:, top + 3 : bottom - 3, middle].min() > 190
 
 
 def test_points_agree_with_the_axes_that_matplotlib_draws():
     """A point at a value with a grid line is on the line."""
     ticks = np.array([0.0, 0.1, 0.2])
-    scene = film_frame.Scene(
+    scene = Scene(
         title="",
         amplitude=ticks,
         omega=(1.0, 2.0),
@@ -110,8 +116,9 @@ def test_points_agree_with_the_axes_that_matplotlib_draws():
         low=np.array([-1.0, -0.2]),
         high=np.array([1.0, 0.7]),
         directions=("up",),
+        words=("sweep up",),
         color="direction",
-        periods=(1,),
+        motions=(1,),
         contacts=(),
         width=960,
     )
@@ -123,24 +130,24 @@ def test_points_agree_with_the_axes_that_matplotlib_draws():
     }
     blank = painter.paint(1.5, empty)[..., :3].astype(int)
     for floor in range(2):
-        top, bottom, left, right = painter.panels[floor]
+        top, bottom, left, right = painter.layout.panels[floor]
         inside = blank[top + 3 : bottom - 3, left + 3 : right - 3].sum(axis=2)
         lines = np.flatnonzero(np.median(inside, axis=1) < 3 * 250) + top + 3
-        assert np.abs(lines - painter.row(floor, 0.0)).min() <= 1
+        assert np.abs(lines - painter.layout.row(floor, 0.0)).min() <= 1
         columns = np.flatnonzero(np.median(inside, axis=0) < 3 * 250) + left + 3
         for a in ticks:
-            assert np.abs(columns - painter.column(a)).min() <= 1
+            assert np.abs(columns - painter.layout.column(a)).min() <= 1
     points = empty["poincare"].copy()
     points[0, 1, 0] = 0.3, -0.1
     drawn = painter.paint(1.5, {**empty, "poincare": points})[..., :3]
     y, x = np.nonzero(np.abs(drawn.astype(int) - blank).max(axis=2) > 0)
     for floor, u in enumerate((0.3, -0.1)):
-        top, bottom, _, _ = painter.panels[floor]
+        top, bottom, _, _ = painter.layout.panels[floor]
         own = (y >= top) & (y < bottom)
-        low, high = painter._limits(floor)
+        low, high = painter.layout.limits(floor)
         expected = bottom - (u - low) / (high - low) * (bottom - top)
         assert y[own].mean() == pytest.approx(expected, abs=1)
-        assert x[own].mean() == pytest.approx(painter.column(0.1), abs=0.5)
+        assert x[own].mean() == pytest.approx(painter.layout.column(0.1), abs=0.5)
         assert own.sum() >= 9
 
 
@@ -151,12 +158,16 @@ def test_bands_tell_the_contact_sets(made):
     picture = painter.paint(float(data["omega"]), view.read(0))
     contacts = painter.scene.contacts
     assert set(contacts) >= set(np.unique(data["contact"].values).tolist())
-    for d, (top, _) in enumerate(painter.bands):
+    for d, (top, _) in enumerate(painter.layout.bands):
         for a, contact in enumerate(data["contact"].values[d]):
             x = min(
-                max(painter.column(data["amplitude"].values[a]), painter.panels[0][2] + 6), 10**6
+                max(
+                    painter.layout.column(data["amplitude"].values[a]),
+                    painter.layout.panels[0][2] + 6,
+                ),
+                10**6,
             )
-            wanted = rgb(pixels.tint(film_frame.contact_colour(contacts, int(contact))))
+            wanted = rgb(contact_colour(int(contact), 2))
             assert picture[top, x, :3] == pytest.approx(wanted, abs=1)
 
 
@@ -186,6 +197,7 @@ def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
     assert film.make(request, Serial()) == 2
     view = film.Film(request, tmp_path)
     scene = film._scene(view, view.survey(view.order))
+    p1 = MOTION_COLOURS[motion_place(MotionClass.PERIODIC, 1)]
     with Image.open(request.output) as gif:
         assert gif.n_frames == 2
         assert gif.info["loop"] == 0
@@ -195,9 +207,9 @@ def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
             picture = np.asarray(gif.convert("RGB")).astype(int)
             wanted = view.paint(scene, frame)[..., :3]
             assert np.abs(picture - wanted).mean() < 1
-            own = np.all(wanted == rgb(PALETTE[0]), axis=2)
+            own = np.all(wanted == rgb(p1), axis=2)
             assert own.sum() > 20
-            assert np.abs(picture[own] - rgb(PALETTE[0])).max() <= 2
+            assert np.abs(picture[own] - rgb(p1)).max() <= 2
     assert sorted(p.name for p in tmp_path.iterdir()) == ["o.gif"]
 
 
@@ -208,15 +220,17 @@ def test_colours_tell_the_class_of_the_run(made, tmp_path, color):
     scene = film._scene(view, view.survey(view.order))
     assert scene.directions == ("down",)
     painter = film_frame.Painter(scene)
-    data = open_results(made.file).isel(frame=1, direction=1)
+    results = open_results(made.file)
+    classes = classes_of(results)[1, 1]
+    data = results.isel(frame=1, direction=1)
     picture = painter.paint(0.6, view.read(1))
     of = {
-        "contact": lambda a: film_frame.contact_colour(scene.contacts, int(data["contact"][a])),
-        "period": lambda a: film_frame.period_class(int(data["orbit_period"][a]))[0],
+        "contact": lambda a: contact_colour(int(data["contact"][a]), 2),
+        "period": lambda a: MOTION_COLOURS[motion_place(classes[a], data["orbit_period"][a])],
     }[color]
     for a in range(data.sizes["amplitude"]):
-        x = painter.column(data["amplitude"].values[a])
-        y = painter.row(0, data["poincare"].values[a, 0, 0])
+        x = painter.layout.column(data["amplitude"].values[a])
+        y = painter.layout.row(0, data["poincare"].values[a, 0, 0])
         assert picture[y, x, :3].tolist() == rgb(of(a)).tolist()
 
 
@@ -249,7 +263,8 @@ def test_single_frames_are_read_as_the_whole_file_is(results, tmp_path):
     copy = tmp_path / "c.h5"
     content = bytearray(results.read_bytes())
     frames = Frames(results)
-    place = frames._blocks.places(1, 2, 0)["drift"][0]
+    block, _ = frames._blocks.valid(2)[0]
+    place = frames._blocks.places(block)["drift"][0]
     frames.close()
     content[place] ^= 1
     copy.write_bytes(content)
@@ -309,7 +324,7 @@ def test_what_is_not_there_is_refused(results, tmp_path):
 def test_legends_keep_to_the_picture():
     """A dozen floors have long names of contact sets: what has no room is left out."""
     contacts = tuple((1 << 12) - (1 << k) for k in range(12))
-    scene = film_frame.Scene(
+    scene = Scene(
         title="",
         amplitude=np.array([0.1, 0.2]),
         omega=(1.0, 2.0),
@@ -317,13 +332,14 @@ def test_legends_keep_to_the_picture():
         low=np.full(12, -1.0),
         high=np.ones(12),
         directions=("up", "down"),
+        words=("sweep up", "sweep down"),
         color="contact",
-        periods=(1,),
+        motions=(1,),
         contacts=contacts,
         width=WIDTH,
     )
     painter = film_frame.Painter(scene)
-    bottom = painter.panels[0][1]
+    bottom = painter.layout.panels[0][1]
     nothing = {
         "poincare": np.full((2, 2, 1, 12), np.nan),
         "orbit_period": np.ones((2, 2), int),

@@ -13,6 +13,7 @@ from hpcsweep import open_results
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.explorer.page import build_page, write_page
 from hpcsweep.figures.explorer.study import Study
+from hpcsweep.figures.palette import MOTION_COLOURS, NO_CONTACT, motion_place
 from hpcsweep.model.structure import Structure
 
 pytestmark = pytest.mark.browser
@@ -242,7 +243,8 @@ def test_the_map_shows_what_is_chosen(page, results_file):
     assert len(set(seen)) == 6
     page.select_option("#quantity", "motion")
     period = results["orbit_period"].values
-    colours = np.array(["", "#0072b2", "#d55e00", "#e3ecf2"])
+    p1, p2 = (MOTION_COLOURS[motion_place(MotionClass.PERIODIC, p)] for p in (1, 2))
+    colours = np.array(["", p1, p2, NO_CONTACT])
     kind = np.where((period == 1) | (period == 2), period, 0)
     kind[results["contact"].values == 0] = 3
     differ = np.argwhere((kind[0] != kind[1]) & (kind > 0).all(axis=0))
@@ -254,7 +256,7 @@ def test_the_map_shows_what_is_chosen(page, results_file):
             expected = colours[kind[direction, frame, amplitude]]
             assert map_pixel(page, int(frame), int(amplitude)) == expected
     page.click("#legend button:has-text('no contact')")
-    assert map_pixel(page, 0, 0) == "#e3ecf2"
+    assert map_pixel(page, 0, 0) == NO_CONTACT
     page.click("#legend button:has-text('P2')")
     assert map_pixel(page, 0, 0) == "#ffffff"
 
@@ -273,7 +275,7 @@ def test_the_keyboard_alone(page):
     assert float(numbers(page)["A [gaps · ω₀²]"]) == pytest.approx(amplitude[9], rel=1e-6)
     page.keyboard.press("d")
     settle(page)
-    assert numbers(page)["sweep"] == "down"
+    assert numbers(page)["direction"] == "down"
     whole = page.evaluate("() => window.explorer.map.view.a")
     page.keyboard.press("+")
     near = page.evaluate("() => window.explorer.map.view.a")
@@ -312,6 +314,7 @@ def full_size_study(n_frames=2000, n_amplitudes=1250, n=3, most_points=4) -> Stu
         omega=omega,
         amplitude=amplitude,
         directions=("up", "down"),
+        words=("sweep up", "sweep down"),
         codes=codes,
         values=values,
         counts=counts,

@@ -1,12 +1,24 @@
+import inspect
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures import shades, style
+from hpcsweep.figures import style
 from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
 from hpcsweep.figures.diagrams.regions import Region, coexistence, contact_regions
+from hpcsweep.figures.palette import (
+    DIRECTIONS,
+    MOTION_COLOURS,
+    MOTION_NAMES,
+    contact_colour,
+    motion_index,
+)
 from hpcsweep.figures.style import classes_of
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
 
 
 def test_contact_regions_are_maximal_and_short_ones_are_absorbed():
@@ -67,39 +79,6 @@ def test_coexistence_compares_orbits_not_their_order():
     assert not coexistence(frame.isel(direction=[0]), classes[:1]).any()
 
 
-def lightness(colour: str) -> float:
-    """CIE L* of an sRGB colour: what is left of it in grey."""
-    rgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    y = linear @ (0.2126, 0.7152, 0.0722)
-    return 116 * np.cbrt(y) - 16 if y > 0.008856 else 903.3 * y
-
-
-@pytest.mark.parametrize("colours", [shades.SHADES, benefit.SHADES])
-def test_map_colours_are_apart_in_grey_light_to_dark(colours):
-    light = np.array([lightness(colour) for _, colour in colours])
-    assert np.all(np.diff(light) < -6)
-    rgb = np.array([[int(colour[k : k + 2], 16) for k in (1, 3, 5)] for _, colour in colours])
-    assert np.all(np.diff(rgb @ (0.299, 0.587, 0.114)) < -15)  # what image software calls grey
-
-
-def test_shade_of_each_class_and_period():
-    kinds = [MotionClass.NO_CONTACT, *[MotionClass.PERIODIC] * 6, MotionClass.CHAOTIC]
-    kinds += [MotionClass.LONG_PERIOD, MotionClass.FAILED, MotionClass.NOT_COMPUTED]
-    period = np.array([1, 1, 4, 5, 8, 9, 16, 0, 0, 0, 0])
-    index = shades.shade_index(np.array(kinds), period)
-    names = [shades.NAMES[k] if k >= 0 else None for k in index]
-    long = "P9 and longer"
-    assert names == [
-        *("no contact", "P1", "P4", "P5–P8", "P5–P8", long, long, "chaotic", long),
-        *(None, None),
-    ]
-    shares = {name: share for name, _, share in shades.shade_shares(index, np.array(kinds))}
-    assert shares[long] == 3 / 10
-    assert shares["undecided"] == 0
-    assert "P2" not in shares
-
-
 def test_shares_are_never_rounded_to_nothing_or_all():
     values = (0, 1, 1e-6, 0.99999, 0.0012, 0.123)
     assert [style.percent(v) for v in values] == [
@@ -124,48 +103,6 @@ def test_names():
         "xiv",
         "xlii",
     ]
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    """A small campaign with exponents, computed once."""
-    from tools import SMALL
-
-    from hpcsweep.campaign import run as campaign
-    from hpcsweep.job import parse_job
-    from hpcsweep.parallel.mpi import Serial
-
-    path = tmp_path_factory.mktemp("figure") / "small.h5"
-    job = parse_job(f"{SMALL}lyapunov = true\n", "small", "small")
-    assert campaign.run(job, path, Serial()) == 0
-    return path
-
-
-@pytest.fixture(scope="module")
-def results(file):
-    from hpcsweep import open_results
-
-    return open_results(file)
-
-
-@pytest.fixture
-def drawn(monkeypatch, tmp_path):
-    """Draw with a module, and give the figure that was saved."""
-
-    def draw(module, *arguments, **options):
-        kept = []
-
-        def keep(figure, path):
-            kept.append(figure)
-            style.save(figure, path)
-
-        monkeypatch.setattr(module, "save", keep)
-        path = tmp_path / "drawn.png"
-        module.draw(arguments[0], path, **options)
-        assert path.stat().st_size > 10_000
-        return kept[0]
-
-    return draw
 
 
 def legend_texts(figure) -> list[str]:
@@ -205,7 +142,9 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
         assert picture.width > 1000
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
     colours = {tuple(pixel) for pixel in pixels[::7]}
-    assert tuple(int(style.PALETTE[0][k : k + 2], 16) for k in (1, 3, 5)) in colours
+    contact = contact_colour(int(results["contact"].values[:, 2].max()), 2)
+    expected = {"direction": DIRECTIONS["up"], "contact": contact, "period": MOTION_COLOURS[1]}
+    assert tuple(int(expected[color][k : k + 2], 16) for k in (1, 3, 5)) in colours
 
 
 def test_what_is_not_in_the_file_cannot_be_drawn(results, tmp_path):
@@ -232,9 +171,9 @@ KINDS = [
 
 @pytest.mark.parametrize(("module", "options"), KINDS)
 def test_every_figure_names_its_axes_its_parameters_and_what_is_undecided(
-    results, drawn, module, options
+    results, drawn_figure, module, options
 ):
-    figure = drawn(module, results, **options)
+    figure = drawn_figure(module, results, **options)
     assert_nothing_overlaps(figure)
     title = figure._suptitle.get_text()
     assert r"$\beta$ = 300" in title
@@ -245,24 +184,30 @@ def test_every_figure_names_its_axes_its_parameters_and_what_is_undecided(
     assert all("[" in label or "[gaps" in title or "in gaps" in title for label in bottom)
 
 
-def test_map_shows_the_class_of_every_run(results, drawn):
-    figure = drawn(period_map, results, direction="down")
+def test_map_shows_the_class_of_every_run(results, drawn_figure):
+    figure = drawn_figure(period_map, results, direction="down")
     shown = figure.axes[0].collections[0].get_array().filled(-1).reshape(4, 11)
     classes = classes_of(results)[1]
-    expected = shades.shade_index(classes, results["orbit_period"].values[1])
+    expected = motion_index(classes, results["orbit_period"].values[1])
     assert np.array_equal(shown, expected)
     free = 100 * (classes == MotionClass.NO_CONTACT).mean()
     assert f"no contact  {free:.1f} %" in legend_texts(figure)
 
 
-def test_map_sorts_frames_and_hatches_what_failed(results, drawn):
+def test_map_sorts_frames_and_hatches_what_is_not_computed(results, drawn_figure):
     outcome = results["outcome"].copy()
-    outcome[0, 2, 3] = 3
+    outcome[0, 2, 3] = Outcome.NOT_COMPUTED
+    outcome[0, 2, 4] = Outcome.STEP_LIMIT
     mixed = results.assign(outcome=outcome).isel(frame=[2, 0, 3, 1])
-    figure = drawn(period_map, mixed)
-    shown = figure.axes[0].collections[0].get_array()
-    assert np.argwhere(np.ma.getmaskarray(shown).reshape(4, 11)).tolist() == [[2, 3]]
-    assert any(text.startswith(shades.BLANK) for text in legend_texts(figure))
+    figure = drawn_figure(period_map, mixed)
+    shown = figure.axes[0].collections[0].get_array().reshape(4, 11)
+    assert np.argwhere(np.ma.getmaskarray(shown)).tolist() == [[2, 3]]
+    assert MOTION_NAMES[shown[2, 4]] == "failed"
+    texts = legend_texts(figure)
+    assert any(text.startswith("not computed") for text in texts)
+    assert any(text.startswith("failed") for text in texts)
+    sound = legend_texts(drawn_figure(period_map, results))
+    assert not any(text.startswith("failed") for text in sound)
 
 
 def test_without_contact_drift_and_modal_norms_are_the_closed_form(results):
@@ -282,8 +227,8 @@ def test_without_contact_drift_and_modal_norms_are_the_closed_form(results):
     assert np.isnan(metrics.free_modal_norms(undamped, resonance)).all()
 
 
-def test_benefit_counts_the_runs_it_shows(results, drawn):
-    figure = drawn(benefit, results)
+def test_benefit_counts_the_runs_it_shows(results, drawn_figure):
+    figure = drawn_figure(benefit, results)
     chosen = classes_of(results)[0] == MotionClass.PERIODIC
     chosen &= results["orbit_period"].values[0] == 1
     ratio = benefit.drift_ratio(results)[0][chosen]
@@ -294,7 +239,7 @@ def test_benefit_counts_the_runs_it_shows(results, drawn):
     assert np.isin(shown, (2, 3)).sum() == (ratio <= 1).sum()
 
 
-def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn):
+def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn_figure):
     frame = results.isel(frame=2)
     structure = style.job_of(results).structure
     classes = classes_of(results)[:, 2]
@@ -304,7 +249,7 @@ def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn)
     touching = [i for i in range(2) if int(frame["contact"].values[tuple(run)]) >> i & 1]
     assert np.all(curves[:, :, touching].max(axis=(0, 1)) >= 1)
     amplitude = float(frame["amplitude"][run[1]])
-    figure = drawn(phase, results, omega=0.7, amplitudes=[amplitude], direction="down")
+    figure = drawn_figure(phase, results, omega=0.7, amplitudes=[amplitude], direction="down")
     assert len(figure.axes) == 2
     for axis in figure.axes:
         assert axis.get_xlim()[1] > 1
@@ -358,14 +303,76 @@ def test_mistakes_take_one_line_and_write_nothing(file, tmp_path, capsys, argume
 
 def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
     from hpcsweep.commands.cli import main
-    from hpcsweep.commands.plot import KINDS
+    from hpcsweep.commands.plot import figures
 
-    for kind in KINDS:
+    for kind in figures():
         output = tmp_path / f"{kind}.png"
         extra = ["--period", "1"] if kind == "phase" else []
         assert main(["plot", str(file), "--kind", kind, "-o", str(output), *extra]) == 0
         assert capsys.readouterr().out.strip() == str(output)
         assert output.stat().st_size > 10_000
+
+
+def test_every_kind_is_drawn_of_single_points(tmp_path):
+    """A study without sweeps has one direction, with a colour and words of its own."""
+    from tools import SMALL
+
+    from hpcsweep import open_results
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.commands.cli import main
+    from hpcsweep.commands.plot import figures
+    from hpcsweep.figures.explorer.page import build_page
+    from hpcsweep.figures.explorer.study import gather
+    from hpcsweep.job import parse_job
+    from hpcsweep.parallel.mpi import Serial
+    from hpcsweep.studies.points import START
+
+    path = tmp_path / "points.h5"
+    text = f'{SMALL}lyapunov = true\n[study]\nkind = "points"\n'
+    assert campaign.run(parse_job(text, "points", "points"), path, Serial()) == 0
+    results = open_results(path)
+    assert [str(name) for name in results["direction"].values] == [START]
+    for kind in figures():
+        output = tmp_path / f"{kind}.png"
+        extra = ["--period", "1"] if kind == "phase" else []
+        assert main(["plot", str(path), "--kind", kind, "-o", str(output), *extra]) == 0
+        assert output.stat().st_size > 10_000
+    page = build_page(gather(path))[0]
+    assert DIRECTIONS[START] in page
+    assert "each from the initial state" in page
+    film = tmp_path / "film.gif"
+    assert main(["animate", str(path), "-o", str(film), "--width", "320", "--fps", "5"]) == 0
+    assert film.stat().st_size > 1000
+
+
+def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
+    from hpcsweep.commands.cli import main
+    from hpcsweep.commands.plot import figures
+
+    with pytest.raises(SystemExit) as stop:
+        main(["plot", "--help"])
+    assert stop.value.code == 0
+    said = capsys.readouterr().out
+    known = figures()
+    assert set(known) >= {"orbit", "phase", "frames", "map", "metrics", "benefit"}
+    assert next(iter(known)) == "orbit"
+    flags = {}
+    for name, figure in known.items():
+        assert f"\n  {name:8} {figure.HELP.splitlines()[0]}" in said
+        parameters = inspect.signature(figure.draw).parameters
+        for option in figure.OPTIONS:
+            assert option.keyword in parameters, (name, option.flag)
+            assert option.flag in said
+            # one flag is one option, so that its help and its meaning are the same everywhere
+            assert flags.setdefault(option.flag, option) is option
+            inspect.signature(figure.load).bind("file", **{option.keyword: None})
+
+
+def test_the_figures_are_loaded_only_for_plot():
+    """Every other command starts without numpy."""
+    code = "import sys; from hpcsweep.commands.cli import build_parser; build_parser()"
+    code += ".parse_args(['status', 'x.h5']); assert 'numpy' not in sys.modules"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
 def test_a_map_needs_two_frames_and_a_direction_that_is_there(results, tmp_path):
@@ -391,7 +398,7 @@ def test_every_figure_of_the_paper_has_its_jobs_and_each_its_command():
     from tools import JOBS
 
     from hpcsweep.commands.cli import build_parser
-    from hpcsweep.commands.plot import KINDS
+    from hpcsweep.commands.plot import figures
 
     names = {f"figure{k}" for k in range(2, 9)} | {"figure6-beta100"}
     names |= {f"{name}-described" for name in names}
@@ -402,8 +409,9 @@ def test_every_figure_of_the_paper_has_its_jobs_and_each_its_command():
         assert len(draw) == 1, name
         options = build_parser().parse_args(draw[0].removeprefix("# Draw: hpcsweep ").split())
         assert options.file.name == f"{name}.h5"
-        given = {key for keys in KINDS.values() for key in keys if getattr(options, key)}
-        assert given <= set(KINDS[options.kind])
+        known = figures()
+        given = {o for f in known.values() for o in f.OPTIONS if getattr(options, o.keyword)}
+        assert given <= set(known[options.kind].OPTIONS)
 
 
 def test_jobs_as_described_differ_from_those_as_printed_by_the_damping_alone():

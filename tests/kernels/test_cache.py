@@ -15,6 +15,9 @@ from tools import environment
 import hpcsweep
 from hpcsweep.kernels import compile as jit
 
+if numba.config.DISABLE_JIT:
+    pytest.skip("nothing is compiled", allow_module_level=True)
+
 PACKAGE = Path(hpcsweep.__file__).parent
 
 
@@ -66,7 +69,7 @@ switch(0.5, 3.0)
 stats = switch.stats
 print(jit.source_hash(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
-MODULE = "model.equations"
+MODULE = "model.contact"
 
 
 def started_in(folder: Path, cache: Path) -> tuple[str, int, int]:

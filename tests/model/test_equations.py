@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from hpcsweep.model.equations import contact_stiffness, jacobian, right_hand_side, sigmoid, switch
+from hpcsweep.model.contact import contact_stiffness, sigmoid, switch
+from hpcsweep.model.equations import jacobian, right_hand_side
 from hpcsweep.model.structure import Structure
 
 SHARPNESS = [0.0, 3.0, 1e4, 1e8, math.inf]

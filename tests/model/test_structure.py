@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from hpcsweep.model.contact import layer_half_width
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import MAX_FLOORS, Structure
 from hpcsweep.solvers.reference import reference_window
 
@@ -119,3 +121,30 @@ def test_limits_are_allowed():
     structure = Structure(MAX_FLOORS, 0.0, math.inf, 0.0)
     assert structure.stiffness_matrix.shape == (MAX_FLOORS, MAX_FLOORS)
     assert Structure(1, 1e7, 0.0, 2.0).damping_matrix == pytest.approx(4.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 7, 20, MAX_FLOORS])
+def test_what_the_solvers_know_of_the_matrices_holds(n):
+    structure = Structure(n)
+    stiffness = structure.stiffness_matrix
+    assert np.linalg.norm(stiffness, 2) <= structure.stiffness_bound == 4.0
+    rows, columns = np.nonzero(stiffness)
+    assert np.abs(rows - columns).max() == structure.bandwidth
+    assert np.allclose(structure.modal_transform @ structure.mode_shapes, np.eye(n), atol=1e-13)
+    u = np.linspace(0.1, 0.9, n)
+    q = structure.modal_transform @ u
+    assert np.allclose(structure.mode_shapes @ q, u, atol=1e-13)
+
+
+def test_the_kernels_know_the_structure_and_cannot_change_it():
+    structure = Structure(3, 500.0, 2e3, (0.05, 0.1, 0.2))
+    model = kernel_model(structure, 0.445)
+    assert np.array_equal(model.stiffness, structure.stiffness_matrix)
+    assert np.array_equal(model.damping, structure.damping_matrix)
+    assert np.array_equal(model.modal_transform, structure.modal_transform)
+    assert (model.beta, model.rho, model.omega) == (500.0, 2e3, 0.445)
+    assert model.layer == layer_half_width(500.0, 2e3) == structure.layer_half_width
+    for field in model:
+        if isinstance(field, np.ndarray):
+            assert field.flags.c_contiguous
+            assert not np.shares_memory(field, structure.stiffness_matrix)

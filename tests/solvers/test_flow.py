@@ -2,19 +2,26 @@
 
 import math
 
+import numba
 import numpy as np
 import pytest
 
 from hpcsweep.kernels import vectors
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.vectors import LANES, less_contact, load, store
+from hpcsweep.kernels.vectors import LANES, load, store
+from hpcsweep.model.contact import layer_half_width, less_contact_forces
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow import FlowMap, crossing, layer, packed, search, tables, tangent
-from hpcsweep.solvers.flow.flow_map import POLL_PERIODS, layer_half_width
+from hpcsweep.solvers.flow import FlowMap, crossing, polynomials, search, shared, tables, tangent
+from hpcsweep.solvers.flow.flow_map import POLL_PERIODS
+from hpcsweep.solvers.flow.layer import scheme, tableau, visit
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import window_growth
 from hpcsweep.solvers.reference import reference_points
+
+compiled_only = pytest.mark.skipif(
+    bool(numba.config.DISABLE_JIT), reason="many periods: too long as plain Python"
+)
 
 OMEGA = 0.445
 PERIOD = 2 * math.pi / OMEGA
@@ -35,29 +42,32 @@ def test_gauss_rule_integrates_polynomials_against_the_fermi_weight():
 
 
 def test_collocation_is_exact_for_the_polynomials_it_should_be():
-    for degree in range(layer.N_STAGES):
-        powers = layer.NODES**degree
-        assert layer.STAGES @ powers == pytest.approx(layer.NODES ** (degree + 1) / (degree + 1))
-    for degree in range(2 * layer.N_STAGES):
-        assert layer.WEIGHTS @ layer.NODES**degree == pytest.approx(1 / (degree + 1), rel=1e-13)
+    for degree in range(tableau.N_STAGES):
+        powers = tableau.NODES**degree
+        assert tableau.STAGES @ powers == pytest.approx(
+            tableau.NODES ** (degree + 1) / (degree + 1)
+        )
+    for degree in range(2 * tableau.N_STAGES):
+        assert tableau.WEIGHTS @ tableau.NODES**degree == pytest.approx(1 / (degree + 1), rel=1e-13)
 
 
 def test_the_rule_that_checks_a_layer_step_sees_what_the_gauss_rule_misses():
     def difference(degree):
-        values = layer.CHECK_GAUSS @ layer.NODES**degree + layer.CHECK_START * 0.0**degree
-        return values + layer.CHECK_ADDED @ layer.CHECK_NODES**degree
+        values = tableau.CHECK_GAUSS @ tableau.NODES**degree + tableau.CHECK_START * 0.0**degree
+        return values + tableau.CHECK_ADDED @ tableau.CHECK_NODES**degree
 
-    for degree in range(2 * layer.N_STAGES):
+    for degree in range(2 * tableau.N_STAGES):
         assert abs(difference(degree)) < 1e-14
-    degree = 2 * layer.N_STAGES
-    missed = 1 / (degree + 1) - layer.WEIGHTS @ layer.NODES**degree
+    degree = 2 * tableau.N_STAGES
+    missed = 1 / (degree + 1) - tableau.WEIGHTS @ tableau.NODES**degree
     assert difference(degree) == pytest.approx(missed, rel=1e-4)  # 2e-10, of terms of 1
     # displacements at its nodes from accelerations c^k: c^(k + 2) / ((k + 1) (k + 2))
-    for degree in range(layer.N_STAGES):
-        exact = layer.CHECK_NODES ** (degree + 2) / ((degree + 1) * (degree + 2))
-        assert layer.NODES**degree @ layer.CHECK_ROWS == pytest.approx(exact, abs=1e-15)
+    for degree in range(tableau.N_STAGES):
+        exact = tableau.CHECK_NODES ** (degree + 2) / ((degree + 1) * (degree + 2))
+        assert tableau.NODES**degree @ tableau.CHECK_ROWS == pytest.approx(exact, abs=1e-15)
 
 
+@compiled_only
 def test_error_of_a_layer_step_is_measured():
     """Against six parts of the step, at random places, speeds and lengths."""
     rng = np.random.default_rng(5)
@@ -65,25 +75,25 @@ def test_error_of_a_layer_step_is_measured():
     for _ in range(400):
         n, rho, beta = int(rng.integers(1, 4)), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(1, 5)
         flow = FlowMap(Structure(n, beta, rho, 0.05), OMEGA)
-        model, room = flow._shared.model, flow._shared.work.layer
+        model, work = flow._shared.model, flow._shared.work.layer
         z = np.concatenate((rng.uniform(-0.5, 0.9, n), rng.uniform(-0.3, 0.3, n)))
         z[n - 1] = 1 + rng.uniform(-25, 10) / rho
         z[2 * n - 1] = 10 ** rng.uniform(-4, 0) * rng.choice([-1, 1])
         tau = rng.uniform(0, PERIOD)
         a = np.zeros(n)
-        layer.accelerations(layer.forcing_at(tau, 0.3, OMEGA)[1], z, model, a)
-        length, stiffness = layer.step_limit(z, a, model, layer.longest_step(model))
+        scheme.accelerations(scheme.forcing_at(tau, 0.3, OMEGA)[1], z, model, a)
+        length, stiffness = visit.step_limit(z, a, model, visit.longest_step(model))
         ends, measured = [], math.inf
         for parts in (1, 6):
             h, end = length / parts, z.copy()
             for part in range(parts):
                 start = end.copy()
-                forcing = layer.forcing_at(tau + part * h, 0.3, OMEGA)
-                layer.accelerations(forcing[1], start, model, a)
-                if layer.collocate(tau + part * h, h, start, a, forcing, stiffness, model, room):
-                    layer.finish(h, start, room.g, end)
+                forcing = scheme.forcing_at(tau + part * h, 0.3, OMEGA)
+                scheme.accelerations(forcing[1], start, model, a)
+                if scheme.collocate(tau + part * h, h, start, a, forcing, stiffness, model, work):
+                    scheme.finish(h, start, work.g, end)
                     if parts == 1:
-                        measured = layer.quadrature_error(h, z, model, room)
+                        measured = scheme.quadrature_error(h, z, model, work)
                 else:
                     end[:] = np.nan
             ends.append(end)
@@ -102,7 +112,7 @@ def test_contact_forces_in_lanes_are_those_of_the_equations():
     @kernel
     def forces(u, beta, rho, out):
         for k in range(0, out.size, LANES):
-            store(out, k, less_contact(load(out, k), load(u, k), beta, rho))
+            store(out, k, less_contact_forces(load(out, k), load(u, k) - 1.0, beta, rho))
 
     y = np.concatenate((np.linspace(-45, 45, 2001), [-1e4, -700.1, -699.9, 0.0, 700.1, 1e4, 1e12]))
     for rho in (0.0, 3.0, 1e4):
@@ -223,11 +233,11 @@ def test_fourth_derivative_bound_holds():
 
 def first_root(rows, h, level, bound, stack):
     """Time at which polynomial 0 first reaches the level on the step; -1 if it does not."""
-    (u0, v0), (u1, v1) = (search.value_and_slope(rows, 0, h, s) for s in (0.0, h))
-    a, ga, b, gb = search.first_passage(
-        rows, 0, h, 0.0, u0 - level, v0, h, u1 - level, v1, level, 1.0, bound, stack
-    )
-    return a if a < 0 else search.rising_root(rows, 0, h, a, ga, b, gb, level, 1.0)
+    (u0, v0), (u1, v1) = (polynomials.value_and_slope(rows, 0, h, s) for s in (0.0, h))
+    curve, upwards = search.Curve(rows, 0, h), search.Level(1.0, level)
+    part = search.Part(0.0, u0 - level, v0, h, u1 - level, v1)
+    bracket = search.first_passage(curve, part, upwards, bound, stack)
+    return bracket.a if bracket.a < 0 else search.rising_root(curve, bracket, upwards)
 
 
 def test_first_passage_finds_the_first_root_and_proves_there_is_none():
@@ -259,12 +269,12 @@ def test_derivatives_of_a_step():
     rows = rng.standard_normal((3, tables.N_COEFFICIENTS))
     h, state = 0.7, np.empty(3)
     for s in np.linspace(0, 1.005 * h, 9):
-        search.evaluate_rows(rows, h, s, state)
+        polynomials.evaluate_rows(rows, h, s, state)
         for row, value in enumerate(state):
             p = np.polynomial.Polynomial(rows[row], domain=[0, h])
             expected = p(s), p.deriv(1)(s), p.deriv(2)(s)
             assert value == pytest.approx(expected[0], rel=1e-13, abs=1e-13)
-            found = search.value_slope_bend(rows, row, h, s)
+            found = polynomials.value_slope_bend(rows, row, h, s)
             assert found == pytest.approx(expected, rel=1e-12, abs=1e-10)
 
 
@@ -279,7 +289,7 @@ def test_a_floor_said_to_leave_its_layer_stays_away():
         bound = np.abs(fourth).sum() * (2 / h) ** 4
         u = np.polynomial.polynomial.polyval(2 * fine / h - 1, rows[0])
         level = u[0] - 10 ** rng.uniform(-6, 0)
-        (u0, v0), (u1, v1) = (search.value_and_slope(rows, 0, h, s) for s in (0.0, h))
+        (u0, v0), (u1, v1) = (polynomials.value_and_slope(rows, 0, h, s) for s in (0.0, h))
         if search.leaves(h, u0 - level, v0, u1 - level, v1, bound):
             said += 1
             assert np.count_nonzero(np.diff((u >= level).astype(int))) == 1
@@ -333,6 +343,7 @@ def test_linear_steady_state_and_its_drift_are_exact():
     assert seen.contact == 0
 
 
+@compiled_only
 @pytest.mark.parametrize("sharpness", [1e4, 1e3, 100.0, 10.0, 0.0, math.inf])
 @pytest.mark.parametrize("amplitude", [0.06, 0.25])
 def test_monodromy_has_the_determinant_of_the_damping(sharpness, amplitude):
@@ -344,6 +355,7 @@ def test_monodromy_has_the_determinant_of_the_damping(sharpness, amplitude):
     assert np.linalg.det(matrix) == pytest.approx(exact, rel=1e-9)
 
 
+@compiled_only
 @pytest.mark.parametrize("amplitude", [0.01, 0.06, 0.0987, 0.25])
 def test_monodromy_is_the_derivative_of_the_map(amplitude):
     flow, state = on_the_attractor(Structure(), amplitude)
@@ -356,6 +368,7 @@ def test_monodromy_is_the_derivative_of_the_map(amplitude):
     assert np.abs(matrix - np.array(columns).T).max() < 2e-6
 
 
+@compiled_only
 def test_settle_finds_the_period_and_agrees_with_the_long_run():
     flow = FlowMap(Structure(), OMEGA)
     for amplitude, period in ((0.06, 1), (0.1, 2)):
@@ -367,6 +380,7 @@ def test_settle_finds_the_period_and_agrees_with_the_long_run():
         assert np.abs(further - settled.state).max() < 1e-9
 
 
+@compiled_only
 def test_a_jump_ends_on_the_orbit_with_its_multiplier():
     flow = FlowMap(Structure(), OMEGA)
     jumps = 0
@@ -385,6 +399,7 @@ def test_a_jump_ends_on_the_orbit_with_its_multiplier():
     assert jumps == 3
 
 
+@compiled_only
 def test_no_jump_to_an_orbit_that_repels():
     flow = FlowMap(Structure(), OMEGA)
     rules = (2000, 16, 1e-10, 1e-6, 1e-3)
@@ -403,6 +418,7 @@ def test_no_jump_to_an_orbit_that_repels():
     assert np.abs(found.state - z).max() > 1e-3
 
 
+@compiled_only
 @pytest.mark.parametrize("n", [1, 2, 5, 12])
 def test_more_floors_stay_bounded_and_keep_few_tables(n):
     structure = Structure(n_floors=n)
@@ -424,6 +440,7 @@ def test_a_run_beyond_double_precision_is_an_outcome():
     assert len(points) == 0
 
 
+@compiled_only
 @pytest.mark.parametrize("sharpness", [1e4, math.inf])
 def test_energy_is_kept_without_damping_and_forcing(sharpness):
     structure = Structure(sharpness=sharpness, damping_ratio=0.0)
@@ -448,6 +465,7 @@ def test_energy_is_kept_without_damping_and_forcing(sharpness):
     assert drift < 1e-8
 
 
+@compiled_only
 def test_floors_that_pass_their_layers_together_do_so_as_the_reference_says():
     # offsets from far inside one layer (half-width 3e-3) to beyond it, both orders, both speeds
     rng = np.random.default_rng(3)
@@ -470,6 +488,7 @@ def test_floors_that_pass_their_layers_together_do_so_as_the_reference_says():
     assert together >= 5
 
 
+@compiled_only
 def test_polls_come_often_and_change_nothing():
     flow, z = on_the_attractor(Structure(), 0.0987)
     n_periods = 2 * POLL_PERIODS + 17
@@ -490,6 +509,7 @@ def test_polls_come_often_and_change_nothing():
     assert len(polls) == 9
 
 
+@compiled_only
 def test_without_contact_stiffness_the_monodromy_is_the_matrix_exponential():
     from scipy.linalg import expm
 
@@ -504,6 +524,7 @@ def test_without_contact_stiffness_the_monodromy_is_the_matrix_exponential():
     assert np.abs(matrix - exact).max() < 1e-12
 
 
+@compiled_only
 @pytest.mark.parametrize(
     ("structure", "omega", "amplitude"),
     [
@@ -528,11 +549,11 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
 
 
 def test_what_the_kernels_would_misread_is_not_packed():
-    shared = FlowMap(Structure(2), OMEGA)._shared
-    packed.pack(shared)
-    for name, value in (("tolerance", 1), ("counts", np.zeros(4)), ("model", shared.tables)):
+    given = FlowMap(Structure(2), OMEGA)._shared
+    shared.SHARED.pack(given)
+    for name, value in (("tolerance", 1), ("counts", np.zeros(4)), ("model", given.tables)):
         with pytest.raises(TypeError, match="the kernels read"):
-            packed.pack(shared._replace(**{name: value}))
+            shared.SHARED.pack(given._replace(**{name: value}))
 
 
 @pytest.mark.parametrize("sharpness", [1e4, math.inf])
@@ -587,3 +608,30 @@ def test_a_floor_that_moves_by_less_than_rounding_at_the_stop_is_not_held_there(
     beside = state - np.repeat([1e-11, 0.0], 5)
     exact = reference_points(structure, 1.2e-5, flow_map.omega, beside, 1)
     assert np.abs(points - exact).max() < 1e-10
+
+
+class Cautious(Structure):
+    """The same chain, told with a bound of K that is larger and a wider band."""
+
+    @property
+    def stiffness_bound(self):
+        return 6.0
+
+    @property
+    def bandwidth(self):
+        return self.n_floors - 1
+
+
+@pytest.mark.parametrize("sharpness", [1e4, 50.0])
+def test_bound_and_band_of_the_stiffness_are_those_that_the_structure_tells(sharpness):
+    z = np.repeat([0.9, 0.4], 3)
+    plain, cautious = (FlowMap(kind(3, 1000.0, sharpness), OMEGA) for kind in (Structure, Cautious))
+    assert (plain._shared.model.bandwidth, cautious._shared.model.bandwidth) == (1, 2)
+    exact, _ = plain.points(z, 0.06, 1)
+    found, _ = cautious.points(z, 0.06, 1)
+    assert np.abs(found - exact).max() < 1e-11
+    a = np.zeros(3)
+    z[2] = 1.0 - 1.0 / sharpness
+    limits = [visit.step_limit(z, a, flow._shared.model, 1.0) for flow in (plain, cautious)]
+    assert limits[1][1] == pytest.approx(limits[0][1] + 2.0)
+    assert limits[1][0] <= limits[0][0]

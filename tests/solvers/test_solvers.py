@@ -247,10 +247,20 @@ def test_no_periods(name):
     assert np.array_equal(matrix, np.eye(6))
 
 
-def test_advance_stops_at_rest(name):
-    done = solver_for(name, IMPACTING).advance(np.zeros(6), 0.0, 50, 0.0)
-    assert done.n_periods == 3
+def test_what_is_at_rest_stays_there(name):
+    done = solver_for(name, IMPACTING).advance(np.zeros(6), 0.0, 5)
+    assert done.n_periods == 5
     assert not done.state.any()
+
+
+def test_settling_ends_where_the_motion_does(name):
+    solver = solver_for(name, IMPACTING)
+    end = solver.settle(np.zeros(6), 0.06, 3, 2, 1e-10, 1e-6)
+    done = solver.advance(np.zeros(6), 0.06, 3)
+    assert (end.n_periods, end.n_newton, end.period) == (3, 0, 0)
+    assert math.isnan(end.multiplier)
+    assert end.outcome is Outcome.COMPLETE
+    assert np.array_equal(end.state, done.state)
 
 
 def test_poll_may_stop_the_work(name):

@@ -96,8 +96,8 @@ def test_figure_3_has_its_regions_from_the_command_line(tmp_path, name, expected
 def test_described_chaos_where_the_paper_says(tmp_path):
     job = load_job(JOBS / "figure3-described.toml")
     settings = replace(job.settings, metrics=frozenset({"lyapunov", "contact"}))
-    path = job.amplitude[: int(np.searchsorted(job.amplitude, 0.0991))]
-    swept = sweep_block(job.structure, 0.445, path, job.initial_state, settings)
+    path = job.study.amplitude[: int(np.searchsorted(job.study.amplitude, 0.0991))]
+    swept = sweep_block(job.structure, 0.445, path, job.study.initial_state, settings)
     at = int(np.argmin(np.abs(path - 0.09877)))
     assert swept["orbit_period"][at] == 0
     assert swept["lyapunov"][at] > 1e-3
@@ -202,14 +202,14 @@ def test_orbit_period_is_the_smallest_that_repeats():
 LEFT_TO_COMPILE = """
 import numpy as np
 from hpcsweep.studies import amplitude_sweep as sweep
-from hpcsweep.solvers.flow import approach, march
+from hpcsweep.solvers.flow import march, transient
 from hpcsweep.studies.runs import warm_up
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.model.structure import Structure
 
 settings = SweepSettings(metrics=frozenset({metrics!r}))
 warm_up(settings)
-kernels = march.march, approach.approach
+kernels = march.march, transient.end_of_transient
 before = [len(kernel.signatures) for kernel in kernels]
 amplitude = np.linspace(0.01, 0.25, 40)
 found = sweep.sweep_block(Structure(), 0.21, amplitude, np.zeros(6), settings)

@@ -5,7 +5,15 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures.diagrams.mesh import by_frequency, draw_grazing, draw_mesh, grazing_key
+from hpcsweep.figures.diagrams.figure import DIRECTION
+from hpcsweep.figures.diagrams.mesh import (
+    by_frequency,
+    draw_classes,
+    draw_grazing,
+    grazing_key,
+    open_map,
+)
+from hpcsweep.figures.palette import NO_CONTACT, OTHER_MOTION, RATIOS
 from hpcsweep.figures.style import (
     caption,
     classes_of,
@@ -16,19 +24,28 @@ from hpcsweep.figures.style import (
     new_grid,
     percent,
     save,
+    words_of,
 )
 
+NAME = "benefit"
+HELP = "where impact lowers and raises the drift, for chaos and for period 1"
+OPTIONS = (DIRECTION,)
 LEVELS = (0.8, 1.0, 1.25)
 """Ratios of drift with impact to drift without at which the shade changes."""
 SHADES = (
-    ("no contact", "#ffffff"),
-    ("other motion", "#ececec"),
-    (r"beneficial, $r \leq$ 0.8", "#b5dcf5"),
-    (r"beneficial, 0.8 < $r \leq$ 1", "#62a6d6"),
-    (r"adverse, 1 < $r \leq$ 1.25", "#a3510f"),
-    (r"adverse, $r$ > 1.25", "#4a1206"),
+    ("other motion", OTHER_MOTION),
+    ("no contact", NO_CONTACT),
+    (r"beneficial, $r \leq$ 0.8", RATIOS[0]),
+    (r"beneficial, 0.8 < $r \leq$ 1", RATIOS[1]),
+    (r"adverse, 1 < $r \leq$ 1.25", RATIOS[2]),
+    (r"adverse, $r$ > 1.25", RATIOS[3]),
 )
-"""(name, colour), light to dark, blue against brown: apart in grey and to the colour-blind."""
+"""(name, colour)."""
+
+
+def load(path: Path, direction: str | None = None):
+    """Read the maps of one direction."""
+    return open_map(path, direction=direction)
 
 
 def draw(results, path: Path, direction: str | None = None) -> None:
@@ -54,9 +71,8 @@ def draw(results, path: Path, direction: str | None = None) -> None:
         _panel(axis, results, classes[0], chosen, ratio, name)
     axes[0, 1].set_ylabel("")
     _legend(figure, results, classes)
-    swept = str(results["direction"].values[0])
     figure.suptitle(
-        f"{caption(results)},  sweep {swept}\n"
+        f"{caption(results)},  {words_of(results)}\n"
         r"$r$ = drift with the stop / drift without it",
         fontsize=9,
     )
@@ -64,7 +80,7 @@ def draw(results, path: Path, direction: str | None = None) -> None:
 
 
 def free_drift(structure, omega: float) -> float:
-    """Give the normalised drift (18) of the steady state without stop, in A/Omega^2.
+    """Return the normalised drift (18) of the steady state without stop, in A/Omega^2.
 
     Closed form: Omega^2 max_i |U_i - U_(i-1)|, U of `Structure.linear_steady_state`, U_0 = 0; NaN
     at an undamped resonance.
@@ -77,27 +93,19 @@ def free_drift(structure, omega: float) -> float:
 
 
 def drift_ratio(results) -> np.ndarray:
-    """Give drift over drift without stop at the same A and Omega, shape of the runs."""
+    """Return the drift over the drift without stop at the same A and Omega, shape of the runs."""
     structure = job_of(results).structure
     free = np.array([free_drift(structure, float(omega)) for omega in results["omega"].values])
     return results["drift"].values / free[None, :, None]
 
 
 def _panel(axis, results, classes, chosen, ratio, name) -> None:
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    index = np.full(classes.shape, 1)
-    index[classes == MotionClass.NO_CONTACT] = 0
+    index = np.zeros(classes.shape, int)
+    index[classes == MotionClass.NO_CONTACT] = 1
     known = chosen & np.isfinite(ratio)
     index[known] = 2 + np.searchsorted(LEVELS, ratio[known], side="left")
     index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
-    draw_mesh(
-        axis,
-        results,
-        np.ma.masked_less(index, 0),
-        cmap=ListedColormap([colour for _, colour in SHADES]),
-        norm=BoundaryNorm(np.arange(len(SHADES) + 1) - 0.5, len(SHADES)),
-    )
+    draw_classes(axis, results, index, [colour for _, colour in SHADES])
     draw_grazing(axis, results, job_of(results).structure)
     count = int(known.sum())
     told = "no such run"

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures.diagrams.figure import DIRECTION, Option
+from hpcsweep.figures.palette import MOTIONS, motion_index
 from hpcsweep.figures.style import (
     AMPLITUDE,
-    PALETTE,
-    UNDECIDED,
     PlotError,
     caption,
     classes_of,
@@ -17,17 +17,34 @@ from hpcsweep.figures.style import (
     need,
     new_grid,
     save,
+    words_of,
 )
+from hpcsweep.solvers.outcome import Outcome
 
 MOST_FRAMES = 12
 COLUMNS = 3
-KINDS = (
-    ((MotionClass.NO_CONTACT,), "no contact", "#9a9a9a"),
-    ((MotionClass.PERIODIC, MotionClass.LONG_PERIOD), "periodic", PALETTE[0]),
-    ((MotionClass.QUASI_PERIODIC,), "quasi-periodic", PALETTE[2]),
-    ((MotionClass.CHAOTIC,), "chaotic", "#15152a"),
-    ((MotionClass.UNDECIDED,), "undecided", PALETTE[1]),
+ORBIT = 2.5
+"""Area of the points of an orbit, in areas of those of a motion that does not repeat."""
+MOST_COLUMNS = 7
+"""Columns of the legend."""
+NAME = "frames"
+HELP = "small orbit diagrams of several frames"
+OPTIONS = (
+    DIRECTION,
+    Option("--frames", "number of frames", "frames", {"type": int, "metavar": "N"}),
+    Option("--floor", "floor drawn (default: top)", "floor", {"type": int, "metavar": "I"}),
 )
+
+
+def load(path: Path, frames: int | None = None, **_options):
+    """Read the frames that are drawn."""
+    from hpcsweep.store import Frames
+
+    reader = Frames(path)
+    try:
+        return reader.gather([*reader], choose(reader.job.study.omega, frames).tolist())
+    finally:
+        reader.close()
 
 
 def draw(
@@ -64,6 +81,7 @@ def draw(
     count = len(chosen)
     results = results.isel(frame=chosen, direction=[direction_index(results, direction)])
     classes = classes_of(results)
+    motions = motion_index(classes[0], results["orbit_period"].values[0])
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
     figure, axes = new_grid(rows, columns, (2.4 * columns, 1.75 * rows + 1.0), sharex=True)
@@ -71,16 +89,15 @@ def draw(
         if place >= count:
             axis.set_visible(False)
             continue
-        _panel(axis, results.isel(frame=place, direction=0), classes[0, place], floor)
+        _panel(axis, results.isel(frame=place, direction=0), motions[place], floor)
     figure.supylabel(rf"$u_{{{floor}}}(jT)$  [gaps]", fontsize=10)
     for column in range(columns):
         last = max(place for place in range(count) if place % columns == column)
         axes.flat[last].set_xlabel("$A$" if columns > 1 else AMPLITUDE, fontsize=9)
         axes.flat[last].tick_params(labelbottom=True)
-    _legend(figure, results, classes)
-    swept = str(results["direction"].values[0])
+    _legend(figure, results, classes, motions)
     unit = r"$A$ in gaps $\cdot\,\omega_0^2$, $\Omega$ in $\omega_0$"
-    figure.suptitle(f"{caption(results)},  sweep {swept};  {unit}", fontsize=8.5)
+    figure.suptitle(f"{caption(results)},  {words_of(results)};  {unit}", fontsize=8.5)
     save(figure, path)
 
 
@@ -100,18 +117,20 @@ def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
     return order[np.linspace(0, there - 1, count).round().astype(int)]
 
 
-def _panel(axis, frame, classes, floor: int) -> None:
+def _panel(axis, frame, motions, floor: int) -> None:
     counts = frame["n_points"].values
     poincare = frame["poincare"].values[:, :, floor - 1]
     amplitude = frame["amplitude"].values
     size = float(np.clip(300 / max(amplitude.size, 1), 0.5, 4.0))
-    for kinds, _name, colour in KINDS:
-        runs = np.flatnonzero(np.isin(classes, kinds))
+    sizes = np.where(frame["orbit_period"].values > 0, ORBIT * size, size)
+    points = np.where(frame["outcome"].values == Outcome.COMPLETE, counts, 0)
+    for place, (_name, colour) in enumerate(MOTIONS):
+        runs = np.flatnonzero((motions == place) & (points > 0))
         if runs.size:
             axis.scatter(
                 np.repeat(amplitude[runs], counts[runs]),
                 np.concatenate([poincare[run, : counts[run]] for run in runs]),
-                s=size,
+                s=np.repeat(sizes[runs], counts[runs]),
                 color=colour,
                 linewidths=0,
                 rasterized=True,
@@ -123,14 +142,15 @@ def _panel(axis, frame, classes, floor: int) -> None:
     axis.set_xlim(amplitude[0], amplitude[-1] if amplitude.size > 1 else amplitude[0] + 1e-9)
 
 
-def _legend(figure, results, classes) -> None:
+def _legend(figure, results, classes, motions) -> None:
     from matplotlib.lines import Line2D
 
+    failed = (classes == MotionClass.FAILED).any()
     handles = [
         Line2D([], [], linestyle="none", marker="o", markersize=4, color=colour, label=name)
-        for kinds, name, colour in KINDS
-        if np.isin(classes, kinds).any()
+        for place, (name, colour) in enumerate(MOTIONS)
+        if (motions[classes[0] != MotionClass.FAILED] == place).any()
     ]
-    if (classes == MotionClass.FAILED).any():
-        handles.append(Line2D([], [], linestyle="none", color=UNDECIDED, label="failed: blank"))
-    foot(figure, handles, results, classes)
+    if failed:
+        handles.append(Line2D([], [], linestyle="none", label="failed: blank"))
+    foot(figure, handles, results, classes, min(len(handles), MOST_COLUMNS))

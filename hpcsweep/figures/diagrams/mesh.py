@@ -1,16 +1,18 @@
-"""Panels over amplitude and frequency: one cell a run."""
+"""Panels over amplitude and frequency: one cell a run, or one point where runs are scattered."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures.palette import GRAZING, NOTHING
 from hpcsweep.figures.style import AMPLITUDE, DPI, OMEGA, PlotError, classes_of
+from hpcsweep.studies.points import FORCING_AMPLITUDE
 
-GRAZING = "#b00000"
-"""Colour of the grazing curve."""
-
-
-NUMBERS = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
+VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
 """Variables of maps, beside the classes."""
+SCATTERED = FORCING_AMPLITUDE.name
+"""Variable of results whose frames share no amplitudes."""
 
 
 def open_map(path, value: str | None = None, direction: str | None = None):
@@ -27,7 +29,7 @@ def open_map(path, value: str | None = None, direction: str | None = None):
     Returns
     -------
     xarray.Dataset
-        `NUMBERS`, `value` and the motion classes of one direction.
+        `VARIABLES`, `value` and the motion classes of one direction.
 
     Raises
     ------
@@ -40,13 +42,16 @@ def open_map(path, value: str | None = None, direction: str | None = None):
 
     frames = Frames(path)
     try:
-        job = frames.job
-        least_cells(job.omega.size, job.amplitude.size)
-        direction = job.directions[0] if direction is None else direction
-        if direction not in job.directions:
-            there = " and ".join(job.directions)
+        study = frames.study
+        least_cells(study.omega.size, study.amplitude.size)
+        further = () if value is None else (value,)
+        direction = study.directions[0] if direction is None else direction
+        if direction not in study.directions:
+            there = " and ".join(study.directions)
             raise PlotError(f"--direction {direction}: the results hold {there} only")
-        return frames.gather((*NUMBERS, value), direction=direction, derive={MOTION: classes_of})
+        return frames.gather(
+            (*VARIABLES, *further), direction=direction, derive={MOTION: classes_of}
+        )
     finally:
         frames.close()
 
@@ -74,35 +79,58 @@ def by_frequency(results):
     PlotError
         If there are fewer than two frames or amplitudes.
     """
-    least_cells(results.sizes["frame"], results.sizes["amplitude"])
+    least_cells(results.sizes["frame"], amplitudes(results).size)
     return results.isel(frame=np.argsort(results["omega"].values, kind="stable"))
+
+
+def amplitudes(results) -> np.ndarray:
+    """Return the amplitudes: those all frames share, or in a list of points one a frame."""
+    return results[SCATTERED if SCATTERED in results else "amplitude"].values
 
 
 def draw_mesh(axis, results, values: np.ndarray, **options):
     """Draw values of shape (n_frames, n_amplitudes); where they are masked the panel is hatched.
 
-    Of cells smaller than the picture's pixels, only so many are drawn as there are pixels.
+    Of cells smaller than the picture's pixels, only so many are drawn as there are pixels. A list
+    of points is drawn as points, and what is masked is left out.
 
     Returns
     -------
-    matplotlib.collections.QuadMesh
+    matplotlib.collections.QuadMesh or PathCollection
     """
-    axis.set_facecolor("white")
+    axis.set_facecolor(NOTHING)
+    axis.set_xlabel(AMPLITUDE)
+    axis.set_ylabel(OMEGA)
+    if SCATTERED in results:
+        size = float(np.clip(6e3 / len(values), 3.0, 40.0))
+        rim = {"edgecolors": "0.2", "linewidths": 0.3 if size > 10 else 0.0}
+        where = amplitudes(results), results["omega"].values
+        return axis.scatter(*where, s=size, c=values[:, 0], plotnonfinite=False, **rim, **options)
     if np.ma.getmaskarray(values).any():
         axis.patch.set(hatch="xxxx", edgecolor="0.55")
     width, height = axis.get_figure().get_size_inches() * DPI
     rows = _thinned(values.shape[0], height)
     columns = _thinned(values.shape[1], width)
-    mesh = axis.pcolormesh(
+    return axis.pcolormesh(
         _edges(results["amplitude"].values[columns]),
         _edges(results["omega"].values[rows]),
         values[rows][:, columns],
         rasterized=True,
         **options,
     )
-    axis.set_xlabel(AMPLITUDE)
-    axis.set_ylabel(OMEGA)
-    return mesh
+
+
+def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> None:
+    """Draw the places in a list of colours, shape (n_frames, n_amplitudes); hatched below 0."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    draw_mesh(
+        axis,
+        results,
+        np.ma.masked_less(index, 0),
+        cmap=ListedColormap(colours),
+        norm=BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours)),
+    )
 
 
 def _thinned(cells: int, pixels: float) -> np.ndarray:
@@ -113,7 +141,8 @@ def _thinned(cells: int, pixels: float) -> np.ndarray:
 
 def draw_grazing(axis, results, structure) -> None:
     """Draw the amplitude at which the free steady state touches the stop, in closed form."""
-    omega = np.linspace(*_edges(results["omega"].values)[[0, -1]], 800)
+    low, high = axis.get_ylim()
+    omega = np.linspace(low, high, 800)
     with np.errstate(divide="ignore"):
         amplitude = [_grazing(structure, value) for value in omega]
     limits = axis.get_xlim(), axis.get_ylim()

@@ -8,10 +8,11 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.diagrams.benefit import free_drift
+from hpcsweep.figures.diagrams.figure import OMEGA, load_frame
+from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, mode_colour, motion_place
 from hpcsweep.figures.style import (
     AMPLITUDE,
     MARKERS,
-    PALETTE,
     PlotError,
     caption,
     classes_of,
@@ -24,9 +25,12 @@ from hpcsweep.figures.style import (
 )
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.amplitude_sweep import DOWN
 
-CHAOS = ("#000000", "#882255")
-"""Colours of the chaotic runs, up and down."""
+NAME = "metrics"
+HELP = "drift and mean modal norms against the amplitude, one frame"
+OPTIONS = (OMEGA,)
+load = load_frame
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 
 
@@ -61,7 +65,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
 
 
 def free_modal_norms(structure, omega: float) -> np.ndarray:
-    """Give the mean modal norms (17) of the steady state without stop, shape (n,).
+    """Return the mean modal norms (17) of the steady state without stop, shape (n,).
 
     They do not depend on the amplitude; NaN at an undamped resonance.
     """
@@ -80,8 +84,8 @@ def _drift(axis, frame, classes, free: float) -> None:
         name = str(direction)
         chaos = classes[d] == MotionClass.CHAOTIC
         for chosen, colour, label in (
-            (~chaos, PALETTE[d], name),
-            (chaos, CHAOS[d], f"{name}, chaotic"),
+            (~chaos, DIRECTIONS[name], name),
+            (chaos, MOTION_COLOURS[motion_place(MotionClass.CHAOTIC, 0)], f"{name}, chaotic"),
         ):
             if not chosen.any():
                 continue
@@ -92,7 +96,7 @@ def _drift(axis, frame, classes, free: float) -> None:
                 marker=MARKERS[name],
                 markersize=2.4,
                 color=colour,
-                markerfacecolor=colour if name == "up" else "none",
+                markerfacecolor="none" if name == DOWN else colour,
                 markeredgewidth=0.5,
                 label=label,
             )
@@ -103,9 +107,9 @@ def _drift(axis, frame, classes, free: float) -> None:
 def _norms(axis, frame, free: np.ndarray) -> None:
     amplitude = frame["amplitude"].values
     for mode in range(frame.sizes["mode"]):
-        colour = PALETTE[mode % len(PALETTE)]
+        colour = mode_colour(mode, frame.sizes["mode"])
         for d, direction in enumerate(frame["direction"].values):
-            filled = str(direction) == "up"
+            filled = str(direction) != DOWN
             axis.plot(
                 amplitude,
                 frame["modal_norm"].values[d, :, mode],

@@ -1,14 +1,16 @@
 """Orbit diagram: stroboscopic displacement of each floor against the forcing amplitude."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures.diagrams.figure import OMEGA, Option, load_frame
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
+from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, contact_colour, motion_index
 from hpcsweep.figures.style import (
     AMPLITUDE,
-    PALETTE,
-    UNDECIDED,
+    MARKERS,
     PlotError,
     caption,
     classes_of,
@@ -19,14 +21,53 @@ from hpcsweep.figures.style import (
     new_figure,
     roman,
     save,
+    set_name,
+    words_of,
 )
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.amplitude_sweep import DOWN
 
-DIRECTION_STYLE = {"up": (PALETTE[0], "o"), "down": (PALETTE[1], "v")}
-MOST_CLASSES = 10
-"""Contact sets or periods that have a colour of their own; rarer ones share grey."""
+NAME = "orbit"
+HELP = """\
+stroboscopic displacement of each floor against the forcing amplitude, one frame, sweeps
+up and down, contact regions along the top"""
+OPTIONS = (
+    OMEGA,
+    Option(
+        "--color",
+        "what the colours tell (default: direction)",
+        "color",
+        {"choices": ("direction", "contact", "period")},
+    ),
+)
+load = load_frame
+MOST_SETS = 10
+"""Contact sets that the legend names: the commonest."""
+MOST_COLUMNS = 6
+"""Columns of the legend."""
+FINE, FINE_KEY = 0.1, 3
+"""Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
+the legend."""
 LEAST_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
 """Parts of the panel's width: least region whose label names its sets; room the labels take."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Points of one colour.
+
+    Attributes
+    ----------
+    colour : str
+    label : str
+        In the legend; empty for what it leaves out.
+    runs : ndarray of bool, shape (n_directions, n_amplitudes)
+        Whose points they are.
+    """
+
+    colour: str
+    label: str
+    runs: np.ndarray
 
 
 def draw(results, path: Path, omega: float | None = None, color: str = "direction") -> None:
@@ -41,7 +82,7 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
     omega : float, optional
         The frame nearest to this frequency; default the first.
     color : {"direction", "contact", "period"}
-        What the colours tell.
+        What the colours tell; period: the period of orbits, the class of other motions.
 
     Raises
     ------
@@ -57,26 +98,10 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
         raise PlotError("no run of this frame is complete yet")
     classes = classes_of(results)
     figure, axes = new_figure(n, 1.2 + 1.75 * n)
-    amplitude, points, floors, directions, keys = _scatter(frame, done, n, color)
-    size = float(np.clip(14000 / max(amplitude.size, 1), 0.4, 7.0))
-    groups = _groups(keys, color, n, frame)
+    groups = _groups(color, results, classes[:, 0], done, n)
     for floor, axis in zip(range(n)[::-1], axes, strict=True):
-        for key, _label, colour in groups:
-            for direction, (_, marker) in DIRECTION_STYLE.items():
-                chosen = (floors == floor) & (directions == direction) & (keys == key)
-                if chosen.any():
-                    filled = direction == "up"
-                    axis.scatter(
-                        amplitude[chosen],
-                        points[chosen],
-                        s=size if filled else 1.8 * size,
-                        marker=marker,
-                        facecolors=colour if filled else "none",
-                        edgecolors="none" if filled else colour,
-                        linewidths=0 if filled else 0.35,
-                        rasterized=True,
-                        zorder=2 if filled else 3,
-                    )
+        for group in groups:
+            _scatter(axis, frame, group, floor)
         axis.set_ylabel(rf"$u_{{{floor + 1}}}(jT)$  [gaps]")
         axis.margins(y=0.08)
     axes[-1].set_xlabel(AMPLITUDE)
@@ -89,51 +114,67 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
     save(figure, path)
 
 
-def _scatter(frame, done, n, color):
-    """Flatten the points: amplitude, displacement, floor, direction, colour key of each."""
-    columns = [[], [], [], [], []]
-    classes = {
-        "direction": None,
-        "contact": frame["contact"].values if color == "contact" else None,
-        "period": frame["orbit_period"].values,
-    }[color]
-    counts = frame["n_points"].values
-    poincare = frame["poincare"].values
-    for d, direction in enumerate(frame["direction"].values):
-        for a in np.flatnonzero(done[d]):
-            count = int(counts[d, a])
-            key = str(direction) if classes is None else str(int(classes[d, a]))
-            for floor in range(n):
-                columns[0].append(np.full(count, frame["amplitude"].values[a]))
-                columns[1].append(poincare[d, a, :count, floor])
-                columns[2].append(np.full(count, floor))
-                columns[3].append(np.full(count, str(direction), "U4"))
-                columns[4].append(np.full(count, key, "U24"))
-    return tuple(np.concatenate(column) for column in columns)
-
-
-def _groups(keys, color, n, frame) -> list[tuple[str, str, str]]:
-    """Give (key, label, colour) of every class of points, commonest first."""
+def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, n: int) -> list[Group]:
+    """Divide the complete runs of one frame by colour, in the order of the legend."""
+    frame = results.isel(frame=0)
     if color == "direction":
+        own = np.eye(len(done), dtype=bool)[:, :, None]
         return [
-            (direction, f"sweep {direction}", DIRECTION_STYLE[direction][0])
-            for direction in frame["direction"].values
+            Group(DIRECTIONS[str(name)], words_of(results, str(name)), done & own[d])
+            for d, name in enumerate(frame["direction"].values)
         ]
-    names, count = np.unique(keys, return_counts=True)
-    if color == "contact":
-        order = names[np.argsort(-count, kind="stable")]
-        named = [(key, contact_name(int(key), n)) for key in order]
-        named = [(key, "no contact" if name == "none" else name) for key, name in named]
-    else:
-        periodic = sorted(int(key) for key in names if key != "0")
-        named = [(str(p), f"P{p}") for p in periodic]
-        if "0" in names:
-            named.append(("0", "no period found"))
-    groups = []
-    for place, (key, label) in enumerate(named):
-        known = place < MOST_CLASSES and not (color == "period" and key == "0")
-        groups.append((key, label, PALETTE[place] if known else UNDECIDED))
-    return groups
+    if color == "period":
+        index = motion_index(classes, frame["orbit_period"].values)
+        return [
+            Group(colour, name, done & (index == place))
+            for place, (name, colour) in enumerate(MOTIONS)
+            if (done & (index == place)).any()
+        ]
+    contact = frame["contact"].values
+    sets, counts = np.unique(contact[done], return_counts=True)
+    named = set(np.argsort(-counts, kind="stable")[:MOST_SETS])
+    order = sorted(range(sets.size), key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
+    return [
+        Group(
+            contact_colour(int(sets[k]), n),
+            set_name(int(sets[k]), n) if k in named else "",
+            done & (contact == sets[k]),
+        )
+        for k in order
+    ]
+
+
+def _scatter(axis, frame, group: Group, floor: int) -> None:
+    """Draw a group's points.
+
+    Those of orbits are large, filled on the way up, hollow on the way down; those of motions that
+    do not repeat are fine, so that it shows where they gather.
+    """
+    amplitude, counts = frame["amplitude"].values, frame["n_points"].values
+    size = float(np.clip(14000 / max(amplitude.size, 1), 0.4, 7.0))
+    repeats = frame["orbit_period"].values > 0
+    displacement = frame["poincare"].values[..., floor]
+    point = np.arange(displacement.shape[-1])
+    for d, direction in enumerate(frame["direction"].values):
+        filled = str(direction) != DOWN
+        large = {
+            "s": size if filled else 1.6 * size,
+            "marker": MARKERS[str(direction)],
+            "facecolors": group.colour if filled else "none",
+            "edgecolors": "none" if filled else group.colour,
+            "linewidths": 0 if filled else 0.35,
+        }
+        fine = {"s": FINE * size, "color": group.colour, "linewidths": 0}
+        for chosen, style in ((~repeats[d], fine), (repeats[d], large)):
+            runs = np.flatnonzero(group.runs[d] & chosen)
+            if runs.size:
+                axis.scatter(
+                    np.repeat(amplitude[runs], counts[d, runs]),
+                    displacement[d, runs][point < counts[d, runs, None]],
+                    rasterized=True,
+                    zorder=2 if filled else 3,
+                    **style,
+                )
 
 
 def _mark_regions(axes, frame, done, n, coexisting) -> None:
@@ -175,37 +216,33 @@ def _mark_regions(axes, frame, done, n, coexisting) -> None:
         )
 
 
-def _legend(figure, groups, color, results, classes) -> None:
+def _legend(figure, groups: list[Group], color: str, results, classes) -> None:
     from matplotlib.lines import Line2D
 
-    handles = []
-    for key, label, colour in groups[: MOST_CLASSES + 1]:
-        marker = DIRECTION_STYLE[key][1] if color == "direction" else "s"
-        hollow = color == "direction" and key == "down"
-        handles.append(
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker=marker,
-                label=label,
-                markersize=5,
-                markerfacecolor="none" if hollow else colour,
-                markeredgecolor=colour,
-            )
+    def key(label: str, marker: str, colour: str, hollow: bool = False, size: float = 5):
+        return Line2D(
+            [],
+            [],
+            linestyle="none",
+            marker=marker,
+            label=label,
+            markersize=size,
+            markerfacecolor="none" if hollow else colour,
+            markeredgecolor=colour,
         )
-    if color != "direction":
-        for direction, (_, marker) in DIRECTION_STYLE.items():
-            handles.append(
-                Line2D(
-                    [],
-                    [],
-                    linestyle="none",
-                    marker=marker,
-                    label=f"sweep {direction}",
-                    markersize=5,
-                    markeredgecolor="0.3",
-                    markerfacecolor="0.3" if direction == "up" else "none",
-                )
-            )
-    foot(figure, handles, results, classes, min(len(handles), 6))
+
+    directions = [str(name) for name in results["direction"].values]
+    if color == "direction":
+        handles = [
+            key(group.label, MARKERS[name], group.colour, name == DOWN)
+            for name, group in zip(directions, groups, strict=True)
+        ]
+    else:
+        handles = [key(group.label, "s", group.colour) for group in groups if group.label]
+        rest = sum(not group.label for group in groups)
+        if rest:
+            handles.append(Line2D([], [], linestyle="none", label=f"{rest} rarer sets"))
+        handles += [key(words_of(results, d), MARKERS[d], "0.3", d == DOWN) for d in directions]
+    if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
+        handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))
+    foot(figure, handles, results, classes, min(len(handles), MOST_COLUMNS))

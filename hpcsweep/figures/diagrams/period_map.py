@@ -5,14 +5,26 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures.diagrams.mesh import by_frequency, draw_grazing, draw_mesh, grazing_key
-from hpcsweep.figures.shades import BLANK, SHADES, shade_index, shade_shares
+from hpcsweep.figures.diagrams.figure import DIRECTION, Option
+from hpcsweep.figures.diagrams.mesh import (
+    by_frequency,
+    draw_classes,
+    draw_grazing,
+    draw_mesh,
+    grazing_key,
+    open_map,
+)
+from hpcsweep.figures.palette import (
+    MOTION_COLOURS,
+    MOTIONS,
+    NOTHING,
+    NUMBERS,
+    contact_colour,
+    motion_index,
+)
 from hpcsweep.figures.style import (
-    PALETTE,
-    UNDECIDED,
     caption,
     classes_of,
-    contact_name,
     direction_index,
     foot,
     job_of,
@@ -20,13 +32,33 @@ from hpcsweep.figures.style import (
     new_grid,
     percent,
     save,
+    set_name,
+    words_of,
 )
 from hpcsweep.solvers.outcome import Outcome
 
 VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov")
-MOST_SETS = len(PALETTE) - 1
-"""Contact sets that have a colour of their own."""
+NAME = "map"
+HELP = "motion classes over amplitude and frequency, or --value of each run"
+OPTIONS = (
+    DIRECTION,
+    Option(
+        "--value",
+        "what the colours tell (default: period, the motion classes)",
+        "value",
+        {"choices": VALUES},
+    ),
+)
+ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
+"""Motions whose share the legend states even if it is 0."""
+MOST_SETS = 14
+"""Contact sets the legend names: the commonest."""
 MAX_COLUMNS = 3
+
+
+def load(path: Path, direction: str | None = None, value: str | None = None):
+    """Read the map of one direction."""
+    return open_map(path, value, direction)
 
 
 def draw(results, path: Path, value: str = "period", direction: str | None = None) -> None:
@@ -69,56 +101,50 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
         axis.label_outer()
     for axis in axes.flat[panels:]:
         axis.set_visible(False)
-    swept = str(results["direction"].values[0])
-    figure.suptitle(f"{caption(results)},  sweep {swept}", fontsize=10)
+    figure.suptitle(f"{caption(results)},  {words_of(results)}", fontsize=10)
     save(figure, path)
 
 
 def _classes(figure, axes, results) -> None:
     classes = classes_of(results)[0]
-    index = shade_index(classes, results["orbit_period"].values[0])
-    _discrete(axes[0, 0], results, index, [colour for _, colour in SHADES])
-    entries = shade_shares(index, classes)
-    lost = float((classes == MotionClass.FAILED).mean())
-    missing = float((classes == MotionClass.NOT_COMPUTED).mean())
-    _legend(figure, entries, lost + missing, grazing=True)
+    index = motion_index(classes, results["orbit_period"].values[0])
+    draw_classes(axes[0, 0], results, index, MOTION_COLOURS)
+    missing = classes == MotionClass.NOT_COMPUTED
+    computed = max(int((~missing).sum()), 1)
+    entries = [
+        (name, colour, int((index == place).sum()) / computed)
+        for place, (name, colour) in enumerate(MOTIONS)
+        if name in ALWAYS or (index == place).any()
+    ]
+    _legend(figure, entries, float(missing.mean()), "not computed", grazing=True)
 
 
 def _contact_sets(figure, axes, results) -> None:
     contact = results["contact"].values[0]
     done = results["outcome"].values[0] == Outcome.COMPLETE
-    sets, counts = np.unique(contact[done], return_counts=True)
-    order = [int(c) for c in sets[np.argsort(-counts, kind="stable")] if c]
-    named = sorted(order[:MOST_SETS], key=lambda c: (c.bit_count(), c))
-    index = np.full(contact.shape, len(named) + 1)
-    index[contact == 0] = 0
-    for place, chosen in enumerate(named, 1):
-        index[contact == chosen] = place
-    index[~done] = -1
+    sets = np.union1d(contact[done], np.zeros(1, contact.dtype))
     n = results.sizes["state"] // 2
-    names = ["no contact", *(contact_name(c, n) for c in named), "other sets"]
-    colours = ["#ffffff", *_by_lightness(len(named)), UNDECIDED]
-    _discrete(axes[0, 0], results, index, colours)
+    index = np.where(done, np.searchsorted(sets, contact), -1)
+    counts = np.bincount(index[done], minlength=sets.size)
+    colours = [contact_colour(int(c), n) for c in sets]
+    draw_classes(axes[0, 0], results, index, colours)
+    named = np.argsort(-counts, kind="stable")[:MOST_SETS]
     entries = [
-        (name, colour, float((index == place).mean()))
-        for place, (name, colour) in enumerate(zip(names, colours, strict=True))
-        if (index == place).any()
+        (set_name(int(sets[k]), n), colours[k], counts[k] / done.size)
+        for k in sorted(named, key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
+        if counts[k]
     ]
-    _legend(figure, entries, float((~done).mean()))
-
-
-def _by_lightness(count: int) -> list[str]:
-    """Give colours from light to dark: the lightness tells them apart in grey."""
-    if count <= len(SHADES) - 2:
-        places = np.linspace(1, len(SHADES) - 1, count).round().astype(int)
-        return [SHADES[place][1] for place in places]
-    return list(PALETTE[:count])
+    rest = sets.size - named.size
+    if rest:
+        share = (counts.sum() - counts[named].sum()) / done.size
+        entries.append((f"{rest} rarer sets", "none", float(share)))
+    _legend(figure, entries, float((~done).mean()), "failed or not computed")
 
 
 def _drift(figure, axes, results) -> None:
     drift = np.ma.masked_invalid(results["drift"].values[0])
     top = float(np.percentile(drift.compressed(), 99)) if drift.count() else 1.0
-    mesh = draw_mesh(axes[0, 0], results, drift, cmap="cividis", vmin=0, vmax=top)
+    mesh = draw_mesh(axes[0, 0], results, drift, cmap=NUMBERS, vmin=0, vmax=top)
     figure.colorbar(mesh, ax=axes, extend="max", label=r"normalised drift $\delta$  [$A/\Omega^2$]")
 
 
@@ -129,7 +155,7 @@ def _exponent(figure, axes, results) -> None:
     inside = exponent.compressed()
     low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
     norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
-    mesh = draw_mesh(axes[0, 0], results, exponent, cmap="cividis", norm=norm)
+    mesh = draw_mesh(axes[0, 0], results, exponent, cmap=NUMBERS, norm=norm)
     figure.colorbar(
         mesh, ax=axes, extend="both", label=r"largest Lyapunov exponent $\lambda$  [$\omega_0$]"
     )
@@ -139,25 +165,17 @@ def _modal_norms(figure, axes, results) -> None:
     norms = np.ma.masked_invalid(results["modal_norm"].values[0])
     for mode in range(results.sizes["mode"]):
         axis = axes.flat[mode]
-        mesh = draw_mesh(axis, results, norms[..., mode], cmap="cividis", vmin=0, vmax=1)
+        mesh = draw_mesh(axis, results, norms[..., mode], cmap=NUMBERS, vmin=0, vmax=1)
         axis.set_title(f"mode {mode + 1}", fontsize=9)
     figure.colorbar(mesh, ax=axes, label=r"mean modal norm $\eta_j$ free of contact", aspect=30)
 
 
-def _discrete(axis, results, index: np.ndarray, colours: list[str]) -> None:
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    draw_mesh(
-        axis,
-        results,
-        np.ma.masked_less(index, 0),
-        cmap=ListedColormap(colours),
-        norm=BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours)),
-    )
-
-
 def _legend(
-    figure, entries: list[tuple[str, str, float]], blank: float, grazing: bool = False
+    figure,
+    entries: list[tuple[str, str, float]],
+    blank: float,
+    blank_name: str,
+    grazing: bool = False,
 ) -> None:
     from matplotlib.patches import Patch
 
@@ -168,11 +186,11 @@ def _legend(
     if blank:
         handles.append(
             Patch(
-                facecolor="white",
+                facecolor=NOTHING,
                 edgecolor="0.55",
                 hatch="xxxx",
                 linewidth=0.5,
-                label=f"{BLANK}  {percent(blank)}",
+                label=f"{blank_name}  {percent(blank)}",
             )
         )
     if grazing:

@@ -1,5 +1,6 @@
 """Phase portraits of all floors, with stroboscopic points and the stop."""
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures.diagrams.figure import DIRECTION, OMEGA, Option, load_frame
+from hpcsweep.figures.palette import MOTIONS, motion_place
 from hpcsweep.figures.style import (
-    PALETTE,
     PlotError,
     caption,
     classes_of,
@@ -22,8 +24,34 @@ from hpcsweep.figures.style import (
     save,
 )
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.trajectory import trajectory
 
+
+def _period(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, is {text}")
+    return value
+
+
+NAME = "phase"
+HELP = "phase portraits of all floors at --amplitude A ... or of orbit --period P ..."
+OPTIONS = (
+    OMEGA,
+    Option(
+        "--amplitude",
+        "amplitudes drawn",
+        "amplitudes",
+        {"type": float, "nargs": "+", "metavar": "A"},
+    ),
+    Option(
+        "--period",
+        "orbit periods of which an example is found in the sweep",
+        "periods",
+        {"type": _period, "nargs": "+", "metavar": "P"},
+    ),
+    DIRECTION,
+)
+load = load_frame
 MOST_CYCLES = 60
 """Forcing periods drawn of a motion that does not repeat: more would fill the panel."""
 
@@ -80,7 +108,7 @@ def draw(
         _row(axes[row], frame, motion, classes, structure, row)
     for floor, axis in enumerate(axes[-1], 1):
         axis.set_xlabel(rf"$u_{{{floor}}}$  [gaps]", fontsize=9)
-    _legend(figure, results, classes)
+    _legend(figure, results, classes, {_motion(frame, m, classes) for m in motions})
     figure.suptitle(caption(results, float(frame["omega"])), fontsize=9)
     save(figure, path)
 
@@ -128,7 +156,7 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
 
 
 def _stretches(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give first and last-plus-one index of every stretch of true flags."""
+    """Return first and last-plus-one index of every stretch of true flags."""
     change = np.diff(np.concatenate(([0], flags.astype(int), [0])))
     return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
 
@@ -159,6 +187,8 @@ def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarr
     """
     at = motion.direction, motion.amplitude
     count = min(int(frame["n_points"].values[at]), MOST_CYCLES)
+    from hpcsweep.solvers.trajectory import trajectory  # loads the compiler
+
     points = frame["poincare"].values[at][:count]
     amplitude, omega = float(frame["amplitude"].values[at[1]]), float(frame["omega"])
     curves = np.array([trajectory(structure, amplitude, omega, point) for point in points])
@@ -168,14 +198,15 @@ def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarr
 def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
     points, curves = orbit_curves(frame, motion, structure)
     n = structure.n_floors
+    colour = MOTIONS[_motion(frame, motion, classes)][1]
     many = len(points) > 16
     for floor, axis in enumerate(axes):
         for curve in curves:
             axis.plot(
                 curve[:, floor],
                 curve[:, n + floor],
-                color=PALETTE[0],
-                linewidth=0.25 if many else 0.7,
+                color=colour,
+                linewidth=0.25 if many else 0.9,
                 alpha=0.6 if many else 1.0,
                 rasterized=many,
             )
@@ -185,9 +216,9 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
             linestyle="none",
             marker="o",
             markersize=2.2 if many else 4,
-            markerfacecolor=PALETTE[1],
+            markerfacecolor="white",
             markeredgecolor="black",
-            markeredgewidth=0.2 if many else 0.5,
+            markeredgewidth=0.4 if many else 0.8,
             zorder=4,
         )
         axis.axvline(1.0, color="black", linewidth=1.2, zorder=3)
@@ -211,6 +242,12 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
     )
 
 
+def _motion(frame, motion: Motion, classes) -> int:
+    """Return the place of a run's motion in `MOTIONS`."""
+    at = motion.direction, motion.amplitude
+    return motion_place(MotionClass(int(classes[at])), int(frame["orbit_period"].values[at]))
+
+
 def _label(frame, motion: Motion, classes, n: int, row: int) -> str:
     at = motion.direction, motion.amplitude
     kind = MotionClass(int(classes[at]))
@@ -225,21 +262,25 @@ def _label(frame, motion: Motion, classes, n: int, row: int) -> str:
     return f"({letter}) A = {amplitude:.5g}, {direction}: {name}"
 
 
-def _legend(figure, results, classes) -> None:
+def _legend(figure, results, classes, drawn: set[int]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     foot(
         figure,
         [
-            Line2D([], [], color=PALETTE[0], label="motion"),
+            *(
+                Line2D([], [], color=colour, label=name)
+                for place, (name, colour) in enumerate(MOTIONS)
+                if place in drawn
+            ),
             Line2D(
                 [],
                 [],
                 linestyle="none",
                 marker="o",
                 markersize=5,
-                markerfacecolor=PALETTE[1],
+                markerfacecolor="white",
                 markeredgecolor="black",
                 label="stroboscopic points",
             ),

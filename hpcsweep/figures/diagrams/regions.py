@@ -100,7 +100,7 @@ def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | Non
 
 
 def coexistence(frame, classes: np.ndarray) -> np.ndarray:
-    """Tell at which amplitudes the sweeps up and down of one frame are on different solutions.
+    """Find the amplitudes at which the sweeps up and down of one frame are on different solutions.
 
     Two periodic motions differ if their periods do or if a point of one is farther than `APART`
     from all points of the other; a periodic motion and a chaotic one differ. Two chaotic motions

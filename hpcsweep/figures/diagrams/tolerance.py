@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from hpcsweep.figures.style import PALETTE, save
+from hpcsweep.figures.palette import series_colour
+from hpcsweep.figures.style import save
 
 LEAST_ERROR = 1e-16
 """Errors below this are drawn here: the reference knows no better."""
@@ -34,7 +35,7 @@ def draw(rows: list, path: Path) -> None:
             axis.loglog(
                 [row.rtol for row in own],
                 [max(row.error, LEAST_ERROR) for row in own],
-                color=PALETTE[place % len(PALETTE)],
+                color=series_colour(place),
                 marker=MARKERS[place % len(MARKERS)],
                 markersize=4.5,
                 linewidth=1,

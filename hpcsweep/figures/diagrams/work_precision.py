@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from hpcsweep.figures.style import PALETTE, new_grid, save
+from hpcsweep.figures.palette import series_colour
+from hpcsweep.figures.style import new_grid, save
 
 LEAST_ERROR = 1e-16
 """Errors below this are drawn here: the reference knows no better."""
@@ -31,7 +32,7 @@ def draw(rows: list, path: Path) -> None:
             axis.loglog(
                 [max(row.error, LEAST_ERROR) for row in own],
                 [row.microseconds for row in own],
-                color=PALETTE[place % len(PALETTE)],
+                color=series_colour(place),
                 marker=MARKERS[place % len(MARKERS)],
                 markersize=5,
                 markeredgecolor="white",

@@ -12,7 +12,7 @@ MOST_BITS = 16
 
 
 def resolution(low: np.ndarray | float, high: np.ndarray | float, bits: int) -> np.ndarray:
-    """Give the step between quantised values that cover [`low`, `high`].
+    """Return the step between quantised values that cover [`low`, `high`].
 
     The integers 1 to 2^bits - 1 are used, the first and the last of them exact, so a value comes
     back within half a step.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures.explorer.pack import (
     predict_points,
     predict_rows,
@@ -18,7 +18,17 @@ from hpcsweep.figures.explorer.pack import (
     to_text,
 )
 from hpcsweep.figures.explorer.study import Study
-from hpcsweep.figures.style import PALETTE, UNDECIDED, contact_name
+from hpcsweep.figures.palette import (
+    DIRECTIONS,
+    LONGEST,
+    MOTIONS,
+    NOTHING,
+    NUMBERS,
+    STOP,
+    contact_colour,
+    motion_place,
+)
+from hpcsweep.figures.style import set_name
 from hpcsweep.solvers.outcome import Outcome
 
 SCRIPTS = (
@@ -28,24 +38,12 @@ SCRIPTS = (
     "map.js",
     "diagrams.js",
     "portraits.js",
+    "words.js",
     "main.js",
 )
 DEFAULT_BITS = 12
 VALUE_BITS = {"drift": 16, "lyapunov": 16}
 NORM_BITS = 12
-OWN_COLOURS = len(PALETTE)
-"""Periods from 1, and contact sets by frequency, with a colour of their own."""
-LONG_PERIOD = "#dcc9a3"
-MOTION_COLOURS = {
-    MotionClass.NOT_COMPUTED: "#ffffff",
-    MotionClass.NO_CONTACT: "#e3ecf2",
-    MotionClass.LONG_PERIOD: LONG_PERIOD,
-    MotionClass.QUASI_PERIODIC: "#f5a3a3",
-    MotionClass.CHAOTIC: "#1a1a1a",
-    MotionClass.UNDECIDED: UNDECIDED,
-    MotionClass.FAILED: "#f0e442",
-}
-RARE_CONTACT = "#bdbdbd"
 
 
 class PageTooLarge(ValueError):
@@ -140,25 +138,25 @@ def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
         "omega": study.omega.tolist(),
         "amplitude": study.amplitude.tolist(),
         "directions": list(study.directions),
+        "words": list(study.words),
         "arrays": arrays,
         "bits": bits,
         "resolution": worst,
         "thinned": study.thinned,
         "motions": [
             {
-                "name": m.name.lower().replace("_", " "),
-                "colour": MOTION_COLOURS.get(m),
+                "name": CLASS_NAMES[m],
+                "place": motion_place(m, 1),
                 "periodic": m is MotionClass.PERIODIC,
                 "done": m not in (MotionClass.NOT_COMPUTED, MotionClass.FAILED),
             }
             for m in MotionClass
         ],
+        "motionLegend": [{"name": name, "colour": colour} for name, colour in MOTIONS],
+        "longest": LONGEST,
         "outcomes": [o.name.lower().replace("_", " ") for o in Outcome],
-        "contacts": [contact_name(s, study.structure.n_floors) for s in sets],
-        "palette": list(PALETTE),
-        "longPeriod": LONG_PERIOD,
-        "rareContact": RARE_CONTACT,
-        "maps": _colour_maps(),
+        "contacts": [set_name(s, study.structure.n_floors) for s in sets],
+        "colours": _colours(study, sets),
     }, texts
 
 
@@ -226,7 +224,7 @@ def _narrow(codes: np.ndarray) -> np.ndarray:
 
 
 def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
-    """Give the range of the finite values, without `percent` of them at either end."""
+    """Return the range of the finite values, without `percent` of them at either end."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return [0.0, 0.0]
@@ -245,11 +243,15 @@ def _structure(structure) -> dict:
     }
 
 
-def _colour_maps() -> dict[str, list[str]]:
-    """Give colour-blind-safe colour maps as lists of 256 colours."""
+def _colours(study: Study, sets: list[int]) -> dict[str, str | list[str]]:
+    """Return the colours of all figures for the page, which has none of its own."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    names = {"sequential": "viridis", "diverging": "PuOr_r"}
-    places = np.linspace(0, 1, 256)
-    return {kind: [to_hex(c) for c in colormaps[name](places)] for kind, name in names.items()}
+    return {
+        "contacts": [contact_colour(s, study.structure.n_floors) for s in sets],
+        "directions": [DIRECTIONS[name] for name in study.directions],
+        "numbers": [to_hex(c) for c in colormaps[NUMBERS](np.linspace(0, 1, 256))],
+        "nothing": NOTHING,
+        "stop": STOP,
+    }

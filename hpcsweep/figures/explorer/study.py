@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.figures.style import classes_of
+from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.model.structure import Structure
 
 POINT_BUDGET = 30_000_000
 """Displacements of the orbit diagrams that a page holds unless told how many points a run has."""
+
+MOST_CELLS = 20_000_000
+"""Places of the map."""
 
 
 @dataclass
@@ -24,6 +27,8 @@ class Study:
     omega : ndarray, shape (n_frames,)
     amplitude : ndarray, shape (n_amplitudes,)
     directions : tuple of str
+    words : tuple of str
+        The directions in words.
     codes : dict of str to ndarray of unsigned int, shape (n_frames, n_directions, n_amplitudes)
         `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it.
     values : dict of str to ndarray of float32, same shape
@@ -44,6 +49,7 @@ class Study:
     omega: np.ndarray
     amplitude: np.ndarray
     directions: tuple[str, ...]
+    words: tuple[str, ...]
     codes: dict[str, np.ndarray]
     values: dict[str, np.ndarray]
     counts: np.ndarray
@@ -76,17 +82,23 @@ def gather(
     StoreError
         If the file is not a campaign file.
     """
-    from hpcsweep.store import Frames
+    from hpcsweep.store import Frames, Grid
 
     reader = Frames(path)
-    job = reader.job
-    frames = np.argsort(job.omega, kind="stable")[::frame_step]
-    n = job.structure.n_floors
-    limit = job.settings.stored_points if most_points is None else most_points
+    study, grid = reader.study, Grid(reader)
+    rows = range(0, grid.omega.size, frame_step)
+    if len(rows) * grid.amplitude.size > MOST_CELLS:
+        raise PlotError(
+            f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
+            f"{grid.amplitude.size} amplitudes, more than {MOST_CELLS} places"
+        )
+    n = study.structure.n_floors
+    stored = study.settings.stored_points
+    limit = stored if most_points is None else most_points
     codes, values, counts, points, speed = [], [], [], [], []
     held = 0
-    for done, index in enumerate(frames, 1):
-        frame = reader.dataset(int(index))
+    for done, row in enumerate(rows, 1):
+        frame = grid.dataset(row)
         chosen = frame.isel(amplitude=slice(None, None, amplitude_step))
         codes.append(_codes(chosen))
         values.append(_values(chosen))
@@ -101,22 +113,23 @@ def gather(
                 counts[place], points[place] = _fewer(k, u, limit)
             held = sum(u.size for u in points)
         if say is not None:
-            say(done, frames.size)
+            say(done, len(rows))
     reader.close()
     return Study(
-        name=job.name,
-        structure=job.structure,
-        omega=job.omega[frames],
-        amplitude=job.amplitude[::amplitude_step],
-        directions=job.directions,
+        name=reader.job.name,
+        structure=study.structure,
+        omega=grid.omega[::frame_step],
+        amplitude=grid.amplitude[::amplitude_step],
+        directions=study.directions,
+        words=tuple(study.words[name] for name in study.directions),
         codes={name: np.stack([c[name] for c in codes]) for name in codes[0]},
         values={name: np.stack([v[name] for v in values]) for name in values[0]},
         counts=np.stack(counts),
         points=np.concatenate(points),
         speed=np.stack(speed),
         thinned={
-            "points": min(limit, job.settings.stored_points),
-            "of_points": job.settings.sampling_cycles,
+            "points": min(limit, stored),
+            "of_points": study.settings.sampling_cycles,
             "frame_step": frame_step,
             "amplitude_step": amplitude_step,
         },

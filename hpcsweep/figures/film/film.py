@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.figures.cielab import rgb
 from hpcsweep.figures.film import video
-from hpcsweep.figures.film.frame import DIRECTION_COLOUR, WIDTH, Scene, contact_colour, period_class
 from hpcsweep.figures.film.piece import Film, Found, Request, is_gif
-from hpcsweep.figures.film.pixels import rgb, tint
+from hpcsweep.figures.film.scene import WIDTH, Scene
 from hpcsweep.figures.film.workers import Workers
 from hpcsweep.figures.style import PlotError, parameters
 from hpcsweep.store import Frames
@@ -25,6 +25,8 @@ from hpcsweep.store import Frames
 PIECE = 40
 """Frames of one segment."""
 GIF_WIDTH = 960
+GIF_WANTED = 128
+"""Colours of points and bands that a GIF shows exactly, half of those it can have."""
 LEAST_WIDTH, MOST_WIDTH = 320, 3840
 
 
@@ -61,7 +63,7 @@ def check(request: Request) -> None:
                 raise PlotError(
                     f"{request.file}: holds no {name}: set output.{name} = true in the job"
                 )
-        directions = frames.job.directions
+        directions = frames.job.study.directions
         if request.direction not in ("both", *directions):
             raise PlotError(
                 f"--direction {request.direction}: {request.file} holds {', '.join(directions)}"
@@ -166,7 +168,9 @@ def _pieces(frames: list[int]) -> list[list[int]]:
 def _scene(film: Film, found: Found) -> Scene:
     """Choose what all frames have in common."""
     request, job = film.request, film.frames.job
-    omegas = job.omega[sorted(found.richness)]
+    assert found.low is not None, "no run is complete"
+    assert found.high is not None, "no run is complete"
+    omegas = job.study.omega[sorted(found.richness)]
     low, high = float(omegas.min()), float(omegas.max())
     marks = tuple(
         (float(w), rf"$\omega_{{{i}}}$")
@@ -175,14 +179,15 @@ def _scene(film: Film, found: Found) -> Scene:
     )
     return Scene(
         title=parameters(job.structure),
-        amplitude=job.amplitude,
+        amplitude=job.study.amplitude,
         omega=(low, high),
         marks=marks,
         low=found.low,
         high=found.high,
         directions=tuple(film.directions),
+        words=tuple(job.study.words[name] for name in film.directions),
         color=request.color,
-        periods=tuple(sorted(found.periods)),
+        motions=tuple(sorted(found.motions)),
         contacts=tuple(sorted(found.contacts, key=lambda c: (-found.contacts[c], c))),
         width=request.width or (GIF_WIDTH if is_gif(request) else WIDTH),
     )
@@ -195,11 +200,8 @@ def _finish(film: Film, scene: Scene, found: Found, n_pieces: int) -> None:
     picture = film.paint(scene, richest)
     palette = None
     if is_gif(request):
-        wanted = [DIRECTION_COLOUR[name] for name in scene.directions]
-        wanted += [period_class(p)[0] for p in scene.periods]
-        bands = [contact_colour(scene.contacts, c) for c in scene.contacts]
-        wanted += [*bands, *(tint(colour) for colour in bands)]
-        palette = video.palette_of([picture], [rgb(colour) for colour in wanted])
+        wanted = dict.fromkeys(c for c, _ in (*scene.point_legend(), *scene.contact_legend()))
+        palette = video.palette_of([picture], [rgb(c) for c in [*wanted][:GIF_WANTED]])
     whole = film.folder / f"film{request.output.suffix.lower()}"
     video.join([film.segment(k) for k in range(n_pieces)], whole, palette)
     if request.poster is not None:

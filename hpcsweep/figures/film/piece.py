@@ -7,7 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.figures.film import video
-from hpcsweep.figures.film.frame import Painter, Scene
+from hpcsweep.figures.film.frame import Painter
+from hpcsweep.figures.film.scene import Scene
+from hpcsweep.figures.palette import motion_index
+from hpcsweep.figures.style import classes_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
 
@@ -26,7 +29,7 @@ class Request:
         Picture of the frame with most kinds of motion.
     fps : float
     every : int
-        Every so manieth frame, in ascending frequency.
+        Every so many-th frame, in ascending frequency.
     direction : {"up", "down", "both"}
     color : {"direction", "contact", "period"}
     width : int
@@ -51,8 +54,8 @@ class Found:
     ----------
     low, high : ndarray, shape (n_floors,), or None
         Extremes of the points, in gaps.
-    periods, contacts : Counter
-        Runs of each orbit period and contact set.
+    motions, contacts : Counter
+        Runs of each motion (where the colours tell it) and contact set.
     richness : dict
         For each frame that has any complete run: number of kinds of motion (period and contact
         set), and of points.
@@ -60,16 +63,16 @@ class Found:
 
     low: np.ndarray | None = None
     high: np.ndarray | None = None
-    periods: Counter = field(default_factory=Counter)
+    motions: Counter = field(default_factory=Counter)
     contacts: Counter = field(default_factory=Counter)
     richness: dict[int, tuple[int, int]] = field(default_factory=dict)
 
     def add(self, other: "Found") -> None:
         """Take in what was found elsewhere."""
-        if other.low is not None:
+        if other.low is not None and other.high is not None:
             self.low = other.low if self.low is None else np.minimum(self.low, other.low)
             self.high = other.high if self.high is None else np.maximum(self.high, other.high)
-        self.periods.update(other.periods)
+        self.motions.update(other.motions)
         self.contacts.update(other.contacts)
         self.richness.update(other.richness)
 
@@ -83,10 +86,10 @@ class Film:
         self.frames = Frames(request.file)
         job = self.frames.job
         self.variables = (*VARIABLES, *(("contact",) if "contact" in self.frames else ()))
-        wanted = job.directions if request.direction == "both" else (request.direction,)
-        self.rows = [job.directions.index(name) for name in wanted]
+        wanted = job.study.directions if request.direction == "both" else (request.direction,)
+        self.rows = [job.study.directions.index(name) for name in wanted]
         self.directions = wanted
-        self.order = [int(k) for k in np.argsort(job.omega, kind="stable")[:: request.every]]
+        self.order = [int(k) for k in np.argsort(job.study.omega, kind="stable")[:: request.every]]
         self.painter: Painter | None = None
 
     def read(self, frame: int) -> dict[str, np.ndarray]:
@@ -95,6 +98,9 @@ class Film:
         n_floors = self.frames.job.structure.n_floors
         found["poincare"] = found["poincare"][..., :n_floors]
         found["poincare"][found["outcome"] != Outcome.COMPLETE] = np.nan
+        if self.request.color == "period":
+            classes = classes_of(self.frames.dataset(frame))[self.rows, 0]
+            found["motion"] = motion_index(classes, found["orbit_period"])
         return found
 
     def survey(self, frames: list[int]) -> Found:
@@ -108,12 +114,13 @@ class Film:
                 continue
             periods = frame["orbit_period"][done].tolist()
             contacts = frame["contact"][done].tolist() if "contact" in frame else []
+            motions = frame["motion"][done].tolist() if "motion" in frame else []
             kinds = set(zip(periods, contacts or periods, strict=True))
             total.add(
                 Found(
                     points.min(axis=0),
                     points.max(axis=0),
-                    Counter(periods),
+                    Counter(motions),
                     Counter(contacts),
                     {k: (len(kinds), len(points))},
                 )
@@ -124,7 +131,7 @@ class Film:
         """Paint one frame; shape (height, width, 4)."""
         if self.painter is None:
             self.painter = Painter(scene)
-        return self.painter.paint(float(self.frames.job.omega[frame]), self.read(frame))
+        return self.painter.paint(float(self.frames.job.study.omega[frame]), self.read(frame))
 
     def encode(self, scene: Scene, frames: list[int], number: int) -> None:
         """Paint some frames and encode them as segment `number`."""
@@ -137,5 +144,5 @@ class Film:
 
 
 def is_gif(request: Request) -> bool:
-    """Tell whether a GIF is wanted."""
+    """Return whether a GIF is wanted."""
     return request.output.suffix.lower() == ".gif"

@@ -8,20 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-INK = 0x222222
+from hpcsweep.figures.cielab import rgb
+
 WHITE = 0xFFFFFFFF
-TINT = 0.42
-"""Share of a colour in its tint; the rest is white."""
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Split '#rrggbb'."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
-
-
-def tint(colour: str) -> str:
-    """Lighten a colour for bands on which text is set."""
-    return "#" + "".join(f"{round(255 - TINT * (255 - part)):02x}" for part in rgb(colour))
 
 
 def packed_colour(colour: str) -> int:
@@ -31,7 +20,7 @@ def packed_colour(colour: str) -> int:
 
 
 def look_up(values: np.ndarray, colours: dict[int, int]) -> np.ndarray:
-    """Give each value's packed colour; white for values that have none."""
+    """Return each value's packed colour; white for values that have none."""
     if not colours:
         return np.full(values.shape, WHITE, np.uint32)
     keys = np.array(sorted(colours), values.dtype)
@@ -74,14 +63,14 @@ def text_mask(text: str, size: int) -> np.ndarray:
     return np.asarray(picture, np.float32) / 255
 
 
-def blend(canvas: np.ndarray, mask: np.ndarray, row: int, column: int) -> None:
-    """Set text in dark ink onto packed colours."""
+def blend(canvas: np.ndarray, mask: np.ndarray, row: int, column: int, ink: str) -> None:
+    """Set text in ink of a colour onto packed colours."""
     height, width = mask.shape
     there = canvas[row : row + height, column : column + width]
     mask = mask[: there.shape[0], : there.shape[1]]
     result = np.full(there.shape, 0xFF000000, np.uint32)
-    for shift in (0, 8, 16):
+    for shift, part in zip((0, 8, 16), rgb(ink), strict=True):
         old = ((there >> np.uint32(shift)) & np.uint32(255)).astype(np.float32)
-        new = old + (((INK >> shift) & 255) - old) * mask
+        new = old + (part - old) * mask
         result |= new.round().astype(np.uint32) << np.uint32(shift)
     canvas[row : row + height, column : column + width] = result

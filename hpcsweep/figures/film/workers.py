@@ -5,8 +5,8 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from hpcsweep.figures.film.frame import Scene
 from hpcsweep.figures.film.piece import Film, Request
+from hpcsweep.figures.film.scene import Scene
 from hpcsweep.parallel import farm
 
 
@@ -54,7 +54,7 @@ class Workers:
 
 
 def _run(film: Film, task: str, scene: Scene | None, frames: list[int], number: int):
-    if task == "survey":
+    if task == "survey" or scene is None:
         return len(frames), film.survey(frames)
     film.encode(scene, frames, number)
     return len(frames), None
@@ -70,4 +70,5 @@ def _start(request: Request, folder: Path) -> None:
 
 
 def _do(task: str, scene: Scene | None, frames: list[int], number: int):
+    assert _film is not None, "_start has run"
     return _run(_film, task, scene, frames, number)

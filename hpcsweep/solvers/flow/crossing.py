@@ -29,6 +29,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, fma, load, root, total
+from hpcsweep.model.contact import FULL_POTENTIAL
 
 N_NODES = LANES
 FAST = 0.3
@@ -74,21 +75,20 @@ def _gauss_rule(n_nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 NODES, WEIGHTS, POTENTIAL = _gauss_rule(N_NODES)
-FULL_POTENTIAL = math.pi**2 / 12.0
-"""rho^2 / beta R(inf)."""
 
 
 @kernel
-def passage_is_fast(v, a, j, beta, rho, layer):
+def passage_is_fast(v, a, j, model):
     """Tell whether the closed form holds for a passage at velocity v (see the module).
 
     The relative change of w^2 inside the layer, on which the quadrature rests, must be below
     `FAST`. What the expansion leaves out must be below `NEGLECTED`: with t = 1 / (rho |v|), the
-    impulse J and kappa = beta + 4, of the terms k = 4 (m_4 = 144 J t^4) those without beta^2, the
+    impulse J and kappa = beta + |K|, of the terms k = 4 (m_4 = 144 J t^4) those without beta^2, the
     terms k = 5 (m_5 = 875 J t^5) and k = 6 (m_6 = 6100 J t^6) with their highest power of kappa,
     and in w^2 the fourth derivative of u and the product of jerk and acceleration (at y = 3,
     where r has its centre of mass).
     """
+    beta, rho, layer = model.beta, model.rho, model.layer
     if rho == math.inf:
         return v != 0.0
     speed = abs(v)
@@ -104,7 +104,7 @@ def passage_is_fast(v, a, j, beta, rho, layer):
     inverse = 1.0 / speed
     time = inverse / rho
     impulse = 2.0 * FULL_POTENTIAL * beta * time / rho
-    stiffness = 4.0 + beta
+    stiffness = model.stiffness_bound + beta
     phase = stiffness * time * time
     fourth = 24.0 * impulse * phase * time * time
     fifth = impulse * phase * phase * (8.0 * time + 9.0 * phase)
@@ -187,26 +187,27 @@ def moments(v, a, j, beta, rho):
 
 
 @kernel
-def add_kick(factor, m, floor, stiffness, damping, beta, z):
-    """Add `factor` times the change of the state by a passage with the moments m to z.
+def add_kick(m, floor, model, z):
+    """Add the change of the state by a passage of `floor` with the moments m to z.
 
     It is sum_k (-1)^k / k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e),
     of M^3 e its displacements, -(K + beta c) e + D^2 e, and of its velocities what has beta in it,
     beta (c D e + D c e), and of M^4 e what has beta^2, the velocity of the floor itself.
     """
     impulse, first, second_free, second_contact, third_free, third_contact, fourth_contact = m
+    stiffness, damping, beta = model.stiffness, model.damping, model.beta
     n = stiffness.shape[0]
-    second = factor * (second_free + second_contact)
-    third = factor * (third_free + third_contact)
-    stiff = factor * beta * third_contact / 6.0
+    second = second_free + second_contact
+    third = third_free + third_contact
+    stiff = beta * third_contact / 6.0
     for i in range(n):
         square = -stiffness[i, floor]
         for j in range(n):
             square += damping[i, j] * damping[j, floor]
         z[i] -= 0.5 * damping[i, floor] * second + square * third / 6.0
-        z[n + i] += damping[i, floor] * (factor * first) + 0.5 * square * second
+        z[n + i] += damping[i, floor] * first + 0.5 * square * second
         z[n + i] -= damping[i, floor] * stiff
-    z[floor] -= factor * first - stiff
-    z[n + floor] += factor * (impulse - 0.5 * beta * second_contact)
+    z[floor] -= first - stiff
+    z[n + floor] += impulse - 0.5 * beta * second_contact
     z[n + floor] -= damping[floor, floor] * stiff
-    z[n + floor] += factor * beta * beta * fourth_contact / 24.0
+    z[n + floor] += beta * beta * fourth_contact / 24.0

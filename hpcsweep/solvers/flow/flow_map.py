@@ -5,13 +5,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hpcsweep.model.contact import layer_half_width
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.approach import approach
 from hpcsweep.solvers.flow.march import march
-from hpcsweep.solvers.flow.metrics import empty_tally
-from hpcsweep.solvers.flow.packed import SHARED, WATCH, new_shared, new_watch
-from hpcsweep.solvers.flow.tables import Model
+from hpcsweep.solvers.flow.shared import SHARED, WATCH, new_shared, new_watch
+from hpcsweep.solvers.flow.tally import empty_tally
+from hpcsweep.solvers.flow.transient import end_of_transient
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
 
@@ -58,20 +57,9 @@ class FlowMap:
         self.structure = structure
         self.omega = float(omega)
         self.rtol = float(rtol)
-        beta, rho = structure.stiffness_ratio, structure.sharpness
-        layer = layer_half_width(beta, rho)
-        # writable copies for every n, so that all structures share the compiled kernels
-        model = Model(
-            stiffness=structure.stiffness_matrix.copy(),
-            damping=structure.damping_matrix.copy(),
-            shapes=structure.mode_shapes.T.copy(),
-            beta=float(beta),
-            rho=float(rho),
-            omega=self.omega,
-            layer=layer,
-        )
+        model = kernel_model(structure, self.omega)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        self._shared = new_shared(model, structure, tolerance, MAX_STEPS)
+        self._shared = new_shared(model, structure.n_floors, tolerance, MAX_STEPS)
         self._packed = SHARED.pack(self._shared)
         self._watch = new_watch(structure.n_floors, 1)
         self._packed_watch = WATCH.pack(self._watch)
@@ -87,7 +75,6 @@ class FlowMap:
         state: np.ndarray,
         amplitude: float,
         n_periods: int,
-        tol: float = -1.0,
         poll: Callable[[], None] | None = None,
     ) -> Advance:
         """Integrate `n_periods` forcing periods from tau = 0 (mod T).
@@ -98,16 +85,13 @@ class FlowMap:
         amplitude : float
             A.
         n_periods : int
-        tol : float
-            Stop early once the state moves by no more than this over a period, three times in
-            a row; negative: never.
         poll : callable, optional
-            Called before the work and, without `tol`, every `POLL_PERIODS`.
+            Called before the work, and every `POLL_PERIODS`.
         """
         z = np.array(state, dtype=float)
         done, outcome = 0, int(Outcome.COMPLETE)
-        for first, last in _between_polls(n_periods, poll if tol < 0 else None):
-            more, outcome = self._march(z, amplitude, last - first, self._shared.no_points, tol)
+        for first, last in _between_polls(n_periods, poll):
+            more, outcome = self._march(z, amplitude, last - first, self._shared.no_points)
             done += more
             if outcome != Outcome.COMPLETE:
                 break
@@ -124,7 +108,7 @@ class FlowMap:
         near: float = 0.0,
         poll: Callable[[], None] | None = None,
     ) -> Approach:
-        """Advance until the orbit is known, for at most `n_periods`; see `approach`.
+        """Advance until the orbit is known, for at most `n_periods`; see `transient`.
 
         Parameters
         ----------
@@ -151,16 +135,13 @@ class FlowMap:
         multiplier = math.nan
         outcome = int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll):
-            more, by_newton, period, multiplier, near, outcome = approach(
+            more, by_newton, period, multiplier, near, outcome = end_of_transient(
                 self._packed,
                 self._packed_watch,
                 z,
                 float(amplitude),
                 last - first,
-                max_period,
-                settled,
-                same,
-                near,
+                (int(max_period), float(settled), float(same), float(near)),
             )
             done += more
             newton += by_newton
@@ -247,7 +228,6 @@ class FlowMap:
                 amplitude,
                 last - first,
                 points[first:last],
-                -1.0,
                 tally,
                 tangent,
                 None if growth is None else growth[first:last],
@@ -257,9 +237,5 @@ class FlowMap:
                 break
         return points[:done], Outcome(outcome)
 
-    def _march(
-        self, z, amplitude, n_periods, points, tol=-1.0, tally=None, tangent=None, growth=None
-    ):
-        return march(
-            self._packed, z, float(amplitude), n_periods, points, float(tol), tally, tangent, growth
-        )
+    def _march(self, z, amplitude, n_periods, points, tally=None, tangent=None, growth=None):
+        return march(self._packed, z, float(amplitude), n_periods, points, tally, tangent, growth)

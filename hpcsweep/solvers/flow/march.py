@@ -3,8 +3,9 @@
 import math
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.solvers.flow.packed import read_shared
 from hpcsweep.solvers.flow.period import march_period
+from hpcsweep.solvers.flow.shared import read_shared
+from hpcsweep.solvers.outcome import COMPLETE
 
 
 @kernel
@@ -14,7 +15,6 @@ def march(
     amplitude,
     n_periods,
     points,
-    stop_below,
     tally=None,
     tangent=None,
     growth=None,
@@ -27,8 +27,6 @@ def march(
         A packed `Shared`.
     points : ndarray, shape (n_periods, 2n) or (0, 2n)
         Receives z(T), z(2T), ...; not written if empty.
-    stop_below : float
-        Stop early once the state moved by no more than this over a period, three times in a row.
     tally, tangent
         See `period.march_period`.
     growth : ndarray, shape (n_periods,), optional
@@ -40,24 +38,13 @@ def march(
     n_done : int
     outcome : int
     """
-    model, tables, work, counts, previous, _, tolerance, max_steps = read_shared(shared)
-    still = 0
+    common = read_shared(shared)
+    previous = common.previous
     for period in range(n_periods):
         for k in range(z.shape[0]):
             previous[k] = z[k]
-        outcome = march_period(
-            z,
-            amplitude,
-            model,
-            tables,
-            tolerance,
-            max_steps,
-            work,
-            counts,
-            tally,
-            tangent,
-        )
-        if outcome != 1:
+        outcome = march_period(z, amplitude, common, tally, tangent)
+        if outcome != COMPLETE:
             for k in range(z.shape[0]):
                 z[k] = previous[k]
             return period, outcome
@@ -69,13 +56,7 @@ def march(
             growth[period] = math.log(size) if size > 0.0 else -math.inf
             for k in range(z.shape[0]):
                 tangent[k, 0] /= size if size > 0.0 else 1.0
-        moved = 0.0
-        for k in range(z.shape[0]):
-            moved = max(moved, abs(z[k] - previous[k]))
         if points.shape[0] > 0:
             for k in range(z.shape[0]):
                 points[period, k] = z[k]
-        still = still + 1 if moved <= stop_below else 0
-        if still == 3:
-            return period + 1, 1
-    return n_periods, 1
+    return n_periods, COMPLETE

@@ -25,9 +25,13 @@ is negative up to there, the floor leaves its layer and does not come back. As |
     g_0',   3 (g_1 - g_0) / d - g_0' - g_1' + d^3 M / 24,   g_1' + d^3 M / 12.
 """
 
-from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.vectors import LANES, combine, fma
-from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.vectors import fma
+from hpcsweep.solvers.flow.polynomials import value_and_slope, value_slope_bend
 
 HERMITE_MIDDLE = 1.0 / 144.0
 HERMITE_SLOPE = 0.00802
@@ -50,95 +54,43 @@ MOST_TOUCH = 4.0**5 * TOUCH
 MAX_PARTS = 20 * PATIENCE
 """Parts looked at in one search. The rounding of states beyond 1e4 may take more."""
 UNDECIDED = -2
+NEGATIVE, AT_ROOT, NO_ROOT = range(3)
 
 
-@kernel
-def expand_rows(poly, index, x, rows, expanded, count):
-    """Write the polynomials of the first `count` components along a step from x into `rows`.
+class Curve(NamedTuple):
+    """A displacement along a step of length h: polynomial `row` of `rows`."""
 
-    Parameters
-    ----------
-    poly : ndarray
-        Of `Tables`.
-    rows : ndarray, shape (2n, N_COEFFICIENTS)
-    expanded : ndarray of bool, shape (2n,)
-        Which rows are valid already.
-    """
-    for row in range(count):
-        if not expanded[row]:
-            expand_row(poly, index, row, x, rows)
-            expanded[row] = True
+    rows: np.ndarray
+    """(any, N_COEFFICIENTS): coefficients in sigma = 2 s / h - 1, ascending."""
+    row: int
+    h: float
 
 
-@kernel
-def expand_row(poly, index, row, x, rows):
-    """Write the polynomial of one component along a step from x into its row."""
-    start = (index * poly.shape[1] + row) * poly.shape[2] * N_COEFFICIENTS
-    for p in range(0, N_COEFFICIENTS, LANES):
-        combine(
-            rows,
-            row * N_COEFFICIENTS + p,
-            ZERO,
-            0,
-            1.0,
-            poly,
-            start + p,
-            N_COEFFICIENTS,
-            x,
-            0,
-            x.shape[0],
-        )
+class Level(NamedTuple):
+    """A level, and the sign of the way through it."""
+
+    sign: float
+    value: float
 
 
-@kernel
-def evaluate_rows(rows, h, s, out):
-    """Evaluate the state at time s of the step whose polynomials are `rows`."""
-    sigma = s * (2.0 / h) - 1.0
-    square = sigma * sigma
-    fourth = square * square
-    for row in range(out.shape[0]):
-        value = 0.0
-        for p in range(N_COEFFICIENTS - 4, -1, -4):
-            low = fma(rows[row, p + 1], sigma, rows[row, p])
-            high = fma(rows[row, p + 3], sigma, rows[row, p + 2])
-            value = fma(value, fourth, fma(high, square, low))
-        out[row] = value
+class Part(NamedTuple):
+    """Ends of a part of a step, with g and its slopes there."""
+
+    a: float
+    ga: float
+    da: float
+    b: float
+    gb: float
+    db: float
 
 
-@kernel
-def value_slope_bend(rows, row, h, s):
-    """Evaluate polynomial `row` of a step and its first two time derivatives at time s of the step.
+class Bracket(NamedTuple):
+    """Ends of an interval on which g rises through a root, and g there."""
 
-    Four coefficients at a time, so that few operations wait for each other.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (any, N_COEFFICIENTS)
-        Coefficients in sigma = 2 s / h - 1, ascending.
-    """
-    rate = 2.0 / h
-    sigma = s * rate - 1.0
-    square = sigma * sigma
-    fourth = square * square
-    cubic = 4.0 * sigma * square
-    value = 0.0
-    slope = 0.0
-    bend = 0.0
-    for p in range(N_COEFFICIENTS - 4, -1, -4):
-        c0, c1, c2, c3 = rows[row, p], rows[row, p + 1], rows[row, p + 2], rows[row, p + 3]
-        part = fma(6.0 * c3, sigma, 2.0 * c2)
-        bend = fma(bend, fourth, fma(2.0 * slope, cubic, fma(value, 12.0 * square, part)))
-        part = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
-        slope = fma(slope, fourth, fma(value, cubic, part))
-        value = fma(value, fourth, fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0)))
-    return value, slope * rate, bend * (rate * rate)
-
-
-@kernel
-def value_and_slope(rows, row, h, s):
-    """Evaluate as `value_slope_bend`, without the second derivative."""
-    value, slope, _ = value_slope_bend(rows, row, h, s)
-    return value, slope
+    a: float
+    ga: float
+    b: float
+    gb: float
 
 
 @kernel
@@ -187,99 +139,114 @@ def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
     return lowest - HERMITE_SLOPE * d * d * d * bound4 > 0.0
 
 
-@kernel
-def first_passage(rows, row, h, a, ga, da, end, gb, db, level, sign, bound4, stack):
-    """Find where g = sign (u - level) first reaches 0 from below in the part [a, end] of a step.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (any, N_COEFFICIENTS)
-    row : int
-        u along the step is polynomial `row` of `rows`.
-    h : float
-        Length of the step.
-    a, ga, da, end, gb, db : float
-        Times of the ends of the part that is searched, with g and its slopes there.
-    level, sign : float
-    bound4 : float
-        Bound of |u''''| on the step.
-    stack : ndarray, shape (MAX_DEPTH + 2, 3)
-        Room for right ends.
+@inlined
+def _where_negative(curve, part, level):
+    """Find where g has become negative, if it is not at the start: the floor leaves its layer.
 
     Returns
     -------
-    a, ga, b, gb : float
-        Ends of an interval on which g rises through its first root, and g there; a = b at a root
-        known to rounding. a = -1 if there is no root, `UNDECIDED` if rounding forbids to tell. If
-        g > 0 at the start and is falling (the floor is just leaving its layer) the search begins
-        where g has become negative; if it is rising, the root is at the start.
+    found : int
+        `NEGATIVE` if the search begins there, `AT_ROOT` if g = 0 there and rises, or turns before
+        it is negative; `NO_ROOT` if it stays above 0 to the end.
+    a, ga, da : float
+        Time, g and its slope.
     """
+    a, ga, da = part.a, part.ga, part.da
     if 0.0 <= ga <= TOUCH and da > 0.0:
-        return a, ga, a, ga
+        return AT_ROOT, a, ga, da
     if ga > TOUCH:
         if da >= 0.0:
-            return a, ga, a, ga
+            return AT_ROOT, a, ga, da
         for _ in range(60):
-            a += max(-1.02 * ga / da, LEAST_ADVANCE * h)
-            if a >= end:
-                return -1.0, ga, a, ga
-            value, slope = value_and_slope(rows, row, h, a)
-            ga = sign * (value - level)
-            da = sign * slope
+            a += max(-1.02 * ga / da, LEAST_ADVANCE * curve.h)
+            if a >= part.b:
+                return NO_ROOT, a, ga, da
+            value, slope = value_and_slope(curve.rows, curve.row, curve.h, a)
+            ga = level.sign * (value - level.value)
+            da = level.sign * slope
             if ga < 0.0:
                 break
             if da >= 0.0:
-                return a, ga, a, ga
+                return AT_ROOT, a, ga, da
         if ga >= 0.0:
-            return a, ga, a, ga
+            return AT_ROOT, a, ga, da
+    return NEGATIVE, a, ga, da
+
+
+@kernel
+def first_passage(curve, part, level, bound4, stack):
+    """Find where g = sign (u - level) first reaches 0 from below in a part of a step.
+
+    Parameters
+    ----------
+    curve : Curve
+        u along the step.
+    part : Part
+        Where it is searched.
+    level : Level
+    bound4 : float
+        Bound of |u''''| on the step.
+    stack : ndarray, shape (MAX_DEPTH + 2, 3)
+        Workspace for right ends.
+
+    Returns
+    -------
+    Bracket
+        Of the first root, g rising through it; a = b at a root known to rounding. a = -1 if there
+        is no root, `UNDECIDED` if rounding forbids to tell. If g > 0 at the start and is falling
+        (the floor is just leaving its layer) the search begins where g has become negative; if it
+        is rising, the root is at the start.
+    """
+    found, a, ga, da = _where_negative(curve, part, level)
+    if found == AT_ROOT:
+        return Bracket(a, ga, a, ga)
+    if found == NO_ROOT:
+        return Bracket(-1.0, ga, a, ga)
     depth = 0
     parts = 0
     touch = TOUCH
-    stack[0, 0] = end
-    stack[0, 1] = gb
-    stack[0, 2] = db
+    stack[0, 0], stack[0, 1], stack[0, 2] = part.b, part.gb, part.db
     while depth >= 0:
         parts += 1
         if parts % PATIENCE == 0:
             touch = min(4.0 * touch, MOST_TOUCH)
             if parts == MAX_PARTS:
-                return float(UNDECIDED), ga, a, ga
-        b = stack[depth, 0]
-        gb = stack[depth, 1]
-        db = stack[depth, 2]
+                return Bracket(float(UNDECIDED), ga, a, ga)
+        b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
         d = b - a
         if _top(d, ga, da, gb, db, bound4) < touch:
             a, ga, da = b, gb, db
             depth -= 1
             continue
         if gb >= 0.0 and _rises_throughout(d, ga, da, gb, db, bound4):
-            return a, ga, b, gb
+            return Bracket(a, ga, b, gb)
         if depth >= MAX_DEPTH:
             if gb >= 0.0:
-                return b, gb, b, gb
+                return Bracket(b, gb, b, gb)
             a, ga, da = b, gb, db
             depth -= 1
             continue
         middle = 0.5 * (a + b)
-        value, slope = value_and_slope(rows, row, h, middle)
+        value, slope = value_and_slope(curve.rows, curve.row, curve.h, middle)
         depth += 1
         stack[depth, 0] = middle
-        stack[depth, 1] = sign * (value - level)
-        stack[depth, 2] = sign * slope
-    return -1.0, ga, a, ga
+        stack[depth, 1] = level.sign * (value - level.value)
+        stack[depth, 2] = level.sign * slope
+    return Bracket(-1.0, ga, a, ga)
 
 
 @kernel
-def rising_root(rows, row, h, a, ga, b, gb, level, sign):
+def rising_root(curve, bracket, level):
     """Find the one root of a g that rises, by Halley's method kept inside [a, b]; a if a = b."""
+    a, ga, b, gb = bracket
     if not a < b:
         return a
     s = a - ga * (b - a) / (gb - ga)
     for _ in range(60):
-        value, slope, bend = value_slope_bend(rows, row, h, s)
-        g = sign * (value - level)
-        slope *= sign
-        bend *= sign
+        value, slope, bend = value_slope_bend(curve.rows, curve.row, curve.h, s)
+        g = level.sign * (value - level.value)
+        slope *= level.sign
+        bend *= level.sign
         if g < 0.0:
             a = s
         else:
@@ -292,7 +259,7 @@ def rising_root(rows, row, h, a, ga, b, gb, level, sign):
         # what is left, g''' step^3 / 6 and (step g'' / g')^2 g / 4, is below rounding
         square = step * step
         if (
-            square <= LAST_STEP * LAST_STEP * h * h
+            square <= LAST_STEP * LAST_STEP * curve.h * curve.h
             and square * bend * bend * abs(g) <= SAME * slope * slope
         ):
             return s

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from hpcsweep.kernels.compile import jit, kernel
+from hpcsweep.kernels.compile import inlined, jit, kernel
 from hpcsweep.kernels.vectors import (
     LANES,
     aligned_zeros,
@@ -40,7 +40,6 @@ from hpcsweep.kernels.vectors import (
     modulus,
     store,
 )
-from hpcsweep.model.structure import Structure
 
 DEGREE = 15
 N_COEFFICIENTS = DEGREE + 1
@@ -52,7 +51,7 @@ MAX_TABLES = 64
 """Tables kept; when more contact sets occur the table store is emptied and filled anew."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
 MODAL_NODES, MODAL_WEIGHTS = np.polynomial.legendre.leggauss(2 * LANES)
-"""Of the modal norms (`metrics`), on a step."""
+"""Of the modal norms (`modal_norm`), on a step."""
 N_MODAL = MODAL_NODES.shape[0]
 ZERO = np.zeros(LANES)
 
@@ -69,20 +68,6 @@ def _economisation() -> np.ndarray:
 
 ECONOMISATION = np.ascontiguousarray(_economisation().T)
 """(TAYLOR + 1, N_COEFFICIENTS)"""
-
-
-class Model(NamedTuple):
-    """What the kernels know of structure and forcing (units: `hpcsweep.model.structure`)."""
-
-    stiffness: np.ndarray
-    damping: np.ndarray
-    shapes: np.ndarray
-    """(n, n): row j is the shape of mode j."""
-    beta: float
-    rho: float
-    omega: float
-    layer: float
-    """Half-width of the contact layer: |u_i - 1| beyond it is linear; 0 if rho is infinite."""
 
 
 class Tables(NamedTuple):
@@ -113,9 +98,8 @@ def padded(n: int) -> int:
     return -(-n // LANES) * LANES
 
 
-def empty_tables(structure: Structure) -> Tables:
-    """Allocate room for the tables of one structure and frequency; pages are touched when used."""
-    n = structure.n_floors
+def empty_tables(n: int) -> Tables:
+    """Allocate the tables of n floors at one frequency; pages are touched when used."""
     capacity = min(2**n, MAX_TABLES)
     size = 2 * n + 3
     return Tables(
@@ -129,6 +113,15 @@ def empty_tables(structure: Structure) -> Tables:
         rotation=np.empty((capacity, 2)),
         modal=aligned_zeros(1, size, padded(n * N_MODAL)),
     )
+
+
+@inlined
+def table_of(key, model, tables):
+    """Give what `lookup` gives, without a call where the table is at hand."""
+    for index in range(tables.count[0]):
+        if tables.keys[index] == key:
+            return index
+    return lookup(key, model, tables)
 
 
 @kernel
@@ -192,7 +185,7 @@ def _build(key, model, tables, index):
     """Fill table `index` with the propagators of contact set `key`."""
     n = model.stiffness.shape[0]
     size = 2 * n + 3
-    scale = np.sqrt(4.0 + (model.beta if key != np.uint64(0) else 0.0))
+    scale = np.sqrt(model.stiffness_bound + (model.beta if key != np.uint64(0) else 0.0))
     generator = np.empty((size, size))
     _generator(key, model, scale, generator)
     radius = _spectral_bound(key, model)
@@ -249,7 +242,7 @@ def _build_modal(model, poly, modal):
                 for p in range(N_COEFFICIENTS - 1, -1, -1):
                     value = value * MODAL_NODES[node] + poly[i, column, p]
                 for j in range(n):
-                    modal[0, column, j * N_MODAL + node] += model.shapes[j, i] * value
+                    modal[0, column, j * N_MODAL + node] += model.modal_transform[j, i] * value
 
 
 @kernel

@@ -1,4 +1,4 @@
-r"""The tangent map along the motion: product of the propagators of its segments.
+"""The tangent map along the motion: product of the propagators of its segments.
 
 The field is continuous, so a change of contact set alone adds nothing. The three kinds of
 segment of `period` give
@@ -26,35 +26,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.vectors import (
-    LANES,
-    aligned_zeros,
-    combine,
-    fma,
-    load,
-    maximum,
-    store,
-    switches,
-)
+from hpcsweep.kernels.vectors import LANES, aligned_zeros, combine, fma
 from hpcsweep.solvers.flow.crossing import add_kick, half_passage, sums
-from hpcsweep.solvers.flow.layer import (
-    MAX_ITERATIONS,
-    N_STAGES,
-    NODES,
-    integrals,
-    iterations_needed,
-    less_linear,
-    replace,
-    stages,
-)
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO, padded
 
-CONVERGED = 1e-13
-"""Last change of the stage accelerations, or the next one, relative."""
 
-
-class TangentRoom(NamedTuple):
-    """Room.
+class TangentWorkspace(NamedTuple):
+    """Workspace.
 
     Attributes
     ----------
@@ -72,10 +50,10 @@ class TangentRoom(NamedTuple):
     kicks: np.ndarray
 
 
-def empty_tangent_room(n: int) -> TangentRoom:
-    """Allocate the room for n floors."""
+def new_tangent_workspace(n: int) -> TangentWorkspace:
+    """Allocate the workspace for n floors."""
     rows = padded(2 * n)
-    return TangentRoom(
+    return TangentWorkspace(
         aligned_zeros(2 * n, rows),
         aligned_zeros(N_COEFFICIENTS),
         aligned_zeros(rows),
@@ -85,7 +63,7 @@ def empty_tangent_room(n: int) -> TangentRoom:
 
 
 @inlined
-def linear_tangent(tables, index, s, tangent, room):
+def linear_tangent(tables, index, s, tangent, work):
     """Multiply `tangent` by exp(M s) of table `index`, in place.
 
     Parameters
@@ -94,16 +72,16 @@ def linear_tangent(tables, index, s, tangent, room):
     index : int
     s : float
     tangent : ndarray, shape (2n, m)
-    room : TangentRoom
+    work : TangentWorkspace
     """
     size = tangent.shape[0]
-    rows = room.propagator.shape[1]
+    rows = work.propagator.shape[1]
     h = tables.h[index]
     if s == h:
-        _multiply(tables.step, index * tables.step.shape[1] * rows, tangent, room)
+        _multiply(tables.step, index * tables.step.shape[1] * rows, tangent, work)
         return
     sigma = 2.0 * s / h - 1.0
-    powers = room.powers
+    powers = work.powers
     powers[0] = 1.0
     powers[1] = sigma
     for p in range(2, N_COEFFICIENTS):
@@ -111,7 +89,7 @@ def linear_tangent(tables, index, s, tangent, room):
     start = index * N_COEFFICIENTS * size * rows
     for place in range(0, size * rows, LANES):
         combine(
-            room.propagator,
+            work.propagator,
             place,
             ZERO,
             0,
@@ -123,23 +101,23 @@ def linear_tangent(tables, index, s, tangent, room):
             0,
             N_COEFFICIENTS,
         )
-    _multiply(room.propagator, 0, tangent, room)
+    _multiply(work.propagator, 0, tangent, work)
 
 
 @inlined
-def _multiply(table, start, tangent, room):
+def _multiply(table, start, tangent, work):
     """Multiply `tangent` by the matrix with the columns table[start:], padded, in place."""
     size, columns = tangent.shape
-    rows = room.column.shape[0]
+    rows = work.column.shape[0]
     for column in range(columns):
         for k in range(size):
-            room.column[k] = tangent[k, column]
+            work.column[k] = tangent[k, column]
         for first in range(0, rows, LANES):
             combine(
-                room.product, first, ZERO, 0, 1.0, table, start + first, rows, room.column, 0, size
+                work.product, first, ZERO, 0, 1.0, table, start + first, rows, work.column, 0, size
             )
         for k in range(size):
-            tangent[k, column] = room.product[k]
+            tangent[k, column] = work.product[k]
 
 
 @inlined
@@ -185,35 +163,35 @@ def _differentiated(side, v, a, j, beta, rho):
 
 
 @inlined
-def passage_tangent(floor, key_after, z, a, jerk, model, room, tangent):
+def passage_tangent(arrival, z, a, jerk, model, work, tangent):
     """Multiply `tangent` by the matrix S of a fast passage, in place.
 
     Parameters
     ----------
-    floor : int
-    key_after : uint64
-        Contact set after the passage.
+    arrival : Arrival
+        Its `key` is the contact set after the passage.
     z : ndarray, shape (2n,)
         State at the stop before the kick.
     a : ndarray, shape (n,)
-        Accelerations there without the contact force of `floor`.
+        Accelerations there without the contact force of the floor.
     jerk : float
-        Its derivative for `floor`.
-    room : TangentRoom
+        Their derivative for the floor.
+    work : TangentWorkspace
     tangent : ndarray, shape (2n, m)
     """
     if model.rho == math.inf or model.beta == 0.0:
         return
+    floor, key_after = arrival.floor, arrival.key
     stiffness, damping = model.stiffness, model.damping
     n = stiffness.shape[0]
     v = z[n + floor]
     beta, rho = model.beta, model.rho
     free = _differentiated(-1.0, v, a[floor], jerk, beta, rho)
     contact = _differentiated(1.0, v, a[floor], jerk, beta, rho)
-    kicks = room.kicks
+    kicks = work.kicks
     kicks[:] = 0.0
     for row in range(3):
-        add_kick(1.0, sums(free[row], contact[row]), floor, stiffness, damping, beta, kicks[row])
+        add_kick(sums(free[row], contact[row]), floor, model, kicks[row])
     kick, by_speed, by_acceleration, drift = kicks[0], kicks[1], kicks[2], kicks[3]
     # along f_- the speed changes by a and the acceleration by the jerk
     for i in range(n):
@@ -238,71 +216,3 @@ def passage_tangent(floor, key_after, z, a, jerk, model, room, tangent):
             tangent[row, column] += (
                 by_speed[row] * faster + by_acceleration[row] * pushed - drift[row] * later
             )
-
-
-@inlined
-def layer_tangent(h, model, room, tangent):
-    """Multiply `tangent` by the tangent map of one collocation step, in place.
-
-    The first guess are the accelerations of the variation without acceleration, which is what the
-    iteration makes of 0. The last iteration is looked at, and its result is better than the change
-    it makes.
-
-    Parameters
-    ----------
-    h : float
-    room : LayerRoom
-        What `layer.collocate` has left there; overwritten.
-    tangent : ndarray, shape (2n, m)
-    """
-    u, v, g, fresh, spring = room.u, room.v, room.g, room.fresh, room.spring
-    free, speeds = room.free, room.speeds
-    n = u.shape[0]
-    beta, rho = model.beta, model.rho
-    hardest = 0.0
-    for i in range(n):
-        row = i * N_STAGES
-        if room.active[i] == 2:
-            x = load(u, row) - 1.0
-            s = switches(rho * x)
-            stiff = beta * s * (1.0 + rho * x * (1.0 - s))
-            store(spring, row, stiff)
-            hardest = max(hardest, maximum(stiff))
-        else:
-            store(spring, row, beta * room.active[i])
-            hardest = max(hardest, beta * room.active[i])
-    stiffness, damping = model.stiffness, model.damping
-    unchecked, least_ratio = iterations_needed(h * h * (4.0 + hardest))
-    for column in range(tangent.shape[1]):
-        for i in range(n):
-            row = i * N_STAGES
-            store(free, row, fma(load(NODES, 0), h * tangent[n + i, column], tangent[i, column]))
-            store(speeds, row, tangent[n + i, column])
-        _variations(free, speeds, spring, stiffness, damping, g)
-        for _ in range(unchecked - 2):
-            stages(h, free, speeds, g, u, v)
-            _variations(u, v, spring, stiffness, damping, g)
-        ratio = least_ratio
-        previous = math.inf
-        for _ in range(MAX_ITERATIONS):
-            stages(h, free, speeds, g, u, v)
-            _variations(u, v, spring, stiffness, damping, fresh)
-            change, largest = replace(g, fresh)
-            if previous < math.inf:
-                ratio = change / previous
-            if change * min(ratio, 1.0) <= CONVERGED * largest:
-                break
-            previous = change
-        for i in range(n):
-            du, dv = integrals(g, i)
-            tangent[i, column] += h * (tangent[n + i, column] + h * du)
-            tangent[n + i, column] += h * dv
-
-
-@inlined
-def _variations(u, v, spring, stiffness, damping, out):
-    """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
-    for i in range(u.shape[0]):
-        row = i * N_STAGES
-        force = -1.0 * load(spring, row) * load(u, row)
-        store(out, row, less_linear(force, i, u, v, stiffness, damping))

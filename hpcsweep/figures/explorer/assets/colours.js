@@ -1,7 +1,7 @@
-// What the map can show, the colour of every code, and the legend.
+// What the map can show, the colour of every code, and the legend. The colours are the study's:
+// `study.colours` and `study.motionLegend`, the same as in every other figure.
 
-const NO_VALUE = "#d9d9d9";
-const DIMMED = "#ffffff";
+const NAMED_SETS = 10; // contact sets that the legend names: the commonest
 
 function pixel(hex) {
   const v = parseInt(hex.slice(1), 16);
@@ -35,37 +35,28 @@ function quantities(study) {
 
 function motionQuantity(study) {
   const { motion, period } = study.data;
-  const kinds = study.motions.length;
-  const periodic = study.motions.findIndex((m) => m.periodic);
-  const own = study.palette.length;
-  const key = (run) => (motion[run] === periodic ? kinds + period[run] : motion[run]);
-  const seen = new Map();
-  for (let run = 0; run < motion.length; run++) {
-    const k = key(run);
-    seen.set(k, (seen.get(k) || 0) + 1);
-  }
-  const periods = [...seen.keys()].filter((k) => k > kinds).map((k) => k - kinds);
-  const classes = [];
-  for (const p of periods.filter((q) => q <= own).sort((a, b) => a - b)) {
-    classes.push({ keys: [kinds + p], label: `P${p}`, colour: study.palette[p - 1] });
-  }
-  const long = periods.filter((q) => q > own).sort((a, b) => a - b);
-  if (long.length) {
-    const label = long.length > 1 ? `P${long[0]}–P${long[long.length - 1]}` : `P${long[0]}`;
-    classes.push({ keys: long.map((p) => kinds + p), label, colour: study.longPeriod });
-  }
-  study.motions.forEach((m, code) => {
-    if (!m.periodic && seen.has(code)) {
-      classes.push({ keys: [code], label: m.name, colour: m.colour });
-    }
-  });
+  const { motions, motionLegend, longest } = study;
+  const notComputed = motionLegend.length;
+  const places = motions.map((m) => (m.place < 0 ? notComputed : m.place));
+  const periodic = motions.findIndex((m) => m.periodic);
+  const key = (run) =>
+    motion[run] === periodic
+      ? places[periodic] + Math.min(period[run], longest + 1) - 1
+      : places[motion[run]];
+  const seen = new Set();
+  for (let run = 0; run < motion.length; run++) seen.add(key(run));
+  const legend = [...motionLegend, { name: "not computed", colour: study.colours.nothing }];
+  const classes = legend
+    .map(({ name, colour }, place) => ({ keys: [place], label: name, colour }))
+    .filter((_, place) => seen.has(place));
   return {
     id: "motion",
     label: "motion: orbit period P, or kind",
     short: "motion",
     key,
     classes,
-    name: (run) => (motion[run] === periodic ? `P${period[run]}` : study.motions[motion[run]].name),
+    colour: (run) => legend[key(run)].colour,
+    name: (run) => (motion[run] === periodic ? `P${period[run]}` : motions[motion[run]].name),
   };
 }
 
@@ -73,25 +64,25 @@ function contactQuantity(study) {
   const { contact, motion } = study.data;
   const notDone = study.contacts.length;
   const key = (run) => (study.motions[motion[run]].done ? contact[run] : notDone);
-  const own = study.palette.length;
-  const label = (name) => (name === "none" ? "no contact" : name);
+  const { contacts, nothing } = study.colours;
   const classes = study.contacts
-    .slice(0, own)
-    .map((name, i) => ({ keys: [i], label: label(name), colour: study.palette[i] }));
-  const rare = study.contacts.slice(own);
+    .slice(0, NAMED_SETS)
+    .map((name, i) => ({ keys: [i], label: name, colour: contacts[i] }));
+  const rare = study.contacts.slice(NAMED_SETS);
   if (rare.length) {
-    const keys = rare.map((_, i) => own + i);
-    classes.push({ keys, label: `${rare.length} rarer sets`, colour: study.rareContact });
+    const keys = rare.map((_, i) => NAMED_SETS + i);
+    const label = `${rare.length} rarer sets`;
+    classes.push({ keys, label, colours: contacts.slice(NAMED_SETS) });
   }
   if (motion.some((code) => !study.motions[code].done)) {
-    classes.push({ keys: [notDone], label: "no result", colour: "#ffffff" });
+    classes.push({ keys: [notDone], label: "no result", colour: nothing });
   }
   return {
     id: "contact",
     label: "contact set C",
     key,
     classes,
-    name: (run) => (key(run) === notDone ? "–" : label(study.contacts[contact[run]])),
+    name: (run) => (key(run) === notDone ? "–" : study.contacts[contact[run]]),
   };
 }
 
@@ -99,52 +90,54 @@ function valueQuantity(study, name, label) {
   const spec = study.arrays[name];
   const codes = study.data[name];
   let [low, high] = spec.colour;
-  const diverging = name === "lyapunov";
-  if (diverging) {
-    high = Math.max(-low, high);
-    low = -high;
-  }
+  const signed = name === "lyapunov";
+  if (signed) [low, high] = [Math.min(low, -1e-6), Math.max(high, 1e-6)];
   return {
     id: name,
     label,
     key: (run) => codes[run],
-    scale: { low, high, colours: study.maps[diverging ? "diverging" : "sequential"], spec },
+    scale: { low, high, signed, spec },
     name: (run) => shortNumber(study.value(name, run)),
   };
 }
 
-// Colour of each key as a pixel; with `only`, a class's label, all others are dimmed.
-function colourTable(quantity, only) {
+// Place of a value in the colours of numbers, 0 to 1; the sign changes in the middle.
+function placeOf(value, { low, high, signed }) {
+  if (signed) return value < 0 ? 0.5 - (0.5 * value) / low : 0.5 + (0.5 * value) / high;
+  return high > low ? (value - low) / (high - low) : 0.5;
+}
+
+// Colour of each key as a pixel; with `only`, a class's label, all others are left out.
+function colourTable(quantity, only, { numbers, nothing }) {
   if (quantity.scale) {
-    const { low, high, colours, spec } = quantity.scale;
-    const table = new Uint32Array(65536).fill(pixel(NO_VALUE));
+    const { spec } = quantity.scale;
+    const table = new Uint32Array(65536).fill(pixel(nothing));
     for (let code = 1; code < table.length; code++) {
       const value = spec.low + (code - 1) * spec.step;
-      const place = high > low ? (value - low) / (high - low) : 0.5;
-      table[code] = pixel(colours[Math.round(255 * Math.min(1, Math.max(0, place)))]);
+      const place = Math.min(1, Math.max(0, placeOf(value, quantity.scale)));
+      table[code] = pixel(numbers[Math.round(255 * place)]);
     }
     return table;
   }
   const most = Math.max(...quantity.classes.flatMap((c) => c.keys));
-  const table = new Uint32Array(most + 1).fill(pixel("#ffffff"));
-  for (const c of quantity.classes) {
-    const colour = pixel(only && only !== c.label ? DIMMED : c.colour);
-    for (const key of c.keys) table[key] = colour;
+  const table = new Uint32Array(most + 1).fill(pixel(nothing));
+  for (const c of quantity.classes.filter((own) => !only || only === own.label)) {
+    c.keys.forEach((key, i) => (table[key] = pixel(c.colours ? c.colours[i] : c.colour)));
   }
   return table;
 }
 
-function drawLegend(element, quantity, only, choose) {
+function drawLegend(element, quantity, only, { numbers, nothing }, choose) {
   element.replaceChildren();
   if (quantity.scale) {
-    const { low, high, colours } = quantity.scale;
+    const { low, high, signed } = quantity.scale;
     const bar = document.createElement("span");
     bar.className = "bar";
-    bar.style.background = `linear-gradient(to right, ${colours.filter((_, i) => i % 15 === 0)})`;
-    const none = chip(NO_VALUE);
+    bar.style.background = `linear-gradient(to right, ${numbers.filter((_, i) => i % 15 === 0)})`;
     element.append(
-      text(`${quantity.label}:`), text(`≤ ${shortNumber(low, 3)}`), bar,
-      text(`≥ ${shortNumber(high, 3)}`), none, text("no value"));
+      text(`${quantity.short}:`), text(`≤ ${shortNumber(low, 3)}`), bar,
+      text(`≥ ${shortNumber(high, 3)}${signed ? ", 0 in the middle" : ""}`),
+      chip(nothing), text("no value"));
     return;
   }
   element.append(text(`${quantity.short || quantity.label}:`));
@@ -153,7 +146,7 @@ function drawLegend(element, quantity, only, choose) {
     button.type = "button";
     button.title = "show this class alone";
     button.setAttribute("aria-pressed", String(only === c.label));
-    button.append(chip(c.colour), c.label);
+    button.append(...(c.colour ? [chip(c.colour)] : []), c.label);
     button.addEventListener("click", () => choose(only === c.label ? null : c.label));
     element.append(button);
   }

@@ -1,8 +1,6 @@
 // The orbit diagrams of one frame: stroboscopic displacement of some floors against A.
 
-const DIRECTION_COLOURS = ["#0072b2", "#d55e00"];
 const STOP = 1; // gaps
-const STOP_STYLE = "#7a7a7a";
 
 function subscript(number) {
   return String(number).replace(/\d/g, (d) => "₀₁₂₃₄₅₆₇₈₉"[d]);
@@ -13,11 +11,11 @@ function padded(low, high, share = 0.07) {
   return [low - margin, high + margin];
 }
 
-function horizontalLine(u, y) {
+function horizontalLine(u, y, colour) {
   if (y < u.scales.y.min || y > u.scales.y.max) return;
   const at = u.valToPos(y, "y", true);
   u.ctx.save();
-  u.ctx.strokeStyle = STOP_STYLE;
+  u.ctx.strokeStyle = colour;
   u.ctx.setLineDash([6, 4]);
   u.ctx.beginPath();
   u.ctx.moveTo(u.bbox.left, at);
@@ -125,7 +123,7 @@ class OrbitDiagrams {
 
   draw(u, panel) {
     const { amplitude, range, study } = this;
-    horizontalLine(u, STOP);
+    horizontalLine(u, STOP, study.colours.stop);
     if (study.data.points) {
       this.paint(u, panel);
       u.ctx.drawImage(panel.canvas, u.bbox.left, u.bbox.top);
@@ -164,7 +162,7 @@ class OrbitDiagrams {
     const sparse = width / study.nAmplitudes > 3 * shared ? 1 : 0;
     const order = study.directions.map((_, d) => d).filter((d) => d !== this.direction);
     for (const direction of [...order, this.direction]) {
-      const colour = pixel(DIRECTION_COLOURS[direction]);
+      const colour = pixel(study.colours.directions[direction]);
       const side = ((direction === this.direction ? 2 : 3) + sparse) * shared;
       const half = side >> 1;
       const first = study.run(frame, direction, 0);

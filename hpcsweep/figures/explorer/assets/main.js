@@ -3,8 +3,6 @@
 const FLOORS_AT_ONCE = 3;
 const BIG_STEP = 20;
 
-const byId = (id) => document.getElementById(id);
-
 class Explorer {
   constructor(study) {
     this.study = study;
@@ -23,7 +21,7 @@ class Explorer {
       zoom: (a) => this.map.setView({ ...this.map.view, a: a || this.map.whole().a }),
     });
     this.portraits = new Portraits(byId("portraits"), study);
-    this.describe();
+    describe(study);
     this.map = new RunMap(byId("map"), study, {
       point: (frame, amplitude) => this.point(frame, amplitude),
       leave: () => this.leave(),
@@ -115,8 +113,10 @@ class Explorer {
   }
 
   recolour() {
-    this.map.colour(this.direction, this.quantity.key, colourTable(this.quantity, this.only));
-    drawLegend(byId("legend"), this.quantity, this.only, (only) => {
+    const { colours } = this.study;
+    const table = colourTable(this.quantity, this.only, colours);
+    this.map.colour(this.direction, this.quantity.key, table);
+    drawLegend(byId("legend"), this.quantity, this.only, colours, (only) => {
       this.only = only;
       this.recolour();
     });
@@ -143,7 +143,7 @@ class Explorer {
     const rows = [
       ["A [gaps · ω₀²]", shortNumber(study.amplitude[amplitude], 7)],
       ["Ω [ω₀]", shortNumber(study.omega[frame], 7)],
-      ["sweep", study.directions[this.direction]],
+      ["direction", study.directions[this.direction]],
     ];
     for (const q of this.quantities) {
       rows.push([q.short || q.label, q.name(run)]);
@@ -177,7 +177,7 @@ class Explorer {
     const note = byId("portrait-note");
     byId("portrait-title").textContent =
       `Phase portrait at A = ${shortNumber(study.amplitude[amplitude], 6)}, ` +
-      `Ω = ${shortNumber(study.omega[frame], 6)}, sweep ${study.directions[direction]}`;
+      `Ω = ${shortNumber(study.omega[frame], 6)}, ${study.words[direction]}`;
     if (!study.data.points || !study.data.counts[run]) {
       this.portraits.show(null);
       note.textContent = "No stroboscopic points of this run are in the page.";
@@ -191,10 +191,10 @@ class Explorer {
       () => ticket !== this.portraitCount);
     if (!orbit) return;
     orbit.periodic = period > 0;
-    orbit.colour = DIRECTION_COLOURS[direction];
+    orbit.colour = this.quantities[0].colour(run);
     this.portraits.show(orbit);
     this.orbit = orbit;
-    note.textContent = this.portraitNote(orbit, frame, run, period);
+    note.textContent = portraitNote(study, orbit, frame, run, period);
   }
 
   storedState(frame, run) {
@@ -202,79 +202,6 @@ class Explorer {
     const n = study.nFloors;
     return Float64Array.from({ length: 2 * n }, (_, i) =>
       i < n ? study.displacement(frame, i, study.starts[run]) : study.velocity(frame, i - n, run));
-  }
-
-  portraitNote(orbit, frame, run, period) {
-    const { study } = this;
-    const made =
-      "Line and points are integrated in this page (Dormand–Prince 5(4)) from one stored point";
-    if (orbit.failed) return `${made}; the integration failed.`;
-    if (!period) {
-      return `${made}: ${orbit.points.length} periods of the same motion, not the same history ` +
-        `(the stored point is rounded to ${shortNumber(study.resolution.points, 2)} gaps).`;
-    }
-    let off = 0;
-    const kept = Math.min(study.data.counts[run], period);
-    for (let j = 0; j < kept; j++) {
-      for (let i = 0; i < study.nFloors; i++) {
-        const stored = study.displacement(frame, i, study.starts[run] + j);
-        off = Math.max(off, Math.abs(stored - orbit.points[j][i]));
-      }
-    }
-    const warned = off > 3 * study.resolution.points + 1e-4;
-    const settled = orbit.settling ? ` after ${orbit.settling} periods` : "";
-    const judged = warned ? " Beware: this is another orbit than the stored one." : "";
-    return `${made}${settled}; it closes to ${shortNumber(orbit.closed, 2)} and is at most ` +
-      `${shortNumber(off, 2)} gaps off the stored points ` +
-      `(rounded to ${shortNumber(study.resolution.points, 2)}).${judged}`;
-  }
-
-  describe() {
-    const { study } = this;
-    const s = study.structure;
-    const zeta = s.zeta.every((z) => z === s.zeta[0]) ? [s.zeta[0]] : s.zeta.slice(0, 5);
-    byId("title").textContent = study.name;
-    byId("structure").textContent =
-      `n = ${s.floors}, β = ${s.beta}, ρ = ${s.rho === null ? "∞" : s.rho}, ζ = ` +
-      `${zeta.map((z) => shortNumber(z, 3)).join(", ")}${s.zeta.length > 5 ? ", …" : ""}; ` +
-      `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} directions`;
-    byId("diagram-legend").replaceChildren(
-      ...study.directions.map((name, i) => {
-        const entry = document.createElement("span");
-        entry.append(chip(DIRECTION_COLOURS[i]), `sweep ${name}`);
-        return entry;
-      }),
-      study.data.points ? "stop dashed" : "the results hold no stroboscopic points");
-    const t = study.thinned;
-    const notes = [
-      "Point at the map: orbit diagram of that frame. Click: phase portrait and numbers of that " +
-        "run. Click into the orbit diagram: another amplitude. Drag a box or turn the wheel: zoom; " +
-        "double click: whole map. A legend entry shows its class alone.",
-      "Keys on the map: arrows move the pointed run (with Shift by 20), Enter selects it, " +
-        "Escape returns to the selected one, + − 0 zoom, D changes the direction.",
-      "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. The map shows the run " +
-        "nearest to each pixel; colours of numbers span 1 % to 99 % of them.",
-      `Numbers are rounded to: ${Object.entries(study.arrays)
-        .filter(([, spec]) => "step" in spec)
-        .map(([name, spec]) => `${name.replaceAll("_", " ")} ${shortNumber(spec.step, 2)}`)
-        .join(", ")}.`,
-    ];
-    if (study.resolution.points) {
-      notes.push(
-        `Stroboscopic points are rounded to 1/${2 ** study.bits} of their range in the frame, at ` +
-          `worst ${shortNumber(study.resolution.points, 2)} gaps and ` +
-          `${shortNumber(study.resolution.speed, 2)} gaps ω₀; ` +
-          `at most ${t.points} of the ${t.of_points} of a run are here.`);
-    }
-    if (t.frame_step > 1 || t.amplitude_step > 1) {
-      notes.push(`Thinned: every ${t.frame_step}. frame, every ${t.amplitude_step}. amplitude.`);
-    }
-    byId("notes").replaceChildren(
-      ...notes.map((words) => {
-        const p = document.createElement("p");
-        p.textContent = words;
-        return p;
-      }));
   }
 
   fillControls() {

@@ -76,7 +76,7 @@ class Portraits {
     ctx.clip();
     if (STOP >= panel.x[0] && STOP <= panel.x[1]) {
       const at = u.valToPos(STOP, "x", true);
-      ctx.strokeStyle = STOP_STYLE;
+      ctx.strokeStyle = this.study.colours.stop;
       ctx.setLineDash([6, 4]);
       ctx.beginPath();
       ctx.moveTo(at, bbox.top);
@@ -91,12 +91,14 @@ class Portraits {
     this.orbit.line.forEach((z, i) => (i ? ctx.lineTo(x(z), y(z)) : ctx.moveTo(x(z), y(z))));
     ctx.stroke();
     ctx.globalAlpha = 1;
-    ctx.fillStyle = "#000";
+    ctx.fillStyle = "#fff";
+    ctx.strokeStyle = "#000";
     const radius = this.orbit.periodic ? 3 : 2;
     for (const z of this.orbit.points) {
       ctx.beginPath();
       ctx.arc(x(z), y(z), radius, 0, 2 * Math.PI);
       ctx.fill();
+      ctx.stroke();
     }
     ctx.restore();
   }

@@ -10,21 +10,22 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.packing import Packing
+from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.period import Work, empty_work
-from hpcsweep.solvers.flow.tables import Model, Tables, empty_tables
+from hpcsweep.solvers.flow.tables import Tables, empty_tables
+from hpcsweep.solvers.flow.workspace import Workspace, new_workspace
 
 
 class Shared(NamedTuple):
-    """What never changes along the motions of one structure at one frequency, and room."""
+    """What never changes along the motions of one structure at one frequency, and workspace."""
 
     model: Model
     tables: Tables
-    work: Work
+    work: Workspace
     counts: np.ndarray
     """(4,) int: linear steps, fast passages, layer steps and layer visits so far."""
     previous: np.ndarray
-    """(2n,): room for the start of a period."""
+    """(2n,): workspace for the start of a period."""
     no_points: np.ndarray
     """(0, 2n)"""
     tolerance: float
@@ -34,14 +35,14 @@ class Shared(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """What is kept of the points a motion has passed, and room for Newton's method."""
+    """What is kept of the points a motion has passed, and workspace for Newton's method."""
 
     since: np.ndarray
     """(1,) int: forcing periods since the watch began; with 0 it begins anew."""
     history: np.ndarray
     """(2 max_period + 1, 2n): the last points, cyclic."""
     distance: np.ndarray
-    """(max_period + 1, max_period + 1): the last e_k of every p, cyclic (`approach.settle`)."""
+    """(max_period + 1, max_period + 1): the last e_k of every p (`transient`), cyclic."""
     close: np.ndarray
     """(max_period + 1,) int: for how many points each p has been closed ..."""
     falling: np.ndarray
@@ -57,13 +58,12 @@ class Watch(NamedTuple):
     left: np.ndarray
 
 
-def new_shared(model: Model, structure: Structure, tolerance: float, max_steps: int) -> Shared:
-    """Allocate tables and room for a structure."""
-    n = structure.n_floors
+def new_shared(model: Model, n: int, tolerance: float, max_steps: int) -> Shared:
+    """Allocate tables and workspace for a structure of n floors."""
     return Shared(
         model=model,
-        tables=empty_tables(structure),
-        work=empty_work(n),
+        tables=empty_tables(n),
+        work=new_workspace(n),
         counts=np.zeros(4, np.int64),
         previous=np.empty(2 * n),
         no_points=np.empty((0, 2 * n)),
@@ -73,7 +73,7 @@ def new_shared(model: Model, structure: Structure, tolerance: float, max_steps: 
 
 
 def new_watch(n: int, max_period: int) -> Watch:
-    """Allocate the room for n floors and orbits of up to `max_period` forcing periods."""
+    """Allocate the workspace for n floors and orbits of up to `max_period` forcing periods."""
     size = 2 * n
     ring = max_period + 1
     return Watch(
@@ -91,12 +91,7 @@ def new_watch(n: int, max_period: int) -> Watch:
     )
 
 
-def _any_model() -> Model:
-    square = np.zeros((1, 1))
-    return Model(square, square, square, beta=0.0, rho=0.0, omega=1.0, layer=0.0)
-
-
 # of any structure: the types are the same for all
-SHARED = Packing(new_shared(_any_model(), Structure(1), 0.0, 0))
+SHARED = Packing(new_shared(kernel_model(Structure(1), 1.0), 1, 0.0, 0))
 WATCH = Packing(new_watch(1, 1))
 read_shared, read_watch = SHARED.read, WATCH.read

@@ -1,0 +1,80 @@
+// The page in words: what is shown, how it was made, how exact it is.
+
+const byId = (id) => document.getElementById(id);
+
+// Say of an integrated orbit how it was made and how far it is from the stored points.
+function portraitNote(study, orbit, frame, run, period) {
+  const made =
+    "Line and points are integrated in this page (Dormand–Prince 5(4)) from one stored point";
+  if (orbit.failed) return `${made}; the integration failed.`;
+  if (!period) {
+    return `${made}: ${orbit.points.length} periods of the same motion, not the same history ` +
+      `(the stored point is rounded to ${shortNumber(study.resolution.points, 2)} gaps).`;
+  }
+  let off = 0;
+  const kept = Math.min(study.data.counts[run], period);
+  for (let j = 0; j < kept; j++) {
+    for (let i = 0; i < study.nFloors; i++) {
+      const stored = study.displacement(frame, i, study.starts[run] + j);
+      off = Math.max(off, Math.abs(stored - orbit.points[j][i]));
+    }
+  }
+  const warned = off > 3 * study.resolution.points + 1e-4;
+  const settled = orbit.settling ? ` after ${orbit.settling} periods` : "";
+  const judged = warned ? " Beware: this is another orbit than the stored one." : "";
+  return `${made}${settled}; it closes to ${shortNumber(orbit.closed, 2)} and is at most ` +
+    `${shortNumber(off, 2)} gaps off the stored points ` +
+    `(rounded to ${shortNumber(study.resolution.points, 2)}).${judged}`;
+}
+
+// Notes on the keys, the units and what was left out or rounded, one paragraph each.
+function notes(study) {
+  const t = study.thinned;
+  const words = [
+    "Point at the map: orbit diagram of that frame. Click: phase portrait and numbers of that " +
+      "run. Click into the orbit diagram: another amplitude. Drag a box or turn the wheel: zoom; " +
+      "double click: whole map. A legend entry shows its class alone.",
+    "Keys on the map: arrows move the pointed run (with Shift by 20), Enter selects it, " +
+      "Escape returns to the selected one, + − 0 zoom, D changes the direction.",
+    "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. The map shows the run " +
+      "nearest to each pixel; colours of numbers span 1 % to 99 % of them.",
+    `Numbers are rounded to: ${Object.entries(study.arrays)
+      .filter(([, spec]) => "step" in spec)
+      .map(([name, spec]) => `${name.replaceAll("_", " ")} ${shortNumber(spec.step, 2)}`)
+      .join(", ")}.`,
+  ];
+  if (study.resolution.points) {
+    words.push(
+      `Stroboscopic points are rounded to 1/${2 ** study.bits} of their range in the frame, at ` +
+        `worst ${shortNumber(study.resolution.points, 2)} gaps and ` +
+        `${shortNumber(study.resolution.speed, 2)} gaps ω₀; ` +
+        `at most ${t.points} of the ${t.of_points} of a run are here.`);
+  }
+  if (t.frame_step > 1 || t.amplitude_step > 1) {
+    words.push(`Thinned: one frame in ${t.frame_step}, one amplitude in ${t.amplitude_step}.`);
+  }
+  return words;
+}
+
+function describe(study) {
+  const s = study.structure;
+  const zeta = s.zeta.every((z) => z === s.zeta[0]) ? [s.zeta[0]] : s.zeta.slice(0, 5);
+  byId("title").textContent = study.name;
+  byId("structure").textContent =
+    `n = ${s.floors}, β = ${s.beta}, ρ = ${s.rho === null ? "∞" : s.rho}, ζ = ` +
+    `${zeta.map((z) => shortNumber(z, 3)).join(", ")}${s.zeta.length > 5 ? ", …" : ""}; ` +
+    `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} directions`;
+  byId("diagram-legend").replaceChildren(
+    ...study.words.map((name, i) => {
+      const entry = document.createElement("span");
+      entry.append(chip(study.colours.directions[i]), name);
+      return entry;
+    }),
+    study.data.points ? "stop dashed" : "the results hold no stroboscopic points");
+  byId("notes").replaceChildren(
+    ...notes(study).map((words) => {
+      const p = document.createElement("p");
+      p.textContent = words;
+      return p;
+    }));
+}

@@ -1,0 +1,122 @@
+"""What does not change in a film, drawn once by matplotlib: axes, labels, scale and legends."""
+
+import numpy as np
+
+from hpcsweep.figures.film.scene import WIDTH, Layout, Scene
+
+LETTER, SWATCH, LEGEND = 7.2, 44, WIDTH - 180
+"""Widths of a letter and of a swatch with its gaps in a legend, and of all of it."""
+LOW_PANEL = 110
+"""Height of a panel (pixels at `WIDTH`) up to which its label is short."""
+
+
+def draw_axes(scene: Scene, layout: Layout) -> np.ndarray:
+    """Draw what does not change.
+
+    Returns
+    -------
+    ndarray of uint32, shape (height, width)
+        Packed colours, see `pixels`.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    dpi = 100 * layout.scale
+    figure = Figure(figsize=(layout.width / dpi, layout.height / dpi), dpi=dpi)
+    canvas = FigureCanvasAgg(figure)
+    for floor in range(scene.n_floors):
+        _panel(figure, layout, floor)
+    _label(figure, layout, layout.left, int(22 * layout.scale), scene.title, fontsize=10)
+    for direction, (top, bottom) in zip(scene.directions, layout.bands, strict=False):
+        text = f"contact, {direction}"
+        y = (top + bottom) / 2
+        _label(figure, layout, layout.left - 6, y, text, fontsize=7.5, ha="right")
+    _omega_scale(figure, scene, layout)
+    _legends(figure, scene, layout)
+    canvas.draw()
+    picture = np.asarray(canvas.buffer_rgba())[: layout.height, : layout.width]
+    return np.ascontiguousarray(picture).view("<u4").reshape(layout.height, layout.width).copy()
+
+
+def _panel(figure, layout: Layout, floor: int) -> None:
+    top, bottom, left, right = layout.panels[floor]
+    scale = layout.scale
+    axis = figure.add_axes(
+        (
+            left / layout.width,
+            1 - bottom / layout.height,
+            (right - left) / layout.width,
+            (bottom - top) / layout.height,
+        )
+    )
+    axis.set_xlim(*layout.span)
+    axis.set_ylim(*layout.limits(floor))
+    axis.grid(True, color="0.92", linewidth=0.7)
+    axis.set_axisbelow(True)
+    axis.tick_params(labelsize=9, labelbottom=floor == 0)
+    axis.locator_params(axis="y", nbins=max(2, int((bottom - top) / (42 * scale))))
+    low = bottom - top <= LOW_PANEL * scale
+    axis.set_ylabel(rf"$u_{{{floor + 1}}}$" if low else rf"$u_{{{floor + 1}}}(jT)$  [gaps]")
+    if floor == 0:
+        axis.set_xlabel(r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]")
+
+
+def _omega_scale(figure, scene: Scene, layout: Layout) -> None:
+    from matplotlib.lines import Line2D
+
+    left, right, y = layout.omega_scale()
+    low, high = scene.omega
+    s = layout.scale
+
+    def line(x, rows, **style):
+        xs, ys = np.array(x) / layout.width, 1 - np.array(rows) / layout.height
+        figure.add_artist(Line2D(xs, ys, **style))
+
+    line((left, right), (y, y), color="0.6", linewidth=2)
+    for value, name in ((low, f"{low:.4g}"), (high, f"{high:.4g}"), *scene.marks):
+        x = left + (value - low) / (high - low or 1.0) * (right - left)
+        line((x, x), (y - 7 * s, y + 7 * s), color="0.4", linewidth=1)
+        where = y - 15 * s if name.startswith("$") else y + 17 * s
+        _label(figure, layout, x, where, name, fontsize=8.5, ha="center")
+
+
+def _legends(figure, scene: Scene, layout: Layout) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    points = [
+        Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour, label=label)
+        for colour, label in scene.point_legend()
+    ]
+    bands = [Patch(color=colour, label=label) for colour, label in scene.contact_legend()]
+    rows: dict[str, list] = {"points": points, "contact bands": bands}
+    for row, (title, handles) in enumerate(rows.items()):
+        fitting = _that_fit(handles)
+        if not fitting:
+            continue
+        y = layout.bottom + (66 + 28 * row) * layout.scale
+        _label(figure, layout, layout.left - 70 * layout.scale, y, title, fontsize=9)
+        figure.legend(
+            handles=fitting,
+            loc="center left",
+            bbox_to_anchor=(
+                (layout.left + 46 * layout.scale) / layout.width,
+                1 - y / layout.height,
+            ),
+            ncols=len(fitting),
+            fontsize=9,
+            frameon=False,
+            handletextpad=0.3,
+            columnspacing=1.1,
+            borderpad=0,
+        )
+
+
+def _that_fit(handles: list) -> list:
+    """Keep the first entries of a legend, as many as there is room for on one line."""
+    widths = np.cumsum([LETTER * len(handle.get_label()) + SWATCH for handle in handles])
+    return [handle for handle, end in zip(handles, widths, strict=True) if end < LEGEND]
+
+
+def _label(figure, layout: Layout, x: float, y: float, text: str, **style) -> None:
+    figure.text(x / layout.width, 1 - y / layout.height, text, va="center", **style)

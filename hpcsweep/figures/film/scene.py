@@ -1,0 +1,167 @@
+"""What all frames of a film have in common: its scene, the places of everything, the colours."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, contact_colour
+from hpcsweep.figures.style import set_name
+
+WIDTH = 1280
+"""Width (pixels) for which the sizes below are meant; other widths scale them."""
+LEFT, RIGHT, HEADER, BAND, GAP, FOOTER = 92, 28, 92, 20, 12, 112
+ALL_PANELS, LEAST_PANEL, MOST_PANEL = 720, 56, 240
+"""Height of all panels together, and bounds of one."""
+MARGIN, AMPLITUDE_MARGIN = 0.06, 0.01
+"""Room around the points, in ranges of a floor's displacement and of the amplitude."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What all frames of a film have in common.
+
+    Attributes
+    ----------
+    title : str
+        Parameters of the structure.
+    amplitude : ndarray, shape (n_amplitudes,)
+    omega : tuple of float
+        Smallest and largest frequency.
+    marks : tuple of (float, str)
+        Frequencies to be marked on the scale of frequencies, and their names.
+    low, high : ndarray, shape (n_floors,)
+        Range of every floor's points, in gaps.
+    directions : tuple of str
+        Directions that are drawn, in the order of the variables' first axis.
+    words : tuple of str
+        The same in words.
+    color : {"direction", "contact", "period"}
+        What the points' colours tell.
+    motions : tuple of int
+        Places in `palette.MOTIONS` that occur, where the colours tell them.
+    contacts : tuple of int
+        Contact sets that occur, commonest first; empty without contact bands.
+    width : int
+        Width of the pictures in pixels, even.
+    """
+
+    title: str
+    amplitude: np.ndarray
+    omega: tuple[float, float]
+    marks: tuple[tuple[float, str], ...]
+    low: np.ndarray
+    high: np.ndarray
+    directions: tuple[str, ...]
+    words: tuple[str, ...]
+    color: str
+    motions: tuple[int, ...]
+    contacts: tuple[int, ...]
+    width: int = WIDTH
+
+    @property
+    def n_floors(self) -> int:
+        """Number of panels."""
+        return len(self.low)
+
+    def point_legend(self) -> list[tuple[str, str]]:
+        """Return (colour, label) of every class of points."""
+        if self.color == "direction":
+            entries = [
+                (DIRECTIONS[name], words)
+                for name, words in zip(self.directions, self.words, strict=True)
+            ]
+            if len(entries) == 2:
+                entries[1] = (entries[1][0], entries[1][1] + " (beneath)")
+            return entries
+        if self.color == "period":
+            return [MOTIONS[place][::-1] for place in sorted(self.motions)]
+        return self.contact_legend()
+
+    def contact_legend(self) -> list[tuple[str, str]]:
+        """Return (colour, label) of every contact set, commonest first."""
+        return [
+            (contact_colour(c, self.n_floors), set_name(c, self.n_floors)) for c in self.contacts
+        ]
+
+
+class Layout:
+    """The places of everything, in pixels from the top left.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Attributes
+    ----------
+    scale : float
+        Pixels in place of one at `WIDTH`.
+    height, width : int
+        Size of the pictures, even.
+    left, right, bottom : int
+        Of all panels.
+    panels : list of (top, bottom, left, right)
+        Insides of the axes, first floor first.
+    bands : list of (top, bottom)
+        Of the contact bands, one for each direction.
+    span : tuple of float
+        Amplitudes at the left and right edge.
+    """
+
+    def __init__(self, scene: Scene):
+        self.scale = s = scene.width / WIDTH
+        self.width = scene.width
+        self.left, self.right = int(LEFT * s), self.width - int(RIGHT * s)
+        panel = int(np.clip(ALL_PANELS / scene.n_floors, LEAST_PANEL, MOST_PANEL) * s)
+        gap = max(2, int(GAP * s))
+        band = int(BAND * s)
+        top = int(HEADER * s)
+        self.bands: list[tuple[int, int]] = []
+        if scene.contacts:
+            for _ in scene.directions:
+                self.bands.append((top, top + band))
+                top += band + 2
+            top += gap // 2
+        self.panels: list[tuple[int, int, int, int]] = []
+        for _ in range(scene.n_floors):
+            self.panels.append((top, top + panel, self.left, self.right))
+            top += panel + gap
+        self.panels.reverse()
+        self.bottom = top - gap
+        self.height = 2 * ((self.bottom + int(FOOTER * s) + 1) // 2)
+        a = scene.amplitude
+        pad = AMPLITUDE_MARGIN * (a[-1] - a[0] if a.size > 1 else max(a[0], 1e-9))
+        self.span = float(a[0] - pad), float(a[-1] + pad)
+        self._low, self._high = scene.low, scene.high
+
+    def column(self, amplitude: np.ndarray) -> np.ndarray:
+        """Return the pixel columns of amplitudes."""
+        low, high = self.span
+        share = (np.asarray(amplitude) - low) / (high - low)
+        return (self.left + share * (self.right - self.left)).astype(np.int64)
+
+    def row(self, floor: int, displacement: np.ndarray) -> np.ndarray:
+        """Return the pixel rows of displacements (gaps) in the panel of a floor (from 0)."""
+        top, bottom, _, _ = self.panels[floor]
+        low, high = self.limits(floor)
+        share = (np.asarray(displacement) - low) / (high - low)
+        return np.floor(bottom - share * (bottom - top)).astype(np.int64)
+
+    def limits(self, floor: int) -> tuple[float, float]:
+        """Return the displacements at the bottom and the top of the panel of a floor (from 0)."""
+        low, high = float(self._low[floor]), float(self._high[floor])
+        pad = max(MARGIN * (high - low), 1e-6)
+        return low - pad, high + pad
+
+    def amplitude_index(self, amplitude: np.ndarray) -> np.ndarray:
+        """Return the index of the amplitude nearest to each column of the panels, -1 outside."""
+        low, high = self.span
+        columns = np.arange(self.left, self.right)
+        centre = low + (columns + 0.5 - self.left) / (self.right - self.left) * (high - low)
+        nearest = np.searchsorted(0.5 * (amplitude[1:] + amplitude[:-1]), centre)
+        half = 0.5 * (amplitude[0] - low)
+        nearest[(centre < amplitude[0] - half) | (centre > amplitude[-1] + half)] = -1
+        return nearest
+
+    def omega_scale(self) -> tuple[int, int, int]:
+        """Return left, right and row of the scale of frequencies."""
+        return self.left + int(330 * self.scale), self.right - 8, int(60 * self.scale)

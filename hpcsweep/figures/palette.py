@@ -1,0 +1,160 @@
+"""The colours of all figures, the film and the explorer: one colour, one meaning.
+
+Five languages, each with a legend of its own; no colour depends on what else is in the picture:
+
+- motions (`MOTIONS`): no contact, the orbit periods, the classes without one;
+- contact sets (`contact_colour`): a rule on the set's bits;
+- directions, where a run starts from (`DIRECTIONS`);
+- numbers (`NUMBERS`, `RATIOS`): ordered, dark to light or side against side;
+- series (`series_colour`, `mode_colour`): lines that a legend beside them names.
+
+White is where nothing is known. The colours are those of points on white and of areas alike, so
+that none is lighter than L* = 83. They were chosen by search for the largest least distance
+(CIEDE2000) between any two motions, for normal vision and as protanopes, deuteranopes and
+tritanopes see them (Machado, Oliveira and Fernandes 2009); the tests hold the distances. Lightness
+falls from motion to motion by 5 of 100 or more (failed apart), so that they stay apart in grey.
+"""
+
+from functools import lru_cache
+from math import comb
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures.cielab import lightness, to_hex
+from hpcsweep.studies.amplitude_sweep import DOWN, UP
+from hpcsweep.studies.points import START
+
+NOTHING = "#ffffff"
+"""Where nothing is known: not computed, or not a number. Hatched where there is room."""
+NO_CONTACT = "#cdcdcd"
+LONGEST = 8
+"""Longest orbit period with a colour of its own; longer ones share one."""
+MOTIONS = (
+    (CLASS_NAMES[MotionClass.NO_CONTACT], NO_CONTACT),
+    ("P1", "#6ac6f2"),
+    ("P2", "#bbae00"),
+    ("P3", "#d97db5"),
+    ("P4", "#719564"),
+    ("P5", "#5e6cfb"),
+    ("P6", "#db0a07"),
+    ("P7", "#b80e5d"),
+    ("P8", "#8107b7"),
+    (f"P{LONGEST + 1} and longer", "#064e43"),
+    (CLASS_NAMES[MotionClass.UNDECIDED], "#61230f"),
+    (CLASS_NAMES[MotionClass.QUASI_PERIODIC], "#00225e"),
+    (CLASS_NAMES[MotionClass.CHAOTIC], "#0e0e0e"),
+    (CLASS_NAMES[MotionClass.FAILED], "#79727e"),
+)
+"""(name, colour) of every motion; all but failed from light to dark."""
+MOTION_NAMES = tuple(name for name, _ in MOTIONS)
+MOTION_COLOURS = tuple(colour for _, colour in MOTIONS)
+LONGER = MOTION_NAMES.index(f"P{LONGEST + 1} and longer")
+DIRECTIONS = {UP: "#0072b2", DOWN: "#d55e00", START: "#b88664"}
+"""By where a run starts: the run at the next smaller or larger amplitude, or a state of its own."""
+GRAZING = "#b00000"
+"""The grazing curve, drawn with a white rim."""
+STOP = "#7a7a7a"
+NUMBERS = "cividis"
+"""Colour map of numbers, even in lightness and the same to the colour-blind; where they have a
+sign, 0 is its middle."""
+RATIOS = ("#7fb9e2", "#3f8cc4", "#a3510f", "#4a1206")
+"""Far below 1, below, above, far above: light to dark, blue against brown."""
+OTHER_MOTION = "#f1f1f1"
+"""Runs that a figure of some motions leaves out."""
+SERIES = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#56b4e9",
+    "#e69f00",
+    "#332288",
+    "#882255",
+    "#117733",
+    "#999933",
+)
+"""Okabe and Ito's colours, then Tol's."""
+DARK_INK, LIGHT_INK, INK_CHANGE = "#222222", "#ffffff", 53.3
+"""Inks of text, and the lightness of the ground at which their contrast is the same, 4 to 1."""
+
+_CONTACT_LIGHTNESS, _CONTACT_CHROMA = (82.0, 12.0), 70.0
+_CONTACT_HUE, _HUE_OF_NUMBER = 260.0, 70.0
+"""Hue of one floor, the lowest, and the turn for each floor more, in degrees: of all multiples of
+five those by which the sets of two, three and four floors are farthest apart to all eyes."""
+_MODE_RANGE = 0.0, 0.8
+"""Part of viridis that is dark enough for lines on white."""
+
+
+def motion_index(classes: np.ndarray, period: np.ndarray) -> np.ndarray:
+    """Return the place in `MOTIONS` of every run, -1 where nothing is computed.
+
+    Parameters
+    ----------
+    classes, period : ndarray of int, same shape
+        Of `hpcsweep.dynamics.classify` and the variable ``orbit_period``.
+
+    Returns
+    -------
+    ndarray of int, same shape
+    """
+    place = {name: index for index, name in enumerate(MOTION_NAMES)}
+    table = np.array([place.get(CLASS_NAMES[kind], -1) for kind in MotionClass])
+    table[MotionClass.LONG_PERIOD] = LONGER
+    index = table[classes]
+    periodic = classes == MotionClass.PERIODIC
+    index[periodic] = MOTION_NAMES.index("P1") - 1 + np.minimum(period[periodic], LONGEST + 1)
+    return index
+
+
+def motion_place(kind: MotionClass, period: int) -> int:
+    """Return the place in `MOTIONS` of one run, -1 if it is not computed."""
+    return int(motion_index(np.array([kind]), np.array([period]))[0])
+
+
+@lru_cache(maxsize=4096)
+def contact_colour(contact: int, n_floors: int) -> str:
+    """Return the colour of a contact set, told by the set alone.
+
+    The more floors touch, the darker; among sets of as many floors the hue goes round once, from
+    the lowest floors to the top ones, and the lightness falls a little. All sets of up to three
+    floors are apart to all eyes, those of four to normal ones; of more floors neighbours in this
+    order look alike.
+
+    Parameters
+    ----------
+    contact : int
+        Bit i - 1 is floor i.
+    n_floors : int
+    """
+    if contact == 0:
+        return NO_CONTACT
+    floors = [i for i in range(n_floors) if contact >> i & 1]
+    # place among the sets of as many floors, ascending: the combinatorial number system
+    place = sum(comb(floor, count) for count, floor in enumerate(floors, 1))
+    share = place / comb(n_floors, len(floors)), (place + 0.5) / comb(n_floors, len(floors))
+    top, bottom = _CONTACT_LIGHTNESS
+    return to_hex(
+        top - (top - bottom) * (len(floors) - 1 + share[1]) / n_floors,
+        _CONTACT_CHROMA,
+        _CONTACT_HUE + _HUE_OF_NUMBER * (len(floors) - 1) + 360 * share[0],
+    )
+
+
+def series_colour(place: int) -> str:
+    """Return the colour of a line of a diagram whose legend names it."""
+    return SERIES[place % len(SERIES)]
+
+
+def mode_colour(mode: int, n_modes: int) -> str:
+    """Return the colour of a mode (from 0), dark to light."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex as hex_of
+
+    first, last = _MODE_RANGE
+    return hex_of(colormaps["viridis"](first + (last - first) * mode / max(n_modes - 1, 1)))
+
+
+def ink(colour: str) -> str:
+    """Return the colour of text set on a colour: of the two the one with more contrast."""
+    return DARK_INK if lightness(colour) > INK_CHANGE else LIGHT_INK

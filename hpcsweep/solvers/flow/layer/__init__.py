@@ -1,0 +1,20 @@
+"""Motion inside a contact layer, where the equations are smooth and stiff.
+
+What a layer integrator must supply
+-----------------------------------
+A visit, `visit.visit_layer`, takes steps from the edge of a layer until no floor is inside one. It
+asks five things of the scheme, which is Gauss collocation here and can be another:
+
+- step: `scheme.collocate` takes a step of length h from a state and its accelerations and leaves
+  its stages in ``work.layer``; it may decline (False), and h is halved;
+- end: `scheme.finish` gives the state at the end of the step from its stages;
+- error: `scheme.quadrature_error` measures the error of that state, relative to max(1, |z|), of a
+  known order in h (`visit.shortening`); it is a bound or an estimate from above;
+- highest point: `observation.observe_layer_step` finds the maxima of displacements and drifts over
+  the step to its own accuracy (dense output), not only at its ends, and the modal norms;
+- tangent: `variations.layer_tangent` multiplies a matrix by the derivative of the map from start to
+  end of the step, the same map that `finish` gives.
+
+The length of a step is chosen by `visit.step_limit` before and `visit.shortening` after it; a
+scheme without poles to heed would bring its own. No one outside this folder knows stages.
+"""

@@ -1,0 +1,154 @@
+"""Contact, drift and modal norms over a collocation step, from its stages (dense output)."""
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.vectors import LANES, combine, fma, load, maximum, modulus, root, total
+from hpcsweep.model.contact import STOP
+from hpcsweep.solvers.flow.layer.tableau import N_STAGES, NODES, WEIGHTS
+from hpcsweep.solvers.flow.modal_norm import TINY
+from hpcsweep.solvers.flow.tables import ZERO
+
+
+@inlined
+def observe_layer_step(h, z0, z1, model, tally, work):
+    """Update contact, drift and modal norms with one step inside a layer.
+
+    Maxima are taken over the ends and the stages, and, where the velocity changes sign between
+    two neighbours, at the top of the quintic Hermite interpolant through them; its error is
+    d^6 / 46080 |u^(6)|, d the short distance between stages. ``work.a`` and ``work.a_end`` hold the
+    accelerations at the ends.
+    """
+    n = tally.modal.shape[0]
+    stage = work.layer
+    ways = work.ways
+    touching = False
+    for i in range(n):
+        hardest = max(abs(work.a[i]), abs(work.a_end[i]))
+        hardest = max(hardest, maximum(modulus(load(stage.g, i * N_STAGES))))
+        # at most, were the acceleration between the stages twice what it is at any of them
+        ways[i] = h * (abs(z0[n + i]) + 2.0 * h * hardest)
+        bit = np.uint64(1) << np.uint64(i)
+        if z0[i] >= STOP or z1[i] >= STOP:
+            tally.contact[0] |= bit
+            touching = True
+        elif tally.contact[0] & bit == np.uint64(0) and z0[i] + ways[i] >= STOP:
+            start, end = (z0[i], z0[n + i], work.a[i]), (z1[i], z1[n + i], work.a_end[i])
+            if _highest(h, start, end, stage.u[i], stage.v[i], stage.g[i]) >= STOP:
+                tally.contact[0] |= bit
+    for i in range(n):
+        drift, way = z0[i], ways[i]
+        if i > 0:
+            drift, way = drift - z0[i - 1], way + ways[i - 1]
+        for sign in (1.0, -1.0):
+            if sign * drift + way > tally.peak_drift[0]:
+                peak = _highest_drift(h, i, sign, z0, z1, n, work)
+                tally.peak_drift[0] = max(tally.peak_drift[0], peak)
+    if tally.modal_norm:
+        share = _free_share(z0, z1, n) if touching else 1.0
+        if share > 0.0:
+            tally.free_time[0] += share * h
+            q = work.modal_nodes
+            for j in range(n):
+                combine(
+                    q,
+                    j * LANES,
+                    ZERO,
+                    0,
+                    1.0,
+                    stage.u,
+                    0,
+                    N_STAGES,
+                    model.modal_transform,
+                    j * n,
+                    n,
+                )
+            square = load(q, 0) * load(q, 0) + TINY
+            for j in range(1, n):
+                square = fma(load(q, j * LANES), load(q, j * LANES), square)
+            weight = load(WEIGHTS, 0) / root(square)
+            for j in range(n):
+                tally.modal[j] += share * h * total(weight * modulus(load(q, j * LANES)))
+
+
+@kernel
+def _free_share(z0, z1, n):
+    """Share of a step in which no floor touches, where one begins or ends touching in it."""
+    share = 1.0
+    for i in range(n):
+        x0 = z0[i] - STOP
+        x1 = z1[i] - STOP
+        if x0 >= 0.0 and x1 >= 0.0:
+            return 0.0
+        if x0 < 0.0 <= x1:
+            share = min(share, x0 / (x0 - x1))
+        elif x1 < 0.0 <= x0:
+            share = min(share, x1 / (x1 - x0))
+    return share
+
+
+@kernel
+def _highest_drift(h, i, sign, z0, z1, n, work):
+    """Find the largest value of sign (u_i - u_(i-1)) over a layer step."""
+    below = i - 1
+    stage = work.layer
+    for k in range(N_STAGES):
+        u, v, g = stage.u[i, k], stage.v[i, k], stage.g[i, k]
+        if i > 0:
+            u, v, g = u - stage.u[below, k], v - stage.v[below, k], g - stage.g[below, k]
+        work.stage_u[k] = sign * u
+        work.stage_v[k] = sign * v
+        work.stage_a[k] = sign * g
+    d0, v0, a0 = z0[i], z0[n + i], work.a[i]
+    d1, v1, a1 = z1[i], z1[n + i], work.a_end[i]
+    if i > 0:
+        d0, v0, a0 = d0 - z0[below], v0 - z0[n + below], a0 - work.a[below]
+        d1, v1, a1 = d1 - z1[below], v1 - z1[n + below], a1 - work.a_end[below]
+    return _highest(
+        h,
+        (sign * d0, sign * v0, sign * a0),
+        (sign * d1, sign * v1, sign * a1),
+        work.stage_u,
+        work.stage_v,
+        work.stage_a,
+    )
+
+
+@kernel
+def _highest(h, start, end, stage_u, stage_v, stage_a):
+    """Find the largest value of one component over a layer step.
+
+    Value, velocity and acceleration are given at the ends and at the stages.
+    """
+    highest = max(start[0], end[0])
+    left_s, left = 0.0, start
+    for k in range(N_STAGES + 1):
+        if k < N_STAGES:
+            right_s, right = NODES[k], (stage_u[k], stage_v[k], stage_a[k])
+        else:
+            right_s, right = 1.0, end
+        highest = max(highest, right[0])
+        if left[1] > 0.0 > right[1]:
+            highest = max(highest, _top((right_s - left_s) * h, left, right))
+        left_s, left = right_s, right
+    return highest
+
+
+@kernel
+def _top(d, left, right):
+    """Find the top of the quintic Hermite interpolant between two points d apart."""
+    c0, c1, c2 = left[0], d * left[1], 0.5 * d * d * left[2]
+    r0 = right[0] - (c0 + c1 + c2)
+    r1 = d * right[1] - (c1 + 2.0 * c2)
+    r2 = d * d * right[2] - 2.0 * c2
+    c3 = 10.0 * r0 - 4.0 * r1 + 0.5 * r2
+    c4 = -15.0 * r0 + 7.0 * r1 - r2
+    c5 = 6.0 * r0 - 3.0 * r1 + 0.5 * r2
+    t = left[1] / (left[1] - right[1])
+    for _ in range(4):
+        slope = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)))
+        bend = 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5))
+        if not bend < 0.0:
+            break
+        t = min(max(t - slope / bend, 0.0), 1.0)
+    return c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))

@@ -1,0 +1,307 @@
+r"""Motion while a floor is inside its contact layer: Gauss collocation of order 16.
+
+The whole smooth equation (19) is integrated, with any number of floors in their layers. On a
+step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
+
+    V_j = v_0 + h sum_k A_jk G_k,      U_j = u_0 + h c_j v_0 + h^2 sum_k (A^2)_jk G_k,
+    G_j = G(tau + c_j h, U_j, V_j)
+
+(implicit Runge-Kutta of Gauss type, order 2 N_STAGES; Hairer, Norsett and Wanner, Solving
+Ordinary Differential Equations I, II.7), solved by fixed-point iteration from the
+accelerations at the start.
+
+The error of the velocity is the error of the Gauss rule along the collocation polynomial, and that
+is measured by a rule of 17 points, exact to degree 16, which adds to the Gauss nodes the nodes of
+Kronrod (Laurie, Math. Comp. 66 (1997) 1133) with the start of the step in place of the first. The
+same difference with the weight 2 s - 1 tells of residuals whose mean vanishes.
+"""
+
+import math
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.vectors import LANES, fma, greatest, load, maximum, modulus, store, total
+from hpcsweep.model.contact import FAR, STOP, contact_force, contact_forces, less_contact_forces
+from hpcsweep.solvers.flow.layer.tableau import (
+    ADDED_SLOPE,
+    CHECK_ADDED,
+    CHECK_GAUSS,
+    CHECK_NODES,
+    CHECK_ROWS,
+    CHECK_START,
+    GAUSS_SLOPE,
+    N_STAGES,
+    NODES,
+    POSITION_ROWS,
+    POSITION_WEIGHTS,
+    SPEED_ROWS,
+    WEIGHTS,
+)
+
+SHORT_ANGLE = 0.03
+"""Omega h up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
+MAX_ITERATIONS = 40
+UNCHECKED = 1e-9
+"""Relative error from which on the iteration is looked at."""
+CONVERGED = 2e-15
+"""Error left by the iteration, of the accelerations or of the velocity over h, relative."""
+
+
+@inlined
+def less_linear(force, i, u, v, model):
+    """Subtract the linear forces on floor i at all stages from `force` (Lanes)."""
+    n = u.shape[0]
+    for k in range(max(i - model.bandwidth, 0), min(i + model.bandwidth + 1, n)):
+        force = fma(-model.stiffness[i, k], load(u, k * N_STAGES), force)
+    for k in range(n):
+        force = fma(-model.damping[i, k], load(v, k * N_STAGES), force)
+    return force
+
+
+@inlined
+def _stage_accelerations(u, v, ground, active, model, out):
+    """Evaluate G at all stages.
+
+    Parameters
+    ----------
+    u, v, out : ndarray, shape (n, N_STAGES)
+    ground : ndarray, shape (N_STAGES,)
+        Minus the ground acceleration at the stages.
+    active : ndarray of int, shape (n,)
+        0 or 1 where the sigmoid is that on the whole step, 2 where it has to be evaluated.
+    """
+    for i in range(u.shape[0]):
+        row = i * N_STAGES
+        force = less_linear(load(ground, 0), i, u, v, model)
+        if active[i] == 1:
+            force = fma(STOP - load(u, row), model.beta, force)
+        elif active[i] == 2:
+            force = less_contact_forces(force, load(u, row) - STOP, model.beta, model.rho)
+        store(out, row, force)
+
+
+@inlined
+def forcing_at(tau, amplitude, omega):
+    """Give A, A sin(Omega tau) and A cos(Omega tau)."""
+    return amplitude, amplitude * math.sin(omega * tau), amplitude * math.cos(omega * tau)
+
+
+@inlined
+def later_forcing(tau, h, forcing, omega):
+    """Give `forcing_at` the end tau of a step h from that at its start, rounding added up."""
+    amplitude, sine, cosine = forcing
+    s = omega * h
+    if s > SHORT_ANGLE:
+        return forcing_at(tau, amplitude, omega)
+    q = s * s
+    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+    return amplitude, fma(s, cosine, c * sine), fma(-s, sine, c * cosine)
+
+
+@inlined
+def _ground(tau, h, forcing, omega, out):
+    """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
+    amplitude, sine, cosine = forcing
+    angle = omega * h
+    if angle > SHORT_ANGLE:
+        for j in range(N_STAGES):
+            out[j] = -amplitude * math.sin(omega * (tau + NODES[j] * h))
+        return
+    s = load(NODES, 0) * angle
+    q = s * s
+    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+    store(out, 0, fma(s, -cosine, -sine * c))
+
+
+@inlined
+def _find_active(h, z, a, model, active):
+    """Tell for each floor whether its sigmoid is 0, 1 or neither within twice its possible way."""
+    n = a.shape[0]
+    for i in range(n):
+        x = z[i] - STOP
+        way = 2.0 * h * (abs(z[n + i]) + abs(a[i]) * h)
+        if model.rho * (abs(x) - way) > FAR:
+            active[i] = 1 if x > 0.0 else 0
+        else:
+            active[i] = 2
+
+
+@kernel
+def iterations_needed(square):
+    """Count the fixed-point iterations that leave `UNCHECKED` of the first error.
+
+    The error is integrated twice an iteration: after k it is at most square^k / (2 k)! of the
+    first, `square` = h^2 |dG/du|.
+
+    Returns
+    -------
+    n_iterations : int
+    ratio : float
+        By which the next iteration reduces the error.
+    """
+    error = 1.0
+    k = 0
+    while error > UNCHECKED and k < MAX_ITERATIONS:
+        k += 1
+        error *= square / (2 * k * (2 * k - 1))
+    return k, square / ((2 * k + 2) * (2 * k + 1))
+
+
+@inlined
+def _weighted(rows, g, i):
+    """Sum the rows with the factors g[i]: even and odd ones apart, which takes half as long."""
+    even, odd = load(rows, 0) * g[i, 0], load(rows, N_STAGES) * g[i, 1]
+    for k in range(2, N_STAGES, 2):
+        even = fma(load(rows, k * N_STAGES), g[i, k], even)
+        odd = fma(load(rows, (k + 1) * N_STAGES), g[i, k + 1], odd)
+    return even + odd
+
+
+@inlined
+def stages(h, free, speeds, g, u, v):
+    """Write displacements and velocities at the stages from the accelerations g."""
+    for i in range(u.shape[0]):
+        row = i * N_STAGES
+        store(u, row, fma(_weighted(POSITION_ROWS, g, i), h * h, load(free, row)))
+        store(v, row, fma(_weighted(SPEED_ROWS, g, i), h, load(speeds, row)))
+
+
+@inlined
+def replace(g, fresh):
+    """Write `fresh` into g; return the largest change and the largest entry, NaN if one is."""
+    change = load(fresh, 0) * 0.0
+    size = change
+    for at in range(0, g.size, LANES):
+        new = load(fresh, at)
+        change = greatest(change, modulus(new - load(g, at)))
+        size = greatest(size, modulus(new))
+        store(g, at, new)
+    return maximum(change), maximum(size)
+
+
+@inlined
+def collocate(tau, h, z, a, forcing, stiffness, model, work):
+    """Solve the collocation equations of one step.
+
+    Parameters
+    ----------
+    tau, h : float
+        Start and length of the step.
+    z : ndarray, shape (2n,)
+        State at `tau`; not changed.
+    a : ndarray, shape (n,)
+        Accelerations at `tau`, the first guess.
+    forcing : tuple
+        As `forcing_at` gives it.
+    stiffness : float
+        Largest |dG/du| expected.
+    work : LayerWorkspace
+        Receives the stages; see there.
+
+    Returns
+    -------
+    bool
+        Whether the iteration converged.
+    """
+    u, v, g, fresh, ground, active = (work.u, work.v, work.g, work.fresh, work.ground, work.active)
+    free, speeds = work.free, work.speeds
+    n = a.shape[0]
+    _ground(tau, h, forcing, model.omega, ground)
+    _find_active(h, z, a, model, active)
+    nodes = load(NODES, 0)
+    half_squares = nodes * nodes * 0.5
+    speed = 0.0
+    for i in range(n):
+        row = i * N_STAGES
+        speed = max(speed, abs(z[n + i]))
+        free_stages = fma(nodes, h * z[n + i], z[i])
+        store(free, row, free_stages)
+        store(speeds, row, z[n + i])
+        store(u, row, fma(half_squares, h * h * a[i], free_stages))
+        store(v, row, fma(nodes, h * a[i], z[n + i]))
+    _stage_accelerations(u, v, ground, active, model, g)
+    unchecked, ratio = iterations_needed(h * h * stiffness)
+    for _ in range(unchecked - 1):
+        stages(h, free, speeds, g, u, v)
+        _stage_accelerations(u, v, ground, active, model, g)
+    first = previous = math.inf
+    for _ in range(MAX_ITERATIONS):
+        stages(h, free, speeds, g, u, v)
+        _stage_accelerations(u, v, ground, active, model, fresh)
+        change, size = replace(g, fresh)
+        if not size < math.inf:
+            return False
+        rounding = CONVERGED * (size + speed / h)
+        if previous < math.inf:
+            ratio = change / previous
+        # the next change is smaller at least by that ratio
+        if change <= rounding or (ratio < 0.5 and change * ratio <= rounding):
+            return True
+        if change >= previous and change <= 100.0 * rounding:
+            return True
+        if change > 4.0 * previous and change > 100.0 * first and change > 1e3 * rounding:
+            return False
+        if first == math.inf:
+            first = change
+        previous = change
+    return False
+
+
+@inlined
+def quadrature_error(h, z, model, work):
+    """Measure the velocity error of the step from z that `collocate` has left in `work`.
+
+    See the module. Only the contact forces of floors inside their layers count: all others are
+    linear, and resolved far better.
+    """
+    beta, rho = model.beta, model.rho
+    n = z.shape[0] // 2
+    worst = 0.0
+    for i in range(n):
+        if work.active[i] != 2:
+            continue
+        x = z[i] - STOP
+        start = contact_force(x, beta * CHECK_START, rho)
+        x = load(work.u, i * N_STAGES) - STOP
+        gauss = contact_forces(x, beta, rho) * load(CHECK_GAUSS, 0)
+        x = fma(load(CHECK_NODES, 0), h * z[n + i], z[i] - STOP)
+        x = fma(_weighted(CHECK_ROWS, work.g, i), h * h, x)
+        added = contact_forces(x, beta, rho) * load(CHECK_ADDED, 0)
+        mean = start + total(gauss + added)
+        slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
+        worst = max(worst, max(abs(mean), abs(slope)))
+    return h * worst
+
+
+@inlined
+def integrals(g, i):
+    """Integrate row i of the accelerations g twice and once over the step, over h^2 and over h."""
+    row = load(g, i * N_STAGES)
+    return total(load(POSITION_WEIGHTS, 0) * row), total(load(WEIGHTS, 0) * row)
+
+
+@inlined
+def finish(h, z, g, out):
+    """Write the state at the end of the step into `out`, shape (2n,)."""
+    n = g.shape[0]
+    for i in range(n):
+        du, dv = integrals(g, i)
+        out[i] = fma(h, fma(h, du, z[n + i]), z[i])
+        out[n + i] = fma(h, dv, z[n + i])
+
+
+@kernel
+def accelerations(ground, z, model, out):
+    """Evaluate u'' at one state into `out`, shape (n,), `ground` being A sin(Omega tau)."""
+    n = out.shape[0]
+    for i in range(n):
+        x = z[i] - STOP
+        force = -ground
+        if not model.rho * abs(x) > FAR:
+            force -= contact_force(x, model.beta, model.rho)
+        elif x > 0.0:
+            force -= model.beta * x
+        for j in range(n):
+            force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
+        out[i] = force

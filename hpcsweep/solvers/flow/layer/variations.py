@@ -1,0 +1,84 @@
+"""Tangent map of a collocation step: the variational equations at the stages of `scheme`."""
+
+import math
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.vectors import fma, load, maximum, store
+from hpcsweep.model.contact import STOP, contact_stiffnesses
+from hpcsweep.solvers.flow.layer.scheme import (
+    MAX_ITERATIONS,
+    integrals,
+    iterations_needed,
+    less_linear,
+    replace,
+    stages,
+)
+from hpcsweep.solvers.flow.layer.tableau import N_STAGES, NODES
+
+CONVERGED = 1e-13
+"""Last change of the stage accelerations, or the next one, relative."""
+
+
+@inlined
+def layer_tangent(h, model, work, tangent):
+    """Multiply `tangent` by the tangent map of one collocation step, in place.
+
+    The first guess are the accelerations of the variation without acceleration, which is what the
+    iteration makes of 0. The last iteration is looked at, and its result is better than the change
+    it makes.
+
+    Parameters
+    ----------
+    h : float
+    work : LayerWorkspace
+        What `scheme.collocate` has left there; overwritten.
+    tangent : ndarray, shape (2n, m)
+    """
+    u, v, g, fresh, spring = work.u, work.v, work.g, work.fresh, work.spring
+    free, speeds = work.free, work.speeds
+    n = u.shape[0]
+    beta, rho = model.beta, model.rho
+    hardest = 0.0
+    for i in range(n):
+        row = i * N_STAGES
+        if work.active[i] == 2:
+            stiff = contact_stiffnesses(load(u, row) - STOP, beta, rho)
+            store(spring, row, stiff)
+            hardest = max(hardest, maximum(stiff))
+        else:
+            store(spring, row, beta * work.active[i])
+            hardest = max(hardest, beta * work.active[i])
+    unchecked, least_ratio = iterations_needed(h * h * (model.stiffness_bound + hardest))
+    for column in range(tangent.shape[1]):
+        for i in range(n):
+            row = i * N_STAGES
+            store(free, row, fma(load(NODES, 0), h * tangent[n + i, column], tangent[i, column]))
+            store(speeds, row, tangent[n + i, column])
+        _variations(free, speeds, spring, model, g)
+        for _ in range(unchecked - 2):
+            stages(h, free, speeds, g, u, v)
+            _variations(u, v, spring, model, g)
+        ratio = least_ratio
+        previous = math.inf
+        for _ in range(MAX_ITERATIONS):
+            stages(h, free, speeds, g, u, v)
+            _variations(u, v, spring, model, fresh)
+            change, largest = replace(g, fresh)
+            if previous < math.inf:
+                ratio = change / previous
+            if change * min(ratio, 1.0) <= CONVERGED * largest:
+                break
+            previous = change
+        for i in range(n):
+            du, dv = integrals(g, i)
+            tangent[i, column] += h * (tangent[n + i, column] + h * du)
+            tangent[n + i, column] += h * dv
+
+
+@inlined
+def _variations(u, v, spring, model, out):
+    """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
+    for i in range(u.shape[0]):
+        row = i * N_STAGES
+        force = -1.0 * load(spring, row) * load(u, row)
+        store(out, row, less_linear(force, i, u, v, model))

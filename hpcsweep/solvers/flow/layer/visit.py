@@ -1,0 +1,202 @@
+"""A visit to the layer: collocation steps until no floor is inside one, and their length.
+
+The step has two limits.
+
+- The sigmoid has poles at y = rho x = +-i pi (2 m + 1). On a step on which y moves by L, Gauss
+  quadrature converges as kappa^-16, kappa the parameter of the Bernstein ellipse about the step
+  on which the nearest poles lie: |i pi - y| + |i pi - y - L| = `ELLIPSE` L / 2 with `ELLIPSE` =
+  kappa + 1 / kappa. Hence, y negative on the way to the stop::
+
+      L = (ELLIPSE sqrt(pi^2 + y^2) + 2 y) / (ELLIPSE^2 / 4 - 1).
+
+  The force has the size beta / rho there, so that kappa^-16 = 2e-12 leaves a velocity error of
+  about 1e-14 on a step of h = 1e-3 to 1e-2. The limit also keeps a floor that is still far away
+  from stepping over its layer.
+- The iteration contracts as h^2 |dG/du| / 2, so h <= `CONTRACTION` / sqrt(|dG/du|), and likewise
+  for damping and forcing.
+
+Both limits are for a motion as uniform as it is at the start. What a step has become is checked by
+`scheme.quadrature_error`. A step whose error is above the tolerance is cut, by what its order
+promises, and taken again.
+"""
+
+import math
+from typing import NamedTuple
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, STOP, contact_stiffness
+from hpcsweep.solvers.flow.layer.observation import observe_layer_step
+from hpcsweep.solvers.flow.layer.scheme import (
+    accelerations,
+    collocate,
+    finish,
+    forcing_at,
+    later_forcing,
+    quadrature_error,
+)
+from hpcsweep.solvers.flow.layer.tableau import N_STAGES
+from hpcsweep.solvers.flow.layer.variations import layer_tangent
+from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
+
+ELLIPSE = 5.5
+"""kappa + 1 / kappa with kappa = 5.3."""
+CONTRACTION = 1.2
+DISTANT = 100.0
+"""rho |x| from which on a floor that takes half its way to the stop stays beyond `FAR`."""
+OVERFLOW = 1e100
+"""A coordinate beyond this ends the run as NON_FINITE."""
+
+
+class Interval(NamedTuple):
+    """Where a visit to the layer begins and must end."""
+
+    tau: float
+    end: float
+    steps_left: int
+
+
+@kernel
+def is_ordinary(z):
+    """Tell whether no coordinate is beyond `OVERFLOW` or NaN."""
+    for value in z:
+        if not abs(value) < OVERFLOW:
+            return False
+    return True
+
+
+@kernel
+def copy_state(z, out):
+    """Write z into `out`."""
+    for i in range(z.shape[0]):
+        out[i] = z[i]
+
+
+@kernel
+def inside_layer(z, half_width):
+    """Tell whether any floor is within its contact layer (never, if that has no width)."""
+    for i in range(z.shape[0] // 2):
+        if abs(z[i] - STOP) < half_width:
+            return True
+    return False
+
+
+@kernel
+def _reach(y):
+    """Choose how far y may move on a step from y (negative: towards the stop); see the module."""
+    return (ELLIPSE * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ELLIPSE**2 - 1.0)
+
+
+@kernel
+def longest_step(model):
+    """Limit the steps by damping and forcing, see the module."""
+    n = model.stiffness.shape[0]
+    drag = 0.4 * model.omega
+    for i in range(n):
+        row = 0.0
+        for j in range(n):
+            row += abs(model.damping[i, j])
+        drag = max(drag, row)
+    return 0.4 / drag
+
+
+@kernel
+def step_limit(z, a, model, most):
+    """Choose the length of a step, `most` at most, from state z and accelerations a.
+
+    See the module.
+
+    Returns
+    -------
+    h : float
+    stiffness : float
+        Largest stiffness expected on the step.
+    """
+    n = a.shape[0]
+    stiffness = model.stiffness_bound
+    hardest = 0.0
+    h = min(most, CONTRACTION / math.sqrt(stiffness))
+    for i in range(n - 1, -1, -1):
+        x = z[i] - STOP
+        v = z[n + i]
+        if model.rho * abs(x) > DISTANT and (abs(v) + abs(a[i]) * h) * h < 0.5 * abs(x):
+            # its reach is longer than 0.53 |x|
+            nearest = x
+        elif model.rho > 0.0:
+            y = model.rho * x
+            along = y if v >= 0.0 else -y
+            reach = _reach(along) / model.rho
+            if v * a[i] <= 0.0 and v * v < 2.0 * abs(a[i]) * reach:
+                reach = min(reach, _reach(-along) / model.rho)
+            v = abs(v)
+            root = math.sqrt(v * v + 2.0 * abs(a[i]) * reach)
+            if root > 0.0:
+                h = min(h, 2.0 * reach / (v + root))
+            nearest = x + reach
+        else:
+            nearest = 0.0
+        if model.rho * nearest >= STIFFEST:
+            hardest = max(hardest, MOST_STIFFNESS * model.beta)
+        elif model.rho * nearest > -FAR:
+            hardest = max(hardest, contact_stiffness(nearest, model.beta, model.rho))
+    return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
+
+
+@kernel
+def shortening(allowed, error):
+    """Choose by how much a step is cut whose error, of order h^(2 N_STAGES + 1), is too large."""
+    return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
+
+
+@kernel
+def visit_layer(interval, z, amplitude, shared, tally, tangent):
+    """Integrate from tau until no floor is inside a layer, or until `end`.
+
+    Returns
+    -------
+    tau : float
+    outcome : int
+    steps : int
+        Steps taken.
+    """
+    tau, end, steps_left = interval
+    model, work, tolerance = shared.model, shared.work, shared.tolerance
+    forcing = forcing_at(tau, amplitude, model.omega)
+    accelerations(forcing[1], z, model, work.a)
+    most = longest_step(model)
+    steps = 0
+    while True:
+        left = end - tau
+        h, stiffness = step_limit(z, work.a, model, min(left, most))
+        if not tau + h > tau:
+            return tau, SOLVER_FAILED, steps
+        while True:
+            steps += 1
+            if steps > steps_left:
+                return tau, STEP_LIMIT, steps
+            if collocate(tau, h, z, work.a, forcing, stiffness, model, work.layer):
+                finish(h, z, work.layer.g, work.z_end)
+                error = quadrature_error(h, z, model, work.layer)
+                speed = 1.0
+                for i in range(work.z_end.shape[0]):
+                    speed = max(speed, abs(work.z_end[i]))
+                if error <= tolerance * speed:
+                    break
+                h *= shortening(tolerance * speed, error)
+            else:
+                h *= 0.5
+            if not h > 1e-14 * left:
+                return tau, SOLVER_FAILED, steps
+        tau = end if h >= left else tau + h
+        forcing = later_forcing(tau, h, forcing, model.omega)
+        accelerations(forcing[1], work.z_end, model, work.a_end)
+        if tally is not None:
+            observe_layer_step(h, z, work.z_end, model, tally, work)
+        if tangent is not None:
+            layer_tangent(h, model, work.layer, tangent)
+        copy_state(work.z_end, z)
+        if not is_ordinary(z):
+            return tau, NON_FINITE, steps
+        for i in range(work.a.shape[0]):
+            work.a[i] = work.a_end[i]
+        if tau >= end or not inside_layer(z, model.layer):
+            return tau, COMPLETE, steps

@@ -1,0 +1,50 @@
+"""Workspace of a collocation step; the stages are left there for those who observe it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.vectors import aligned_zeros
+from hpcsweep.solvers.flow.layer.tableau import N_STAGES
+
+
+class LayerWorkspace(NamedTuple):
+    """Stages of a step, and workspace.
+
+    Attributes
+    ----------
+    u, v, g : ndarray, shape (n, N_STAGES)
+        Displacements, velocities and accelerations at the stages.
+    fresh, ground, active : ndarray
+        Workspace.
+    free, speeds : ndarray, shape (n, N_STAGES)
+        u_0 + c_j h v_0 and v_0: the stages without acceleration.
+    spring : ndarray, shape (n, N_STAGES)
+        Workspace.
+    """
+
+    u: np.ndarray
+    v: np.ndarray
+    g: np.ndarray
+    fresh: np.ndarray
+    ground: np.ndarray
+    active: np.ndarray
+    free: np.ndarray
+    speeds: np.ndarray
+    spring: np.ndarray
+
+
+def new_layer_workspace(n: int) -> LayerWorkspace:
+    """Allocate the stages of n floors."""
+    stages = (n, N_STAGES)
+    return LayerWorkspace(
+        u=aligned_zeros(*stages),
+        v=aligned_zeros(*stages),
+        g=aligned_zeros(*stages),
+        fresh=aligned_zeros(*stages),
+        ground=aligned_zeros(N_STAGES),
+        active=np.zeros(n, np.int64),
+        free=aligned_zeros(*stages),
+        speeds=aligned_zeros(*stages),
+        spring=aligned_zeros(*stages),
+    )

@@ -1,0 +1,172 @@
+"""Newton's method for the periodic orbit that a motion approaches.
+
+With F the period map over p forcing periods and M its tangent it solves F(z) = z from where the
+last three points extrapolate to (Aitken's method along their differences). `transient` says when it
+is tried and what makes the orbit that of the motion.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import jit, kernel
+from hpcsweep.solvers.flow.march import march
+from hpcsweep.solvers.outcome import COMPLETE
+
+NEWTON_STEPS = 6
+NEWTON_SAME = 1e-7
+"""Distance between points whose tangent maps are taken for the same."""
+NEWTON_REACH = 0.01
+"""Longest jump (gaps, gaps omega_0)."""
+NEWTON_RESIDUAL = 1e-11
+NEWTON_STABLE = 0.9999
+NEWTON_LINEAR = 0.05
+
+
+@kernel
+def newton_orbit(shared, watch, no_points, period, amplitude):
+    """Jump from the motion that is watched to the orbit it approaches, if that is proved.
+
+    The matrix is kept while it was taken within `NEWTON_SAME` of where it is used; what an orbit's
+    matrix tells, its multiplier too, is then right to about that.
+
+    Returns
+    -------
+    accepted : bool
+        ``watch.point`` is then z*.
+    n_periods : int
+        Forcing periods integrated.
+    multiplier : float
+        Modulus of the largest Floquet multiplier.
+    """
+    point, taken, matrix, left = watch.point, watch.taken, watch.matrix, watch.left
+    size = point.shape[0]
+    long = watch.history.shape[0]
+    since = watch.since[0]
+    before = watch.history[(since - 2 * period) % long]
+    state = watch.history[(since - period) % long]
+    image = watch.history[since % long]
+    _extrapolate(before, state, image, point)
+    n_periods = 0
+    found = False
+    residual = 0.0
+    for step in range(NEWTON_STEPS):
+        moved = math.inf if step == 0 else _largest_difference(point, taken)
+        for k in range(size):
+            left[k] = point[k]
+        if moved <= NEWTON_SAME:
+            done, outcome = march(shared, point, amplitude, period, no_points, None, None, None)
+        else:
+            for i in range(size):
+                taken[i] = point[i]
+                for k in range(size):
+                    matrix[i, k] = 1.0 if i == k else 0.0
+            done, outcome = march(shared, point, amplitude, period, no_points, None, matrix, None)
+        n_periods += done
+        if outcome != COMPLETE:
+            return False, n_periods, math.nan
+        last_residual = residual
+        residual = _largest_difference(point, left)
+        if residual <= NEWTON_RESIDUAL:
+            found = True
+            break
+        # z - (M - I)^-1 (F(z) - z), z in `left` and F(z) in `point`
+        for k in range(size):
+            watch.previous[k] = point[k] - left[k]
+        for i in range(size):
+            for k in range(size):
+                watch.factors[i, k] = matrix[i, k] - (1.0 if i == k else 0.0)
+        if not _solve(watch.factors, watch.previous):
+            return False, n_periods, math.nan
+        for k in range(size):
+            point[k] = left[k] - watch.previous[k]
+        if not _largest_difference(point, image) <= NEWTON_REACH:
+            return False, n_periods, math.nan
+        if 10.0 * residual * residual <= NEWTON_RESIDUAL * last_residual:
+            # the next one: it falls at least by the factor by which it has just fallen
+            for k in range(size):
+                left[k] = point[k]
+            found = True
+            break
+    if not found:
+        return False, n_periods, math.nan
+    size_left = 0.0
+    curved = 0.0
+    for i in range(size):
+        expected = 0.0
+        for k in range(size):
+            expected += matrix[i, k] * (state[k] - left[k])
+        size_left = max(size_left, abs(image[i] - left[i]))
+        curved = max(curved, abs(image[i] - left[i] - expected))
+    if not curved <= NEWTON_LINEAR * size_left + NEWTON_RESIDUAL:
+        return False, n_periods, math.nan
+    multiplier = _spectral_radius(matrix)
+    return multiplier <= NEWTON_STABLE, n_periods, multiplier
+
+
+@kernel
+def _largest_difference(a, b):
+    """Return max |a_k - b_k|, NaN if any of them is."""
+    largest = 0.0
+    for k in range(a.shape[0]):
+        difference = abs(a[k] - b[k])
+        if not difference <= largest:
+            largest = difference
+    return largest
+
+
+@kernel
+def _extrapolate(before, state, image, out):
+    """Sum the geometric series that the differences of three points begin, if it converges."""
+    square = 0.0
+    product = 0.0
+    for k in range(out.shape[0]):
+        first = state[k] - before[k]
+        square += first * first
+        product += first * (image[k] - state[k])
+    ratio = product / max(square, 1e-300)
+    factor = ratio / (1.0 - ratio) if abs(ratio) < 1.0 else 0.0
+    for k in range(out.shape[0]):
+        out[k] = image[k] + factor * (image[k] - state[k])
+
+
+@kernel
+def _solve(matrix, right):
+    """Solve matrix x = right by elimination with row pivots, both overwritten, x in `right`.
+
+    Returns
+    -------
+    bool
+        Whether the matrix is regular.
+    """
+    size = right.shape[0]
+    for column in range(size):
+        pivot = column
+        for row in range(column + 1, size):
+            if abs(matrix[row, column]) > abs(matrix[pivot, column]):
+                pivot = row
+        if not abs(matrix[pivot, column]) > 0.0:
+            return False
+        if pivot != column:
+            for k in range(column, size):
+                matrix[column, k], matrix[pivot, k] = matrix[pivot, k], matrix[column, k]
+            right[column], right[pivot] = right[pivot], right[column]
+        for row in range(column + 1, size):
+            factor = matrix[row, column] / matrix[column, column]
+            for k in range(column + 1, size):
+                matrix[row, k] -= factor * matrix[column, k]
+            right[row] -= factor * right[column]
+    for row in range(size - 1, -1, -1):
+        value = right[row]
+        for k in range(row + 1, size):
+            value -= matrix[row, k] * right[k]
+        right[row] = value / matrix[row, row]
+    return True
+
+
+@jit
+def _spectral_radius(matrix):
+    """Return the largest modulus of the eigenvalues, inf if the matrix is not finite."""
+    if not np.all(np.isfinite(matrix)):
+        return math.inf
+    return np.abs(np.linalg.eigvals(matrix.astype(np.complex128))).max()

@@ -1,0 +1,94 @@
+"""The motion along a linear step as polynomials in sigma = 2 s / h - 1, from the tables."""
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.vectors import LANES, combine, fma
+from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
+
+
+@kernel
+def expand_rows(poly, index, x, rows, expanded, count):
+    """Write the polynomials of the first `count` components along a step from x into `rows`.
+
+    Parameters
+    ----------
+    poly : ndarray
+        Of `Tables`.
+    rows : ndarray, shape (2n, N_COEFFICIENTS)
+    expanded : ndarray of bool, shape (2n,)
+        Which rows are valid already.
+    """
+    for row in range(count):
+        if not expanded[row]:
+            expand_row(poly, index, row, x, rows)
+            expanded[row] = True
+
+
+@kernel
+def expand_row(poly, index, row, x, rows):
+    """Write the polynomial of one component along a step from x into its row."""
+    start = (index * poly.shape[1] + row) * poly.shape[2] * N_COEFFICIENTS
+    for p in range(0, N_COEFFICIENTS, LANES):
+        combine(
+            rows,
+            row * N_COEFFICIENTS + p,
+            ZERO,
+            0,
+            1.0,
+            poly,
+            start + p,
+            N_COEFFICIENTS,
+            x,
+            0,
+            x.shape[0],
+        )
+
+
+@kernel
+def evaluate_rows(rows, h, s, out):
+    """Evaluate the state at time s of the step whose polynomials are `rows`."""
+    sigma = s * (2.0 / h) - 1.0
+    square = sigma * sigma
+    fourth = square * square
+    for row in range(out.shape[0]):
+        value = 0.0
+        for p in range(N_COEFFICIENTS - 4, -1, -4):
+            low = fma(rows[row, p + 1], sigma, rows[row, p])
+            high = fma(rows[row, p + 3], sigma, rows[row, p + 2])
+            value = fma(value, fourth, fma(high, square, low))
+        out[row] = value
+
+
+@kernel
+def value_slope_bend(rows, row, h, s):
+    """Evaluate polynomial `row` of a step and its first two time derivatives at time s of the step.
+
+    Four coefficients at a time, so that few operations wait for each other.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (any, N_COEFFICIENTS)
+        Coefficients in sigma = 2 s / h - 1, ascending.
+    """
+    rate = 2.0 / h
+    sigma = s * rate - 1.0
+    square = sigma * sigma
+    fourth = square * square
+    cubic = 4.0 * sigma * square
+    value = 0.0
+    slope = 0.0
+    bend = 0.0
+    for p in range(N_COEFFICIENTS - 4, -1, -4):
+        c0, c1, c2, c3 = rows[row, p], rows[row, p + 1], rows[row, p + 2], rows[row, p + 3]
+        part = fma(6.0 * c3, sigma, 2.0 * c2)
+        bend = fma(bend, fourth, fma(2.0 * slope, cubic, fma(value, 12.0 * square, part)))
+        part = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
+        slope = fma(slope, fourth, fma(value, cubic, part))
+        value = fma(value, fourth, fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0)))
+    return value, slope * rate, bend * (rate * rate)
+
+
+@kernel
+def value_and_slope(rows, row, h, s):
+    """Evaluate as `value_slope_bend`, without the second derivative."""
+    value, slope, _ = value_slope_bend(rows, row, h, s)
+    return value, slope

@@ -1,0 +1,33 @@
+"""What is gathered along the motion: contact set, drift, modal norms.
+
+`drift` and `modal_norm` bring it up to date on linear segments, `layer.observation` inside a layer.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Tally(NamedTuple):
+    """What is gathered over a window, and what is asked for."""
+
+    contact: np.ndarray
+    """(1,) uint64: bit i - 1 is set once u_i >= 1."""
+    peak_drift: np.ndarray
+    """(1,)"""
+    free_time: np.ndarray
+    """(1,): time in which no floor touched."""
+    modal: np.ndarray
+    """(n,): integral of |q_j| / ||q|| over that time."""
+    modal_norm: bool
+
+
+def empty_tally(n: int, modal_norm: bool = False) -> Tally:
+    """Make a tally for n floors."""
+    return Tally(
+        np.zeros(1, np.uint64),
+        np.zeros(1),
+        np.zeros(1),
+        np.zeros(n),
+        modal_norm,
+    )

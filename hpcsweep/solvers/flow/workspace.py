@@ -1,0 +1,73 @@
+"""Workspace of the kernels: arrays whose contents mean nothing between calls."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.vectors import LANES, aligned_zeros
+from hpcsweep.solvers.flow.layer.tableau import N_STAGES
+from hpcsweep.solvers.flow.layer.workspace import LayerWorkspace, new_layer_workspace
+from hpcsweep.solvers.flow.search import MAX_DEPTH
+from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, N_MODAL, padded
+from hpcsweep.solvers.flow.tangent import TangentWorkspace, new_tangent_workspace
+
+
+class Workspace(NamedTuple):
+    """Workspace for the kernels; contents mean nothing between calls."""
+
+    x: np.ndarray
+    z_end: np.ndarray
+    wide: np.ndarray
+    """Padded 2n: the end of a step."""
+    bounds: np.ndarray
+    """Padded n: bounds of the fourth derivatives on a step."""
+    rows: np.ndarray
+    """(2n, N_COEFFICIENTS): polynomials of the present step, valid where `expanded`."""
+    expanded: np.ndarray
+    drift_rows: np.ndarray
+    modal_rows: np.ndarray
+    modal_nodes: np.ndarray
+    """Padded n N_MODAL: modal coordinates at the nodes of an interval, by mode, then node."""
+    modal_part: np.ndarray
+    modal_series: np.ndarray
+    modal_powers: np.ndarray
+    """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
+    modal_summary: np.ndarray
+    """(LANES,): see `modal_norm.SUMMARY`."""
+    ways: np.ndarray
+    stack: np.ndarray
+    a: np.ndarray
+    a_end: np.ndarray
+    tangent: TangentWorkspace
+    layer: LayerWorkspace
+    stage_u: np.ndarray
+    stage_v: np.ndarray
+    stage_a: np.ndarray
+
+
+def new_workspace(n: int) -> Workspace:
+    """Allocate the workspace for n floors."""
+    return Workspace(
+        x=aligned_zeros(2 * n + 3),
+        z_end=np.zeros(2 * n),
+        wide=aligned_zeros(padded(2 * n)),
+        bounds=aligned_zeros(padded(n)),
+        rows=aligned_zeros(2 * n, N_COEFFICIENTS),
+        expanded=np.zeros(2 * n, np.bool_),
+        drift_rows=aligned_zeros(1, N_COEFFICIENTS),
+        modal_rows=aligned_zeros(n, N_COEFFICIENTS),
+        modal_nodes=aligned_zeros(padded(n * N_MODAL)),
+        modal_part=aligned_zeros(n),
+        modal_series=aligned_zeros(N_MODAL),
+        modal_powers=aligned_zeros(N_COEFFICIENTS, N_MODAL),
+        modal_summary=aligned_zeros(LANES),
+        ways=np.zeros(n),
+        stack=np.zeros((MAX_DEPTH + 2, 3)),
+        a=np.zeros(n),
+        a_end=np.zeros(n),
+        tangent=new_tangent_workspace(n),
+        layer=new_layer_workspace(n),
+        stage_u=np.zeros(N_STAGES),
+        stage_v=np.zeros(N_STAGES),
+        stage_a=np.zeros(N_STAGES),
+    )

@@ -1,0 +1,84 @@
+"""The walls between the rooms stand, and fall over when somebody breaks through one."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tools import ROOT
+
+LINTER = Path(sys.executable).parent / "lint-imports"
+BREACHES = {
+    "The floors of the house": ("model/structure.py", "from hpcsweep.store import Layout"),
+    "Only parallel.mpi imports mpi4py": ("campaign/status.py", "from mpi4py import MPI"),
+    "Only store imports h5py": ("figures/style.py", "import h5py"),
+    "Only figures imports matplotlib": ("campaign/summary.py", "import matplotlib.pyplot"),
+    "Only kernels imports numba": ("solvers/bdf.py", "import numba"),
+    "The numerical core sees no path": ("studies/runs.py", "import pathlib"),
+}
+"""For each contract, by the beginning of its name, a line that it forbids, and where."""
+
+
+def lint(folder: Path) -> tuple[int, dict[str, bool], str]:
+    """Exit code of import-linter, whether each contract is kept, and all that it says."""
+    done = subprocess.run(
+        [LINTER, "--no-cache"], cwd=folder, capture_output=True, text=True, check=False
+    )
+    verdicts = re.findall(r"^(.+?) (KEPT|BROKEN)\b", done.stdout, re.MULTILINE)
+    return done.returncode, {name: word == "KEPT" for name, word in verdicts}, done.stdout
+
+
+@pytest.fixture
+def house(tmp_path):
+    """A copy of the package and its contracts."""
+    shutil.copytree(
+        ROOT / "hpcsweep", tmp_path / "hpcsweep", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+def test_every_contract_breaks_when_its_wall_is_broken(house):
+    code, kept, said = lint(house)
+    assert code == 0, said
+    assert len(kept) == len(BREACHES)
+    for name, line in BREACHES.values():
+        path = house / "hpcsweep" / name
+        path.write_text(path.read_text() + f"\n{line}\n")
+    code, kept, said = lint(house)
+    assert code == 1
+    for beginning in BREACHES:
+        (name,) = (name for name in kept if name.startswith(beginning))
+        assert not kept[name], f"{name} holds although it was broken:\n{said}"
+
+
+def test_a_room_without_a_floor_is_refused(house):
+    shed = house / "hpcsweep" / "shed"
+    shed.mkdir()
+    (shed / "__init__.py").write_text('"""A room nobody has placed."""\n')
+    code, _, said = lint(house)
+    assert code == 1
+    assert "shed" in said
+
+
+def test_files_and_functions_stay_small():
+    """Longer ones are listed with their reason; a reason that is not needed any more goes."""
+    import ast
+
+    long_files, long_functions = set(), set()
+    for path in (ROOT / "hpcsweep").rglob("*.py"):
+        name = str(path.relative_to(ROOT / "hpcsweep"))
+        text = path.read_text()
+        if text.count("\n") > 350:
+            long_files.add(name)
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= 85:
+                long_functions.add(f"{name}:{node.name}")
+    assert long_files == set(REASONS_FOR_FILES)
+    assert long_functions == set(REASONS_FOR_FUNCTIONS)
+
+
+REASONS_FOR_FILES: dict[str, str] = {}
+REASONS_FOR_FUNCTIONS: dict[str, str] = {}

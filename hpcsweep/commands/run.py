@@ -1,11 +1,10 @@
 """`hpcsweep run`: run a job, or resume it."""
 
-import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.campaign.progress import make_progress, note
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
+from hpcsweep.campaign.progress import make_progress, note, say_line
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, file_name, positive
 
 RUN_HELP = """\
 Run a job. If its results file exists already, the run resumes where it stopped, on any number
@@ -42,7 +41,11 @@ def add_to(commands) -> None:
     )
     run.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     run.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="results (default: the job's name + .h5)"
+        "-o",
+        "--output",
+        type=file_name,
+        metavar="FILE",
+        help="results (default: the job's name + .h5)",
     )
     run.add_argument(
         "--set",
@@ -112,7 +115,7 @@ def _run(options) -> int:
                 flag.ignore()
                 if comm.rank == 0:
                     hint = "complete" if code == 0 else "stopped in good order; run again to resume"
-                    print(f"{output}: {hint}", file=sys.stderr)
+                    say_line(f"{output}: {hint}")
                 return comm.leave(code)
             except StoreError as error:
                 problem = str(error)
@@ -125,7 +128,7 @@ def _run(options) -> int:
     except Exception:
         text = traceback.format_exc()
         where = f" on rank {comm.rank}" if comm.size > 1 else ""
-        print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
+        say_line(f"hpcsweep: failed{where}:\n{text}")
         comm.abort(FAILURE)
         return FAILURE
 

@@ -15,6 +15,7 @@ from hpcsweep.campaign.pilot import KnownCosts
 from hpcsweep.campaign.progress import say_line
 from hpcsweep.job import Job
 from hpcsweep.parallel import farm, memory
+from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import (
     Campaign,
@@ -79,7 +80,7 @@ def run(
     max_hours: float | None = None,
     progress: Callable[[int, int], Silent] | None = None,
     say: Callable[[str], None] = lambda text: None,
-    flag: farm.StopFlag | None = None,
+    flag: StopFlag | None = None,
 ) -> int:
     """Run a job on all ranks, creating its file or resuming it (collective).
 
@@ -95,7 +96,7 @@ def run(
         Makes the progress display on rank 0.
     say : callable
         Told on rank 0 what happens before the first run.
-    flag : hpcsweep.parallel.farm.StopFlag, optional
+    flag : hpcsweep.parallel.stopping.StopFlag, optional
         Hears the signals already; if it is not given, they are heard while this function runs.
 
     Returns
@@ -112,7 +113,7 @@ def run(
     """
     begun = time.time()
     layout = Layout(job)
-    with contextlib.nullcontext(flag) if flag else farm.StopFlag(launched=comm.size > 1) as flag:
+    with contextlib.nullcontext(flag) if flag else StopFlag(launched=comm.size > 1) as flag:
         if max_hours is not None:
             flag.deadline = begun + max_hours * 3600 - STOP_MARGIN
         lock = Lock(output)
@@ -199,7 +200,7 @@ def _check_same_job(layout: Layout, output: Path) -> None:
     check_writable(output)
 
 
-def _compile(comm, study, flag: farm.StopFlag, say: Callable[[str], None]) -> None:
+def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
     """Let one rank of each node compile the kernels, or load them, before the others.
 
     That may take minutes, so a signal ends the ranks then and there: nothing is being written.
@@ -254,7 +255,7 @@ class _Failures:
 class _Work:
     """The unfinished tasks of a campaign, and one rank's share in them."""
 
-    def __init__(self, comm, output: Path, campaign: Campaign, flag: farm.StopFlag, hosts, say):
+    def __init__(self, comm, output: Path, campaign: Campaign, flag: StopFlag, hosts, say):
         self._comm, self._output, self._campaign = comm, output, campaign
         self._flag, self._hosts, self._say = flag, hosts, say
         self._study = campaign.blocks.study
@@ -393,7 +394,7 @@ class _Scan:
         Whether nobody was told to stop; the same on every rank.
     """
 
-    def __init__(self, comm, blocks: Blocks, flag: farm.StopFlag, say: Callable[[str], None]):
+    def __init__(self, comm, blocks: Blocks, flag: StopFlag, say: Callable[[str], None]):
         self._flag, self._say = flag, say if comm.rank == 0 else lambda text: None
         self._begun = self._told = time.monotonic()
         self._asked = 0

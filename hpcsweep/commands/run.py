@@ -72,8 +72,8 @@ def add_to(commands) -> None:
 
 def _run(options) -> int:
     """Run a job on all ranks."""
-    from hpcsweep.parallel.farm import StopFlag
     from hpcsweep.parallel.mpi import LauncherError, launched_size, world
+    from hpcsweep.parallel.stopping import StopFlag
 
     # heard from here to the end of the process: a signal while a library is loaded is not lost,
     # and one that comes when all is done does no harm

@@ -95,5 +95,6 @@ def _is_record(record: object) -> bool:
     if not isinstance(record, dict) or not isinstance(record.get("kind"), str):
         return False
     moment = record.get("time")
-    number = isinstance(moment, int | float) and not isinstance(moment, bool)
-    return number and 0 <= moment < LATEST
+    if isinstance(moment, bool) or not isinstance(moment, int | float):
+        return False
+    return 0 <= moment < LATEST

@@ -9,8 +9,8 @@ from tools import SMALL, hpcsweep
 
 from hpcsweep.campaign import run as campaign
 from hpcsweep.job import parse_job
-from hpcsweep.parallel.farm import StopFlag
 from hpcsweep.parallel.mpi import Serial
+from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import StoreError, WriteError
 
 JOB = parse_job(SMALL, "test", "test")

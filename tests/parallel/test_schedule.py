@@ -391,7 +391,7 @@ def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
     from hpcsweep.campaign import run as campaign
     from hpcsweep.campaign.status import status
     from hpcsweep.parallel import mpi
-    from hpcsweep.parallel.farm import Stop
+    from hpcsweep.parallel.stopping import Stop
 
     calls = []
 

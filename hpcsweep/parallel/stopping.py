@@ -68,7 +68,7 @@ class StopFlag:
             self.at_once(self.reason)
 
     def is_set(self) -> bool:
-        """Tell whether to stop.
+        """Return whether to stop.
 
         Raises
         ------

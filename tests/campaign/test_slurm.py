@@ -13,6 +13,8 @@ from slurm_cluster import Cluster, SlurmError, edited, launchers
 from tools import ROOT, SMALL, assert_same_datasets, hpcsweep
 
 SCRIPTS = ("once.sh", "requeue.sh", "array.sh", "chain.sh")
+RECIPES = ("apptainer.def", "environment.yml")
+"""How to install there; `tests/packaging` checks them."""
 LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 80000").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
@@ -74,7 +76,7 @@ def blocks(script: str) -> dict[str, str]:
 
 
 def test_what_the_scripts_share_is_the_same_in_all():
-    assert sorted(p.name for p in (ROOT / "slurm").iterdir()) == sorted(SCRIPTS)
+    assert sorted(p.name for p in (ROOT / "slurm").iterdir()) == sorted(SCRIPTS + RECIPES)
     shared = {}
     for script in SCRIPTS:
         for name, text in blocks(script).items():

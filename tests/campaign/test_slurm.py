@@ -124,6 +124,27 @@ def test_once_stops_at_the_signal_and_submitted_again_completes(
 
 
 @pytest.mark.slurm
+def test_slurm_takes_the_lines_that_a_dry_run_prints(cluster, tmp_path):
+    job_file = tmp_path / "small.toml"
+    job_file.write_text(SMALL.replace("count = 4", "count = 2"))
+    told = hpcsweep(0, "run", job_file, "--dry-run", cwd=tmp_path).stdout
+    lines = re.findall(r"^#SBATCH .*$", told, re.MULTILINE)
+    script = edited("once.sh", tmp_path, launchers()["srun"])
+    text = re.sub(r"^#SBATCH --(ntasks|time)=.*\n", "", script.read_text(), flags=re.MULTILINE)
+    script.write_text(text.replace("\n#SBATCH", "\n" + "\n".join([*lines, "#SBATCH"]), 1))
+    job = cluster.submit(script, job_file, cwd=tmp_path)
+    ended = cluster.wait(job)
+    assert ended["ExitCode"] == "0:0", log_of(tmp_path)
+    asked = dict(line.removeprefix("#SBATCH --").split("=") for line in lines)
+    assert ended["NumTasks"] == asked["ntasks"]
+    assert ended["TimeLimit"] == asked["time"]
+    assert ended["MinMemoryCPU"] == asked["mem-per-cpu"]
+    state = status(tmp_path / "small.h5")
+    assert state["complete"]
+    assert state["sessions"][0]["ranks"] == int(asked["ntasks"])
+
+
+@pytest.mark.slurm
 @pytest.mark.parametrize("launcher", ["srun", "mpirun"])
 def test_requeue_goes_on_until_complete(cluster, tmp_path, long_job, uninterrupted, launcher):
     script = edited("requeue.sh", tmp_path, launchers()[launcher])

@@ -20,6 +20,14 @@ PILOT_TIMED = 2
 """Runs timed in one sample."""
 PILOT_PER_FRAME = 4
 """Samples a frame beyond which more tell nothing."""
+PILOT_WEIGHT = 0.2
+"""Share of the whole work that must be measured to count as much as the pilot in `remaining`."""
+PRIOR_RUNS = 0.5
+"""Runs that the pilot's interpolated cost counts for beside what is known around a frame."""
+FRAMES_AROUND = 600
+"""Share of the frames, as 1/x, over which a mean falls off ..."""
+MOST_AROUND = 20.0
+"""... and most frames."""
 MAX_SAMPLES = 2048
 SPREAD = (0.7548776662466927, 0.5698402909980532)
 """Steps of the additive sequence (Roberts' R2) that fills frames x amplitudes evenly."""
@@ -53,14 +61,18 @@ class TaskCosts:
         self._left: list[float] | None = None
 
     def sampled(self, sample: PilotCost) -> None:
-        """Learn from a pilot's runs."""
-        cell = min(int(sample.along * self._strata), self._strata - 1), sample.frame
+        """Learn from a pilot's runs; a sample that the study does not have is passed over."""
+        if sample.frame >= self._sizes[1] or sample.runs < 1:
+            return
+        cell = int(np.clip(sample.along * self._strata, 0, self._strata - 1)), sample.frame
         self._pilot_runs[cell] += sample.runs
         self._pilot_seconds[cell] += sample.seconds
         self._prior = self._left = None
 
     def measured(self, cost: BlockCost) -> None:
-        """Learn what a block cost."""
+        """Learn what a block cost; one that the study does not have is passed over."""
+        if any(at >= size for at, size in zip(cost.place, self._sizes, strict=True)):
+            return
         cell = self._cell[self._row_of(cost.place)]
         self._runs.flat[cell] += cost.runs
         self._seconds.flat[cell] += cost.seconds
@@ -71,9 +83,10 @@ class TaskCosts:
         self._left_runs[self._row_of(place)] = 0.0
         self._left = None
 
-    def all_done(self, committed: np.ndarray) -> None:
-        """Note which blocks need not be computed, shape of ``commit``."""
-        self._left_runs[self._row[committed.ravel()]] = 0.0
+    def all_done(self, places: np.ndarray) -> None:
+        """Note which blocks need not be computed, shape (n, n_axes)."""
+        flat = np.ravel_multi_index(tuple(np.asarray(places).T), self._sizes)
+        self._left_runs[self._row[flat]] = 0.0
         self._left = None
 
     def n_known(self) -> int:
@@ -89,6 +102,40 @@ class TaskCosts:
     def all_left(self) -> np.ndarray:
         """Estimate the cost (s) of what is left of every task, shape (n_tasks,)."""
         return np.bincount(self._table.task, self._left_runs * self._per_run().flat[self._cell])
+
+    def remaining(self, n_computing: int = 1) -> float | None:
+        """Estimate the time (s) that what is left takes on a number of ranks.
+
+        The order of the work may trust the nearest block that was measured; a sum may not. The
+        pilot's samples scatter, and the ratio of one block to one sample would be carried to all
+        that is not measured yet; and what is left late are the frames whose samples were by chance
+        too low. So the pilot as a whole is corrected by one ratio for each direction, which begins
+        at 1 and comes to be the measured one, and a frame takes the mean of all that is known
+        around it, measured blocks and samples, each with the weight of its runs.
+
+        Returns
+        -------
+        float or None
+            None if nothing is known.
+        """
+        if not self.n_known():
+            return None
+        prior = self._known_prior()
+        cells = np.bincount(self._cell, self._table.n_runs, self._runs.size)
+        pilot = PILOT_WEIGHT * float((cells.reshape(self._runs.shape) * prior).sum())
+        pilot *= bool(self._pilot_runs.any())  # without a pilot the prior has no unit
+        expected, seconds = (
+            values.sum(axis=(1, 2)) for values in (self._runs * prior, self._seconds)
+        )
+        whole = (seconds.sum() + pilot) / (expected.sum() + pilot)
+        weight = pilot or PILOT_WEIGHT * expected.sum()
+        ratio = (seconds + weight * whole) / (expected + weight)
+        ratio = ratio[:, None, None]
+        around = _around(self._seconds + ratio * self._pilot_seconds) + PRIOR_RUNS * ratio * prior
+        mean = around / (_around((self._runs + self._pilot_runs).astype(float)) + PRIOR_RUNS)
+        per_run = np.where(self._runs > 0, self._seconds / np.maximum(self._runs, 1), mean)
+        left = np.bincount(self._table.task, self._left_runs * per_run.flat[self._cell])
+        return float(max(left.sum() / n_computing, left.max()))
 
     def totals(self) -> np.ndarray:
         """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
@@ -113,11 +160,15 @@ class TaskCosts:
     def _row_of(self, place: tuple[int, ...]) -> int:
         return int(self._row[np.ravel_multi_index(place, self._sizes)])
 
-    def _per_run(self) -> np.ndarray:
-        """Estimated seconds a run, shape (direction, stratum, frame)."""
+    def _known_prior(self) -> np.ndarray:
+        """Seconds a run that the pilot tells, shape (stratum, frame)."""
         if self._prior is None:
             self._prior = _fill(self._pilot_runs, self._pilot_seconds)
-        prior = self._prior
+        return self._prior
+
+    def _per_run(self) -> np.ndarray:
+        """Estimated seconds a run, shape (direction, stratum, frame)."""
+        prior = self._known_prior()
         known = self._runs > 0
         if not known.any():
             return np.broadcast_to(prior, known.shape).copy()
@@ -133,6 +184,16 @@ class TaskCosts:
                     frames, at, self._seconds[cell] / expected[cell]
                 )
         return ratio * prior
+
+
+def _around(values: np.ndarray) -> np.ndarray:
+    """Add up values over frames, the last axis, with weights that fall off around each."""
+    reach = min(max(values.shape[-1] / FRAMES_AROUND, 0.3), MOST_AROUND)
+    far = int(np.ceil(5 * reach))
+    weights = np.exp(-np.abs(np.arange(-far, far + 1)) / reach)
+    rows = values.reshape(-1, values.shape[-1])
+    summed = [np.convolve(row, weights)[far : far + row.size] for row in rows]
+    return np.array(summed).reshape(values.shape)
 
 
 def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from hpcsweep.parallel.schedule import (
     ranks_that_help,
     simulate,
 )
+from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.store import Layout, read_history
 
 SAMPLE_SECONDS = 5.0
@@ -92,9 +93,9 @@ def predict(
 ) -> list[Prediction]:
     """Simulate the job's schedule on numbers of ranks."""
     pieces = forecast.costs.pieces(MOST_PIECES)
-    # between two looks at the messages a computing master does one run, bdf one forcing period
+    # between two looks at the messages a computing master does one run, or one forcing period
     cycles = job.settings.transient_cycles + job.settings.sampling_cycles
-    poll = forecast.run_seconds / (cycles if job.settings.solver == "bdf" else 1)
+    poll = forecast.run_seconds / (cycles if SOLVERS[job.settings.solver].polls_each_period else 1)
     return [simulate(pieces, n, message_seconds=message_seconds, poll_seconds=poll) for n in ranks]
 
 

@@ -2,9 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel import farm
+from hpcsweep.parallel.schedule import master_computes
+from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Journal, read_history
 from hpcsweep.store.records import BlockCost
 
@@ -12,7 +16,8 @@ from hpcsweep.store.records import BlockCost
 class KnownCosts:
     """Costs of the unfinished tasks; made on every rank, held on rank 0.
 
-    Nothing is kept on one rank or for one task: there is nothing to decide.
+    Nothing is kept for one task: there is nothing to decide, and its runs tell how fast it is. One
+    rank takes the tasks in their order, but is told the time that remains.
 
     Parameters
     ----------
@@ -22,13 +27,13 @@ class KnownCosts:
         Whose journal is read.
     todo : list of int
         Unfinished tasks.
-    done : list of tuple of int
+    done : ndarray of int, shape (n, n_axes)
         Places of the blocks of these that are done.
     """
 
-    def __init__(self, comm, study, output: Path, todo: list[int], done: list[tuple[int, ...]]):
+    def __init__(self, comm, study, output: Path, todo: list[int], done: np.ndarray):
         self._comm, self._study = comm, study
-        self._wanted = comm.bcast(comm.size > 1 and len(todo) > 1)
+        self._wanted = comm.bcast(len(todo) > 1)
         if comm.rank != 0 or not self._wanted:
             return
         self.tasks = TaskCosts(study)
@@ -37,10 +42,9 @@ class KnownCosts:
             self.tasks.measured(cost)
         for sample in history.samples:
             self.tasks.sampled(sample)
-        for place in done:
-            self.tasks.done(place)
+        self.tasks.all_done(done)
 
-    def sample(self, journal: Journal, flag: farm.StopFlag) -> bool:
+    def sample(self, journal: Journal, flag: StopFlag) -> bool:
         """Time a pilot on all ranks, if it is needed; tell whether to go on (collective)."""
         count = 0
         if self._comm.rank == 0 and self._wanted:
@@ -67,4 +71,11 @@ class KnownCosts:
 
     def left(self, task: int) -> float:
         """Estimate the cost (s) of what is left of a task; 0 where it does not matter."""
-        return self.tasks.left(task) if self._wanted else 0.0
+        return self.tasks.left(task) if self._wanted and self._comm.size > 1 else 0.0
+
+    def remaining(self) -> float | None:
+        """Estimate the wall time (s) until all is done on these ranks; None if it is not known."""
+        if not self._wanted:
+            return None
+        ranks = self._comm.size
+        return self.tasks.remaining(ranks if master_computes(ranks) else ranks - 1)

@@ -1,14 +1,31 @@
 """Progress for people: a bar on a terminal, a line a minute in a log."""
 
+import contextlib
+import math
+import os
 import sys
 import time
+from collections.abc import Callable
 
 LOG_INTERVAL = 60.0
+BAR_INTERVAL = 5.0
+BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"
+"""As tqdm's own, without its estimate, which takes all runs to cost the same."""
 
 
 def note(text: str) -> None:
     """Write one line with the time of day to standard error."""
-    print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
+    say_line(f"{time.strftime('%H:%M:%S')} {text}")
+
+
+def say_line(text: str) -> None:
+    """Write one line to standard error; if it is full nothing is said, and the work goes on."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except (OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError):
+            # what could not be written would be tried again at exit
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 def make_progress(total: int, done: int, unit: str = "run"):
@@ -16,20 +33,40 @@ def make_progress(total: int, done: int, unit: str = "run"):
     return (Bar if sys.stderr.isatty() else Log)(total, done, unit)
 
 
-class Bar:
-    """A bar, drawn by tqdm."""
+class _Display:
+    """What both displays know: how long the rest will take, if somebody can tell."""
+
+    def __init__(self) -> None:
+        self._remaining: Callable[[], float | None] = lambda: None
+
+    def expect(self, remaining: Callable[[], float | None]) -> None:
+        """Be given a function that estimates the remaining time (s)."""
+        self._remaining = remaining
+
+
+class Bar(_Display):
+    """A bar, drawn by tqdm; its own remaining time is replaced where a better one is known."""
 
     def __init__(self, total: int, done: int, unit: str = "run"):
+        super().__init__()
         from tqdm import tqdm
 
         self._bar = tqdm(total=total, initial=done, unit=unit, smoothing=0.05, dynamic_ncols=True)
+        self._last = -math.inf
 
     def advance(self, runs: int) -> None:
         """Count what is finished."""
         self._bar.update(runs)
 
     def tick(self) -> None:
-        """Leave the bar to its own clock."""
+        """Ask for the remaining time now and then; leave the rest to the bar's own clock."""
+        if time.monotonic() - self._last < BAR_INTERVAL:
+            return
+        self._last = time.monotonic()
+        remaining = self._remaining()
+        if remaining is not None:
+            self._bar.bar_format = BAR
+            self._bar.set_postfix_str(f"{_duration(remaining)} left", refresh=False)
 
     def message(self, text: str) -> None:
         """Say something without tearing the bar."""
@@ -40,10 +77,11 @@ class Bar:
         self._bar.close()
 
 
-class Log:
+class Log(_Display):
     """A line at the start, one a minute, and one at the end."""
 
     def __init__(self, total: int, done: int, unit: str = "run"):
+        super().__init__()
         self._total, self._done, self._first, self._unit = total, done, done, unit
         self._begun = self._last = time.monotonic()
         resumed = f", {done} of them already in the file" if done else ""
@@ -74,7 +112,10 @@ class Log:
         if rate > 0:
             line += f", {rate:.3g} {self._unit}s/s"
             if self._done < self._total:
-                line += f", {_duration((self._total - self._done) / rate)} left"
+                remaining = self._remaining()
+                if remaining is None:
+                    remaining = (self._total - self._done) / rate
+                line += f", {_duration(remaining)} left"
         return line
 
 

@@ -59,7 +59,7 @@ def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
         "hosts": " ".join(sorted(set(hosts))),
         "ranks": len(hosts),
         "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-        "command": shlex.join(["hpcsweep", *sys.argv[1:]]),
+        "command": shlex.join(["hpcsweep", *sys.argv[1:]]).encode(errors="replace").decode(),
     }
 
 

@@ -1,7 +1,7 @@
 """A campaign: a job run to its end, or to a stop, on all ranks, into one file."""
 
+import array
 import contextlib
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -12,11 +12,14 @@ import numpy as np
 
 from hpcsweep.campaign import provenance
 from hpcsweep.campaign.pilot import KnownCosts
+from hpcsweep.campaign.progress import say_line
 from hpcsweep.job import Job
 from hpcsweep.parallel import farm, memory
+from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import (
     Campaign,
+    DamagedError,
     Journal,
     Layout,
     Lock,
@@ -25,14 +28,27 @@ from hpcsweep.store import (
     create,
     open_campaign,
 )
-from hpcsweep.store.commit import Blocks, check_file, check_writable
+from hpcsweep.store.commit import Blocks, check_writable
+from hpcsweep.store.opening import (
+    check_file,
+    check_place,
+    layout_problems,
+    read_layout,
+    refuse_problems,
+)
 from hpcsweep.store.records import BlockCost, MasterLoad, block_record
+from hpcsweep.store.repair import repair
+from hpcsweep.store.transport import check_transport
 
 COMPLETE, STOPPED = 0, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
 LISTED_FAILURES = 10
 MASTER_NOTES = 30.0
 """Seconds between two notes of the master's load in the journal."""
+SCAN_NOTES = 10.0
+"""Seconds between two notes of how far the file has been verified."""
+POLL_BLOCKS = 64
+"""Blocks verified between two looks whether to stop."""
 STOP_MARGIN = 5.0
 """Seconds before the time limit at which the ranks begin to stop."""
 
@@ -45,6 +61,9 @@ class Silent:
 
     def message(self, text: str) -> None:
         """Say something."""
+
+    def expect(self, remaining: Callable[[], float | None]) -> None:
+        """Be given a function that estimates the remaining time (s)."""
 
     def tick(self) -> None:
         """Hear that time has passed, several times a second."""
@@ -61,7 +80,7 @@ def run(
     max_hours: float | None = None,
     progress: Callable[[int, int], Silent] | None = None,
     say: Callable[[str], None] = lambda text: None,
-    flag: farm.StopFlag | None = None,
+    flag: StopFlag | None = None,
 ) -> int:
     """Run a job on all ranks, creating its file or resuming it (collective).
 
@@ -77,7 +96,7 @@ def run(
         Makes the progress display on rank 0.
     say : callable
         Told on rank 0 what happens before the first run.
-    flag : hpcsweep.parallel.farm.StopFlag, optional
+    flag : hpcsweep.parallel.stopping.StopFlag, optional
         Hears the signals already; if it is not given, they are heard while this function runs.
 
     Returns
@@ -94,24 +113,33 @@ def run(
     """
     begun = time.time()
     layout = Layout(job)
-    with contextlib.nullcontext(flag) if flag else farm.StopFlag(launched=comm.size > 1) as flag:
+    with contextlib.nullcontext(flag) if flag else StopFlag(launched=comm.size > 1) as flag:
         if max_hours is not None:
             flag.deadline = begun + max_hours * 3600 - STOP_MARGIN
         lock = Lock(output)
         hosts = comm.gather(provenance.host())
-        _on_master(comm, lambda: _prepare(layout, output, lock, comm, hosts))
+        _on_master(comm, lambda: _prepare(layout, output, lock, comm, hosts, say))
         lock.join()
-        campaign = open_campaign(output, layout, comm)
-        _compile(comm, job.study, flag, say)
-        work = _Work(comm, output, campaign, flag, hosts or [])
         try:
-            finished = work.do(progress)
-        except BaseException:
-            # no other rank is waited for: the caller ends them all
-            with contextlib.suppress(WriteError):
-                campaign.flush()
+            campaign = open_campaign(output, layout, comm)
+            _compile(comm, job.study, flag, say)
+            work = _Work(comm, output, campaign, flag, hosts or [], say)
+            try:
+                finished = work.do(progress)
+            except BaseException:
+                # no other rank is waited for: the caller ends them all
+                with contextlib.suppress(WriteError):
+                    campaign.flush()
+                raise
+            campaign.close()
+        except (OSError, DamagedError) as error:
+            # found sound before: it was taken away, or cut, since
+            lock.release(remove=comm.rank == 0)
+            said = str(error) if isinstance(error, StoreError) else f"{output}: {error}"
+            raise WriteError(f"{said}; it was changed by somebody else in mid-run") from None
+        except WriteError:
+            lock.release(remove=comm.rank == 0)
             raise
-        campaign.close()
         comm.barrier()
         lock.release(remove=comm.rank == 0)
     return COMPLETE if finished else STOPPED
@@ -130,51 +158,56 @@ def _on_master(comm, action: Callable[[], None]) -> None:
         raise StoreError(problem)
 
 
-def _prepare(layout: Layout, output: Path, lock: Lock, comm, hosts: list[str]) -> None:
-    """Check or create the file, under the lock."""
-    if not output.parent.is_dir():
-        raise StoreError(f"{output}: folder {output.parent} does not exist")
-    if output.is_dir():
-        raise StoreError(f"{output}: is a folder")
+def _prepare(layout: Layout, output: Path, lock: Lock, comm, hosts: list[str], say) -> None:
+    """Check, repair or create the file, under the lock."""
+    check_place(output)
+    check_transport()
     existing = output.exists()
     if existing:
-        _check_same_job(layout, output)
+        with contextlib.suppress(DamagedError):
+            _check_same_job(layout, output)  # before the lock: it leaves nothing behind
     lock.acquire(comm.size)
     try:
-        if output.exists() and not existing:
-            # made, and given up, by another campaign just now
-            _check_same_job(layout, output)
-            existing = True
-        if not existing:
+        if not (existing or output.exists()):
             create(output, layout, provenance.collect(comm.library, hosts))
-        else:
-            with contextlib.suppress(OSError), output.open("r+b"):
-                return
-            raise StoreError(f"{output}: cannot be written")
+            return
+        try:
+            # again, or for the first time: another campaign may have made it just now
+            _check_same_job(layout, output)
+        except DamagedError as error:
+            if not error.repairable:
+                raise
+            say(repair(output, layout, provenance.collect(comm.library, hosts)))
+        with contextlib.suppress(OSError), output.open("r+b"):
+            return
+        raise StoreError(f"{output}: cannot be written")
     except BaseException:
         lock.release(remove=True)
         raise
 
 
 def _check_same_job(layout: Layout, output: Path) -> None:
+    """Make sure that a file is of this job, plain, and sound but for its results."""
     attributes = check_file(output)
-    check_writable(output)
-    if attributes["fingerprint"] != layout.fingerprint:
+    if attributes.get("fingerprint") != layout.fingerprint:
+        stored = read_layout(output)  # a `DamagedError` if it is not of any job
         raise StoreError(
-            f"{output}: holds the results of another job (named {attributes['name']!r}); give "
+            f"{output}: holds the results of another job (named {stored.name!r}); give "
             "another file with -o"
         )
+    read_layout(output)
+    refuse_problems(output, layout_problems(output, layout))
+    check_writable(output)
 
 
-def _compile(comm, study, flag: farm.StopFlag, say: Callable[[str], None]) -> None:
+def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
     """Let one rank of each node compile the kernels, or load them, before the others.
 
     That may take minutes, so a signal ends the ranks then and there: nothing is being written.
     """
 
     def leave(reason: str) -> None:
-        print(f"hpcsweep: {reason} before the first run; run again to resume", file=sys.stderr)
-        sys.stderr.flush()
+        say_line(f"hpcsweep: {reason} before the first run; run again to resume")
         comm.abort(STOPPED)
 
     flag.at_once = leave
@@ -222,17 +255,21 @@ class _Failures:
 class _Work:
     """The unfinished tasks of a campaign, and one rank's share in them."""
 
-    def __init__(self, comm, output: Path, campaign: Campaign, flag: farm.StopFlag, hosts):
+    def __init__(self, comm, output: Path, campaign: Campaign, flag: StopFlag, hosts, say):
         self._comm, self._output, self._campaign = comm, output, campaign
-        self._flag, self._hosts = flag, hosts
+        self._flag, self._hosts, self._say = flag, hosts, say
         self._study = campaign.blocks.study
         self._journal = Journal(output)
         self._failures, self._traffic = _Failures(), farm.Traffic()
 
     def do(self, progress: Callable[[int, int], Silent] | None) -> bool:
         """Compute the unfinished tasks on all ranks; tell whether all are finished."""
-        todo, done_runs, done = _unfinished(self._comm, self._campaign.blocks)
-        costs = KnownCosts(self._comm, self._study, self._output, todo, done)
+        scan = _Scan(self._comm, self._campaign.blocks, self._flag, self._say)
+        if not scan.finished:
+            self._campaign.flush()
+            return False
+        todo, done_runs = scan.todo, scan.done_runs
+        costs = KnownCosts(self._comm, self._study, self._output, todo, scan.done)
         begun = time.perf_counter()
         display = Silent()
         if self._comm.rank == 0:
@@ -244,6 +281,7 @@ class _Work:
             )
             if progress is not None:
                 display = progress(self._study.n_runs, done_runs)
+                display.expect(costs.remaining)
 
         def on_report(rank, value) -> None:
             cost, failures = value
@@ -342,32 +380,75 @@ class _Work:
         self._failures.tell(display)
 
 
-def _unfinished(comm, blocks: Blocks) -> tuple[list[int], int, list[tuple[int, ...]]]:
-    """Verify every task, shared among the ranks; list what is unfinished on rank 0.
+class _Scan:
+    """What the file holds already: verified by all ranks, each its share, known on rank 0.
 
-    Returns
-    -------
-    tasks : list of int
+    Attributes
+    ----------
+    todo : list of int
+        Unfinished tasks.
     done_runs : int
-    done : list of tuple of int
+    done : ndarray of int, shape (n, n_axes)
         Places of the valid blocks of these tasks.
+    finished : bool
+        Whether nobody was told to stop; the same on every rank.
     """
-    todo, done_runs, done = [], 0, []
-    for task in range(comm.rank, blocks.study.n_tasks, comm.size):
-        verified = blocks.valid(task)
-        good = [block for block, valid in verified if valid]
-        done_runs += sum(block.n_runs for block in good)
-        if len(good) < len(verified):
-            todo.append(task)
-            done += [block.place for block in good]
-    gathered = comm.gather((todo, done_runs, done))
-    if comm.rank != 0:
-        return [], 0, []
-    return (
-        sorted(task for part in gathered for task in part[0]),
-        sum(part[1] for part in gathered),
-        [place for part in gathered for place in part[2]],
-    )
+
+    def __init__(self, comm, blocks: Blocks, flag: StopFlag, say: Callable[[str], None]):
+        self._flag, self._say = flag, say if comm.rank == 0 else lambda text: None
+        self._begun = self._told = time.monotonic()
+        self._asked = 0
+        study = blocks.study
+        self.todo: list[int] = []
+        self.done_runs = 0
+        done = array.array("q")
+        finished = True
+        try:
+            for task in range(comm.rank, study.n_tasks, comm.size):
+                self._poll(task, study.n_tasks)
+                done += self._verify(blocks, task)
+        except farm.Stop:
+            finished = False
+        n_axes = len(study.commit.dims)
+        places = np.array(done, np.int64).reshape(-1, n_axes)
+        gathered = comm.gather((self.todo, self.done_runs, places, finished))
+        if gathered is not None:
+            self.todo = sorted(task for part in gathered for task in part[0])
+            self.done_runs = sum(part[1] for part in gathered)
+            places = np.concatenate([part[2] for part in gathered])
+            finished = all(part[3] for part in gathered)
+        self.done = places
+        self.finished = comm.bcast(finished)
+
+    def _verify(self, blocks: Blocks, task: int) -> array.array:
+        """Verify a task; give the places of its valid blocks, one after the other."""
+        places = array.array("q")
+        n_blocks = n_good = 0
+        for block, valid in blocks.verify(task, self._poll_sometimes):
+            n_blocks += 1
+            if valid:
+                n_good += 1
+                self.done_runs += block.n_runs
+                places.extend(block.place)
+        if n_good == n_blocks:
+            return array.array("q")
+        self.todo.append(task)
+        return places
+
+    def _poll_sometimes(self) -> None:
+        self._asked += 1
+        if self._asked % POLL_BLOCKS == 0:
+            self._poll()
+
+    def _poll(self, task: int = 0, n_tasks: int = 0) -> None:
+        """Stop if that is wanted; say from time to time what takes so long."""
+        if self._flag.is_set():
+            raise farm.Stop
+        now = time.monotonic()
+        if now - self._told > SCAN_NOTES:
+            self._told = now
+            where = f", {100 * task / n_tasks:.0f} % of its tasks" if n_tasks else ""
+            self._say(f"verifying what is in the file: {now - self._begun:.0f} s{where}")
 
 
 def _every(seconds: float, always: Callable[[], None], then: Callable[[], None]) -> Callable:

@@ -11,8 +11,9 @@ import numpy as np
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel.schedule import master_computes
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
-from hpcsweep.store import Layout, job_of, read_history
-from hpcsweep.store.commit import Blocks, check_file
+from hpcsweep.store import Layout, open_layout, read_history
+from hpcsweep.store.commit import Blocks
+from hpcsweep.store.opening import check_file
 from hpcsweep.store.records import History, Session
 from hpcsweep.studies.shortcut import Shortcut
 
@@ -46,7 +47,7 @@ def status(path: str | Path) -> dict:
             Bytes of rank 0 and of the largest rank in the last session, once it has ended.
     """
     path = Path(path)
-    layout = Layout(job_of(path))
+    layout = open_layout(path)
     history = read_history(path)
     session = history.sessions[-1] if history.sessions else None
     with Blocks(path, layout) as blocks:
@@ -55,14 +56,14 @@ def status(path: str | Path) -> dict:
         runs["shortcut"] = blocks.whole("shortcut")
     state = _runs(layout, committed, runs)
     now = session.last if session and session.ended else time.time()
-    remaining = None
+    work, remaining = None, None
     if history.costs and not state["complete"]:
-        remaining = _seconds_remaining(layout, history, committed, session)
+        work, remaining = _remaining(layout, history, committed, session)
     return {
         "file": str(path),
         "version": str(check_file(path).get("hpcsweep_version", "")),
         **state,
-        **_costs(history, state["runs_total"] - state["runs_done"]),
+        **_costs(history, work, state["complete"]),
         **_rates(session, now),
         "seconds_remaining": remaining,
         "last_heard": None if history.last is None else time.time() - history.last,
@@ -117,14 +118,14 @@ def _runs(layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray]) ->
     }
 
 
-def _costs(history: History, runs_left: int) -> dict:
-    """Tell what was timed, and what is left at that rate."""
+def _costs(history: History, work: float | None, complete: bool) -> dict:
+    """Tell what was timed, and what is left."""
     seconds = sum(cost.seconds for cost in history.costs)
     runs = sum(cost.runs for cost in history.costs)
     return {
         "core_seconds": seconds,
         "runs_per_core_second": runs / seconds if seconds else None,
-        "core_seconds_remaining": runs_left * seconds / runs if runs else None,
+        "core_seconds_remaining": 0.0 if complete and runs else work,
     }
 
 
@@ -141,20 +142,19 @@ def _rates(session: Session | None, now: float) -> dict:
     }
 
 
-def _seconds_remaining(
+def _remaining(
     layout: Layout, history: History, committed: np.ndarray, session: Session | None
-) -> float:
-    """Estimate the wall time left from the costs so far, task by task."""
+) -> tuple[float | None, float | None]:
+    """Estimate work left on one core, and the wall time left, from the costs so far."""
     costs = TaskCosts(layout.study)
     for sample in history.samples:
         costs.sampled(sample)
     for cost in history.costs:
         costs.measured(cost)
-    costs.all_done(committed)
-    left = costs.all_left()
+    costs.all_done(np.argwhere(committed))
     ranks = session.ranks if session else 1
     computing = ranks if master_computes(ranks) else ranks - 1
-    return float(max(left.sum() / computing, left.max()))
+    return costs.remaining(), costs.remaining(max(computing, 1))
 
 
 def _frame_seconds(layout: Layout, history: History) -> dict | None:

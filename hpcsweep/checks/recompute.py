@@ -23,19 +23,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.solver import make_solver
+from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Block
 
-TIGHT = {"bdf": 1e-10, "flow": 1e-11}
-"""Relative tolerance of the other solver."""
 STEPS = 3
 """Forcing periods of an aperiodic run that are computed again."""
-ERROR = {"bdf": 3e3, "flow": 1e3}
-"""Error of one forcing period in units of the relative tolerance, at beta = 1000 and a tangent map
-of norm 1: some three times the largest measured (`hpcsweep.solvers.bdf.BdfMap`)."""
 ERROR_GROWTH = 0.7
-"""Power of beta / 1000 with which that error grows beyond beta = 1000."""
+"""Power of beta / 1000 with which the error of a period grows beyond beta = 1000."""
 MODAL_ALLOWED = 2e-4
 """Difference allowed a modal norm: a mean of |q_j| / ||q||, which turns within a short time where
 the largest q_j changes sign; the quadrature of `bdf` errs by some 1e-5 there."""
@@ -96,11 +91,11 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     -------
     RunAgain
     """
-    other = "bdf" if study.settings.solver == "flow" else "flow"
+    other = witness_of(study.settings.solver)
     period = int(run["orbit_period"])
     again = RunAgain(**study.describe(block.run(row)), orbit_period=period, solver=other)
-    solver = make_solver(other, study.structure, again.omega, TIGHT[other])
-    tangent = make_solver("flow", study.structure, again.omega, TIGHT["flow"])
+    solver = make_solver(other, study.structure, again.omega, SOLVERS[other].tight)
+    tangent = make_solver("flow", study.structure, again.omega, SOLVERS["flow"].tight)
     try:
         if period:
             _compare_orbit(study, again, solver, tangent, run)
@@ -117,7 +112,8 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
 def _allowed(study, other: str, growth: float) -> float:
     settings = study.settings
     stiff = max(study.structure.stiffness_ratio / 1000.0, 1.0) ** ERROR_GROWTH
-    error = ERROR[settings.solver] * settings.rtol + ERROR[other] * TIGHT[other]
+    own, witness = SOLVERS[settings.solver], SOLVERS[other]
+    error = own.period_error * settings.rtol + witness.period_error * witness.tight
     return max(error * stiff, LEAST_ALLOWED) * max(growth, 1.0)
 
 
@@ -222,7 +218,7 @@ def _compare_whole(
 ) -> None:
     """Do the whole run again by `flow`, from where the run before it ended."""
     own = study.settings.solver == "flow"
-    by_flow = study if own else study.with_settings(solver="flow", rtol=TIGHT["flow"])
+    by_flow = study if own else study.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
     result = by_flow.compute_run(block, row, start)
     if own and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"

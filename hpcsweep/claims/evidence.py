@@ -8,28 +8,25 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.claims.data import Map, Sweep, is_chaotic, stretches
-from hpcsweep.claims.judgement import C3, C23, BranchEnd, Hits, windows
+from hpcsweep.claims.coexistence import BranchEnd
+from hpcsweep.claims.data import Sweep, stretches
+from hpcsweep.claims.judgement import Hits, windows
+from hpcsweep.claims.words import C3, C23
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.model.equations import right_hand_side
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.store import Frames, StoreError
 from hpcsweep.studies.amplitude_sweep import sweep_block
 from hpcsweep.studies.settings import METRICS, SweepSettings
 
 GAMMA = 0.05
 RESONANCE, PROBE = 0.445, 0.09877
 """Omega of Figure 3, and the amplitude that the paper calls chaotic."""
-SAME_OMEGA = 5e-4
-LEAST_FRAMES = 10
-"""Frames from which on a file is a map."""
 RTOL = 1e-9
 FINE_RUNS = 40
 """Runs between two of a sweep, where its steps are too coarse."""
@@ -288,70 +285,3 @@ def make_sweep(omega, amplitude, directions, arrays: dict, settings: SweepSettin
         points=arrays["poincare"],
         valid=valid,
     )
-
-
-def read_study(frames: Frames) -> Study | None:
-    """Read the frame at the linear resonance of a file, None if it has none."""
-    study = frames.study
-    place = int(np.argmin(np.abs(study.omega - RESONANCE)))
-    if abs(study.omega[place] - RESONANCE) > SAME_OMEGA:
-        return None
-    needed = ("orbit_period", "contact", "drift", "final_state", "outcome", "poincare")
-    if study.omega.size >= LEAST_FRAMES and any(name not in frames for name in needed):
-        return None  # a map, kept small
-    optional = [name for name in ("lyapunov", "modal_norm") if name in frames]
-    arrays = frames.read(place, (*needed, *optional))
-    omega = float(study.omega[place])
-    sweep = make_sweep(omega, study.amplitude, study.directions, arrays, study.settings)
-    return Study(study.structure, sweep, study.settings)
-
-
-def read_map(frames: Frames) -> Map | None:
-    """Read the sweeps up of a file, None if it is not a map."""
-    study = frames.study
-    if study.omega.size < LEAST_FRAMES:
-        return None
-    names = ["orbit_period", "contact", "drift", "outcome"]
-    exponents = "lyapunov" in frames
-    if exponents:
-        names.append("lyapunov")
-    rows: dict[str, list] = {name: [] for name in names}
-    for place in range(study.omega.size):
-        for name, values in frames.read(place, tuple(names)).items():
-            rows[name].append(values[0])
-    arrays = {name: np.stack(values) for name, values in rows.items()}
-    valid = arrays["outcome"] == Outcome.COMPLETE
-    period = arrays["orbit_period"].astype(int)
-    window = study.settings.sampling_cycles * 2 * math.pi / study.omega[:, None]
-    growth = arrays["lyapunov"] * window if exponents else np.full(valid.shape, np.nan)
-    free = [
-        np.abs(np.diff(study.structure.linear_steady_state(omega), prepend=0.0)).max() * omega**2
-        for omega in study.omega
-    ]
-    return Map(
-        stiffness_ratio=study.structure.stiffness_ratio,
-        omega=study.omega,
-        period=period,
-        contact=arrays["contact"].astype(int),
-        chaotic=is_chaotic(period, growth) & valid,
-        valid=valid,
-        drift=arrays["drift"],
-        free_drift=np.array(free),
-        exponents=exponents,
-    )
-
-
-def open_frames(path: Path) -> Frames:
-    """Open a file whose claims are to be judged.
-
-    Raises
-    ------
-    StoreError
-        If it is no campaign file, or about another number of floors.
-    """
-    frames = Frames(path)
-    n = frames.study.structure.n_floors
-    if n != 3:
-        frames.close()
-        raise StoreError(f"{path}: structure.n_floors = {n}: the claims are about 3 floors")
-    return frames

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from hpcsweep.claims import judgement
+from hpcsweep.claims import coexistence, judgement
 from hpcsweep.claims.data import Claim, Map, Verdict
-from hpcsweep.claims.evidence import Study, open_frames, read_map, read_study, variant_of
+from hpcsweep.claims.evidence import Study, variant_of
+from hpcsweep.claims.reading import open_frames, read_map, read_study
 
 STIFF, SOFT = 1000.0, 100.0
 """beta of the paper's two maps."""
@@ -60,8 +61,8 @@ def judge_study(study: Study) -> list[Claim]:
             if probe is not None
             else Claim("3", TEXTS["3"], Verdict.CANNOT_TELL, "the sweep does not reach it")
         ),
-        judgement.two_impacting_orbits(sweep),
-        *judgement.coexisting_regions(sweep, study.branch_end()),
+        coexistence.two_impacting_orbits(sweep),
+        *coexistence.coexisting_regions(sweep, study.branch_end()),
         judgement.raised_modes(sweep, study.free_norm()),
     ]
     grazing = study.structure.grazing_amplitude(sweep.omega)

@@ -9,15 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.claims.data import Claim, Map, Sweep, Verdict, stretches
+from hpcsweep.claims.words import C3, C23, at, no_exponent, yes
 
-C3, C23, C13, C123 = 0b100, 0b110, 0b101, 0b111
 WINDOWS = (9, 8, 7, 6, 4)
 """Orbit periods of the windows of region (iii), in ascending amplitude."""
 LATE_PERIOD = 5
-SAME = 1e-2
-"""Attractors farther apart (gaps, gaps omega_0) are two."""
-AT_CIRCLE = 0.95
-"""Modulus of a Floquet multiplier at the end of a branch from which on it is why it ends."""
 SIMPLER = 0.5
 """Share of chaos at beta = 100 against beta = 1000 up to which it is called much simpler."""
 HIGH_PROBABILITY = 0.75
@@ -43,14 +39,6 @@ class Hits:
     cycles: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class BranchEnd:
-    """Last orbit of a branch and its Floquet multipliers, largest modulus first."""
-
-    amplitude: float
-    multipliers: np.ndarray
-
-
 def first_grazing(sweep: Sweep, fine: Sweep | None) -> Claim:
     """1. Chaos at first grazing, then P1 C3.
 
@@ -68,10 +56,10 @@ def first_grazing(sweep: Sweep, fine: Sweep | None) -> Claim:
     if fine is None:
         return Claim("1", text, Verdict.CANNOT_TELL, "the sweep has no run without contact")
     if not np.isfinite(fine.growth[0]).any():
-        return _no_exponent("1", text)
+        return no_exponent("1", text)
     first, last = max(found, key=lambda pair: pair[1] - pair[0])
     chaos = fine.amplitude[fine.chaotic[0]]
-    then = f"P1 C3 from A = {_a(sweep, first)} to {_a(sweep, last)}"
+    then = f"P1 C3 from A = {at(sweep, first)} to {at(sweep, last)}"
     touching = fine.contact[0] != 0
     if not chaos.size:
         undecided = int((touching & (fine.period[0] == 0)).sum())
@@ -111,11 +99,11 @@ def window_order(sweep: Sweep, gaps: list[Sweep]) -> Claim:
     """
     text = "Region (iii): windows P9, P8, P7, P6, P4 in chaos"
     found = [window for window in windows(sweep) if window[0] in WINDOWS]
-    listed = ", ".join(f"P{p} {_a(sweep, i)}-{_a(sweep, k)}" for p, i, k in found) or "no window"
+    listed = ", ".join(f"P{p} {at(sweep, i)}-{at(sweep, k)}" for p, i, k in found) or "no window"
     if tuple(window[0] for window in found) != WINDOWS:
         return Claim("2a", text, Verdict.NO, f"{listed} in C23 on the way up")
     if not any(np.isfinite(gap.growth).any() for gap in gaps):
-        return _no_exponent("2a", text)
+        return no_exponent("2a", text)
     chaos = sum(bool(gap.chaotic.any()) for gap in gaps)
     verdict = Verdict.YES if chaos == len(WINDOWS) - 1 else Verdict.NO
     return Claim("2a", text, verdict, f"{listed}; chaos in {chaos} of the 4 gaps between them")
@@ -175,128 +163,20 @@ def chaotic_probe(probe: Sweep) -> Claim:
     """
     text = f"A = {probe.amplitude[0]:g} is chaotic"
     if not np.isfinite(probe.growth[:, 0]).any():
-        return _no_exponent("3", text)
+        return no_exponent("3", text)
     told = []
     for d, name in enumerate(probe.directions):
         period = int(probe.period[d, 0])
         kind = f"P{period}" if period else ("chaotic" if probe.chaotic[d, 0] else "undecided")
         told.append(f"{name}: {kind}, growth of differences e^{probe.growth[d, 0]:.3g}")
-    return Claim("3", text, _yes(bool(probe.chaotic[0, 0])), "; ".join(told))
-
-
-def two_impacting_orbits(sweep: Sweep) -> Claim:
-    """4. P2 C13 coexists with P4 C23 and has the larger drift."""
-    text = "(iv): P2 C13 beside P4 C23, the first with the larger drift"
-    if not sweep.both():
-        return Claim("4", text, Verdict.CANNOT_TELL, "needs sweeps up and down")
-    p, c = sweep.period, sweep.contact
-    ok = sweep.valid.all(axis=0)
-    for two, four in ((1, 0), (0, 1)):
-        here = ok & (p[two] == 2) & (c[two] == C13) & (p[four] == 4) & (c[four] == C23)
-        if here.any():
-            larger = sweep.drift[two][here] > sweep.drift[four][here]
-            i, k = np.flatnonzero(here)[[0, -1]]
-            finding = (
-                f"A = {_a(sweep, i)} to {_a(sweep, k)}: drift {sweep.drift[two][here].mean():.3f} "
-                f"(P2 C13, {sweep.directions[two]}) and {sweep.drift[four][here].mean():.3f} "
-                f"(P4 C23, {sweep.directions[four]}); larger in {larger.sum()} of {here.sum()}"
-            )
-            return Claim("4", text, _yes(bool(larger.all())), finding)
-    has = [f"C13 in {int((c[d] == C13).sum())} runs {sweep.directions[d]}" for d in range(2)]
-    return Claim("4", text, Verdict.NO, f"no such pair; {', '.join(has)}")
-
-
-def coexisting_regions(sweep: Sweep, end: BranchEnd | None) -> list[Claim]:
-    """5. Regions (v) to (viii): C123 beside C23, two C123, the fold of P1 C23, C123 alone.
-
-    Parameters
-    ----------
-    sweep : Sweep
-    end : BranchEnd or None
-        Upper end of P1 C23 on the way up.
-    """
-    texts = {
-        "5a": "(v): C123 beside C23",
-        "5b": "(vi): two C123",
-        "5c": "(vii) ends in a fold of P1 C23",
-        "5d": "(viii): C123 alone",
-    }
-    if not sweep.both():
-        return [
-            Claim(number, text, Verdict.CANNOT_TELL, "needs sweeps up and down")
-            for number, text in texts.items()
-        ]
-    c, ok, a = sweep.contact, sweep.valid.all(axis=0), sweep.amplitude
-    mixed = ok & (((c[0] == C123) & (c[1] == C23)) | ((c[0] == C23) & (c[1] == C123)))
-    full = ok & (c == C123).all(axis=0)
-    two = full & different_attractors(sweep)
-    claims = [
-        Claim("5a", texts["5a"], _yes(bool(mixed.any())), _ranges(sweep, mixed)),
-        Claim("5b", texts["5b"], _yes(bool(two.any())), _ranges(sweep, two)),
-    ]
-    if end is None and sweep.period[0, -1] == 1 and c[0, -1] == C23:
-        finding = "P1 C23 goes on at the largest amplitude"
-        claims.append(Claim("5c", texts["5c"], Verdict.CANNOT_TELL, finding))
-    elif end is None:
-        claims.append(Claim("5c", texts["5c"], Verdict.NO, "no P1 C23 on the way up"))
-    else:
-        bifurcation, shown = kind_of_end(end.multipliers)
-        finding = f"P1 C23 ends at A = {end.amplitude:.7g}: {bifurcation}, largest {shown}"
-        claims.append(Claim("5c", texts["5c"], _yes(bifurcation == "fold"), finding))
-    alone = full & ~two
-    tail = len(a) - int(np.argmin(alone[::-1])) if not alone.all() else 0
-    if tail < len(a):
-        finding = f"one C123 attractor from A = {_a(sweep, tail)} to {_a(sweep, len(a) - 1)}"
-    else:
-        finding = "not up to the largest amplitude"
-    c123 = stretches(full)
-    if c123 and c123[-1][1] == len(a) - 1:
-        finding += f"; no other contact set from {_a(sweep, c123[-1][0])}"
-    claims.append(Claim("5d", texts["5d"], _yes(tail < len(a)), finding))
-    return claims
-
-
-def kind_of_end(multipliers: np.ndarray) -> tuple[str, str]:
-    """Tell by its multipliers how a branch ends, and write the largest one.
-
-    Returns
-    -------
-    bifurcation : str
-        'fold' (+1), 'period doubling' (-1), 'Neimark-Sacker' (a pair on the unit circle), or
-        'no multiplier at the unit circle' (a border: the contact set changes).
-    multiplier : str
-    """
-    first = complex(multipliers[0])
-    pair = abs(first.imag) > 1e-9
-    shown = f"multiplier {first.real:.4f}"
-    if pair:
-        shown += f" +- {abs(first.imag):.4f}i, modulus {abs(first):.4f}"
-    if abs(first) < AT_CIRCLE:
-        return "no multiplier at the unit circle", shown
-    if pair:
-        return "Neimark-Sacker", shown
-    return ("fold" if first.real > 0 else "period doubling"), shown
-
-
-def different_attractors(sweep: Sweep) -> np.ndarray:
-    """Tell where the sweeps up and down end on different attractors, shape (k,).
-
-    They do if one has a period and the other is chaotic, or if both have a period and no point
-    of one is within `SAME` of the other's final state.
-    """
-    periodic = (sweep.period > 0).all(axis=0)
-    found = (sweep.chaotic[0] & (sweep.period[1] > 0)) | (sweep.chaotic[1] & (sweep.period[0] > 0))
-    for k in np.flatnonzero(periodic):
-        distance = np.abs(sweep.points[1, k] - sweep.state[0, k]).max(axis=1)
-        found[k] = np.nanmin(distance) > SAME
-    return found & sweep.valid.all(axis=0)
+    return Claim("3", text, yes(bool(probe.chaotic[0, 0])), "; ".join(told))
 
 
 def softer_is_simpler(stiff: Map, soft: Map) -> Claim:
     """6. beta = 100 is much simpler than beta = 1000, both by chaos and by classes."""
     text = "beta = 100 is much simpler than beta = 1000"
     if not (stiff.exponents and soft.exponents):
-        return _no_exponent("6", text)
+        return no_exponent("6", text)
     shares, classes = [], []
     for data in (stiff, soft):
         touching = data.valid & (data.contact != 0)
@@ -308,7 +188,7 @@ def softer_is_simpler(stiff: Map, soft: Map) -> Claim:
         f"chaotic: {shares[1]:.2%} of touching runs against {shares[0]:.2%}; classes of period "
         f"and contact set: {classes[1]} against {classes[0]}"
     )
-    return Claim("6", text, _yes(bool(good)), finding)
+    return Claim("6", text, yes(bool(good)), finding)
 
 
 def drift_of_orbits(data: Map) -> Claim:
@@ -319,20 +199,20 @@ def drift_of_orbits(data: Map) -> Claim:
         return Claim("7a", text, Verdict.CANNOT_TELL, "no P1 run touches the stop")
     share = (data.drift < data.free_drift[:, None])[chosen].mean()
     finding = f"lower in {share:.1%} of {chosen.sum()} runs"
-    return Claim("7a", text, _yes(bool(share >= HIGH_PROBABILITY)), finding)
+    return Claim("7a", text, yes(bool(share >= HIGH_PROBABILITY)), finding)
 
 
 def drift_of_chaos(data: Map) -> Claim:
     """7b. Chaos lowers the drift in some places and raises it in others."""
     text = "Chaos: drift lowered here, raised there"
     if not data.exponents:
-        return _no_exponent("7b", text)
+        return no_exponent("7b", text)
     chosen = data.valid & data.chaotic
     if not chosen.any():
         return Claim("7b", text, Verdict.CANNOT_TELL, "no run is chaotic")
     share = (data.drift < data.free_drift[:, None])[chosen].mean()
     finding = f"lower in {share:.1%} of {chosen.sum()} chaotic runs"
-    return Claim("7b", text, _yes(bool(MIXED <= share <= 1 - MIXED)), finding)
+    return Claim("7b", text, yes(bool(MIXED <= share <= 1 - MIXED)), finding)
 
 
 def raised_modes(sweep: Sweep, free_norm: np.ndarray) -> Claim:
@@ -358,7 +238,7 @@ def raised_modes(sweep: Sweep, free_norm: np.ndarray) -> Claim:
         f"with contact (higher in {shares[j]:.1%} of {len(norms)} runs)"
         for j in range(shares.size)
     ]
-    return Claim("8", text, _yes(bool((shares >= RAISED).all())), "; ".join(told))
+    return Claim("8", text, yes(bool((shares >= RAISED).all())), "; ".join(told))
 
 
 def linear_is_exact(amplitudes: np.ndarray, distance: np.ndarray, grazing: float) -> Claim:
@@ -378,27 +258,4 @@ def linear_is_exact(amplitudes: np.ndarray, distance: np.ndarray, grazing: float
         f"largest distance {np.max(distance):.1e} over {len(amplitudes)} amplitudes from "
         f"{amplitudes[0]:.4g} to {amplitudes[-1]:.4g}; grazing at {grazing:.6g}"
     )
-    return Claim("9", text, _yes(bool(np.max(distance) < EXACT)), finding)
-
-
-def _yes(good: bool) -> Verdict:
-    return Verdict.YES if good else Verdict.NO
-
-
-def _no_exponent(number: str, text: str) -> Claim:
-    return Claim(
-        number, text, Verdict.CANNOT_TELL, "no Lyapunov exponents: set output.lyapunov = true"
-    )
-
-
-def _a(sweep: Sweep, index: int) -> str:
-    return f"{sweep.amplitude[index]:.4g}"
-
-
-def _ranges(sweep: Sweep, chosen: np.ndarray) -> str:
-    """Write where something holds: the three longest stretches."""
-    found = sorted(stretches(chosen), key=lambda pair: pair[0] - pair[1])[:3]
-    if not found:
-        return "nowhere"
-    told = ", ".join(f"{_a(sweep, i)}-{_a(sweep, k)}" for i, k in sorted(found))
-    return f"A = {told} ({int(chosen.sum())} of {chosen.size} amplitudes)"
+    return Claim("9", text, yes(bool(np.max(distance) < EXACT)), finding)

@@ -5,7 +5,7 @@ returns the exit code. What is slow to import is imported when it is used.
 """
 
 import argparse
-import sys
+from pathlib import Path
 
 USER_ERROR, FAILURE = 2, 1
 RAW = argparse.RawDescriptionHelpFormatter
@@ -13,10 +13,11 @@ RAW = argparse.RawDescriptionHelpFormatter
 
 def complain(message: str, rank: int | None = None) -> None:
     """Say on one line, from one rank, what was wrong."""
+    from hpcsweep.campaign.progress import say_line
     from hpcsweep.parallel.mpi import launched_rank
 
     if (launched_rank() if rank is None else rank) == 0:
-        print(f"hpcsweep: error: {message}", file=sys.stderr, flush=True)
+        say_line(f"hpcsweep: error: {message}")
 
 
 def whole_number(least: int):
@@ -30,6 +31,13 @@ def whole_number(least: int):
 
     convert.__name__ = "whole number"
     return convert
+
+
+def file_name(text: str) -> Path:
+    """Convert an argument that must name a file."""
+    if not text:
+        raise argparse.ArgumentTypeError("must not be empty")
+    return Path(text)
 
 
 def positive(text: str) -> float:

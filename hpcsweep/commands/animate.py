@@ -6,7 +6,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive, whole_number
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, file_name, positive, whole_number
 
 HELP = """\
 Make a film of the orbit diagrams, one frame a forcing frequency, with fixed axes: MP4 or, by the
@@ -24,10 +24,17 @@ def add_to(commands) -> None:
     )
     animate.add_argument("file", type=Path, metavar="FILE")
     animate.add_argument(
-        "-o", "--output", type=Path, metavar="OUT", help="film, .mp4 or .gif (default: FILE.mp4)"
+        "-o",
+        "--output",
+        type=file_name,
+        metavar="OUT",
+        help="film, .mp4 or .gif (default: FILE.mp4)",
     )
     animate.add_argument(
-        "--poster", type=Path, metavar="PNG", help="also write the frame with most kinds of motion"
+        "--poster",
+        type=file_name,
+        metavar="PNG",
+        help="also write the frame with most kinds of motion",
     )
     animate.add_argument(
         "--fps", type=positive, default=25.0, help="frames per second (default: %(default)g)"

@@ -1,17 +1,19 @@
 """The command line: `hpcsweep.commands` put together."""
 
 import argparse
-import os
+import errno
 import sys
 from collections.abc import Callable
 
 from hpcsweep.commands import (
+    FAILURE,
     RAW,
     USER_ERROR,
     animate,
     bench,
     claims,
     complain,
+    environment,
     explore,
     new,
     one_thread,  # noqa: F401  before numpy is loaded
@@ -69,6 +71,10 @@ CLOSED_PIPE = 141
 """Exit code when standard output is closed, as the shell gives it: 128 + SIGPIPE."""
 
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What the system says of a write to a device that takes no more."""
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser whose mistakes take one line, from one rank.
 
@@ -107,6 +113,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit code."""
+    environment.prepare()
     parser = build_parser()
     options = parser.parse_args(arguments)
     if options.version:
@@ -118,8 +125,14 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stdout.flush()
     except BrokenPipeError:
         # whoever read has enough (``| head``); nothing more is to be said, at exit neither
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        environment.silence(sys.stdout)
         return CLOSED_PIPE
+    except OSError as error:
+        if error.filename is not None or error.errno not in FULL:
+            raise
+        environment.silence(sys.stdout)
+        complain(f"standard output: cannot be written: {error.strerror}")
+        return FAILURE
     return code
 
 

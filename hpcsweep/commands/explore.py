@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from hpcsweep.commands import USER_ERROR, complain, positive
+from hpcsweep.commands import USER_ERROR, complain, file_name, positive
 
 MOST_MB = 150.0
 
@@ -19,7 +19,7 @@ def add_to(commands) -> None:
     )
     explore.add_argument("file", type=Path, metavar="FILE")
     explore.add_argument(
-        "-o", "--output", type=Path, metavar="HTML", help="page (default: FILE with .html)"
+        "-o", "--output", type=file_name, metavar="HTML", help="page (default: FILE with .html)"
     )
     explore.add_argument(
         "--points",

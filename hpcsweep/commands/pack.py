@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands import RAW, USER_ERROR, complain, file_name
 
 PACK_HELP = """\
 Compress a results file. The copy is compared with the original, dataset by dataset and checksum by
@@ -19,7 +19,7 @@ def add_to(commands) -> None:
     pack.add_argument(
         "-o",
         "--output",
-        type=Path,
+        type=file_name,
         metavar="OUT",
         help="packed file, must not exist (default: FILE itself is replaced)",
     )

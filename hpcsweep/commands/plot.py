@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands import RAW, USER_ERROR, complain, file_name
 
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
@@ -44,7 +44,7 @@ def _complete(plot: argparse.ArgumentParser) -> None:
     )
     plot.add_argument("file", type=Path, metavar="FILE")
     plot.add_argument(
-        "-o", "--output", type=Path, metavar="PNG", help="picture (default: FILE with .png)"
+        "-o", "--output", type=file_name, metavar="PNG", help="picture (default: FILE with .png)"
     )
     plot.add_argument(
         "--kind", choices=tuple(known), default=default, help="figure (default: %(default)s)"

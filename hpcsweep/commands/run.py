@@ -1,11 +1,10 @@
 """`hpcsweep run`: run a job, or resume it."""
 
-import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.campaign.progress import make_progress, note
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, positive
+from hpcsweep.campaign.progress import make_progress, note, say_line
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, file_name, positive
 
 RUN_HELP = """\
 Run a job. If its results file exists already, the run resumes where it stopped, on any number
@@ -42,7 +41,11 @@ def add_to(commands) -> None:
     )
     run.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
     run.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="results (default: the job's name + .h5)"
+        "-o",
+        "--output",
+        type=file_name,
+        metavar="FILE",
+        help="results (default: the job's name + .h5)",
     )
     run.add_argument(
         "--set",
@@ -70,8 +73,8 @@ def add_to(commands) -> None:
 
 def _run(options) -> int:
     """Run a job on all ranks."""
-    from hpcsweep.parallel.farm import StopFlag
     from hpcsweep.parallel.mpi import LauncherError, launched_size, world
+    from hpcsweep.parallel.stopping import StopFlag
 
     # heard from here to the end of the process: a signal while a library is loaded is not lost,
     # and one that comes when all is done does no harm
@@ -113,7 +116,7 @@ def _run(options) -> int:
                 flag.ignore()
                 if comm.rank == 0:
                     hint = "complete" if code == 0 else "stopped in good order; run again to resume"
-                    print(f"{output}: {hint}", file=sys.stderr)
+                    say_line(f"{output}: {hint}")
                 return comm.leave(code)
             except StoreError as error:
                 problem = str(error)
@@ -126,7 +129,7 @@ def _run(options) -> int:
     except Exception:
         text = traceback.format_exc()
         where = f" on rank {comm.rank}" if comm.size > 1 else ""
-        print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
+        say_line(f"hpcsweep: failed{where}:\n{text}")
         comm.abort(FAILURE)
         return FAILURE
 

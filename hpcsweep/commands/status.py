@@ -55,10 +55,11 @@ def _describe(state: dict) -> str:
         f"{state['frames_done']} of {state['frames_total']}, solver {state['solver']}",
     ]
     if state["runs_per_core_second"]:
+        left = state["core_seconds_remaining"]
         lines.append(
             f"  cost      {state['core_seconds']:.3g} core seconds, "
-            f"{state['runs_per_core_second']:.3g} runs per core second, about "
-            f"{state['core_seconds_remaining']:.3g} core seconds left"
+            f"{state['runs_per_core_second']:.3g} runs per core second"
+            + ("" if left is None else f", about {left:.3g} core seconds left")
         )
     lines += _describe_work(state)
     if state["periods_per_run"] is not None:

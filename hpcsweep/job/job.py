@@ -39,12 +39,6 @@ class Job:
         """The settings of the study's runs."""
         return self.study.settings
 
-    def __getattr__(self, name: str) -> Any:
-        """Hand on what the study knows."""
-        if name.startswith("__") or name == "study":
-            raise AttributeError(name)
-        return getattr(self.study, name)
-
     @cached_property
     def fingerprint(self) -> str:
         """Hash of what the job means, whatever its text looks like and its name is."""

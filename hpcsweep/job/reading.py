@@ -4,14 +4,15 @@ Every error is one line that names the file, the key, the value and the limit. T
 one kind of study knows are read by that study, with the same `Values`.
 """
 
-import tomllib
+import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.job.job import Job, JobError
-from hpcsweep.job.tree import TreeError, resolve
+from hpcsweep.job.tree import TreeError, parse_toml, resolve
 from hpcsweep.job.values import MAX_VALUES, Values
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS
@@ -33,6 +34,17 @@ KEYS: dict[str, tuple[str, ...]] = {
     "output": (*METRICS, "max_points", "block"),
 }
 """Keys of every study; each adds its own (`keys` of its class)."""
+MAX_NAME = 200
+"""Bytes of a job's name; endings are added to it."""
+MAX_BLOCKS = 20_000_000
+"""Blocks of a job: each takes some 100 bytes of rank 0's memory."""
+MAX_RUNS = 2**40
+MAX_STIFFNESS = 1e12
+MAX_SHARPNESS = 1e300
+"""Of the contact, where it is finite."""
+MAX_DAMPING = 1e6
+MAX_STATE = 1e200
+MIN_TOLERANCE = 1e-300
 MAX_CYCLES = 10_000_000
 
 
@@ -68,24 +80,35 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
         If it is not a valid job.
     """
     try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise JobError(f"{source}: not valid TOML: {error}") from None
+        tree = parse_toml(text, source)
+    except TreeError as error:
+        raise JobError(str(error)) from None
     values = Values(source, tree)
     study = _kind(values)
     values.check_tables(keys_of(study), _keys_of_others(study))
     structure = _structure(values)
-    return Job(
-        name=_name(values, default_name),
-        text=text,
-        study=study.read(
-            values,
-            structure=structure,
-            initial_state=_initial_state(values, structure.n_floors),
-            settings=_settings(values),
-            block_size=values.whole("output.block", study.default_block, 1, MAX_VALUES),
-        ),
+    found = study.read(
+        values,
+        structure=structure,
+        initial_state=_initial_state(values, structure.n_floors),
+        settings=_settings(values),
+        block_size=values.whole("output.block", study.default_block, 1, MAX_VALUES),
     )
+    _check_extent(values, found)
+    return Job(name=_name(values, default_name), text=text, study=found)
+
+
+def _check_extent(values: Values, study) -> None:
+    """Refuse a study whose blocks no memory can list."""
+    if study.n_runs > MAX_RUNS:
+        raise JobError(f"{values.source}: gives {study.n_runs} runs, the most are {MAX_RUNS}")
+    n_blocks = math.prod(study.dimensions[dim] for dim in study.commit.dims)
+    if n_blocks > MAX_BLOCKS:
+        raise values.error(
+            "output.block",
+            study.block_size,
+            f"gives {n_blocks} blocks, the most are {MAX_BLOCKS}: make it larger",
+        )
 
 
 def keys_of(study) -> dict[str, tuple[str, ...]]:
@@ -128,7 +151,11 @@ def _name(values: Values, default: str) -> str:
     name = values.top("name", default)
     if not isinstance(name, str) or not name or "/" in name or name != name.strip():
         raise values.error("name", name, "must be a file name without folder")
-    return name
+    if not name.isprintable() and name is not default:
+        raise values.error("name", name, "must be of characters that can be printed")
+    if len(os.fsencode(name)) > MAX_NAME:
+        raise values.error("name", name, f"must have {MAX_NAME} bytes at most")
+    return name.encode(errors="replace").decode()
 
 
 def _structure(values: Values) -> Structure:
@@ -137,9 +164,17 @@ def _structure(values: Values) -> Structure:
         if isinstance(value, list):
             given[key] = tuple(value)
     try:
-        return Structure(**given)
-    except ValueError as error:
+        structure = Structure(**given)
+    except (ValueError, OverflowError) as error:
         raise JobError(f"{values.source}: structure.{error}") from None
+    for key, value, most in (
+        ("stiffness_ratio", structure.stiffness_ratio, MAX_STIFFNESS),
+        ("sharpness", structure.sharpness, MAX_SHARPNESS),
+        ("damping_ratio", float(structure.damping_ratios.max()), MAX_DAMPING),
+    ):
+        if most < value < math.inf:
+            raise values.error(f"structure.{key}", value, f"must be at most {most:g}")
+    return structure
 
 
 def _initial_state(values: Values, n: int) -> np.ndarray:
@@ -151,8 +186,9 @@ def _initial_state(values: Values, n: int) -> np.ndarray:
             "sweep.initial_state", given, f'must be "rest" or a list of 2 n = {2 * n} numbers'
         )
     state = np.array([values.number("sweep.initial_state", value) for value in given])
-    if not np.all(np.isfinite(state)):
-        raise values.error("sweep.initial_state", given, "must be finite")
+    if not np.all(np.abs(state) <= MAX_STATE):
+        limit = f"must be finite, and at most {MAX_STATE:g}"
+        raise values.error("sweep.initial_state", given, limit)
     return state
 
 
@@ -163,14 +199,13 @@ def _settings(values: Values) -> SweepSettings:
     tolerance = values.number(
         "sweep.period_tolerance", values.get("sweep.period_tolerance", default.period_tolerance)
     )
-    if not 0 < tolerance < 1:
-        raise values.error("sweep.period_tolerance", tolerance, "must lie between 0 and 1")
+    if not MIN_TOLERANCE <= tolerance < 1:
+        limit = f"must lie between 0 and 1, at least {MIN_TOLERANCE:g}"
+        raise values.error("sweep.period_tolerance", tolerance, limit)
     method = values.get("solver.method", default.solver)
     if not isinstance(method, str) or method not in SOLVERS:
         raise values.error("solver.method", method, f"must be one of {', '.join(SOLVERS)}")
-    rtol = values.number(
-        "solver.rtol", values.get("solver.rtol", 1e-6 if method == "bdf" else default.rtol)
-    )
+    rtol = values.number("solver.rtol", values.get("solver.rtol", SOLVERS[method].rtol))
     if not 1e-13 <= rtol <= 1e-2:
         raise values.error("solver.rtol", rtol, "must be from 1e-13 to 1e-2")
     longest = values.whole(

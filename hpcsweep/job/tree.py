@@ -10,6 +10,7 @@ import datetime
 import difflib
 import json
 import re
+import stat
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -17,6 +18,12 @@ from pathlib import Path
 EXTENDS = "extends"
 MAX_BASES = 8
 """Files that one job may be built on; the shipped jobs need at most four."""
+MAX_TEXT = 2**24
+"""Characters of a job; ten seconds of parsing."""
+MAX_DEPTH = 8
+MAX_WORD = 4096
+"""Characters of a key or a word; the path of another job is the longest."""
+LONG_DOTS = re.compile(r"^\s*\[*\s*(?:[\w\"'-]+\s*\.\s*){8}", re.MULTILINE)
 MAX_SHOWN = 80
 """Characters of a setting that an error shows."""
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
@@ -106,15 +113,67 @@ def write(tree: Mapping, order: Order) -> str:
 def _read(path: Path) -> tuple[str, dict]:
     """Read text and tree of one file."""
     try:
-        text = path.read_bytes().decode("utf-8")
-    except OSError as error:
-        raise TreeError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise TreeError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
+        if path.exists() and not stat.S_ISREG(path.stat().st_mode):
+            # a folder, a pipe that nobody fills, a device without end
+            raise TreeError(f"{path}: cannot be read: it is no regular file")
+        with path.open("rb") as file:
+            raw = file.read(MAX_TEXT + 1)
+        text = raw.decode("utf-8")
+    except (OSError, ValueError) as error:
+        if isinstance(error, TreeError):
+            raise
+        if isinstance(error, UnicodeDecodeError):
+            raise TreeError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
+        said = getattr(error, "strerror", None) or error
+        raise TreeError(f"{path}: cannot be read: {said}") from None
+    return text, parse_toml(text, str(path))
+
+
+def parse_toml(text: str, source: str) -> dict:
+    """Parse a text of a size, and with a depth and with names, that a job may have.
+
+    Raises
+    ------
+    TreeError
+        If it is no TOML or beyond the limits; `source` is named.
+    """
+    if len(text) > MAX_TEXT:
+        raise TreeError(f"{source}: has more than {MAX_TEXT} characters, the most a job may have")
+    if LONG_DOTS.search(text):
+        raise TreeError(f"{source}: a key has more than {MAX_DEPTH} parts")
     try:
-        return text, tomllib.loads(text)
+        tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # the second: brackets too deep
-        raise TreeError(f"{path}: not valid TOML: {error}") from None
+        raise TreeError(f"{source}: not valid TOML: {str(error)[:200]}") from None
+    _check_size(tree, source)
+    return tree
+
+
+def _check_size(tree: dict, source: str) -> None:
+    """Refuse keys, words and whole numbers that are too long, and brackets that are too deep."""
+    waiting: list[tuple[object, int]] = [(tree, 0)]
+    while waiting:
+        value, depth = waiting.pop()
+        if depth > MAX_DEPTH:
+            raise TreeError(f"{source}: its brackets are more than {MAX_DEPTH} deep")
+        if isinstance(value, dict):
+            for key in value:
+                if len(key) > MAX_WORD:
+                    raise TreeError(
+                        f"{source}: key {key[:20]!r}...: has {len(key)} characters, the most are "
+                        f"{MAX_WORD}"
+                    )
+            waiting += [(item, depth + 1) for item in value.values()]
+        elif isinstance(value, list):
+            waiting += [(item, depth + 1) for item in value]
+        elif isinstance(value, str) and len(value) > MAX_WORD:
+            raise TreeError(
+                f"{source}: {value[:20]!r}...: has {len(value)} characters, the most are {MAX_WORD}"
+            )
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+            raise TreeError(
+                f"{source}: a whole number of {value.bit_length()} bits does not fit into 64"
+            )
 
 
 def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
@@ -166,8 +225,10 @@ def _parse_setting(setting: str) -> dict:
         whole = ".".join(key.split(".")[:2])
         raise TreeError(f"{option}: must be TABLE.KEY=VALUE; the value of {whole} is set whole")
     try:
-        return tomllib.loads(setting)
-    except (ValueError, RecursionError):
+        return parse_toml(setting, option)
+    except TreeError as error:
+        if "not valid TOML" not in str(error):
+            raise
         is_word = value[:1].isalpha() and BARE_KEY.fullmatch(value) and len(value) <= MAX_SHOWN
         hint = f"; a string needs quotes: --set '{key}=\"{value}\"'" if is_word else ""
         raise TreeError(f"{option}: not a key and a value of TOML{hint}") from None

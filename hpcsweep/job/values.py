@@ -13,6 +13,11 @@ MAX_VALUES = 10_000_000
 """Frames or amplitudes of one job."""
 
 
+MIN_OMEGA, MAX_OMEGA = 1e-4, 1e6
+MAX_AMPLITUDE = 1e250
+"""Beyond these a run leaves double precision, or one forcing period takes longer than a minute."""
+
+
 class Values:
     """Reads the values of one job.
 
@@ -93,7 +98,7 @@ class Values:
         """Convert a value that must be a number."""
         if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
             raise self.error(key, value, "must be a number")
-        return float(value)
+        return float(value)  # whole numbers have 64 bits
 
     def whole(self, key: str, default: int, least: int, most: int) -> int:
         """Read a whole number within bounds."""
@@ -129,13 +134,25 @@ class Values:
         omega = self.numbers(key, ascending=False)
         if np.any(omega <= 0):
             raise self.error(key, omega[omega <= 0][0], "must be greater than 0")
+        self.check_range(key, omega=omega)
         return omega
+
+    def check_range(self, key: str, omega=(), amplitude=()) -> None:
+        """Refuse frequencies and amplitudes that no solver can start from."""
+        for name, given, least, most in (
+            ("Omega", np.asarray(omega), MIN_OMEGA, MAX_OMEGA),
+            ("A", np.asarray(amplitude), 0.0, MAX_AMPLITUDE),
+        ):
+            wrong = ~((least <= given) & (given <= most))
+            if wrong.any():
+                raise self.error(key, given[wrong][0], f"{name} must be from {least:g} to {most:g}")
 
     def amplitudes(self, key: str) -> np.ndarray:
         """Read forcing amplitudes, ascending."""
         amplitude = self.numbers(key, ascending=True)
         if amplitude[0] < 0:
             raise self.error(key, amplitude[0], "must be at least 0")
+        self.check_range(key, amplitude=amplitude)
         return amplitude
 
     def _range(self, key: str, given: Mapping) -> np.ndarray:
@@ -159,6 +176,8 @@ class Values:
                 raise self.error(f"{key}.count", count, "must be a whole number")
             if not 2 <= count <= MAX_VALUES:
                 raise self.error(f"{key}.count", count, f"must be from 2 to {MAX_VALUES}")
+            if not math.isfinite(high - low):
+                raise self.error(f"{key}.to", high, "must be nearer to from")
             return np.linspace(low, high, count)
         step = self.number(f"{key}.step", given["step"])
         if not (0 < step <= high - low and (high - low) / step < MAX_VALUES):

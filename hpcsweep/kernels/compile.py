@@ -136,7 +136,7 @@ class _KernelCache(FunctionCache):
 
 def is_cold() -> bool:
     """Tell whether the kernels have not been compiled yet."""
-    return not any(cache_folder().rglob("*.nbi"))
+    return not (numba.config.DISABLE_JIT or any(cache_folder().rglob("*.nbi")))
 
 
 def _compile(function=None, **options):

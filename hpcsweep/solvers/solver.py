@@ -5,6 +5,7 @@ start at phase tau = 0 of the forcing and advance whole forcing periods T = 2 pi
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +16,41 @@ from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation
 
-SOLVERS = {"flow": FlowMap, "bdf": BdfMap}
+
+@dataclass(frozen=True)
+class SolverKind:
+    """A solver, and what is known of it.
+
+    Attributes
+    ----------
+    make : callable (structure, omega, rtol)
+    rtol : float
+        Relative tolerance of a job that names none.
+    tight : float
+        Relative tolerance with which it computes the runs of another solver again.
+    period_error : float
+        Error of one forcing period in units of the relative tolerance, at beta = 1000 and a tangent
+        map of norm 1: some three times the largest measured.
+    polls_each_period : bool
+        Whether ``poll`` is called in each forcing period, not only between runs.
+    """
+
+    make: Callable[[Structure, float, float], "Solver"]
+    rtol: float
+    tight: float
+    period_error: float
+    polls_each_period: bool = False
+
+
+SOLVERS = {
+    "flow": SolverKind(FlowMap, rtol=1e-9, tight=1e-11, period_error=1e3),
+    "bdf": SolverKind(BdfMap, rtol=1e-6, tight=1e-10, period_error=3e3, polls_each_period=True),
+}
+
+
+def witness_of(name: str) -> str:
+    """Name the solver that computes the runs of another one again: the first that is not it."""
+    return next(other for other in SOLVERS if other != name)
 
 
 class Solver(Protocol):
@@ -90,7 +125,7 @@ def make_solver(name: str, structure: Structure, omega: float, rtol: float) -> S
     """
     if name not in SOLVERS:
         raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, is {name!r}")
-    return SOLVERS[name](structure, omega, rtol)
+    return SOLVERS[name].make(structure, omega, rtol)
 
 
 def stroboscopic_points(

@@ -1,12 +1,12 @@
 """The campaign file: the only package that knows its layout and that imports h5py.
 
 `layout` names its variables, `create` makes it, `transport` writes into it from every rank,
-`commit` says what of it is believed, `reader` opens it for people, `frames` one frame at a time,
-`check` compares it with the layout, `packing` compresses it, `lock` keeps a second campaign out,
-`journal` keeps the history beside it.
+`opening` is the one way in, `check` compares it with the layout, `metadata` is the checksum of all
+that is no result, `repair` mends what the job can tell, `commit` says which results are believed,
+`reader` gives them to people, `frames` one frame at a time, `packing` compresses it, `lock` keeps a
+second campaign out, `journal` keeps the history beside it.
 """
 
-from hpcsweep.store.check import layout_problems
 from hpcsweep.store.commit import Campaign, open_campaign
 from hpcsweep.store.create import create
 from hpcsweep.store.frames import Frames, Grid
@@ -14,6 +14,7 @@ from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import DamagedError, Layout, StoreError, WriteError
 from hpcsweep.store.lock import Lock
 from hpcsweep.store.offsets import is_packed
+from hpcsweep.store.opening import layout_problems, open_layout
 from hpcsweep.store.packing import pack
 from hpcsweep.store.reader import job_of, open_results
 from hpcsweep.store.records import read_history
@@ -33,6 +34,7 @@ __all__ = [
     "job_of",
     "layout_problems",
     "open_campaign",
+    "open_layout",
     "open_results",
     "pack",
     "read_history",

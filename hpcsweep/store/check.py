@@ -7,36 +7,51 @@ import h5py
 import numpy as np
 
 from hpcsweep.store.layout import Layout
-from hpcsweep.store.offsets import open_for_reading
+from hpcsweep.store.metadata import CHECKSUM
 
 PROVENANCE = ("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ranks", "created")
 """Attributes that tell where the results come from."""
+STRING = np.dtype([("length", "<u4"), ("heap", "<u8"), ("index", "<u4")])
+"""A string of variable length as HDF5 has it in a dataset."""
+LONGEST_NAME = 1000
+OPTIONAL = ("command", CHECKSUM)
+"""Attributes that not every file has."""
 
 
-def layout_problems(path: Path, layout: Layout) -> list[str]:
+def file_problems(file: h5py.File, layout: Layout, size: int) -> list[str]:
     """Compare attributes, coordinates and the variables' form with the layout of the job's file.
+
+    Nothing is read before its size is known to be the layout's.
+
+    Parameters
+    ----------
+    file : h5py.File
+    layout : Layout
+    size : int
+        Bytes of the file.
 
     Returns
     -------
     list of str
         What is not as promised, one line each; empty for a sound file.
     """
-    with open_for_reading(path) as file:
-        problems = _attribute_problems(file, layout)
-        for name, (values, units, _) in layout.coordinates.items():
-            problems += _coordinate_problems(file, name, values, units)
-        for variable in layout.datasets:
-            problems += _variable_problems(file, variable, layout)
-        known = set(layout.coordinates) | {variable.name for variable in layout.datasets}
-        problems += [f"{name}: not part of the layout" for name in file if name not in known]
-        if not problems:
-            problems += [
-                f"{variable.name}: its values are not those of the job"
-                for variable, values in layout.given
-                if not np.array_equal(file[variable.name][...], values)
-            ]
-            names = [variable.name for variable in (*layout.variables, layout.commit)]
-            problems += _storage_problems(file, names, path)
+    problems = _attribute_problems(file, layout)
+    for name, (values, units, _) in layout.coordinates.items():
+        problems += _coordinate_problems(file, name, values, units)
+    if any(name not in file for name in layout.coordinates):
+        return problems  # the variables' scales lead nowhere
+    for variable in layout.datasets:
+        problems += _variable_problems(file, variable, layout)
+    known = set(layout.coordinates) | {variable.name for variable in layout.datasets}
+    problems += [f"{name!s:.60}: not part of the layout" for name in file if name not in known]
+    if not problems:
+        problems += [
+            f"{variable.name}: its values are not those of the job"
+            for variable, values in layout.given
+            if not np.array_equal(file[variable.name][...], values)
+        ]
+        names = [variable.name for variable in (*layout.variables, layout.commit)]
+        problems += _storage_problems(file, names, size)
     return problems
 
 
@@ -46,6 +61,8 @@ def _attribute_problems(file: h5py.File, layout: Layout) -> list[str]:
         value = layout.attributes[key]
         if file.attrs.get(key) != value:
             problems.append(f"attribute {key}: is {file.attrs.get(key)!r}, the job says {value!r}")
+    known = {*layout.attributes, *PROVENANCE, *OPTIONAL}
+    problems += [f"attribute {key!s:.60}: not known" for key in file.attrs if key not in known]
     return problems
 
 
@@ -55,18 +72,35 @@ def _coordinate_problems(file, name: str, values: np.ndarray, units: str) -> lis
     scale = file[name]
     if not isinstance(scale, h5py.Dataset) or not scale.is_scale:
         return [f"{name}: not a dimension scale"]
+    if scale.shape != values.shape:
+        return [f"{name}: its shape is {scale.shape}, not {values.shape}"]
     problems = _note_problems(scale, name, units)
     if values.dtype == object:
         if h5py.check_string_dtype(scale.dtype) is None:
             return [*problems, f"{name}: its type is {scale.dtype}, not string"]
+        if not _lengths_are_sane(scale):
+            return [*problems, f"{name}: its values have no length"]
         stored = scale.asstr()[...]
     else:
         if scale.dtype != values.dtype:
-            problems.append(f"{name}: its type is {scale.dtype}, not {values.dtype}")
+            return [*problems, f"{name}: its type is {scale.dtype}, not {values.dtype}"]
         stored = scale[...]
     if not _same(stored, values):
         problems.append(f"{name}: its values are not those of the job")
     return problems
+
+
+def _lengths_are_sane(scale: h5py.Dataset) -> bool:
+    """Look at the lengths of strings, which HDF5 believes before it looks for the strings."""
+    offset = scale.id.get_offset()
+    if offset is None:
+        return False
+    with Path(scale.file.filename).open("rb") as file:
+        file.seek(offset)
+        raw = file.read(STRING.itemsize * scale.size)
+    if len(raw) < STRING.itemsize * scale.size:
+        return False
+    return bool(np.all(np.frombuffer(raw, STRING)["length"] <= LONGEST_NAME))
 
 
 def _same(stored: np.ndarray, values: np.ndarray) -> bool:
@@ -81,6 +115,8 @@ def _variable_problems(file, variable, layout: Layout) -> list[str]:
     if name not in file:
         return [f"{name}: missing"]
     data = file[name]
+    if not isinstance(data, h5py.Dataset):
+        return [f"{name}: not a variable"]
     problems = _note_problems(data, name, variable.units)
     if data.dtype != np.dtype(variable.dtype):
         problems.append(f"{name}: its type is {data.dtype}, not {np.dtype(variable.dtype)}")
@@ -103,7 +139,7 @@ def _note_problems(data, name: str, units: str) -> list[str]:
     return problems
 
 
-def _storage_problems(file, names: list[str], path: Path) -> list[str]:
+def _storage_problems(file, names: list[str], size: int) -> list[str]:
     """Plain: every variable one run of bytes inside the file, none over another. Packed: chunks."""
     chunked = [name for name in names if file[name].chunks is not None]
     if chunked:
@@ -122,6 +158,6 @@ def _storage_problems(file, names: list[str], path: Path) -> list[str]:
         for left, right in itertools.pairwise(places)
         if left[1] > right[0]
     ]
-    if places[-1][1] > path.stat().st_size:
+    if places[-1][1] > size:
         problems.append(f"{places[-1][2]}: reaches beyond the end of the file")
     return problems

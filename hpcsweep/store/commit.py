@@ -11,55 +11,23 @@ data are flushed once and all waiting checksums are written. A kill loses at mos
 
 import hashlib
 import os
-import re
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
-from hpcsweep.store.offsets import is_packed, open_for_reading, open_rows
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store.layout import Layout, StoreError, WriteError
+from hpcsweep.store.offsets import Rows, is_packed, open_above, open_rows
 from hpcsweep.store.transport import Transport, open_transport
+from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Block
 
+CODES = {"outcome": (1, max(Outcome)), "shortcut": (0, max(Shortcut))}
+"""Least and largest code of results that are codes."""
 SYNC_INTERVAL = 2.0
 """Seconds between flushes to disk."""
-
-
-def check_file(path: Path) -> dict:
-    """Read the attributes of a campaign file.
-
-    Raises
-    ------
-    StoreError
-        If it is not a campaign file, or of a layout this version does not know. A `DamagedError`
-        if it has been cut short: it is not lengthened again, because ``commit`` is at its end,
-        so that nothing of the rest could be believed.
-    """
-    try:
-        with open_for_reading(path) as file:
-            attributes = dict(file.attrs)
-    except (OSError, RuntimeError) as error:
-        kinds = PermissionError | FileNotFoundError | IsADirectoryError
-        if isinstance(error, kinds) and error.errno is not None:
-            # what h5py says of it is long, and may take several lines
-            raise StoreError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
-        cut = re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error))
-        if cut:
-            raise DamagedError(
-                f"{path}: cut short, {cut[1]} of {cut[2]} bytes are left, without their checksums; "
-                "put a whole copy in its place, or move it away and run the job again"
-            ) from None
-        raise StoreError(f"{path}: not an HDF5 file, or damaged; it is left as it is") from None
-    if attributes.get("format") != FORMAT:
-        raise StoreError(f"{path}: an HDF5 file, but no results of hpcsweep; it is left as it is")
-    version = int(attributes.get("layout_version", -1))
-    if version != LAYOUT_VERSION:
-        raise StoreError(
-            f"{path}: has layout version {version}, this program reads version {LAYOUT_VERSION}"
-        )
-    return attributes
 
 
 def check_writable(path: Path) -> None:
@@ -84,14 +52,16 @@ class Blocks:
     ----------
     path : Path
     layout : Layout
+    rows : ContiguousRows or PackedRows, optional
+        What reads the file, where that is open already.
     """
 
-    def __init__(self, path: Path, layout: Layout):
+    def __init__(self, path: Path, layout: Layout, rows: Rows | None = None):
         self.layout = layout
         self.study = layout.study
         self.variables = [variable.name for variable in layout.variables]
         self._seed = bytes.fromhex(layout.fingerprint)
-        self._rows = open_rows(path)
+        self._rows = open_rows(path) if rows is None else rows
 
     def __enter__(self) -> "Blocks":
         return self
@@ -153,6 +123,13 @@ class Blocks:
             digest.update(np.ascontiguousarray(rows[name]).data)
         return int.from_bytes(digest.digest(), "little") | 1
 
+    def _holds(self, stored: int, block: Block, start: np.ndarray, rows: dict) -> bool:
+        """Tell whether a block is what its checksum says, with codes that have a meaning."""
+        return stored == self.checksum(block, start, rows) and all(
+            least <= int(rows[name].min()) and int(rows[name].max()) <= most
+            for name, (least, most) in CODES.items()
+        )
+
     def chain(
         self, task: int, first: int = 0, state: np.ndarray | None = None
     ) -> Generator[tuple[Block, np.ndarray, bool], np.ndarray | None, None]:
@@ -182,7 +159,7 @@ class Blocks:
             end = None
             if stored:
                 rows = self.read(block)
-                if stored == self.checksum(block, state, rows):
+                if self._holds(stored, block, state, rows):
                     end = rows["final_state"][block.end]
             computed = yield block, state, end is not None
             if computed is not None:
@@ -192,17 +169,98 @@ class Blocks:
                 end = self.final_state(block.run(block.end))
             state = np.array(end)
 
+    def verify(
+        self, task: int, poll: Callable[[], None] = lambda: None
+    ) -> Iterator[tuple[Block, bool]]:
+        """Walk a task's blocks as `chain` does, reading nothing of those that have no checksum.
+
+        Parameters
+        ----------
+        task : int
+        poll : callable
+            Called for each block.
+
+        Yields
+        ------
+        block : Block
+        valid : bool
+        """
+        has_checksum = self._checksums_of(task)
+        before: Block | None = None
+        state: np.ndarray | None = self.study.initial_state
+        for block in self.study.path(task):
+            poll()
+            end = None
+            if has_checksum[block.place[0]][block.place[2]]:
+                if state is None and before is not None:
+                    state = self.final_state(before.run(before.end))
+                rows = self.read(block)
+                start = self.study.initial_state if state is None else state
+                if self._holds(self.committed(block), block, start, rows):
+                    end = rows["final_state"][block.end]
+            yield block, end is not None
+            before, state = block, None if end is None else np.array(end)
+
+    def _checksums_of(self, task: int) -> dict[int, np.ndarray]:
+        """Tell which blocks of a task's frame have a checksum, by direction."""
+        place = self.study.path(task)[0].place
+        directions, _, n_blocks = self.layout.shape(self.layout.commit)
+        return {
+            direction: self._rows.read("commit", (direction, place[1], 0), n_blocks) != 0
+            for direction in range(directions)
+        }
+
     def valid(self, task: int) -> list[tuple[Block, bool]]:
         """Tell for each block of a task whether its checksum holds."""
-        return [(block, good) for block, _, good in self.chain(task)]
+        return list(self.verify(task))
 
     def valid_runs(self) -> np.ndarray:
         """Tell for each run whether it belongs to a valid block."""
         mask = np.zeros([self.layout.sizes[dim] for dim in self.study.run_dims], bool)
         for task in range(self.study.n_tasks):
-            for block, good in self.valid(task):
-                mask[block.runs] = good
+            for block, good in self.verify(task):
+                if good:
+                    mask[block.runs] = True
         return mask
+
+
+class _Identity:
+    """Which file lies under a name: what is written into one that was removed is lost."""
+
+    def __init__(self, path: Path):
+        self._path = path
+        self._descriptor = open_above(path, os.O_RDONLY)
+        self._size = os.fstat(self._descriptor).st_size
+
+    def check(self) -> None:
+        """Make sure that the file is the one that was opened, under its name and whole.
+
+        Raises
+        ------
+        WriteError
+        """
+        if self._descriptor < 0:
+            return
+        mine = os.fstat(self._descriptor)
+        try:
+            there = self._path.stat()
+        except OSError:
+            there = None
+        if there is None or (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
+            what = "removed, renamed or replaced"
+        elif mine.st_size < self._size:
+            what = "cut short"
+        else:
+            return
+        raise WriteError(
+            f"{self._path}: was {what} while it was being written; what was computed is not in it"
+        )
+
+    def close(self) -> None:
+        """Forget the file."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
 
 
 class Campaign:
@@ -211,6 +269,7 @@ class Campaign:
     def __init__(self, path: Path, layout: Layout, transport: Transport):
         self.blocks = Blocks(path, layout)
         self.transport = transport
+        self._identity = _Identity(path)
         self.written_bytes = 0
         self.write_seconds = 0.0
         self._pending: list[tuple[tuple[int, ...], int]] = []
@@ -248,10 +307,11 @@ class Campaign:
         Raises
         ------
         WriteError
-            If the disk does not take them. They are not tried again: a system that has reported
-            lost data once may call the next flush a success.
+            If the disk does not take them, or the file has gone from its name. They are not tried
+            again: a system that has reported lost data once may call the next flush a success.
         """
         pending, self._pending = self._pending, []
+        self._identity.check()
         if pending:
             begun = time.perf_counter()
             self.transport.sync()
@@ -264,7 +324,10 @@ class Campaign:
 
     def close(self) -> None:
         """Flush and close (collective)."""
-        self.flush()
+        try:
+            self.flush()
+        finally:
+            self._identity.close()
         self.transport.close()
         self.blocks.close()
 

@@ -9,7 +9,10 @@ import h5py
 import numpy as np
 
 from hpcsweep.store.layout import Layout, StoreError
+from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 
+LIBRARY = ("v108", "v108")
+"""Oldest HDF5 that can read a file."""
 METADATA = 2**16
 """Bytes that are more than enough for the names, scales and attributes of a file."""
 
@@ -41,8 +44,8 @@ def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None
             )
         # HDF5 may crash when a file it closes finds no room: find out before
         _reserve(temporary, need + METADATA)
-        with h5py.File(temporary, "w", libver=("v108", "v108")) as file:
-            _fill(file, layout, provenance)
+        with h5py.File(temporary, "w", libver=LIBRARY) as file:
+            fill(file, layout, provenance)
         _reserve(temporary, temporary.stat().st_size)
         temporary.rename(path)
     except (OSError, RuntimeError) as error:
@@ -68,7 +71,8 @@ def reason(error: Exception) -> str:
     return strerror or " ".join(str(error).split())
 
 
-def _fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> None:
+def fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> None:
+    """Write names, coordinates and attributes, and reserve the variables; all blocks are open."""
     for name, (values, units, long_name) in layout.coordinates.items():
         if values.dtype == object:
             scale = file.create_dataset(name, data=values, dtype=h5py.string_dtype())
@@ -89,6 +93,7 @@ def _fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> 
     file[layout.commit.name][...] = 0
     for key, value in {**layout.attributes, **provenance}.items():
         file.attrs[key] = value
+    file.attrs[CHECKSUM] = metadata_checksum(file)
 
 
 def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.layout import Layout, StoreError
-from hpcsweep.store.reader import job_of
+from hpcsweep.store.layout import StoreError
+from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.study import Variable
 
 
@@ -31,9 +31,8 @@ class Frames:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        self.job = job_of(self.path)
-        self.study = self.job.study
-        self._layout = Layout(self.job)
+        self._layout = open_layout(self.path)
+        self.job, self.study = self._layout.job, self._layout.study
         self._variables = {variable.name: variable for variable in self._layout.variables}
         self._blocks = Blocks(self.path, self._layout)
 

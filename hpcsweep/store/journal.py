@@ -17,6 +17,11 @@ WRITE_INTERVAL = 1.0
 """Least seconds between two writes of notes."""
 
 
+LONGEST_LINE = 2**20
+LATEST = 2.0**36
+"""Seconds since the epoch beyond which a time is none, and cannot be shown."""
+
+
 class Journal:
     """Append-only; written by rank 0, read by anybody at any time."""
 
@@ -62,13 +67,34 @@ class Journal:
             ) from None
 
     def read(self) -> list[dict]:
-        """Read all records; a line cut off by a crash is passed over."""
+        """Read all records; what is none, a line cut off by a crash say, is passed over.
+
+        Returns
+        -------
+        list of dict
+            Each has ``kind``, a word, and ``time``, a finite number.
+        """
         records = []
-        try:
-            lines = self.path.read_text().splitlines()
-        except FileNotFoundError:
+        # a pipe would be waited for
+        if not self.path.is_file():
             return []
-        for line in lines:
-            with contextlib.suppress(json.JSONDecodeError):
-                records.append(json.loads(line))
+        try:
+            with self.path.open("rb") as file:
+                while line := file.readline(LONGEST_LINE):
+                    # the second: brackets too deep
+                    with contextlib.suppress(ValueError, RecursionError):
+                        record = json.loads(line)
+                        if _is_record(record):
+                            records.append(record)
+        except OSError:
+            return records
         return records
+
+
+def _is_record(record: object) -> bool:
+    if not isinstance(record, dict) or not isinstance(record.get("kind"), str):
+        return False
+    moment = record.get("time")
+    if isinstance(moment, bool) or not isinstance(moment, int | float):
+        return False
+    return 0 <= moment < LATEST

@@ -37,7 +37,18 @@ class StoreError(ValueError):
 
 
 class DamagedError(StoreError):
-    """A campaign file that has been damaged: cut short, or not what it says it is."""
+    """A campaign file that has been damaged: cut short, or not what it says it is.
+
+    Parameters
+    ----------
+    message : str
+    repairable : bool
+        Whether `run` may repair it; it may not where the checksums are lost.
+    """
+
+    def __init__(self, message: str, repairable: bool = True):
+        super().__init__(message)
+        self.repairable = repairable
 
 
 class WriteError(RuntimeError):

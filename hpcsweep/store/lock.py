@@ -21,6 +21,7 @@ import time
 from pathlib import Path
 
 from hpcsweep.store.layout import StoreError
+from hpcsweep.store.offsets import open_above
 
 ORPHAN_WAIT = 20.0
 """Seconds to wait for orphaned ranks of a killed campaign to end."""
@@ -78,10 +79,10 @@ class Lock:
         """Open the lock's file, made if need be; tell whether it was there."""
         while True:
             with contextlib.suppress(FileExistsError):
-                self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+                self._descriptor = open_above(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL)
                 return False
             with contextlib.suppress(FileNotFoundError):
-                self._descriptor = os.open(self.path, os.O_RDWR)
+                self._descriptor = open_above(self.path, os.O_RDWR)
                 return True
 
     def _wait_for_orphans(self, campaign: str, deadline: float) -> None:
@@ -119,7 +120,7 @@ class Lock:
     def join(self) -> None:
         """Hold the lock of a rank; after `acquire`, on every rank."""
         if self._descriptor == CLOSED:
-            self._descriptor = os.open(self.path, os.O_RDWR)
+            self._descriptor = open_above(self.path, os.O_RDWR)
         with contextlib.suppress(OSError):
             fcntl.lockf(self._descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, RANKS_BYTE)
 

@@ -1,12 +1,17 @@
 """Where the bytes of the file's variables are, and how rows of them are read."""
 
+import fcntl
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from hpcsweep.store.layout import DamagedError, StoreError
+
+LAST_STREAM = 2
+"""Descriptor of standard error."""
 
 
 def open_for_reading(path: Path) -> h5py.File:
@@ -22,6 +27,20 @@ def open_for_reading(path: Path) -> h5py.File:
         return h5py.File(path, "r")
 
 
+def open_above(path: Path, flags: int) -> int:
+    """Open a file under a descriptor that is none of the standard streams, were they closed.
+
+    What the interpreter, or MPI, writes to its streams must never reach a results file.
+    """
+    descriptor = os.open(path, flags, 0o666)
+    if descriptor > LAST_STREAM:
+        return descriptor
+    try:
+        return fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, LAST_STREAM + 1)
+    finally:
+        os.close(descriptor)
+
+
 class Offsets:
     """Byte offset, shape and type of every dataset of a file."""
 
@@ -35,6 +54,13 @@ class Offsets:
                 if offset is None:
                     raise StoreError(f"{path}: variable {name} has no place in the file")
                 self._of[name] = (offset, data.shape, data.dtype)
+
+    def extents(self, names: Iterable[str]) -> list[tuple[int, int]]:
+        """List the first byte of each variable and the one after its last."""
+        return [
+            (first, first + int(np.prod(shape, dtype=object)) * dtype.itemsize)
+            for first, shape, dtype in map(self._of.__getitem__, names)
+        ]
 
     def at(self, variable: str, start: tuple[int, ...]) -> int:
         """Return the byte offset of index `start`, later axes at 0."""
@@ -54,9 +80,10 @@ class Offsets:
 class ContiguousRows:
     """Rows of the variables of a plain file, read past HDF5: what others write is seen at once."""
 
-    def __init__(self, path: Path):
-        self.offsets = Offsets(path)
-        self._descriptor = os.open(path, os.O_RDONLY)
+    def __init__(self, path: Path, offsets: Offsets | None = None):
+        self._path = path
+        self.offsets = Offsets(path) if offsets is None else offsets
+        self._descriptor = open_above(path, os.O_RDONLY)
 
     def read(self, variable: str, start: tuple[int, ...], n: int) -> np.ndarray:
         """Read `n` rows of a variable's last indexed axis from index `start`.
@@ -71,7 +98,9 @@ class ContiguousRows:
         while len(data) < size:
             piece = os.pread(self._descriptor, size - len(data), offset + len(data))
             if not piece:
-                raise DamagedError(f"the file ends inside variable {variable}")
+                raise DamagedError(
+                    f"{self._path}: the file ends inside variable {variable}", repairable=False
+                )
             data += piece
         return np.frombuffer(bytes(data), dtype).reshape(shape)
 
@@ -86,6 +115,7 @@ class PackedRows:
     offsets = None
 
     def __init__(self, path: Path):
+        self._path = path
         self._file = open_for_reading(path)
 
     def read(self, variable: str, start: tuple[int, ...], n: int) -> np.ndarray:
@@ -98,8 +128,12 @@ class PackedRows:
         """
         try:
             return self._file[variable][(*start[:-1], slice(start[-1], start[-1] + n))]
-        except OSError:
-            raise DamagedError(f"variable {variable} cannot be unpacked") from None
+        except Exception:  # HDF5's answers to damaged bytes are of every kind
+            raise DamagedError(
+                f"{self._path}: variable {variable} cannot be unpacked; put a whole copy in its "
+                "place",
+                repairable=False,
+            ) from None
 
     def close(self) -> None:
         """Close the file."""
@@ -112,6 +146,9 @@ def is_packed(path: Path) -> bool:
         return file["commit"].chunks is not None
 
 
-def open_rows(path: Path) -> ContiguousRows | PackedRows:
+Rows = ContiguousRows | PackedRows
+
+
+def open_rows(path: Path) -> Rows:
     """Open a plain or packed campaign file for reading rows."""
     return PackedRows(path) if is_packed(path) else ContiguousRows(path)

@@ -9,14 +9,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.store.check import layout_problems
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.create import reason
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.lock import Lock
-from hpcsweep.store.offsets import is_packed, open_for_reading
-from hpcsweep.store.reader import job_of
+from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
+from hpcsweep.store.offsets import is_packed
+from hpcsweep.store.opening import open_layout, reading
 
 CHUNK_BYTES = 2**18
 """Size of a chunk before compression: whole rows, then amplitudes, then frames are gathered."""
@@ -53,10 +53,7 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     """
     path = Path(path)
     target = path if output is None else Path(output)
-    layout = Layout(job_of(path))
-    problems = layout_problems(path, layout)
-    if problems:
-        raise StoreError(f"{path}: damaged ({problems[0]}); it is left as it is")
+    layout = open_layout(path)
     if is_packed(path):
         raise StoreError(f"{path}: is packed already")
     if output is not None and target.exists():
@@ -114,7 +111,7 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
 def _copy(path: Path, temporary: Path) -> None:
     """Write the packed copy and bring it to disk."""
     with (
-        open_for_reading(path) as source,
+        reading(path) as source,
         h5py.File(temporary, "w", libver=LIBRARY) as copy,
     ):
         for name, data in source.items():
@@ -139,6 +136,9 @@ def _copy(path: Path, temporary: Path) -> None:
                 packed[part] = data[part]
         for key, value in source.attrs.items():
             copy.attrs[key] = value
+        if CHECKSUM in copy.attrs:
+            # it covers the places of the datasets, which are others here
+            copy.attrs[CHECKSUM] = metadata_checksum(copy)
     _sync(temporary)
 
 
@@ -192,9 +192,10 @@ def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:
     StoreError
         If anything differs.
     """
-    with open_for_reading(path) as source, open_for_reading(temporary) as copy:
+    with reading(path) as source, reading(temporary) as copy:
         different = [] if source.keys() == copy.keys() else ["the names of the datasets"]
-        if dict(source.attrs) != dict(copy.attrs):
+        left, right = ({**file.attrs, CHECKSUM: ""} for file in (source, copy))
+        if left != right:
             different.append("the attributes")
         for name, data in source.items():
             packed = copy[name]

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.job import Job, JobError, parse_job
-from hpcsweep.store.commit import Blocks, check_file
-from hpcsweep.store.layout import DamagedError, Layout
-from hpcsweep.store.offsets import open_for_reading
+from hpcsweep.job import Job
+from hpcsweep.store.commit import Blocks
+from hpcsweep.store.metadata import CHECKSUM
+from hpcsweep.store.opening import open_layout, reading
 
 
 def job_of(path: str | Path) -> Job:
@@ -16,17 +16,9 @@ def job_of(path: str | Path) -> Job:
     Raises
     ------
     StoreError
-        If the file is not a campaign file. A `DamagedError` if its job is not the one it says.
+        If the file is not a campaign file. A `DamagedError` if it is not as its job says.
     """
-    path = Path(path)
-    attributes = check_file(path)
-    try:
-        job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
-    except (KeyError, JobError) as error:
-        raise DamagedError(f"{path}: its job cannot be read: {error}") from None
-    if job.fingerprint != attributes.get("fingerprint"):
-        raise DamagedError(f"{path}: its job and its fingerprint do not agree")
-    return job
+    return open_layout(path).job
 
 
 def open_results(path: str | Path):
@@ -41,7 +33,7 @@ def open_results(path: str | Path):
     xarray.Dataset
         Variables and dimensions as in the file. Runs without valid commit have outcome 0
         (``Outcome.NOT_COMPUTED``), zero counts and NaN elsewhere. The attributes are those of the
-        file.
+        file, without the checksum of its metadata.
 
     Raises
     ------
@@ -51,14 +43,11 @@ def open_results(path: str | Path):
     import xarray
 
     path = Path(path)
-    job = job_of(path)
-    arrays, attributes = {}, {}
-    with open_for_reading(path) as file:
+    layout = open_layout(path)
+    arrays = {}
+    with reading(path) as file:
         for name, data in file.items():
-            try:
-                values = data[...]
-            except OSError:
-                raise DamagedError(f"{path}: variable {name} cannot be unpacked") from None
+            values = data[...]
             if values.dtype == object:
                 values = np.array(data.asstr()[...], dtype=str)
             dims = (
@@ -68,8 +57,7 @@ def open_results(path: str | Path):
             )
             notes = {key: data.attrs[key] for key in ("units", "long_name")}
             arrays[name] = (dims, values, notes)
-        attributes = dict(file.attrs)
-    layout = Layout(job)
+        attributes = {key: value for key, value in file.attrs.items() if key != CHECKSUM}
     with Blocks(path, layout) as blocks:
         missing = ~blocks.valid_runs()
     for variable in layout.variables:

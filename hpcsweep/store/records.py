@@ -129,10 +129,55 @@ def read_history(path: Path) -> History:
     for record in Journal(path).read():
         history.last = record["time"]
         with contextlib.suppress(KeyError, TypeError, ValueError):
+            _check(record)
             _READERS.get(record["kind"], _pass)(history, record)
         if history.sessions:
             history.sessions[-1].last = record["time"]
     return history
+
+
+def _check(record: dict) -> None:
+    """Refuse a record with a value that is not of its kind.
+
+    Raises
+    ------
+    ValueError
+    """
+    for key, value in record.items():
+        expected = _KINDS.get(key)
+        if expected is None or (value is None and key in _MAYBE):
+            continue
+        values = value if isinstance(value, list) else [value]
+        if isinstance(value, list) != (key in _LISTS) or not all(map(expected, values)):
+            raise ValueError(f"{key} = {value!r:.40}")
+
+
+def _is_count(value: object) -> bool:
+    return type(value) is int and 0 <= value < 2**62
+
+
+def _is_time(value: object) -> bool:
+    return type(value) in (int, float) and 0 <= value < 1e15  # type: ignore[operator]
+
+
+def _is_word(value: object) -> bool:
+    return isinstance(value, str) and len(value) < 1000
+
+
+_MAYBE = ("transport", "written_bytes", "write_seconds", "rank_seconds", "peak_memory")
+_LISTS = ("hosts", "peak_memory")
+_KINDS = {
+    **dict.fromkeys(
+        ("ranks", "rank", "direction", "frame", "block", "runs", "messages", "recalls"), _is_count
+    ),
+    **dict.fromkeys(("written_bytes", "peak_memory"), _is_count),
+    **dict.fromkeys(
+        ("along", "seconds", "message_seconds", "master_seconds", "write_seconds", "rank_seconds"),
+        _is_time,
+    ),
+    **dict.fromkeys(("hosts", "transport", "reason"), _is_word),
+}
+"""What the values of records must be."""
 
 
 def _pass(history: History, record: dict) -> None:
@@ -143,7 +188,7 @@ def _start(history: History, record: dict) -> None:
     history.sessions.append(
         Session(
             started=record["time"],
-            ranks=record["ranks"],
+            ranks=max(record["ranks"], 1),
             hosts=record["hosts"],
             transport=record.get("transport"),
             last=record["time"],
@@ -152,6 +197,8 @@ def _start(history: History, record: dict) -> None:
 
 
 def _block(history: History, record: dict) -> None:
+    if record["runs"] < 1:
+        raise ValueError("a block without runs")
     place = record["direction"], record["frame"], record["block"]
     cost = BlockCost(place, record["runs"], record["seconds"], record["time"])
     history.costs.append(cost)

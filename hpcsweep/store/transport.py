@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from hpcsweep.store.layout import StoreError, WriteError
-from hpcsweep.store.offsets import Offsets
+from hpcsweep.store.offsets import Offsets, open_above
 
 ENVIRONMENT = "HPCSWEEP_TRANSPORT"
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
@@ -73,7 +73,7 @@ class PosixTransport:
     def __init__(self, path: Path):
         self._path = path
         self._offsets = Offsets(path)
-        self._descriptor = os.open(path, os.O_RDWR)
+        self._descriptor = open_above(path, os.O_RDWR)
 
     def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
         """Write rows; see `Transport`."""
@@ -131,7 +131,7 @@ class MpioTransport:
     def __init__(self, path: Path, comm):
         self._path = path
         self._file = h5py.File(path, "r+", driver="mpio", comm=comm.raw)
-        self._descriptor = os.open(path, os.O_RDWR)
+        self._descriptor = open_above(path, os.O_RDWR)
 
     def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
         """Write rows; see `Transport`."""
@@ -153,6 +153,22 @@ class MpioTransport:
         self._file.close()
 
 
+def check_transport() -> str:
+    """Give the transport that ``HPCSWEEP_TRANSPORT`` asks for, '' if none.
+
+    Raises
+    ------
+    StoreError
+        If it is not to be had.
+    """
+    asked = os.environ.get(ENVIRONMENT, "")
+    if asked not in ("", "mpiio", "mpio"):
+        raise StoreError(f"{ENVIRONMENT} = {asked!r}: must be mpiio or mpio")
+    if asked == "mpio" and not h5py.get_config().mpi:
+        raise StoreError(f"{ENVIRONMENT} = 'mpio': this h5py was built without MPI")
+    return asked
+
+
 def open_transport(path: Path, comm) -> Transport:
     """Open the file for writing on every rank.
 
@@ -164,12 +180,7 @@ def open_transport(path: Path, comm) -> Transport:
     StoreError
         If what was asked for is not to be had.
     """
-    asked = os.environ.get(ENVIRONMENT, "")
-    able = h5py.get_config().mpi
-    if asked not in ("", "mpiio", "mpio"):
-        raise StoreError(f"{ENVIRONMENT} = {asked!r}: must be mpiio or mpio")
-    if asked == "mpio" and not able:
-        raise StoreError(f"{ENVIRONMENT} = 'mpio': this h5py was built without MPI")
+    asked, able = check_transport(), h5py.get_config().mpi
     if comm.size == 1:
         return PosixTransport(path)
     if asked == "mpio" or (able and not asked):

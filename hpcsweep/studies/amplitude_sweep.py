@@ -14,7 +14,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.runs import frame_runs
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Amplitudes, Block
+from hpcsweep.studies.study import Amplitudes, Block, Path
 
 UP, DOWN = "up", "down"
 
@@ -52,13 +52,14 @@ class AmplitudeSweep(RunGrid):
         del direction, number
         return frame
 
-    def path(self, task: int) -> list[Block]:
+    def path(self, task: int) -> Path:
         """List the blocks of a frame: up, then down."""
-        return [
-            self.block((direction, task, number))
-            for direction in range(len(self.directions))
-            for number in range(self.n_blocks)
-        ]
+
+        def block(position: int) -> Block:
+            direction, number = divmod(position, self.n_blocks)
+            return self.block((direction, task, number))
+
+        return Path(len(self.directions) * self.n_blocks, block)
 
     def descends(self, direction: int) -> bool:
         """Tell whether the amplitudes of a direction are computed from the highest on."""
@@ -79,9 +80,9 @@ class AmplitudeSweep(RunGrid):
         """Give the index of the run before one on the path; None for the first."""
         if row != block.begin:
             return block.run(row + 1 if block.descending else row - 1)
-        path = self.path(block.task)
-        position = [other.place for other in path].index(block.place)
-        before = path[position - 1] if position else None
+        direction, _, number = block.place
+        position = direction * self.n_blocks + number
+        before = self.path(block.task)[position - 1] if position else None
         return before.run(before.end) if before else None
 
     def describe_task(self, task: int) -> str:

@@ -6,7 +6,7 @@ counted from the top.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -94,7 +94,7 @@ class RunGrid:
         """Give the task of blocks: arrays or numbers."""
         raise NotImplementedError
 
-    def path(self, task: int) -> list[Block]:
+    def path(self, task: int) -> Sequence[Block]:
         """List the blocks of a task in the order of computation."""
         raise NotImplementedError
 

@@ -5,7 +5,7 @@ The points are a grid, or a list of pairs. A list has one frame a point, and one
 larger blocks, so that a study scales to as many ranks as it has points.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -65,6 +65,7 @@ class Points(RunGrid):
         if wrong.any():
             first = pairs[int(np.argmax(wrong))]
             raise values.error("study.points", first, "must have A of at least 0, Omega above 0")
+        values.check_range("study.points", omega, amplitude)
         if np.unique(np.stack((amplitude, omega)), axis=1).shape[1] < len(pairs):
             raise values.error("study.points", pairs, "must not hold a point twice")
         return cls(omega=omega.copy(), amplitude=amplitude.copy(), listed=True, **common)
@@ -97,7 +98,7 @@ class Points(RunGrid):
         del direction
         return frame * self.n_blocks + number
 
-    def path(self, task: int) -> list[Block]:
+    def path(self, task: int) -> Sequence[Block]:
         """Give the one block of a task."""
         return [self.block((0, *divmod(task, self.n_blocks)))]
 

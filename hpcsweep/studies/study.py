@@ -11,7 +11,7 @@ module in this folder and an entry in `hpcsweep.studies.kinds`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, overload
 
 import numpy as np
 
@@ -100,6 +100,37 @@ class Block:
         return (*self.first[:-1], self.first[-1] + row)
 
 
+class Path(Sequence[Block]):
+    """Blocks of a task in the order of computation, each made when it is asked for.
+
+    Parameters
+    ----------
+    length : int
+    block : callable
+        Makes the block at a position.
+    """
+
+    def __init__(self, length: int, block: Callable[[int], Block]):
+        self._positions = range(length)
+        self._block = block
+
+    def __len__(self) -> int:
+        return len(self._positions)
+
+    @overload
+    def __getitem__(self, position: int) -> Block: ...
+
+    @overload
+    def __getitem__(self, position: slice) -> "Path": ...
+
+    def __getitem__(self, position):
+        if isinstance(position, slice):
+            part = Path(0, self._block)
+            part._positions = self._positions[position]
+            return part
+        return self._block(self._positions[position])
+
+
 class BlockTable(NamedTuple):
     """All blocks of a study, those of a task together and in the order of its path.
 
@@ -162,7 +193,7 @@ class Study(Protocol):
         """Variables that are known beforehand, with their values."""
         ...
 
-    def path(self, task: int) -> list[Block]:
+    def path(self, task: int) -> Sequence[Block]:
         """List the blocks of a task in the order of computation."""
         ...
 

@@ -7,6 +7,7 @@ import pytest
 from tools import SMALL
 
 from hpcsweep import store
+from hpcsweep.campaign import provenance
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize, total_cost
 from hpcsweep.commands import cli
@@ -60,7 +61,7 @@ def test_a_summary_counts_what_the_file_holds(file):
 def test_only_what_is_there_is_counted(tmp_path):
     job = parse_job(SMALL, "x", "x")
     path = tmp_path / "empty.h5"
-    store.create(path, store.Layout(job), {})
+    store.create(path, store.Layout(job), provenance.collect("none", ["here"]))
     told = summarize(path)
     assert told["runs_done"] == 0
     assert told["cost"] is told["periods_per_run"] is None

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from tools import hpcsweep
 
-from hpcsweep.checks.stress import Case, _inconsistent, answer, as_json, energy
+from hpcsweep.checks.stress import _inconsistent, answer, as_json, energy
+from hpcsweep.checks.stress_cases import Case
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.watchdog import Lost, each
 from hpcsweep.solvers.outcome import Outcome

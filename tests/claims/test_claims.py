@@ -8,10 +8,13 @@ import pytest
 from tools import JOBS, SMALL
 
 from hpcsweep.campaign import run as campaign
-from hpcsweep.claims import Map, Sweep, Verdict, judgement, report, variant_of
-from hpcsweep.claims.evidence import Study, open_frames, read_map
+from hpcsweep.claims import Map, Sweep, Verdict, coexistence, judgement, report, variant_of
+from hpcsweep.claims.coexistence import BranchEnd
+from hpcsweep.claims.evidence import Study
 from hpcsweep.claims.judge import judge_files
-from hpcsweep.claims.judgement import C3, C13, C23, C123, BranchEnd, Hits
+from hpcsweep.claims.judgement import Hits
+from hpcsweep.claims.reading import open_frames, read_map
+from hpcsweep.claims.words import C3, C13, C23, C123
 from hpcsweep.commands import cli
 from hpcsweep.job import load_job, parse_job
 from hpcsweep.model.structure import Structure
@@ -105,13 +108,13 @@ def test_probe():
 def test_two_impacting_orbits():
     period, contact = [[4, 4], [4, 2]], [[C23, C23], [C23, C13]]
     larger = sweep(period, contact, drift=[[1.0, 1.0], [1.0, 1.2]])
-    claim = judgement.two_impacting_orbits(larger)
+    claim = coexistence.two_impacting_orbits(larger)
     assert claim.verdict is YES
     assert "1.200 (P2 C13, down) and 1.000 (P4 C23, up)" in claim.finding
     smaller = sweep(period, contact, drift=[[1.0, 1.0], [1.0, 0.9]])
-    assert judgement.two_impacting_orbits(smaller).verdict is NO
-    assert judgement.two_impacting_orbits(sweep(period, C23)).verdict is NO
-    assert judgement.two_impacting_orbits(sweep([4], C23, both=False)).verdict is CANNOT_TELL
+    assert coexistence.two_impacting_orbits(smaller).verdict is NO
+    assert coexistence.two_impacting_orbits(sweep(period, C23)).verdict is NO
+    assert coexistence.two_impacting_orbits(sweep([4], C23, both=False)).verdict is CANNOT_TELL
 
 
 def test_coexisting_regions():
@@ -120,25 +123,25 @@ def test_coexisting_regions():
     found = sweep(period, contact)
     found.points[1, 2] += 0.5
     end = BranchEnd(0.045, np.array([0.99, 0.2, 0.1, 0.1, 0.1, 0.1]))
-    claims = judgement.coexisting_regions(found, end)
+    claims = coexistence.coexisting_regions(found, end)
     assert [claim.number for claim in claims] == ["5a", "5b", "5c", "5d"]
     assert [claim.verdict for claim in claims] == [YES] * 4
     assert "0.05 to 0.05" in claims[3].finding
     found.points[1, 2] -= 0.5
     torus = BranchEnd(0.045, np.array([0.6 + 0.799j, 0.6 - 0.799j, 0.1, 0.1, 0.1, 0.1]))
-    claims = judgement.coexisting_regions(found, torus)
+    claims = coexistence.coexisting_regions(found, torus)
     assert [claim.verdict for claim in claims] == [YES, NO, NO, YES]
     assert "Neimark-Sacker" in claims[2].finding
-    alone = judgement.coexisting_regions(sweep([1, 1], C23), None)
+    alone = coexistence.coexisting_regions(sweep([1, 1], C23), None)
     assert [claim.verdict for claim in alone] == [NO, NO, CANNOT_TELL, NO]
-    one_way = judgement.coexisting_regions(sweep([1, 1], C23, both=False), None)
+    one_way = coexistence.coexisting_regions(sweep([1, 1], C23, both=False), None)
     assert {claim.verdict for claim in one_way} == {CANNOT_TELL}
 
 
 def test_kinds_of_ends():
-    assert judgement.kind_of_end(np.array([0.99, 0.1]))[0] == "fold"
-    assert judgement.kind_of_end(np.array([-0.99, 0.1]))[0] == "period doubling"
-    assert judgement.kind_of_end(np.array([0.5, 0.1]))[0] == "no multiplier at the unit circle"
+    assert coexistence.kind_of_end(np.array([0.99, 0.1]))[0] == "fold"
+    assert coexistence.kind_of_end(np.array([-0.99, 0.1]))[0] == "period doubling"
+    assert coexistence.kind_of_end(np.array([0.5, 0.1]))[0] == "no multiplier at the unit circle"
 
 
 def make_map(beta, chaos, drift=0.9, period=1, exponents=True) -> Map:

@@ -129,7 +129,17 @@ def test_every_example_can_be_read(page):
     for example in blocks(text, "toml"):
         tree = tomllib.loads(example)
         if "sweep" in tree and "study" not in tree:
-            assert parse_job(example, page.name, "example").omega.size
+            assert parse_job(example, page.name, "example").study.omega.size
+
+
+def test_the_exercises_apply():
+    exercises = blocks((ROOT / "docs" / "extending.md").read_text(), "diff")
+    assert len(exercises) == 4
+    for exercise in exercises:
+        done = subprocess.run(
+            ["git", "apply", "--check"], input=exercise, text=True, cwd=ROOT, capture_output=True
+        )
+        assert done.returncode == 0, done.stderr
 
 
 def known_keys(start: str) -> list[str]:

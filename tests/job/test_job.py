@@ -21,7 +21,7 @@ def test_every_shipped_job_loads():
         path.name for path in names
     }
     for path in names:
-        assert load_job(path).n_runs > 0
+        assert load_job(path).study.n_runs > 0
 
 
 @pytest.mark.parametrize(
@@ -84,10 +84,10 @@ def test_missing_key_and_file_are_named(tmp_path):
 
 
 def test_step_includes_the_end_it_hits_and_no_value_beyond():
-    found = job("[sweep]\nomega=1\namplitude={from=0.005, to=0.25, step=0.001}").amplitude
+    found = job("[sweep]\nomega=1\namplitude={from=0.005, to=0.25, step=0.001}").study.amplitude
     assert found.size == 246
     assert found[-1] == pytest.approx(0.25, abs=1e-15)
-    found = job("[sweep]\nomega=1\namplitude={from=0, to=1, step=0.3}").amplitude
+    found = job("[sweep]\nomega=1\namplitude={from=0, to=1, step=0.3}").study.amplitude
     assert found == pytest.approx([0, 0.3, 0.6, 0.9])
 
 
@@ -103,7 +103,7 @@ def test_infinite_sharpness_and_a_list_of_frames():
     text = SMALL.replace("4e3", "inf").replace("{from = 0.5, to = 0.8, count = 4}", "[0.7, 0.5]")
     found = job(text)
     assert found.structure.sharpness == math.inf
-    assert np.array_equal(found.omega, [0.7, 0.5])
+    assert np.array_equal(found.study.omega, [0.7, 0.5])
 
 
 OTHER = {

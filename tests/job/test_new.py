@@ -90,7 +90,7 @@ def test_the_ranges_it_tells_are_those_that_hold(key, least, most):
     assert f"from {least} to {most}" in shown(key)
     line = re.search(rf"^#{key} = .*$", TEMPLATE, flags=re.MULTILINE)[0]
     for value in (least, most):
-        assert parse_job(TEMPLATE.replace(line, f"{key} = {value}"), "x", "x").n_runs == 198
+        assert parse_job(TEMPLATE.replace(line, f"{key} = {value}"), "x", "x").study.n_runs == 198
     inside = tomllib.loads(f"least = {least}\nmost = {most}")
     step = 1 if isinstance(inside["least"], int) else inside["least"] / 2
     for value in (inside["least"] - step, inside["most"] + step):

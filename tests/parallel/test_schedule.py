@@ -391,7 +391,7 @@ def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
     from hpcsweep.campaign import run as campaign
     from hpcsweep.campaign.status import status
     from hpcsweep.parallel import mpi
-    from hpcsweep.parallel.farm import Stop
+    from hpcsweep.parallel.stopping import Stop
 
     calls = []
 
@@ -440,11 +440,15 @@ def test_what_a_run_gives_depends_on_the_path_so_a_frame_is_not_cut():
         "[sweep]\nomega = 0.445\namplitude = {from = 0.21, to = 0.25, step = 0.002}\n", "h", "h"
     )
     arguments = job.structure, 0.445
-    up = sweep.sweep_block(*arguments, job.amplitude, job.initial_state, job.settings)
-    down = sweep.sweep_block(*arguments, job.amplitude[::-1], up["final_state"][-1], job.settings)
+    up = sweep.sweep_block(*arguments, job.study.amplitude, job.study.initial_state, job.settings)
+    down = sweep.sweep_block(
+        *arguments, job.study.amplitude[::-1], up["final_state"][-1], job.settings
+    )
     other = up["contact"] != down["contact"][::-1]
     assert other.sum() >= 3
     # cut in the middle and started from rest, the rest of the path differs, if only in last bits
-    middle = job.amplitude.size // 2
-    cut = sweep.sweep_block(*arguments, job.amplitude[middle:], job.initial_state, job.settings)
+    middle = job.study.amplitude.size // 2
+    cut = sweep.sweep_block(
+        *arguments, job.study.amplitude[middle:], job.study.initial_state, job.settings
+    )
     assert not np.array_equal(cut["final_state"], up["final_state"][middle:])

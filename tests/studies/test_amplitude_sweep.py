@@ -96,8 +96,8 @@ def test_figure_3_has_its_regions_from_the_command_line(tmp_path, name, expected
 def test_described_chaos_where_the_paper_says(tmp_path):
     job = load_job(JOBS / "figure3-described.toml")
     settings = replace(job.settings, metrics=frozenset({"lyapunov", "contact"}))
-    path = job.amplitude[: int(np.searchsorted(job.amplitude, 0.0991))]
-    swept = sweep_block(job.structure, 0.445, path, job.initial_state, settings)
+    path = job.study.amplitude[: int(np.searchsorted(job.study.amplitude, 0.0991))]
+    swept = sweep_block(job.structure, 0.445, path, job.study.initial_state, settings)
     at = int(np.argmin(np.abs(path - 0.09877)))
     assert swept["orbit_period"][at] == 0
     assert swept["lyapunov"][at] > 1e-3

@@ -34,7 +34,7 @@ def test_fewer_points_than_tell_an_orbit_are_refused(value):
 def test_only_the_stored_points_change():
     whole, few = job(), job("max_points = 12")
     rows = [
-        sweep_block(j.structure, 0.8, j.amplitude, j.initial_state, j.settings)
+        sweep_block(j.structure, 0.8, j.study.amplitude, j.study.initial_state, j.settings)
         for j in (whole, few)
     ]
     count = rows[0]["n_points"]

@@ -103,6 +103,6 @@ def load_frame(path: Path, omega: float | None = None, **_options):
 
     frames = Frames(path)
     try:
-        return frames.gather([*frames], [nearest_frame(frames.job.omega, omega)])
+        return frames.gather([*frames], [nearest_frame(frames.job.study.omega, omega)])
     finally:
         frames.close()

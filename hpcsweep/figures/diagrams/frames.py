@@ -42,7 +42,7 @@ def load(path: Path, frames: int | None = None, **_options):
 
     reader = Frames(path)
     try:
-        return reader.gather([*reader], choose(reader.job.omega, frames).tolist())
+        return reader.gather([*reader], choose(reader.job.study.omega, frames).tolist())
     finally:
         reader.close()
 

@@ -63,7 +63,7 @@ def check(request: Request) -> None:
                 raise PlotError(
                     f"{request.file}: holds no {name}: set output.{name} = true in the job"
                 )
-        directions = frames.job.directions
+        directions = frames.job.study.directions
         if request.direction not in ("both", *directions):
             raise PlotError(
                 f"--direction {request.direction}: {request.file} holds {', '.join(directions)}"
@@ -170,7 +170,7 @@ def _scene(film: Film, found: Found) -> Scene:
     request, job = film.request, film.frames.job
     assert found.low is not None, "no run is complete"
     assert found.high is not None, "no run is complete"
-    omegas = job.omega[sorted(found.richness)]
+    omegas = job.study.omega[sorted(found.richness)]
     low, high = float(omegas.min()), float(omegas.max())
     marks = tuple(
         (float(w), rf"$\omega_{{{i}}}$")
@@ -179,13 +179,13 @@ def _scene(film: Film, found: Found) -> Scene:
     )
     return Scene(
         title=parameters(job.structure),
-        amplitude=job.amplitude,
+        amplitude=job.study.amplitude,
         omega=(low, high),
         marks=marks,
         low=found.low,
         high=found.high,
         directions=tuple(film.directions),
-        words=tuple(job.words[name] for name in film.directions),
+        words=tuple(job.study.words[name] for name in film.directions),
         color=request.color,
         motions=tuple(sorted(found.motions)),
         contacts=tuple(sorted(found.contacts, key=lambda c: (-found.contacts[c], c))),

@@ -86,10 +86,10 @@ class Film:
         self.frames = Frames(request.file)
         job = self.frames.job
         self.variables = (*VARIABLES, *(("contact",) if "contact" in self.frames else ()))
-        wanted = job.directions if request.direction == "both" else (request.direction,)
-        self.rows = [job.directions.index(name) for name in wanted]
+        wanted = job.study.directions if request.direction == "both" else (request.direction,)
+        self.rows = [job.study.directions.index(name) for name in wanted]
         self.directions = wanted
-        self.order = [int(k) for k in np.argsort(job.omega, kind="stable")[:: request.every]]
+        self.order = [int(k) for k in np.argsort(job.study.omega, kind="stable")[:: request.every]]
         self.painter: Painter | None = None
 
     def read(self, frame: int) -> dict[str, np.ndarray]:
@@ -131,7 +131,7 @@ class Film:
         """Paint one frame; shape (height, width, 4)."""
         if self.painter is None:
             self.painter = Painter(scene)
-        return self.painter.paint(float(self.frames.job.omega[frame]), self.read(frame))
+        return self.painter.paint(float(self.frames.job.study.omega[frame]), self.read(frame))
 
     def encode(self, scene: Scene, frames: list[int], number: int) -> None:
         """Paint some frames and encode them as segment `number`."""

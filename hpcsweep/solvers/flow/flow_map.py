@@ -10,7 +10,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, new_shared, new_watch
 from hpcsweep.solvers.flow.tally import empty_tally
-from hpcsweep.solvers.flow.transient import Closing, end_of_transient
+from hpcsweep.solvers.flow.transient import end_of_transient
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
 
@@ -141,7 +141,7 @@ class FlowMap:
                 z,
                 float(amplitude),
                 last - first,
-                Closing(int(max_period), float(settled), float(same), float(near)),
+                (int(max_period), float(settled), float(same), float(near)),
             )
             done += more
             newton += by_newton

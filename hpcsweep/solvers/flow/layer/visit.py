@@ -41,6 +41,8 @@ from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_L
 ELLIPSE = 5.5
 """kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 1.2
+DISTANT = 100.0
+"""rho |x| from which on a floor that takes half its way to the stop stays beyond `FAR`."""
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
 
@@ -82,10 +84,6 @@ def inside_layer(z, half_width):
 def _reach(y):
     """Choose how far y may move on a step from y (negative: towards the stop); see the module."""
     return (ELLIPSE * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ELLIPSE**2 - 1.0)
-
-
-DISTANT = 100.0
-"""rho |x| from which on a floor that takes half its way to the stop stays beyond `FAR`."""
 
 
 @kernel

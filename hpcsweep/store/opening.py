@@ -1,0 +1,196 @@
+"""The one way into a campaign file: what it says is checked before anything of it is believed.
+
+Everybody who reads a file comes through `open_layout`. HDF5 answers a damaged byte with errors of
+any kind, or with a size that no memory has; here each becomes one line that says what is wrong and
+whether `run` can repair it (`hpcsweep.store.repair`).
+"""
+
+import contextlib
+import os
+import re
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+
+from hpcsweep.job import JobError, parse_job
+from hpcsweep.store.check import file_problems
+from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
+from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
+from hpcsweep.store.offsets import open_for_reading
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
+"""Head of a heap of strings and references; HDF5 believes the size in it, which has no checksum."""
+MOST_HEAP = 2**24
+ENDS = 2**18
+"""Bytes at both ends of a file among which all its heaps are."""
+LONGEST_SUFFIX = ".journal"
+"""Of the files beside a results file."""
+REPAIR = "run its job again to repair it"
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[h5py.File]:
+    """Open a file; turn whatever is said of it, then or inside the ``with``, into one line.
+
+    Raises
+    ------
+    StoreError
+        If it is no HDF5 file. A `DamagedError` if it is one that cannot be read.
+    """
+    _check_kind(path)
+    try:
+        with open_for_reading(path) as file:
+            yield file
+    except StoreError:
+        raise
+    except Exception as error:  # HDF5's answers to damaged bytes are of every kind
+        cut = re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error))
+        if cut and int(cut[2]) < 2**60 and int(cut[1]) == path.stat().st_size:
+            raise DamagedError(
+                f"{path}: cut short, {cut[1]} of {cut[2]} bytes are left, without their checksums; "
+                "put a whole copy in its place, or move it away and run the job again",
+                repairable=False,
+            ) from None
+        what = " ".join(str(error).split()) or type(error).__name__
+        raise DamagedError(f"{path}: damaged ({what[:120]}); {REPAIR}") from None
+
+
+def _check_kind(path: Path) -> None:
+    """Make sure that it is a file, that it can be read, and that it begins as HDF5 files do."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            kind = "a folder" if path.is_dir() else "no regular file"
+            raise StoreError(f"{path}: cannot be read: it is {kind}")
+        with path.open("rb") as file:
+            begin = file.read(ENDS)
+            file.seek(max(path.stat().st_size - ENDS, 0))
+            end = file.read(ENDS)
+    except (OSError, ValueError) as error:
+        if isinstance(error, StoreError):
+            raise
+        # what h5py says of it is long, and may take several lines
+        said = getattr(error, "strerror", None) or str(error)
+        raise StoreError(f"{path}: cannot be read: {said}") from None
+    if not begin.startswith(SIGNATURE):
+        raise StoreError(f"{path}: not an HDF5 file, or damaged; it is left as it is")
+    for part in (begin, end):
+        for heap in HEAP.finditer(part):
+            if int.from_bytes(heap[1], "little") > MOST_HEAP:
+                raise DamagedError(f"{path}: damaged (a heap of strings has no size); {REPAIR}")
+
+
+def check_place(path: Path) -> None:
+    """Make sure that a results file may be at a path, before anything is left there.
+
+    Raises
+    ------
+    StoreError
+        If its folder is not there, its name too long, or something else lies under it.
+    """
+    try:
+        if not path.parent.is_dir():
+            raise StoreError(f"{path}: folder {path.parent} does not exist")
+        if path.is_dir():
+            raise StoreError(f"{path}: is a folder")
+        longest = os.pathconf(path.parent, "PC_NAME_MAX") - len(LONGEST_SUFFIX)
+        if len(os.fsencode(path.name)) > longest:
+            raise StoreError(f"{path}: its name is too long: {longest} bytes are the most")
+        if path.is_symlink() and not path.exists():
+            raise StoreError(f"{path}: is a link that leads nowhere")
+        if path.exists() and not path.is_file():
+            raise StoreError(f"{path}: is no regular file")
+    except (OSError, ValueError) as error:
+        if isinstance(error, StoreError):
+            raise
+        said = getattr(error, "strerror", None) or str(error)
+        raise StoreError(f"{path}: cannot be used: {said}") from None
+
+
+def check_file(path: Path) -> dict:
+    """Read the attributes of a campaign file.
+
+    Raises
+    ------
+    StoreError
+        If it is not a campaign file, or of a layout this version does not know. A `DamagedError`
+        if it has been cut short: it is not lengthened again, because ``commit`` is at its end,
+        so that nothing of the rest could be believed.
+    """
+    with reading(path) as file:
+        attributes = dict(file.attrs)
+    if not _equal(attributes.get("format"), FORMAT):
+        raise StoreError(f"{path}: an HDF5 file, but no results of hpcsweep; it is left as it is")
+    version = attributes.get("layout_version", -1)
+    if not _equal(version, LAYOUT_VERSION):
+        raise StoreError(
+            f"{path}: has layout version {version}, this program reads version {LAYOUT_VERSION}"
+        )
+    return attributes
+
+
+def _equal(value: object, expected: object) -> bool:
+    """Compare an attribute, which may be an array, with a plain value."""
+    return getattr(value, "shape", ()) == () and bool(value == expected)
+
+
+def read_layout(path: str | Path) -> Layout:
+    """Give the layout of the job that a campaign file says it is of, without a look at the rest.
+
+    Raises
+    ------
+    StoreError
+        If the file is not a campaign file. A `DamagedError` if its job is not the one it says.
+    """
+    path = Path(path)
+    attributes = check_file(path)
+    try:
+        job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
+    except (KeyError, TypeError, JobError) as error:
+        what = "it is missing" if isinstance(error, KeyError | TypeError) else error
+        raise DamagedError(f"{path}: its job cannot be read: {what}") from None
+    if job.fingerprint != attributes.get("fingerprint"):
+        raise DamagedError(f"{path}: its job and its fingerprint do not agree; {REPAIR}")
+    return Layout(job)
+
+
+def layout_problems(path: Path, layout: Layout) -> list[str]:
+    """Compare all but the results with what the job says and with its checksum.
+
+    Returns
+    -------
+    list of str
+        What is not as promised, one line each; empty for a sound file.
+    """
+    with reading(path) as file:
+        problems = file_problems(file, layout, path.stat().st_size)
+        if not problems and CHECKSUM in file.attrs:
+            found, stored = metadata_checksum(file), file.attrs[CHECKSUM]
+            if found != stored:
+                problems.append(
+                    "attributes, coordinates or names: the checksum over them does not hold"
+                )
+    return problems
+
+
+def open_layout(path: str | Path) -> Layout:
+    """Check all of a campaign file but its results; give the layout that everything else needs.
+
+    Raises
+    ------
+    StoreError
+        If it is not a campaign file. A `DamagedError` if it is one, but not as its job says.
+    """
+    path = Path(path)
+    layout = read_layout(path)
+    refuse_problems(path, layout_problems(path, layout))
+    return layout
+
+
+def refuse_problems(path: Path, problems: list[str]) -> None:
+    """Raise a `DamagedError` if there are any."""
+    if problems:
+        more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
+        raise DamagedError(f"{path}: damaged ({problems[0]}{more}); {REPAIR}")

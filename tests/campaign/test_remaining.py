@@ -1,0 +1,119 @@
+"""The remaining time that is told, against a replay of recorded costs.
+
+The costs have the shape of the whole study: 2,000 frames, those below Omega = 0.23 thirty times as
+costly as the rest, runs of one place that differ by a factor of two, costliest frames first.
+"""
+
+import numpy as np
+import pytest
+
+from hpcsweep.campaign.costs import PILOT_TIMED, TaskCosts, n_samples, sample_place
+from hpcsweep.campaign.progress import Log
+from hpcsweep.job import parse_job
+from hpcsweep.store.records import BlockCost, PilotCost
+
+STUDY = """
+[sweep]
+omega = {from = 0.1, to = 1.5, count = 2000}
+amplitude = {from = 0.002, to = 0.25, count = 125}
+[output]
+block = 25
+"""
+COSTLY = 0.23
+MINUTE = 60.0
+
+
+def cost_of_runs(study, rng) -> np.ndarray:
+    """Seconds a run, shape (direction, frame, amplitude)."""
+    omega, amplitude = study.omega[:, None], study.amplitude
+    frames = np.where(omega < COSTLY, 30.0, 1.0) * (1 + 0.3 * np.sin(40 * omega))
+    along = 0.2 + (amplitude / amplitude[-1]) ** 2
+    shape = (len(study.directions), omega.size, amplitude.size)
+    spread = rng.lognormal(-0.245, 0.7, shape)
+    return 1e-3 * frames * along * spread
+
+
+def replay(study, seconds: np.ndarray, ranks: int, pilot: bool):
+    """Hand out the frames as the schedule does; yield time, estimate (asked for) and truth."""
+    costs = TaskCosts(study)
+    for index in range(n_samples(study) if pilot else 0):
+        share, along = sample_place(index)
+        frame = int(share * study.omega.size)
+        at = int(along * (study.n_amplitudes - PILOT_TIMED))
+        timed = float(seconds[0, frame, at : at + PILOT_TIMED].sum())
+        costs.sampled(PilotCost(frame, (at + 1) / study.n_amplitudes, PILOT_TIMED, timed))
+    order = np.argsort(-costs.totals(), kind="stable") if ranks > 1 else range(study.omega.size)
+    left = float(seconds.sum())
+    clock = 0.0
+    for task in order:
+        for block in study.path(int(task)):
+            spent = float(seconds[block.runs].sum())
+            costs.measured(BlockCost(block.place, block.n_runs, spent))
+            costs.done(block.place)
+            left -= spent
+            clock += spent / ranks
+        yield clock, costs.remaining, left / ranks
+
+
+@pytest.mark.parametrize("ranks", [1, 8])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_remaining_time_is_right_from_the_first_minute_on(ranks, seed):
+    study = parse_job(STUDY, "study", "study").study
+    seconds = cost_of_runs(study, np.random.default_rng(seed))
+    total = seconds.sum() / ranks
+    asked = 0
+    for number, (clock, estimate, truth) in enumerate(replay(study, seconds, ranks, True)):
+        if clock < MINUTE or number % 20:
+            continue
+        asked += 1
+        if truth > 0.01 * total:
+            told = estimate(ranks)
+            assert abs(told / truth - 1) < 0.25, (clock, told, truth)
+    assert asked > 20
+
+
+def test_without_any_cost_nothing_is_told():
+    study = parse_job(STUDY, "study", "study").study
+    assert TaskCosts(study).remaining(2) is None
+
+
+def test_without_a_pilot_the_measured_blocks_tell():
+    study = parse_job(STUDY.replace("2000", "50"), "study", "study").study
+    costs = TaskCosts(study)
+    for block in study.path(7):
+        costs.measured(BlockCost(block.place, block.n_runs, 0.1 * block.n_runs))
+        costs.done(block.place)
+    assert costs.remaining() == pytest.approx(0.1 * (study.n_runs - 250))
+
+
+def test_the_log_takes_the_estimate_where_there_is_one(capsys):
+    log = Log(1000, 0)
+    log.advance(10)
+    log.close()
+    assert "left" in capsys.readouterr().err
+    log.expect(lambda: 754.2)
+    log.close()
+    assert "0:12:34 left" in capsys.readouterr().err
+
+
+def test_one_rank_is_told_the_time_too(tmp_path):
+    """The pilot's samples are in the journal, and the estimate comes before the first block."""
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.parallel.mpi import Serial
+    from hpcsweep.store import read_history
+
+    job = parse_job(STUDY.replace("2000", "4"), "study", "study")
+    told = []
+
+    class Display(campaign.Silent):
+        def expect(self, remaining):
+            self.remaining = remaining
+
+        def advance(self, runs):
+            told.append(self.remaining())
+
+    path = tmp_path / "one.h5"
+    assert campaign.run(job, path, Serial(), progress=lambda *_: Display()) == 0
+    assert len(read_history(path).samples) == n_samples(job.study)
+    assert all(np.isfinite(told))
+    assert told[0] > told[-1] == 0

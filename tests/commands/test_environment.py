@@ -1,0 +1,87 @@
+"""Streams that are closed or full, folders that cannot be written, names that are no text."""
+
+import os
+import subprocess
+
+import numpy as np
+import pytest
+from tools import command, datasets, environment, hpcsweep
+
+from hpcsweep.store.offsets import open_above
+
+
+def shell(redirection: str, *arguments: object) -> subprocess.CompletedProcess:
+    line = " ".join(f"'{part}'" for part in command(0, *arguments))
+    return subprocess.run(
+        ["/bin/sh", "-c", f"{line} {redirection}"],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    "redirection", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-", "2>/dev/full", "1>/dev/full"]
+)
+def test_streams_that_are_closed_or_full_do_not_reach_the_results(tmp_path, small_job, redirection):
+    whole, path = tmp_path / "whole.h5", tmp_path / "out.h5"
+    assert hpcsweep(0, "run", small_job, "-o", whole).returncode == 0
+    done = shell(redirection, "run", small_job, "-o", path)
+    assert done.returncode == 0, done.stderr
+    left, right = datasets(whole), datasets(path)
+    assert all(np.array_equal(left[name], right[name]) for name in left)
+    shown = shell(redirection, "status", path)
+    assert "Traceback" not in shown.stderr
+    if redirection == "1>/dev/full":
+        assert shown.returncode == 1
+        assert shown.stderr == (
+            "hpcsweep: error: standard output: cannot be written: No space left on device\n"
+        )
+    else:
+        assert shown.returncode == 0
+
+
+def test_a_results_file_has_no_descriptor_of_a_stream(tmp_path):
+    path = tmp_path / "file"
+    path.write_text("x")
+    kept = os.dup(0)
+    os.close(0)
+    try:
+        descriptor = open_above(path, os.O_RDONLY)
+    finally:
+        os.dup2(kept, 0)
+        os.close(kept)
+    assert descriptor > 2
+    os.close(descriptor)
+
+
+def test_another_cache_is_taken_where_the_usual_one_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    (tmp_path / "other").mkdir()
+    extra = {"NUMBA_CACHE_DIR": str(tmp_path / "file" / "x"), "TMPDIR": str(tmp_path / "other")}
+    done = hpcsweep(0, "status", tmp_path / "none.h5", **extra)
+    assert done.returncode == 2
+    first, second = done.stderr.splitlines()
+    assert "cannot be written; compiled kernels are kept in" in first
+    assert "none.h5: cannot be read" in second
+    assert [path.name for path in (tmp_path / "other").iterdir()] == [f"hpcsweep-{os.getuid()}"]
+    folder = tmp_path / "other" / f"hpcsweep-{os.getuid()}"
+    folder.chmod(0o777)  # others could put their kernels there
+    done = hpcsweep(0, "status", tmp_path / "none.h5", **extra)
+    assert str(folder) + "\n" not in done.stderr
+
+
+def test_a_name_that_is_no_text(tmp_path, small_job):
+    path = tmp_path / "na\udcffme.h5"
+    done = hpcsweep(0, "run", small_job, "-o", path)
+    assert done.returncode == 0, done.stderr
+    assert "na\\udcffme.h5: complete" in done.stderr
+    shown = hpcsweep(0, "status", path)
+    assert shown.returncode == 0, shown.stderr
+    assert "na\\udcffme.h5: complete" in shown.stdout
+    job = tmp_path / "jo\udcffb.toml"
+    job.write_bytes(small_job.read_bytes())
+    done = hpcsweep(0, "run", job, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr

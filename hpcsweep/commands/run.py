@@ -65,7 +65,8 @@ def add_to(commands) -> None:
     run.add_argument(
         "--dry-run",
         action="store_true",
-        help="compute nothing: tell the runs, bytes, core-hours and time on N ranks",
+        help="compute nothing: tell the runs, bytes, core-hours, time on N ranks, and the "
+        "#SBATCH lines that fit",
     )
     run.set_defaults(function=_run)
 

@@ -65,14 +65,7 @@ class Work:
 
     def do(self, progress: Callable[[int, int], Silent] | None) -> bool:
         """Compute the unfinished tasks on all ranks; tell whether all are finished."""
-        scan = Scan(self._comm, self._campaign.blocks, self._flag, self._say)
-        if not scan.finished:
-            self._campaign.flush()
-            return False
-        todo, done_runs = scan.todo, scan.done_runs
-        costs = KnownCosts(self._comm, self._study, self._output, todo, scan.done)
         begun = time.perf_counter()
-        display = Silent()
         if self._comm.rank == 0:
             self._journal.append(
                 "start",
@@ -80,9 +73,17 @@ class Work:
                 hosts=sorted(set(self._hosts)),
                 transport=self._campaign.transport.name,
             )
-            if progress is not None:
-                display = progress(self._study.n_runs, done_runs)
-                display.expect(costs.remaining)
+        scan = Scan(self._comm, self._campaign.blocks, self._flag, self._say)
+        if not scan.finished:
+            self._end(False, time.perf_counter() - begun, Silent())
+            return False
+        todo, done_runs = scan.todo, scan.done_runs
+        costs = KnownCosts(self._comm, self._study, self._output, todo, scan.done)
+        begun = time.perf_counter()
+        display = Silent()
+        if self._comm.rank == 0 and progress is not None:
+            display = progress(self._study.n_runs, done_runs)
+            display.expect(costs.remaining)
 
         def on_report(rank, value) -> None:
             cost, failures = value

@@ -18,7 +18,7 @@ import numpy as np
 
 from hpcsweep.checks.recompute import RunAgain, compute_again
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.store import DamagedError, Layout, is_packed, job_of, layout_problems
+from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
 from hpcsweep.studies.study import Block
 
@@ -91,7 +91,7 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
     path = Path(path)
     report = Report(str(path))
     try:
-        layout = Layout(job_of(path))
+        layout = read_layout(path)
         report.solver = layout.study.settings.solver
         for problem in layout_problems(path, layout):
             report.add(problem)

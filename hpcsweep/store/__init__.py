@@ -14,7 +14,7 @@ from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import DamagedError, Layout, StoreError, WriteError
 from hpcsweep.store.lock import Lock
 from hpcsweep.store.offsets import is_packed
-from hpcsweep.store.opening import layout_problems, open_layout
+from hpcsweep.store.opening import layout_problems, open_layout, read_layout
 from hpcsweep.store.packing import pack
 from hpcsweep.store.reader import job_of, open_results
 from hpcsweep.store.records import read_history
@@ -38,4 +38,5 @@ __all__ = [
     "open_results",
     "pack",
     "read_history",
+    "read_layout",
 ]

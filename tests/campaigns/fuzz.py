@@ -51,6 +51,7 @@ ALLOWED = (
     "ended in one line",
 )
 OTHERWISE = "otherwise"
+FOLDER = "HPCSWEEP_FUZZ_FOLDER"
 MOST_SECONDS = 20.0
 MOST_BYTES = 2**30
 """Of memory that a case may add."""
@@ -524,12 +525,7 @@ class _Server:
 def serve(item: tuple[str, int] | None) -> tuple[str, str] | None:
     """Do one case; (outcome, what happened)."""
     if item is None:
-        base = Path("/dev/shm") if os.access("/dev/shm", os.W_OK) else None
-        folder = Path(tempfile.mkdtemp(prefix="fuzz", dir=base))
-        import atexit
-
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        _Server.patient = Patient(folder)
+        _Server.patient = Patient(Path(tempfile.mkdtemp(dir=os.environ[FOLDER])))
         _Server.before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return None
     assert _Server.patient is not None
@@ -545,7 +541,7 @@ def serve(item: tuple[str, int] | None) -> tuple[str, str] | None:
 
 
 def fuzz(cases: int, seed: int, kinds: list[str]) -> tuple[dict[str, Counter], list[str]]:
-    """Do cases; outcomes by kind, and what ended otherwise."""
+    """Do cases; outcomes by kind, and what ended otherwise. Ctrl-C ends it with what is known."""
     rng = random.Random(seed)
     weights = [WEIGHTS[kind] for kind in kinds]
     items = [(kind, seed + n) for n, kind in enumerate(rng.choices(kinds, weights, k=cases))]
@@ -555,12 +551,19 @@ def fuzz(cases: int, seed: int, kinds: list[str]) -> tuple[dict[str, Counter], l
     def limit(item) -> float:
         return 120.0 if item[0] == "environment" else MOST_SECONDS
 
-    for item, answer in watchdog.each(serve, items, limit):
-        lost = isinstance(answer, watchdog.Lost)
-        outcome, what = (OTHERWISE, answer.reason) if lost else answer
-        table[item[0]][outcome] += 1
-        if outcome == OTHERWISE:
-            told.append(f"{item[0]!r}, seed {item[1]}: {what}")
+    # in memory, where there is a file system of that kind: nobody pulls its plug
+    base = Path("/dev/shm") if os.access("/dev/shm", os.W_OK) else None
+    with tempfile.TemporaryDirectory(prefix="fuzz", dir=base) as folder:
+        os.environ[FOLDER] = folder
+        try:
+            for item, answer in watchdog.each(serve, items, limit):
+                lost = isinstance(answer, watchdog.Lost)
+                outcome, what = (OTHERWISE, answer.reason) if lost else answer
+                table[item[0]][outcome] += 1
+                if outcome == OTHERWISE:
+                    told.append(f"{item[0]!r}, seed {item[1]}: {what}")
+        except KeyboardInterrupt:
+            print("stopped; so far:", file=sys.stderr)
     return table, told
 
 

@@ -4,7 +4,9 @@
 #     sbatch --array=1-${#files[@]}%4 slurm/array.sh "${files[@]}"
 # Task i runs the i-th file into JOB.h5 beside it, and is requeued as in requeue.sh, by itself.
 
-# Edit, 1 of 2: the account that pays; then tasks and time as the job needs.
+# Edit, 1 of 2: the account that pays; then tasks and time as the job needs: what
+#     hpcsweep run JOB.toml --dry-run
+# prints last.
 #SBATCH --account=my-account
 #SBATCH --ntasks=64
 #SBATCH --time=04:00:00

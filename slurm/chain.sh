@@ -6,7 +6,9 @@
 # the links left over are cancelled; also after a mistake or a failure, or when a whole time limit
 # gave no progress. All links write one log.
 
-# Edit, 1 of 2: the account that pays; then tasks and time as the job needs.
+# Edit, 1 of 2: the account that pays; then tasks and time as the job needs: what
+#     hpcsweep run JOB.toml --dry-run
+# prints last.
 #SBATCH --account=my-account
 #SBATCH --ntasks=64
 #SBATCH --time=04:00:00

@@ -4,7 +4,9 @@
 # The exit code is hpcsweep's: 0 complete; 75 stopped in good order before the time limit, submit
 # again to go on; 2 a mistake, told in one line of the log.
 
-# Edit, 1 of 2: the account that pays; then tasks and time as the job needs.
+# Edit, 1 of 2: the account that pays; then tasks and time as the job needs: what
+#     hpcsweep run JOB.toml --dry-run
+# prints last.
 #SBATCH --account=my-account
 #SBATCH --ntasks=64
 #SBATCH --time=04:00:00

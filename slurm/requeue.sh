@@ -6,7 +6,9 @@
 # whole time limit gave no progress, or after HPCSWEEP_MAX_RESTARTS (50) restarts.
 # Slurm holds a requeued job for two minutes; scontrol update jobid=N StartTime=now does not wait.
 
-# Edit, 1 of 2: the account that pays; then tasks and time as the job needs.
+# Edit, 1 of 2: the account that pays; then tasks and time as the job needs: what
+#     hpcsweep run JOB.toml --dry-run
+# prints last.
 #SBATCH --account=my-account
 #SBATCH --ntasks=64
 #SBATCH --time=04:00:00

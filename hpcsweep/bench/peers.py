@@ -22,8 +22,30 @@ used, Jacobians. No peer is given a step limit: one short enough for every conta
 seven times slower and no more accurate. What a loose tolerance steps over, its error shows."""
 MAX_STEPS = 1_000_000
 """Steps the peers may take in one forcing period."""
-EXTRA = {"numbalsoda": "numbalsoda", "sksundae": "scikit-sundae"}
-"""Modules of the extra 'bench', and the packages they come from."""
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package that brings peers, taken where it is installed.
+
+    Attributes
+    ----------
+    module, name : str
+        What is imported, and what is installed.
+    install : str
+        How it is installed.
+    """
+
+    module: str
+    name: str
+    install: str
+
+
+PACKAGES = (
+    Package("sksundae", "scikit-sundae", "pip install 'hpcsweep[bench]'"),
+    Package("numbalsoda", "numbalsoda", "pip install numbalsoda, with a Fortran compiler"),
+)
+"""numbalsoda has no wheels and builds from source: the extra 'bench' does without it."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +70,20 @@ class Regime:
 
 
 def absent() -> list[str]:
-    """Name the packages of the extra 'bench' that are not installed."""
+    """Name the packages with peers that are not installed."""
+    return [package.name for package in _absent()]
+
+
+def absent_text() -> list[str]:
+    """Write a line for each package with peers that is not installed."""
     return [
-        package for module, package in EXTRA.items() if importlib.util.find_spec(module) is None
+        f"  not measured: {package.name} is not installed ({package.install})"
+        for package in _absent()
     ]
+
+
+def _absent() -> list[Package]:
+    return [package for package in PACKAGES if importlib.util.find_spec(package.module) is None]
 
 
 def methods() -> Iterator[tuple[str, float, Callable]]:

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from hpcsweep.bench import cpu_seconds
-from hpcsweep.bench.peers import Regime, absent, methods
+from hpcsweep.bench.peers import Regime, absent, absent_text, methods
 from hpcsweep.job import Job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.reference import reference_points
@@ -171,10 +171,7 @@ def as_text(motions: list[Ratio], sweep: dict) -> str:
             f"{row.ratio:.4g} (in turn {low:.4g}, {middle:.4g}, {high:.4g}); error "
             f"{row.error:.0e}, flow {row.flow_error:.0e}"
         )
-    lines += [
-        f"  not measured: {package} is not installed (pip install 'hpcsweep[bench]')"
-        for package in absent()
-    ]
+    lines += absent_text()
     quartiles = ", ".join(f"{value:.4g}" for value in sweep["ratio_quartiles"])
     lines += [
         f"{sweep['job']}, states spread over the sweep: flow "

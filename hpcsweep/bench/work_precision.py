@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from hpcsweep.bench import cpu_seconds
-from hpcsweep.bench.peers import Regime, absent, methods
+from hpcsweep.bench.peers import Regime, absent, absent_text, methods
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.reference import reference_points
 from hpcsweep.solvers.solver import make_solver
@@ -107,10 +107,7 @@ def as_text(rows: list[Row]) -> str:
         for method, rtol in methods_told:
             cells = [_cell(found.get((method, rtol, regime))) for regime in group]
             lines.append(f"{method:18s}{rtol:7.0e}" + "".join(f"{cell:>30s}" for cell in cells))
-    lines += [
-        f"  not measured: {package} is not installed (pip install 'hpcsweep[bench]')"
-        for package in absent()
-    ]
+    lines += absent_text()
     return "\n".join(lines)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign import costs
+from hpcsweep.campaign import costs, slurm
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.campaign.progress import note
 from hpcsweep.job import Job
@@ -124,18 +124,43 @@ def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) 
     return lines
 
 
+def _block_bytes(job: Job) -> float:
+    return COPIES * job.study.block_size * Layout(job).file_size() / job.study.n_runs
+
+
+def largest_rank(job: Job, peak: int) -> float:
+    """Give the memory (bytes) of rank 0, from the peak of a process that ran a sample (bytes)."""
+    return peak + MPI_BYTES + _block_bytes(job) + BYTES_PER_TASK * job.study.n_tasks
+
+
 def memory_text(job: Job, peak: int) -> str:
     """State the memory of a rank, given the peak of a process that ran a sample (bytes)."""
-    study = job.study
-    block = COPIES * study.block_size * Layout(job).file_size() / study.n_runs
+    study, block = job.study, _block_bytes(job)
     first = BYTES_PER_TASK * study.n_tasks
-    rank = peak + MPI_BYTES + block
+    rank = largest_rank(job, peak) - first
     return (
         f"memory:     about {rank / 1e6:.0f} MB a rank whatever the number of {study.task_noun}s "
         f"({peak / 1e6:.0f} MB as in this process, {MPI_BYTES / 1e6:.0f} MB for MPI, "
         f"{block / 1e6:.2g} MB for a block of results), "
         f"rank 0 up to {first / 1e6:.2g} MB more"
     )
+
+
+def slurm_text(
+    job: Job, forecast: Forecast, predictions: Sequence[Prediction], peak: int
+) -> list[str]:
+    """Write the lines of a batch script that fit predictions on powers of two of ranks."""
+    known = {p.n_ranks: p for p in predictions}
+    useful = slurm.useful_ranks(
+        lambda n: known[n] if n in known else predict(job, forecast, (n,))[0], max(known)
+    )
+    asked = slurm.request(useful, largest_rank(job, peak))
+    return [
+        f"batch job:  {useful.n_ranks} ranks, the most with an efficiency of "
+        f"{100 * slurm.EFFICIENCY:.0f} %; {slurm.TIME_MARGIN:g} times their makespan and "
+        f"{slurm.START_SECONDS / 60:g} min; {slurm.MEMORY_MARGIN:g} times the memory:",
+        *slurm.as_lines(asked),
+    ]
 
 
 def study_text(study) -> str:
@@ -151,10 +176,11 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
     -------
     str
         Lines for a person: runs, bytes, core-hours with their standard error, memory, makespan on
-        1 to 4,096 ranks and the number beyond which more do not help.
+        1 to 4,096 ranks, the number beyond which more do not help, and what to ask Slurm for.
     """
     study, size = job.study, Layout(job).file_size()
-    forecast = sample(job, seconds)
+    forecast, peak = sample(job, seconds), memory.peak()
+    predictions = predict(job, forecast)
     total, error = forecast.run_seconds * study.n_runs, forecast.error * study.n_runs
     lines = [
         f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
@@ -162,7 +188,8 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
         f"one run:    {1e3 * forecast.run_seconds:.4g} ms +- {1e3 * forecast.error:.2g} ms "
         f"({forecast.n_timed} runs timed, spread over frames and amplitudes)",
         f"in all:     {total / 3600:.3g} +- {error / 3600:.2g} core-hours ({total:.4g} s)",
-        memory_text(job, memory.peak()),
-        *ranks_text(job, forecast, predict(job, forecast)),
+        memory_text(job, peak),
+        *ranks_text(job, forecast, predictions),
+        *slurm_text(job, forecast, predictions, peak),
     ]
     return "\n".join(lines)

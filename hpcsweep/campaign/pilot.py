@@ -8,6 +8,7 @@ from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.schedule import master_computes
+from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Journal, read_history
 from hpcsweep.store.records import BlockCost
 
@@ -43,7 +44,7 @@ class KnownCosts:
             self.tasks.sampled(sample)
         self.tasks.all_done(done)
 
-    def sample(self, journal: Journal, flag: farm.StopFlag) -> bool:
+    def sample(self, journal: Journal, flag: StopFlag) -> bool:
         """Time a pilot on all ranks, if it is needed; tell whether to go on (collective)."""
         count = 0
         if self._comm.rank == 0 and self._wanted:

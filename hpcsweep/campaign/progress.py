@@ -33,6 +33,25 @@ def make_progress(total: int, done: int, unit: str = "run"):
     return (Bar if sys.stderr.isatty() else Log)(total, done, unit)
 
 
+class Silent:
+    """A progress display that shows nothing."""
+
+    def advance(self, runs: int) -> None:
+        """Count finished runs."""
+
+    def message(self, text: str) -> None:
+        """Say something."""
+
+    def expect(self, remaining: Callable[[], float | None]) -> None:
+        """Be given a function that estimates the remaining time (s)."""
+
+    def tick(self) -> None:
+        """Hear that time has passed, several times a second."""
+
+    def close(self) -> None:
+        """End."""
+
+
 class _Display:
     """What both displays know: how long the rest will take, if somebody can tell."""
 

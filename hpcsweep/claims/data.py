@@ -87,7 +87,7 @@ class Sweep:
         return self.state.shape[-1] // 2
 
     def both(self) -> bool:
-        """Tell whether there are sweeps up and down."""
+        """Return whether there are sweeps up and down."""
         return self.directions == ("up", "down")
 
 

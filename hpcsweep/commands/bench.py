@@ -10,8 +10,8 @@ from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, whole_number
 DESCRIPTION = """\
 Measure, everything that is compared in one run and in turn:
 
-  work-precision  run time against error, for our solvers, scipy's and, where installed (extra
-                  'bench'), numbalsoda and CVODE, in several regimes
+  work-precision  run time against error, for our solvers, scipy's and, where installed, CVODE
+                  (extra 'bench') and numbalsoda (built from source), in several regimes
   ratio           flow against scipy's BDF and a compiled DOP853 on two attractors, and against
                   bdf over the first frame of JOB
   floors          flow against the number of floors

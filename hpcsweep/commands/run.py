@@ -65,15 +65,16 @@ def add_to(commands) -> None:
     run.add_argument(
         "--dry-run",
         action="store_true",
-        help="compute nothing: tell the runs, bytes, core-hours and time on N ranks",
+        help="compute nothing: tell the runs, bytes, core-hours, time on N ranks, and the "
+        "#SBATCH lines that fit",
     )
     run.set_defaults(function=_run)
 
 
 def _run(options) -> int:
     """Run a job on all ranks."""
-    from hpcsweep.parallel.farm import StopFlag
     from hpcsweep.parallel.mpi import LauncherError, launched_size, world
+    from hpcsweep.parallel.stopping import StopFlag
 
     # heard from here to the end of the process: a signal while a library is loaded is not lost,
     # and one that comes when all is done does no harm

@@ -157,7 +157,7 @@ def classify_points(points: np.ndarray, growth: float, tolerance: float) -> Moti
 
 
 def on_closed_curve(points: np.ndarray) -> bool:
-    """Tell whether the points go round one closed curve, or every m-th point round one of m.
+    """Return whether the points go round one closed curve, or every m-th point round one of m.
 
     On such a curve z_j = f(j theta mod 1) with a smooth f: in the order of j theta mod 1 they are
     a closed polygon of short steps for the right rotation number theta, and for no theta if they
@@ -201,7 +201,7 @@ def _one_curve(points: np.ndarray) -> bool:
 
 
 def _rotation_numbers(points: np.ndarray) -> np.ndarray:
-    """Give rotation numbers near the largest peaks of the points' spectrum, shape (k,).
+    """Return rotation numbers near the largest peaks of the points' spectrum, shape (k,).
 
     There are none if it only rises towards 0 or 1/2: the points go one way, or to and fro.
     """
@@ -217,7 +217,7 @@ def _rotation_numbers(points: np.ndarray) -> np.ndarray:
 
 
 def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
-    """Give the share of every class among the runs that were computed.
+    """Return the share of every class among the runs that were computed.
 
     Parameters
     ----------

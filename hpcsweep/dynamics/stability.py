@@ -16,7 +16,7 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
 
 
 def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> float:
-    """Give the largest Lyapunov exponent per unit time of a periodic orbit: ln |mu_1| / (p T).
+    """Return the largest Lyapunov exponent per unit time of a periodic orbit: ln |mu_1| / (p T).
 
     mu_1 is the largest Floquet multiplier. Of other motions the exponent is the growth of a
     tangent vector over a window, over its time (`hpcsweep.solvers.records`).

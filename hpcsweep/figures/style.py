@@ -139,7 +139,7 @@ def job_of(results):
 def words_of(results, direction: str | None = None) -> str:
     """Write a direction of the results, default their first, in the words of their study."""
     name = str(results["direction"].values[0]) if direction is None else direction
-    return str(job_of(results).words[name])
+    return str(job_of(results).study.words[name])
 
 
 def classes_of(results) -> np.ndarray:

@@ -37,7 +37,7 @@ def fingerprint(study) -> str:
 
 
 def _is_default(field: Field, value: object) -> bool:
-    """Tell whether a field has its default; one without a default never has."""
+    """Return whether a field has its default; one without a default never has."""
     if field.default_factory is not MISSING:
         return bool(value == field.default_factory())
     return field.default is not MISSING and bool(value == field.default)

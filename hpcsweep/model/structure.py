@@ -155,7 +155,7 @@ class Structure:
         return _frozen(phi @ np.diag(2 * self.damping_ratios * self.frequencies) @ phi.T)
 
     def linear_steady_state(self, omega: float) -> np.ndarray:
-        """Give the complex response U of the free structure at unit amplitude, shape (n,).
+        """Return the complex response U of the free structure at unit amplitude, shape (n,).
 
         The period-1 solution without contact is u(tau) = A Im(U exp(i Omega tau)), the
         particular solution g of (14).
@@ -174,7 +174,7 @@ class Structure:
         return phi @ (-phi.sum(axis=0) / denominator)
 
     def grazing_amplitude(self, omega: float) -> float:
-        """Give the amplitude at which the linear steady state first touches the stop.
+        """Return the amplitude at which the linear steady state first touches the stop.
 
         Closed form for a stop without layer: A = 1 / max_i |U_i|, U of `linear_steady_state`.
         """

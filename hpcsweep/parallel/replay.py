@@ -11,6 +11,7 @@ import numpy as np
 
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.schedule import ExactCosts
+from hpcsweep.parallel.stopping import StopFlag
 
 SLICE = 2e-3
 """Seconds between two looks at the messages."""
@@ -47,7 +48,7 @@ def time_messages(comm) -> Messages | None:
         return None
     comm.barrier()
     begun = time.perf_counter()
-    with farm.StopFlag() as flag:
+    with StopFlag() as flag:
         tasks = range(EMPTY_TASKS * (comm.size - 1))
         farm.run(comm, tasks, compute, flag, traffic=traffic, computing_master=False)
     elapsed = time.perf_counter() - begun
@@ -97,7 +98,7 @@ def replay(
 
     comm.barrier()
     begun = time.monotonic()
-    with farm.StopFlag() as flag:
+    with StopFlag() as flag:
         farm.run(
             comm,
             range(len(pieces)),

@@ -89,5 +89,5 @@ def each(function: Callable, items: Iterable, limit: Callable) -> Iterator[tuple
 
 
 def worker_alive(worker: _Worker, answer: Lost) -> bool:
-    """Tell whether the process can take another item: it answered, if only with an error."""
+    """Return whether the process can take another item: it answered, if only with an error."""
     return not answer.reason.startswith(("hang", "its process")) and worker.process.is_alive()

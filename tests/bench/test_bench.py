@@ -1,5 +1,6 @@
 """`hpcsweep bench`: what is called a difference, what is measured, and the bounded comparison."""
 
+import importlib.util
 import json
 import math
 from dataclasses import replace
@@ -128,13 +129,19 @@ def test_methods_that_fail_or_are_absent_are_said(monkeypatch):
 
     ours = next(peers.methods())
     monkeypatch.setattr(work_precision, "methods", lambda: iter([ours, ("peer", 1e-6, fails)]))
-    monkeypatch.setattr(peers, "EXTRA", {"no_such_module": "no-such-package"})
+    nowhere = peers.Package("no_such_module", "no-such-package", "ask its authors")
+    monkeypatch.setattr(peers, "PACKAGES", (*peers.PACKAGES, nowhere))
     said = []
     rows = work_precision.work_precision([P1], repeats=1, say=said.append)
     assert [row.method for row in rows] == ["flow"]
     assert "P1 C3: peer at 1e-06 failed: gave up" in said
-    assert "no-such-package is not installed" in work_precision.as_text(rows)
-    assert work_precision.as_json(rows)["not_installed"] == ["no-such-package"]
+    told = work_precision.as_text(rows)
+    assert "not measured: no-such-package is not installed (ask its authors)" in told
+    absent = work_precision.as_json(rows)["not_installed"]
+    assert absent[-1] == "no-such-package"
+    for package in peers.PACKAGES[:-1]:
+        installed = importlib.util.find_spec(package.module) is not None
+        assert (package.name in absent, f"{package.name} is not" in told) == (not installed,) * 2
 
 
 def test_ratio_on_an_attractor():

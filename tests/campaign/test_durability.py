@@ -16,7 +16,7 @@ from test_campaign import refuse
 from tools import SMALL, hpcsweep
 
 from hpcsweep import Structure
-from hpcsweep.parallel.farm import LauncherLostError, Stop, StopFlag
+from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.store import Lock, StoreError
 from hpcsweep.store import lock as lock_module
@@ -161,7 +161,7 @@ def test_ranks_do_not_outlive_their_launcher(monkeypatch):
     monkeypatch.setattr(os, "getppid", lambda: 1)
     assert flag.is_set()
     assert flag.reason == "the launcher died"
-    monkeypatch.setattr("hpcsweep.parallel.farm.LOST_GRACE", -1.0)
+    monkeypatch.setattr("hpcsweep.parallel.stopping.LOST_GRACE", -1.0)
     with pytest.raises(LauncherLostError):
         flag.is_set()
     alone = StopFlag(launched=False)

@@ -99,13 +99,14 @@ def test_the_log_takes_the_estimate_where_there_is_one(capsys):
 def test_one_rank_is_told_the_time_too(tmp_path):
     """The pilot's samples are in the journal, and the estimate comes before the first block."""
     from hpcsweep.campaign import run as campaign
+    from hpcsweep.campaign.progress import Silent
     from hpcsweep.parallel.mpi import Serial
     from hpcsweep.store import read_history
 
     job = parse_job(STUDY.replace("2000", "4"), "study", "study")
     told = []
 
-    class Display(campaign.Silent):
+    class Display(Silent):
         def expect(self, remaining):
             self.remaining = remaining
 

@@ -13,6 +13,8 @@ from slurm_cluster import Cluster, SlurmError, edited, launchers
 from tools import ROOT, SMALL, assert_same_datasets, hpcsweep
 
 SCRIPTS = ("once.sh", "requeue.sh", "array.sh", "chain.sh")
+RECIPES = ("apptainer.def", "environment.yml")
+"""How to install there; `tests/packaging` checks them."""
 LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 80000").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
@@ -74,7 +76,7 @@ def blocks(script: str) -> dict[str, str]:
 
 
 def test_what_the_scripts_share_is_the_same_in_all():
-    assert sorted(p.name for p in (ROOT / "slurm").iterdir()) == sorted(SCRIPTS)
+    assert sorted(p.name for p in (ROOT / "slurm").iterdir()) == sorted(SCRIPTS + RECIPES)
     shared = {}
     for script in SCRIPTS:
         for name, text in blocks(script).items():
@@ -119,6 +121,27 @@ def test_once_stops_at_the_signal_and_submitted_again_completes(
     assert [session["ended"] for session in state["sessions"]] == ["SIGUSR1", "complete"]
     assert [session["ranks"] for session in state["sessions"]] == [2, 2]
     assert_same_datasets(results, uninterrupted)
+
+
+@pytest.mark.slurm
+def test_slurm_takes_the_lines_that_a_dry_run_prints(cluster, tmp_path):
+    job_file = tmp_path / "small.toml"
+    job_file.write_text(SMALL.replace("count = 4", "count = 2"))
+    told = hpcsweep(0, "run", job_file, "--dry-run", cwd=tmp_path).stdout
+    lines = re.findall(r"^#SBATCH .*$", told, re.MULTILINE)
+    script = edited("once.sh", tmp_path, launchers()["srun"])
+    text = re.sub(r"^#SBATCH --(ntasks|time)=.*\n", "", script.read_text(), flags=re.MULTILINE)
+    script.write_text(text.replace("\n#SBATCH", "\n" + "\n".join([*lines, "#SBATCH"]), 1))
+    job = cluster.submit(script, job_file, cwd=tmp_path)
+    ended = cluster.wait(job)
+    assert ended["ExitCode"] == "0:0", log_of(tmp_path)
+    asked = dict(line.removeprefix("#SBATCH --").split("=") for line in lines)
+    assert ended["NumTasks"] == asked["ntasks"]
+    assert ended["TimeLimit"] == asked["time"]
+    assert ended["MinMemoryCPU"] == asked["mem-per-cpu"]
+    state = status(tmp_path / "small.h5")
+    assert state["complete"]
+    assert state["sessions"][0]["ranks"] == int(asked["ntasks"])
 
 
 @pytest.mark.slurm

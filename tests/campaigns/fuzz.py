@@ -30,6 +30,7 @@ import numpy as np
 from tools import JOBS, ROOT, SMALL, command, datasets, environment
 
 from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.progress import Silent
 from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
@@ -278,7 +279,7 @@ class Patient:
         """Take the file away, or shorten it, in mid-run."""
         moment, change = rng.randrange(1, 12), rng.choice(_REMOVALS)
 
-        class Display(campaign.Silent):
+        class Display(Silent):
             left = moment
 
             def advance(_, runs: int) -> None:

@@ -351,10 +351,11 @@ class Failing(AmplitudeSweep):
 
 def test_failures_are_listed_with_what_to_do(tmp_path):
     from hpcsweep.campaign import run as campaign
+    from hpcsweep.campaign.progress import Silent
     from hpcsweep.campaign.status import status
     from hpcsweep.parallel import mpi
 
-    class Said(campaign.Silent):
+    class Said(Silent):
         def __init__(self, total, done):
             self.lines = said
 
@@ -391,7 +392,7 @@ def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
     from hpcsweep.campaign import run as campaign
     from hpcsweep.campaign.status import status
     from hpcsweep.parallel import mpi
-    from hpcsweep.parallel.farm import Stop
+    from hpcsweep.parallel.stopping import Stop
 
     calls = []
 

@@ -11,6 +11,7 @@ from tools import SMALL, assert_same_datasets, hpcsweep
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
+from hpcsweep.store import Frames, Grid
 from hpcsweep.studies.amplitude_sweep import sweep_block
 
 GRID = '[study]\nkind = "points"\n' + SMALL.replace("block = 4", "lyapunov = true")
@@ -125,7 +126,44 @@ def test_a_list_of_points_has_a_frame_a_point(tmp_path):
     assert state["complete"]
     assert state["study"] == "points"
     assert state["runs_total"] == 4
-    for command in (("summary", path), ("plot", path), ("pack", path), ("summary", path)):
+    html = tmp_path / "page.html"
+    for command in (
+        ("summary", path),
+        ("plot", path),
+        ("plot", path, "--kind", "map"),
+        ("plot", path, "--kind", "map", "--value", "drift"),
+        ("explore", path, "-o", html),
+        ("pack", path),
+        ("summary", path),
+    ):
         done = hpcsweep(0, *command, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     assert hpcsweep(0, "run", job, "-o", path).returncode == 2
+
+
+def test_a_list_lies_on_the_grid_of_its_frequencies_and_amplitudes(tmp_path):
+    job, path = tmp_path / "list.toml", tmp_path / "list.h5"
+    job.write_text(LIST)
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    frames = Frames(path)
+    try:
+        grid = Grid(frames)
+        assert grid.omega.tolist() == [0.5, 0.6, 0.7]
+        assert grid.amplitude.tolist() == [0.0, 0.05, 0.2]
+        middle = grid.dataset(1)
+        assert middle["outcome"].values[0, 0].tolist() == [0, 1, 1]
+        own = frames.dataset(2)["final_state"].values[0, 0, 0]
+        assert np.array_equal(middle["final_state"].values[0, 0, 2], own)
+        assert np.isnan(middle["drift"].values[0, 0, 0])
+    finally:
+        frames.close()
+
+
+def test_the_grid_of_a_grid_is_its_frames(tmp_path, grid_job):
+    path = tmp_path / "grid.h5"
+    assert hpcsweep(0, "run", grid_job, "-o", path).returncode == 0
+    frames = Frames(path)
+    try:
+        assert Grid(frames).dataset(2).identical(frames.dataset(2))
+    finally:
+        frames.close()

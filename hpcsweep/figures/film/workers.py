@@ -8,6 +8,7 @@ from pathlib import Path
 from hpcsweep.figures.film.piece import Film, Request
 from hpcsweep.figures.film.scene import Scene
 from hpcsweep.parallel import farm
+from hpcsweep.parallel.stopping import StopFlag
 
 
 class Workers:
@@ -49,7 +50,7 @@ class Workers:
             poll()
             report(_run(self._film, task, scene, pieces[number], number))
 
-        with farm.StopFlag() as flag:
+        with StopFlag() as flag:
             return farm.run(self._comm, range(len(pieces)), compute, flag, on_report)
 
 

@@ -1,0 +1,87 @@
+"""What the file of a campaign holds already, verified before the first run."""
+
+import array
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from hpcsweep.parallel import farm
+from hpcsweep.parallel.stopping import StopFlag
+from hpcsweep.store.commit import Blocks
+
+SCAN_NOTES = 10.0
+"""Seconds between two notes of how far the file has been verified."""
+POLL_BLOCKS = 64
+"""Blocks verified between two looks whether to stop."""
+
+
+class Scan:
+    """What the file holds already: verified by all ranks, each its share, known on rank 0.
+
+    Attributes
+    ----------
+    todo : list of int
+        Unfinished tasks.
+    done_runs : int
+    done : ndarray of int, shape (n, n_axes)
+        Places of the valid blocks of these tasks.
+    finished : bool
+        Whether nobody was told to stop; the same on every rank.
+    """
+
+    def __init__(self, comm, blocks: Blocks, flag: StopFlag, say: Callable[[str], None]):
+        self._flag, self._say = flag, say if comm.rank == 0 else lambda text: None
+        self._begun = self._told = time.monotonic()
+        self._asked = 0
+        study = blocks.study
+        self.todo: list[int] = []
+        self.done_runs = 0
+        done = array.array("q")
+        finished = True
+        try:
+            for task in range(comm.rank, study.n_tasks, comm.size):
+                self._poll(task, study.n_tasks)
+                done += self._verify(blocks, task)
+        except farm.Stop:
+            finished = False
+        n_axes = len(study.commit.dims)
+        places = np.array(done, np.int64).reshape(-1, n_axes)
+        gathered = comm.gather((self.todo, self.done_runs, places, finished))
+        if gathered is not None:
+            self.todo = sorted(task for part in gathered for task in part[0])
+            self.done_runs = sum(part[1] for part in gathered)
+            places = np.concatenate([part[2] for part in gathered])
+            finished = all(part[3] for part in gathered)
+        self.done = places
+        self.finished = comm.bcast(finished)
+
+    def _verify(self, blocks: Blocks, task: int) -> array.array:
+        """Verify a task; give the places of its valid blocks, one after the other."""
+        places = array.array("q")
+        n_blocks = n_good = 0
+        for block, valid in blocks.verify(task, self._poll_sometimes):
+            n_blocks += 1
+            if valid:
+                n_good += 1
+                self.done_runs += block.n_runs
+                places.extend(block.place)
+        if n_good == n_blocks:
+            return array.array("q")
+        self.todo.append(task)
+        return places
+
+    def _poll_sometimes(self) -> None:
+        self._asked += 1
+        if self._asked % POLL_BLOCKS == 0:
+            self._poll()
+
+    def _poll(self, task: int = 0, n_tasks: int = 0) -> None:
+        """Stop if that is wanted; say from time to time what takes so long."""
+        if self._flag.is_set():
+            raise farm.Stop
+        now = time.monotonic()
+        if now - self._told > SCAN_NOTES:
+            self._told = now
+            where = f", {100 * task / n_tasks:.0f} % of its tasks" if n_tasks else ""
+            self._say(f"verifying what is in the file: {now - self._begun:.0f} s{where}")

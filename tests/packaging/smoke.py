@@ -1,0 +1,117 @@
+"""Every command of an installed hpcsweep, once, in an empty folder: smoke.py HPCSWEEP MPIRUN.
+
+Needs nothing of the repository, and of Python only its own library. `.ci/package` runs it on an
+installation that is read-only.
+"""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+PLOTS = {
+    "orbit": ("--color", "contact"),
+    "phase": ("--amplitude", "0.2"),
+    "frames": (),
+    "map": ("--value", "lyapunov"),
+    "metrics": (),
+    "benefit": (),
+}
+"""Every kind of figure, with what is asked for besides."""
+SMALL = (
+    "sweep.omega={from = 0.44, to = 0.45, count = 3}",
+    "sweep.amplitude={from = 0.02, to = 0.25, count = 12}",
+    "sweep.transient_cycles=40",
+    "sweep.sampling_cycles=32",
+    "output.lyapunov=true",
+)
+"""Three frames in place of the template's one, with every variable that a figure needs."""
+TIMEOUT = 1800
+"""Seconds for one command: the first may have to compile the kernels."""
+
+
+class Installed:
+    """The commands of an installation, and which of them have run.
+
+    Parameters
+    ----------
+    program, mpirun : str
+    """
+
+    def __init__(self, program: str, mpirun: str):
+        self._program, self._mpirun = program, mpirun
+        self.used: set[str] = set()
+
+    def __call__(self, *arguments: str, ranks: int = 0, makes: str = "") -> str:
+        """Run a command to its good end; give what it printed.
+
+        Parameters
+        ----------
+        ranks : int
+            0: without mpirun.
+        makes : str
+            File that is not there before, and is not empty after.
+        """
+        self.used.add(arguments[0])
+        assert not (makes and Path(makes).exists()), makes
+        launcher = [self._mpirun, "-n", str(ranks)] if ranks else []
+        print("hpcsweep", *arguments, flush=True)
+        done = subprocess.run(
+            [*launcher, self._program, *arguments],
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT,
+            check=False,
+        )
+        assert done.returncode == 0, f"exit code {done.returncode}:\n{done.stdout}{done.stderr}"
+        assert "Traceback" not in done.stderr, done.stderr
+        assert not makes or Path(makes).stat().st_size > 0, f"{makes} was not made"
+        return done.stdout
+
+
+def listed(text: str) -> set[str]:
+    """Names of the commands that --help lists."""
+    return set(re.findall(r"^    (\w+) ", text.split("COMMAND\n")[1].split("options:")[0], re.M))
+
+
+def check(hpcsweep: Installed) -> None:
+    """Run every command; AssertionError where one does not do what it is for."""
+    every = listed(hpcsweep("--help"))
+    assert re.match(r"hpcsweep \d+\.\d+", hpcsweep("--version"))
+    hpcsweep("new", "study.toml", makes="study.toml")
+    given = [word for setting in SMALL for word in ("--set", setting)]
+    assert "#SBATCH --ntasks=" in hpcsweep("run", "study.toml", *given, "--dry-run")
+    hpcsweep("run", "study.toml", *given, "-o", "one.h5", makes="one.h5")
+    hpcsweep("run", "study.toml", *given, "-o", "study.h5", ranks=2, makes="study.h5")
+    state = json.loads(hpcsweep("status", "study.h5", "--json"))
+    assert state["complete"]
+    assert state["runs_done"] == 72
+    assert state["sessions"][0]["ranks"] == 2
+    summary = json.loads(hpcsweep("summary", "study.h5", "--json"))
+    assert summary
+    assert len(json.loads(hpcsweep("schedule", "study.h5", "--json"))["predictions"]) == 13
+    assert hpcsweep("validate", "study.h5", "--samples", "6")
+    kinds = re.search(r"--kind \{([\w,]+)\}", hpcsweep("plot", "--help"))[1].split(",")
+    assert set(kinds) == set(PLOTS)
+    for kind, more in PLOTS.items():
+        picture = f"{kind}.png"
+        hpcsweep("plot", "study.h5", "--kind", kind, *more, "-o", picture, makes=picture)
+        assert Path(picture).read_bytes().startswith(b"\x89PNG")
+    for film in ("study.mp4", "study.gif"):
+        hpcsweep("animate", "study.h5", "--width", "640", "-o", film, makes=film)
+    hpcsweep("explore", "study.h5", "-o", "study.html", makes="study.html")
+    assert "<html" in Path("study.html").read_text()
+    assert json.loads(hpcsweep("claims", "study.h5", "--json"))
+    hpcsweep("pack", "study.h5", "-o", "packed.h5", makes="packed.h5")
+    assert json.loads(hpcsweep("status", "packed.h5", "--json"))["complete"]
+    found = json.loads(hpcsweep("bench", "--only", "floors", "--json"))
+    assert [row["n_floors"] for row in found["floors"]] == [1, 3, 10, 30]
+    assert "--quick" in hpcsweep("stress", "--help")
+    used = {name for name in hpcsweep.used if not name.startswith("-")}
+    assert used == every, f"not tried: {every - used}"
+
+
+if __name__ == "__main__":
+    check(Installed(*sys.argv[1:]))
+    print("every command of the installed package works")

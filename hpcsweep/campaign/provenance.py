@@ -9,6 +9,8 @@ import time
 from importlib import metadata
 from pathlib import Path
 
+from hpcsweep.kernels.cache import processor
+
 LIBRARIES = ("numpy", "scipy", "numba", "h5py", "mpi4py")
 
 
@@ -55,6 +57,7 @@ def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
         "hpcsweep_version": version(),
         "git_commit": git_commit(),
         "libraries": library_versions(),
+        "processor": processor(),
         "mpi": mpi_library,
         "hosts": " ".join(sorted(set(hosts))),
         "ranks": len(hosts),

@@ -179,7 +179,7 @@ def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
         leave(flag.reason)
     first = comm.node_rank() == 0
     if first:
-        study.warm_up(say if comm.rank == 0 else lambda text: None)
+        study.warm_up(say if comm.rank == 0 else None)
     comm.barrier()
     if not first:
         study.warm_up()

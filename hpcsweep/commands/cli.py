@@ -25,6 +25,7 @@ from hpcsweep.commands import (
     stress,
     summary,
     validate,
+    warmup,
 )
 
 COMMANDS = (
@@ -41,6 +42,7 @@ COMMANDS = (
     claims,
     bench,
     stress,
+    warmup,
 )
 
 DESCRIPTION = """\

@@ -264,7 +264,7 @@ class RunGrid:
             "amplitude": float(self.amplitudes_of(frame)[at]),
         }
 
-    def warm_up(self, say: Callable[[str], None] = lambda text: None) -> None:
+    def warm_up(self, say: Callable[[str], None] | None = None) -> None:
         """Compile all that its runs call, or load it from the disk."""
         runs.warm_up(self.settings, say)
 

@@ -30,13 +30,14 @@ import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
 from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
-from hpcsweep.kernels.compile import is_cold
+from hpcsweep.kernels.warm import load_all, processors
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation
-from hpcsweep.solvers.solver import Solver, make_solver
-from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
+from hpcsweep.studies.compilation import Report
+from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes
 
@@ -275,10 +276,24 @@ def frame_runs(structure: Structure, omega: float, settings: SweepSettings) -> F
     return FrameRuns(structure, omega, settings)
 
 
-def warm_up(settings: SweepSettings, say: Callable[[str], None] = lambda text: None) -> None:
-    """Compile what runs with these settings call, or load it from the disk, by a few periods."""
-    if is_cold():
-        say("compiling the kernels, once on this machine: two minutes or so")
+def warm_up(
+    settings: SweepSettings,
+    say: Callable[[str], None] | None = None,
+    jobs: int | None = None,
+) -> None:
+    """Compile what runs with these settings call, or load it from the disk, by a few periods.
+
+    Parameters
+    ----------
+    settings : SweepSettings
+    say : callable, optional
+        Told how far the compilation has come, if there is anything to compile.
+    jobs : int, optional
+        Processes that compile; default one for each processor at hand.
+    """
+    if settings.solver == "flow":
+        tell = None if say is None else Report(say)
+        load_all(tell, processors() if jobs is None else jobs)
     solver = make_solver(settings.solver, Structure(1, 10.0), 1.0, settings.rtol)
     z = np.zeros(2)
     if "converged" in settings.skip:
@@ -289,3 +304,9 @@ def warm_up(settings: SweepSettings, say: Callable[[str], None] = lambda text: N
     if "lyapunov" in settings.metrics:
         solver.observe(z, 1.0, 1, growth=True)
         solver.monodromy(z, 1.0, 1)
+
+
+def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
+    """Compile what runs of any settings call, or load it from the disk."""
+    for name in SOLVERS:
+        warm_up(SweepSettings(solver=name, metrics=frozenset(METRICS)), say, jobs)

@@ -249,7 +249,7 @@ class Study(Protocol):
         """Tell a task by its frequency, and what else is its own."""
         ...
 
-    def warm_up(self, say: Callable[[str], None] = lambda text: None) -> None:
+    def warm_up(self, say: Callable[[str], None] | None = None) -> None:
         """Compile all that its runs call."""
         ...
 

@@ -13,7 +13,8 @@ import pytest
 from tools import environment
 
 import hpcsweep
-from hpcsweep.kernels import compile as jit
+from hpcsweep.kernels import cache as jit
+from hpcsweep.kernels.separate import Separate
 
 if numba.config.DISABLE_JIT:
     pytest.skip("nothing is compiled", allow_module_level=True)
@@ -29,7 +30,7 @@ def kernels():
             continue
         module = importlib.import_module(info.name)
         for value in vars(module).values():
-            if isinstance(value, numba.core.dispatcher.Dispatcher):
+            if isinstance(value, numba.core.dispatcher.Dispatcher | Separate):
                 found[value.py_func] = value
     return found
 
@@ -64,7 +65,8 @@ CODE = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from hpcsweep.{module} import switch
-from hpcsweep.kernels import compile as jit
+from hpcsweep.kernels import cache as jit
+from hpcsweep.kernels.separate import Separate
 switch(0.5, 3.0)
 stats = switch.stats
 print(jit.source_hash(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))

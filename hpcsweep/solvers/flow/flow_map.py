@@ -7,7 +7,7 @@ import numpy as np
 
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.march import march
+from hpcsweep.solvers.flow.march import march, march_observed
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, new_shared, new_watch
 from hpcsweep.solvers.flow.tally import empty_tally
 from hpcsweep.solvers.flow.transient import end_of_transient
@@ -238,4 +238,15 @@ class FlowMap:
         return points[:done], Outcome(outcome)
 
     def _march(self, z, amplitude, n_periods, points, tally=None, tangent=None, growth=None):
-        return march(self._packed, z, float(amplitude), n_periods, points, tally, tangent, growth)
+        if tally is None and tangent is None:
+            return march(self._packed, z, float(amplitude), n_periods, points)
+        return march_observed(
+            self._packed,
+            z,
+            float(amplitude),
+            n_periods,
+            points,
+            self._watch.no_tally if tally is None else tally,
+            np.empty((z.size, 0)) if tangent is None else tangent,
+            self._watch.no_growth if growth is None else growth,
+        )

@@ -2,23 +2,16 @@
 
 import math
 
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
 from hpcsweep.solvers.flow.period import march_period
 from hpcsweep.solvers.flow.shared import read_shared
+from hpcsweep.solvers.flow.tally import TALLY
 from hpcsweep.solvers.outcome import COMPLETE
 
 
-@kernel
-def march(
-    shared,
-    z,
-    amplitude,
-    n_periods,
-    points,
-    tally=None,
-    tangent=None,
-    growth=None,
-):
+@separate((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX)
+def march(shared, z, amplitude, n_periods, points):
     """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
 
     Parameters
@@ -27,28 +20,44 @@ def march(
         A packed `Shared`.
     points : ndarray, shape (n_periods, 2n) or (0, 2n)
         Receives z(T), z(2T), ...; not written if empty.
-    tally, tangent
-        See `period.march_period`.
-    growth : ndarray, shape (n_periods,), optional
-        The first column of `tangent` is scaled to length 1 after each period, and the logarithm of
-        what it was written here.
 
     Returns
     -------
     n_done : int
     outcome : int
     """
+    return _march(shared, z, amplitude, n_periods, points, None, None, None)
+
+
+@separate((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX, TALLY, MATRIX, VECTOR)
+def march_observed(shared, z, amplitude, n_periods, points, tally, tangent, growth):
+    """Advance z as `march` does, and gather what is wanted of the motion.
+
+    Parameters
+    ----------
+    tally, tangent
+        See `period.march_period`.
+    growth : ndarray, shape (n_periods,) or (0,)
+        If it is not empty the first column of `tangent` is scaled to length 1 after each period,
+        and the logarithm of what it was written here.
+    """
+    return _march(shared, z, amplitude, n_periods, points, tally, tangent, growth)
+
+
+@inlined
+def _march(shared, z, amplitude, n_periods, points, tally, tangent, growth):
+    """Do what `march` and `march_observed` say."""
     common = read_shared(shared)
     previous = common.previous
     for period in range(n_periods):
         for k in range(z.shape[0]):
             previous[k] = z[k]
-        outcome = march_period(z, amplitude, common, tally, tangent)
+        outcome = march_period(shared, z, amplitude, common, tally, tangent)
         if outcome != COMPLETE:
             for k in range(z.shape[0]):
                 z[k] = previous[k]
             return period, outcome
-        if growth is not None:
+        if growth is not None and growth.shape[0] > 0:
             square = 0.0
             for k in range(z.shape[0]):
                 square += tangent[k, 0] ** 2

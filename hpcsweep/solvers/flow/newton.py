@@ -9,8 +9,9 @@ import math
 
 import numpy as np
 
-from hpcsweep.kernels.compile import jit, kernel
-from hpcsweep.solvers.flow.march import march
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.separate import FLOAT, MATRIX, separate
+from hpcsweep.solvers.flow.march import march, march_observed
 from hpcsweep.solvers.outcome import COMPLETE
 
 NEWTON_STEPS = 6
@@ -55,13 +56,22 @@ def newton_orbit(shared, watch, no_points, period, amplitude):
         for k in range(size):
             left[k] = point[k]
         if moved <= NEWTON_SAME:
-            done, outcome = march(shared, point, amplitude, period, no_points, None, None, None)
+            done, outcome = march(shared, point, amplitude, period, no_points)
         else:
             for i in range(size):
                 taken[i] = point[i]
                 for k in range(size):
                     matrix[i, k] = 1.0 if i == k else 0.0
-            done, outcome = march(shared, point, amplitude, period, no_points, None, matrix, None)
+            done, outcome = march_observed(
+                shared,
+                point,
+                amplitude,
+                period,
+                no_points,
+                watch.no_tally,
+                matrix,
+                watch.no_growth,
+            )
         n_periods += done
         if outcome != COMPLETE:
             return False, n_periods, math.nan
@@ -164,7 +174,7 @@ def _solve(matrix, right):
     return True
 
 
-@jit
+@separate(FLOAT, MATRIX, counted=True)
 def _spectral_radius(matrix):
     """Return the largest modulus of the eigenvalues, inf if the matrix is not finite."""
     if not np.all(np.isfinite(matrix)):

@@ -27,6 +27,7 @@ from hpcsweep.solvers.flow.layer.visit import (
     inside_layer,
     is_ordinary,
     visit_layer,
+    visit_layer_observed,
 )
 from hpcsweep.solvers.flow.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.passage import (
@@ -254,20 +255,23 @@ def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
 
 
 @inlined
-def march_period(z, amplitude, shared, tally=None, tangent=None):
+def march_period(packed, z, amplitude, shared, tally, tangent):
     """Advance z over one forcing period, in place.
 
     Parameters
     ----------
+    packed : ndarray of bytes
+        `shared`, packed.
     z : ndarray, shape (2n,)
         State at tau = 0; on success the state at tau = T, else the last state reached.
     amplitude : float
         A.
     shared : Shared
-    tally : Tally, optional
-        Brought up to date.
-    tangent : ndarray, shape (2n, m), optional
-        Multiplied by the tangent map of the period, in place.
+    tally : Tally or None
+        Brought up to date if it is wanted.
+    tangent : ndarray, shape (2n, m), or None
+        Multiplied by the tangent map of the period, in place; none with m = 0. Neither of them is
+        None, or both, and then what they need is not compiled.
 
     Returns
     -------
@@ -288,7 +292,12 @@ def march_period(z, amplitude, shared, tally=None, tangent=None):
             return STEP_LIMIT
         if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model.layer)):
             interval = Interval(tau, end, shared.max_steps - steps)
-            tau, outcome, used = visit_layer(interval, z, amplitude, shared, tally, tangent)
+            if tally is None:
+                tau, outcome, used = visit_layer(packed, interval, z, amplitude)
+            else:
+                tau, outcome, used = visit_layer_observed(
+                    packed, interval, z, amplitude, tally, tangent
+                )
             counts[3] += 1
             counts[2] += used
             steps += used
@@ -303,7 +312,7 @@ def march_period(z, amplitude, shared, tally=None, tangent=None):
             _start(work.x, z, amplitude * math.sin(angle), amplitude * math.cos(angle))
         segment = Segment(key, index, tables.h[index], tau, end)
         known = False
-        if tally is None and tangent is None:
+        if tally is None:
             steps_left = shared.max_steps - steps
             tau, coasted, known = _coast(segment, model.layer, steps_left, tables, work)
             segment = Segment(key, index, segment.h, tau, end)
@@ -319,13 +328,13 @@ def march_period(z, amplitude, shared, tally=None, tangent=None):
             ending = _end_at_event(segment, floor, bracket, promised, z, amplitude, shared)
             promised = ending.promised
             counts[1] += ending.passed
-        if tangent is not None:
+        if tangent is not None and tangent.shape[1] > 0:
             _segment_tangent(segment, ending, model, tables, work, tangent)
         if ending.passed:
             copy_state(z, work.z_end)
         if not is_ordinary(work.z_end):
             return NON_FINITE
-        if tally is not None:
+        if tally is not None and tally.wanted:
             _observe_segment(segment, ending.span, model, tables, tally, work)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span

@@ -13,6 +13,7 @@ from hpcsweep.kernels.packing import Packing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.tables import Tables, empty_tables
+from hpcsweep.solvers.flow.tally import Tally, empty_tally
 from hpcsweep.solvers.flow.workspace import Workspace, new_workspace
 
 
@@ -56,6 +57,10 @@ class Watch(NamedTuple):
     """(2n, 2n): tangent map over an orbit."""
     factors: np.ndarray
     left: np.ndarray
+    no_tally: Tally
+    """Gathers nothing."""
+    no_growth: np.ndarray
+    """(0,)"""
 
 
 def new_shared(model: Model, n: int, tolerance: float, max_steps: int) -> Shared:
@@ -88,6 +93,8 @@ def new_watch(n: int, max_period: int) -> Watch:
         matrix=np.empty((size, size)),
         factors=np.empty((size, size)),
         left=np.empty(size),
+        no_tally=empty_tally(1, wanted=False),
+        no_growth=np.empty(0),
     )
 
 

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from hpcsweep.kernels.compile import inlined, jit, kernel
+from hpcsweep.kernels.separate import INT, KEY, separate, type_of
 from hpcsweep.kernels.vectors import (
     LANES,
     aligned_zeros,
@@ -40,6 +41,8 @@ from hpcsweep.kernels.vectors import (
     modulus,
     store,
 )
+from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.model.structure import Structure
 
 DEGREE = 15
 N_COEFFICIENTS = DEGREE + 1
@@ -115,6 +118,10 @@ def empty_tables(n: int) -> Tables:
     )
 
 
+MODEL, TABLES = type_of(kernel_model(Structure(1), 1.0)), type_of(empty_tables(1))
+"""The same for structures of any size."""
+
+
 @inlined
 def table_of(key, model, tables):
     """Give what `lookup` gives, without a call where the table is at hand."""
@@ -124,7 +131,7 @@ def table_of(key, model, tables):
     return lookup(key, model, tables)
 
 
-@kernel
+@separate(INT, KEY, MODEL, TABLES, counted=True)
 def lookup(key, model, tables):
     """Return the index of the table of contact set `key` (bit i = floor i + 1), building it once.
 

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.kernels.separate import type_of
+
 
 class Tally(NamedTuple):
     """What is gathered over a window, and what is asked for."""
@@ -20,9 +22,11 @@ class Tally(NamedTuple):
     modal: np.ndarray
     """(n,): integral of |q_j| / ||q|| over that time."""
     modal_norm: bool
+    wanted: bool
+    """Whether anything is gathered."""
 
 
-def empty_tally(n: int, modal_norm: bool = False) -> Tally:
+def empty_tally(n: int, modal_norm: bool = False, wanted: bool = True) -> Tally:
     """Make a tally for n floors."""
     return Tally(
         np.zeros(1, np.uint64),
@@ -30,4 +34,9 @@ def empty_tally(n: int, modal_norm: bool = False) -> Tally:
         np.zeros(1),
         np.zeros(n),
         modal_norm,
+        wanted,
     )
+
+
+TALLY = type_of(empty_tally(1))
+"""Of the structures of any size, for the declaration of kernels."""

@@ -11,15 +11,13 @@ and M its tangent map. The orbit z* is accepted if
   z* and to nothing else.
 
 `end_of_transient` does the one and the other, until the orbit is known or the transient is over.
-
-What `march` is not to do is given as None rather than left out: calls with the same types share
-their compiled code with those of `flow_map`, and it takes half a minute to compile.
 """
 
 import math
 from typing import NamedTuple
 
 from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate, type_of
 from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.newton import newton_orbit
 from hpcsweep.solvers.flow.shared import read_shared, read_watch
@@ -78,7 +76,7 @@ def watch_motion(shared, watch, no_points, z, amplitude, n_periods, closing):
             close[p] = 0
             falling[p] = 0
     for period in range(first + 1, first + n_periods + 1):
-        _, outcome = march(shared, z, amplitude, 1, no_points, None, None, None)
+        _, outcome = march(shared, z, amplitude, 1, no_points)
         if outcome != COMPLETE:
             return period - 1 - first, 0, outcome
         watch.since[0] = period
@@ -114,7 +112,15 @@ def watch_motion(shared, watch, no_points, z, amplitude, n_periods, closing):
     return n_periods, 0, COMPLETE
 
 
-@kernel
+@separate(
+    (INT, INT, INT, FLOAT, FLOAT, INT),
+    BYTES,
+    BYTES,
+    VECTOR,
+    FLOAT,
+    INT,
+    type_of((1, 0.0, 0.0, 0.0)),
+)
 def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     """Advance z to the end of its transient: until its orbit is known, for `n_periods` at most.
 

@@ -23,7 +23,8 @@ promises, and taken again.
 import math
 from typing import NamedTuple
 
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
 from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, STOP, contact_stiffness
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
@@ -36,6 +37,8 @@ from hpcsweep.solvers.flow.layer.scheme import (
 )
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
+from hpcsweep.solvers.flow.shared import read_shared
+from hpcsweep.solvers.flow.tally import TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 ELLIPSE = 5.5
@@ -53,6 +56,9 @@ class Interval(NamedTuple):
     tau: float
     end: float
     steps_left: int
+
+
+INTERVAL = type_of(Interval(0.0, 0.0, 0))
 
 
 @kernel
@@ -147,8 +153,8 @@ def shortening(allowed, error):
     return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
 
 
-@kernel
-def visit_layer(interval, z, amplitude, shared, tally, tangent):
+@separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT)
+def visit_layer(shared, interval, z, amplitude):
     """Integrate from tau until no floor is inside a layer, or until `end`.
 
     Returns
@@ -158,6 +164,18 @@ def visit_layer(interval, z, amplitude, shared, tally, tangent):
     steps : int
         Steps taken.
     """
+    return _visit(interval, z, amplitude, read_shared(shared), None, None)
+
+
+@separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, TALLY, MATRIX)
+def visit_layer_observed(shared, interval, z, amplitude, tally, tangent):
+    """Integrate as `visit_layer`, with `tally` and `tangent` of `period.march_period`."""
+    return _visit(interval, z, amplitude, read_shared(shared), tally, tangent)
+
+
+@inlined
+def _visit(interval, z, amplitude, shared, tally, tangent):
+    """Do what `visit_layer` and `visit_layer_observed` say."""
     tau, end, steps_left = interval
     model, work, tolerance = shared.model, shared.work, shared.tolerance
     forcing = forcing_at(tau, amplitude, model.omega)
@@ -189,9 +207,9 @@ def visit_layer(interval, z, amplitude, shared, tally, tangent):
         tau = end if h >= left else tau + h
         forcing = later_forcing(tau, h, forcing, model.omega)
         accelerations(forcing[1], work.z_end, model, work.a_end)
-        if tally is not None:
+        if tally is not None and tally.wanted:
             observe_layer_step(h, z, work.z_end, model, tally, work)
-        if tangent is not None:
+        if tangent is not None and tangent.shape[1] > 0:
             layer_tangent(h, model, work.layer, tangent)
         copy_state(work.z_end, z)
         if not is_ordinary(z):

@@ -1,0 +1,49 @@
+"""`hpcsweep warmup`: compile the kernels before they are needed."""
+
+from hpcsweep.commands import RAW, USER_ERROR, complain
+
+WARMUP_HELP = """\
+Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsweep or
+~/.cache/hpcsweep. `run` does so by itself; this does it before an allocation is spent, or into a
+folder that is only read later. Kernels are compiled for the type of processor of this machine:
+do it on a node of the type that will compute."""
+
+WARMUP_EXAMPLE = """\
+examples:
+  hpcsweep warmup                                      on all processors at hand
+  srun -n 1 -c 4 hpcsweep warmup --jobs 4              on a node of a cluster
+  NUMBA_CACHE_DIR=/opt/kernels hpcsweep warmup         for all users of an image"""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    warmup = commands.add_parser(
+        "warmup",
+        help="compile the kernels before they are needed",
+        description=WARMUP_HELP,
+        epilog=WARMUP_EXAMPLE,
+        formatter_class=RAW,
+    )
+    warmup.add_argument(
+        "--jobs", type=int, metavar="N", help="processes that compile (default: one a processor)"
+    )
+    warmup.set_defaults(function=_warmup)
+
+
+def _warmup(options) -> int:
+    import time
+
+    from hpcsweep.kernels.cache import cache_folder, processor
+    from hpcsweep.parallel.mpi import launched_rank
+    from hpcsweep.studies.runs import warm_up_all
+
+    if options.jobs is not None and options.jobs < 1:
+        complain(f"--jobs {options.jobs}: must be at least 1")
+        return USER_ERROR
+    if launched_rank() != 0:
+        return 0
+    begun = time.perf_counter()
+    warm_up_all(lambda text: print(text, flush=True), options.jobs)
+    seconds = time.perf_counter() - begun
+    print(f"ready in {seconds:.1f} s: kernels for {processor().split()[0]} in {cache_folder()}")
+    return 0

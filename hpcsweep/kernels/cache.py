@@ -1,0 +1,241 @@
+"""The cache of compiled kernels on disk: one file for each kernel and processor.
+
+numba's own cache looks only at the file of the function it compiled, not at the files of the
+functions that were inlined into it, so an edited kernel could go on running in its old form. The
+kernels have a cache of their own, which is named after all they are made of: the program text of
+every file in `KERNEL_FILES` (comments, docstrings and places in the file do not count), and the
+versions of numba and of numpy, which computes the constants that are frozen into them. The name of
+a file in it is the hash of the signature, the processor's name and its features, so that nodes of
+different types keep their kernels side by side.
+
+It lies under ``$NUMBA_CACHE_DIR`` where that is set, else under ``$XDG_CACHE_HOME/hpcsweep`` or
+``~/.cache/hpcsweep``, whatever environment or path the package is installed in. Where that cannot
+be written, what is not in it yet goes to a folder of the user's own under ``$TMPDIR``. numba's
+settings for other packages are left alone.
+
+A file is written under another name and renamed into place, and there is no index that two
+processes could both change: many ranks may compile at once, and the worst that happens is that
+work is done twice.
+"""
+
+import ast
+import contextlib
+import functools
+import hashlib
+import os
+import pickle
+import stat
+import sys
+import tempfile
+import uuid
+from pathlib import Path
+
+import numba
+import numpy as np
+from numba.core import serialize
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.registry import cpu_target
+
+PACKAGE = Path(__file__).resolve().parent.parent
+KERNEL_FILES = (
+    "kernels",
+    "model/contact.py",
+    "model/equations.py",
+    "model/kernel_model.py",
+    "solvers/flow",
+    "solvers/outcome.py",
+    "solvers/reference.py",
+)
+"""Files and folders of the package of which kernels, and the constants in them, are made."""
+SUFFIX = ".kernel"
+
+
+def kernel_files(package: Path = PACKAGE, names: tuple[str, ...] = KERNEL_FILES) -> list[Path]:
+    """List the files of which kernels are made.
+
+    Raises
+    ------
+    FileNotFoundError
+        If one that is named is not there: a file that was moved would go on running in its old
+        form.
+    """
+    found: list[Path] = []
+    for name in names:
+        path = package / name
+        inside = sorted(path.rglob("*.py")) if path.is_dir() else [path]
+        if not inside or not inside[0].is_file():
+            raise FileNotFoundError(f"kernels are made of {path}, which is not there")
+        found += inside
+    return found
+
+
+def _program_text(path: Path) -> str:
+    """Give what a file says to Python: without comments, docstrings and line numbers."""
+    tree = ast.parse(path.read_bytes())
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [
+                line
+                for line in body
+                if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
+            ]
+    return ast.dump(tree)
+
+
+@functools.cache
+def source_hash() -> str:
+    """Hash all that the kernels are made of."""
+    digest = hashlib.sha256(f"numba {numba.__version__} numpy {np.__version__}".encode())
+    digest.update(f" python {sys.version_info[:2]}".encode())
+    for path in kernel_files():
+        digest.update(f"\0{path.relative_to(PACKAGE)}\0{_program_text(path)}".encode())
+    return digest.hexdigest()[:16]
+
+
+def cache_root() -> Path:
+    """Give the folder of the caches of all versions."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(os.environ["NUMBA_CACHE_DIR"])
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hpcsweep"
+    except RuntimeError:
+        # a user without a home: nothing can be kept below this
+        return Path(os.devnull) / "hpcsweep"
+
+
+def cache_folder() -> Path:
+    """Give the folder of the compiled kernels."""
+    return cache_root() / source_hash()
+
+
+@functools.cache
+def own_folder() -> Path | None:
+    """Give a folder for what cannot be kept in `cache_root`; None if it might be another user's.
+
+    What lies in a cache is executed.
+    """
+    path = Path(tempfile.gettempdir()) / f"hpcsweep-{os.getuid()}"
+    try:
+        path.mkdir(mode=0o700, exist_ok=True)
+        found = path.lstat()
+    except OSError:
+        return None
+    private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
+    return path if private and found.st_uid == os.getuid() else None
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file under another name and rename it into place.
+
+    Raises
+    ------
+    OSError
+        If that cannot be done.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f"{path.name}.{uuid.uuid4().hex}")
+    try:
+        unfinished.write_bytes(data)
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+@functools.cache
+def say_unwritable(why: str) -> None:
+    """Say, once, where kernels are kept if not in `cache_root`."""
+    own = own_folder()
+    kept = f"compiled kernels are kept in {own}" if own else "compiled kernels are not kept"
+    text = f"hpcsweep: {cache_root()} cannot be written ({why}): {kept}"
+    print(text, file=sys.stderr, flush=True)
+
+
+class _Locator(_CacheLocator):
+    """Tells numba where a kernel of this package is kept: by module, not by installed path."""
+
+    def __init__(self, py_func, py_file):
+        self._py_file = py_file
+        module = Path(py_file).resolve()
+        inside = module.is_relative_to(PACKAGE)
+        self.place = module.relative_to(PACKAGE).with_suffix("") if inside else None
+        self._lineno = py_func.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, py_func, py_file):
+        """Make a locator; None for functions of other packages, which are not cached here."""
+        locator = cls(py_func, py_file)
+        return locator if locator.place is not None else None
+
+    def get_cache_path(self):
+        """Return the kernel's folder."""
+        return str(cache_folder() / self.place)
+
+    def get_source_stamp(self):
+        """Return what the cache must have been made from."""
+        return source_hash()
+
+    def get_disambiguator(self):
+        """Return nothing: names are unique in a module."""
+        return "kernel"
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = (_Locator,)
+
+
+class KernelCache(FunctionCache):
+    """The cache of one function, in the folder of this package."""
+
+    _impl_class = _Implementation
+
+    def _path(self, sig, codegen) -> Path:
+        """Give the place of a compiled kernel below a root."""
+        key = repr(self._index_key(sig, codegen)).encode()
+        name = f"{self._py_func.__qualname__}-{hashlib.sha256(key).hexdigest()[:16]}{SUFFIX}"
+        return Path(source_hash()) / self._impl.locator.place / name
+
+    def load_overload(self, sig, target_context):
+        """Load a compiled kernel; None if it is not there, or cannot be read."""
+        target_context.refresh()
+        place = self._path(sig, target_context.codegen())
+        for root in (cache_root(), own_folder()):
+            if root is None:
+                continue
+            try:
+                found = pickle.loads((root / place).read_bytes())
+            except (OSError, EOFError, pickle.UnpicklingError):
+                continue
+            return self._impl.rebuild(target_context, found)
+        return None
+
+    def holds(self, sig, target_context) -> bool:
+        """Tell whether a kernel is in the cache."""
+        place = self._path(sig, target_context.codegen())
+        roots = cache_root(), own_folder()
+        return any(root is not None and os.access(root / place, os.R_OK) for root in roots)
+
+    def save_overload(self, sig, data):
+        """Keep a compiled kernel where that is possible."""
+        if not self._impl.check_cachable(data):
+            return
+        place = self._path(sig, data.codegen)
+        content = serialize.dumps(self._impl.reduce(data))
+        try:
+            write_whole(cache_root() / place, content)
+        except OSError as error:
+            say_unwritable(error.strerror or str(error))
+            own = own_folder()
+            if own is not None:
+                with contextlib.suppress(OSError):
+                    write_whole(own / place, content)
+
+
+def processor() -> str:
+    """Name the processor that kernels are compiled for, and what of it they may use.
+
+    It is that of this machine if ``$NUMBA_CPU_NAME`` and ``$NUMBA_CPU_FEATURES`` name no other.
+    """
+    _, name, features = cpu_target.target_context.codegen().magic_tuple()
+    used = (word[1:] for word in features.split(",") if word.startswith("+"))
+    return " ".join([name, *sorted(used)])

@@ -1,0 +1,127 @@
+"""Kernels as parts of other kernels: typed and lowered once, optimised only where they are used.
+
+numba compiles a function that another one calls on its own, to machine code, and then optimises
+and compiles it again inside its caller, and inside the caller's caller. Here what a kernel calls
+is only brought to the intermediate form of LLVM; optimisation and code generation happen once for
+each kernel that is called from Python or through its address (`separate`), over all of its parts.
+"""
+
+from llvmlite.binding import Linkage
+from numba.core import compiler, typed_passes
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_machinery import register_pass
+from numba.core.registry import CPUDispatcher
+
+
+class _PartLibrary(JITCodeLibrary):
+    """A library that is there to be linked into others: not optimised, not given to the engine."""
+
+    def finalize(self):
+        """Let the functions be defined wherever they are used."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.external:
+                function.linkage = "linkonce_odr"
+        self._shared_module = self._final_module
+        self._finalized = True
+
+    def parts(self):
+        """List the libraries that this one calls."""
+        return self._linking_libraries
+
+
+class _WholeLibrary(JITCodeLibrary):
+    """A library with all its parts, those of its parts too."""
+
+    def finalize(self):
+        """Link, optimise and generate code."""
+        found = dict.fromkeys(self._linking_libraries)
+        queue = list(found)
+        while queue:
+            library = queue.pop()
+            for part in library.parts() if isinstance(library, _PartLibrary) else ():
+                if part not in found:
+                    found[part] = None
+                    queue.append(part)
+        self._linking_libraries = list(found)
+        super().finalize()
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerPart(typed_passes.NativeLowering):
+    _name = "hpcsweep_lower_part"
+
+    def run_pass(self, state):
+        """Lower into a library that is not compiled, and tell callers where it is."""
+        codegen = state.targetctx.codegen()
+        state.library = _PartLibrary(codegen, state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        lowered = state["cr"]
+        state.library.finalize()
+        entry = _Entry()
+        state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=entry)
+        return True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerWhole(typed_passes.NativeLowering):
+    _name = "hpcsweep_lower_whole"
+
+    def run_pass(self, state):
+        """Lower into a library that gathers the parts of its parts."""
+        codegen = state.targetctx.codegen()
+        state.library = _WholeLibrary(codegen, state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return super().run_pass(state)
+
+
+class _Entry:
+    """Stands for a compiled part where numba looks a function up."""
+
+
+def _pipeline(lowering):
+    class Pipeline(compiler.CompilerBase):
+        def define_pipelines(self):
+            made = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+            made.passes = [
+                (lowering if which is typed_passes.NativeLowering else which, why)
+                for which, why in made.passes
+            ]
+            made.finalize()
+            return [made]
+
+    return Pipeline
+
+
+_PART, _WHOLE = _pipeline(_LowerPart), _pipeline(_LowerWhole)
+
+
+class _PartDispatcher(CPUDispatcher):
+    """Compiles a kernel for its callers; Python cannot call it."""
+
+    def add_overload(self, cres):
+        """Keep what was compiled."""
+        self.overloads[tuple(cres.signature.args)] = cres
+
+
+class KernelDispatcher(CPUDispatcher):
+    """Compiles a kernel for calls from Python; kernels that call it take it as a part."""
+
+    def __init__(self, function, options):
+        options = {"nopython": True, "boundscheck": None, **options}
+        super().__init__(function, targetoptions=options, pipeline_class=_WHOLE)
+        bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        self._part = _PartDispatcher(function, targetoptions=options | bare, pipeline_class=_PART)
+
+    def get_call_template(self, args, kws):
+        """Give numba the signature of a call by a kernel."""
+        return self._part.get_call_template(args, kws)
+
+    def is_kept(self, sig) -> bool:
+        """Tell whether the cache has the kernel compiled for a signature."""
+        return self._cache.holds(sig, self.targetctx)
+
+    def get_overload(self, sig):
+        """Give numba what a kernel calls."""
+        return self._part.get_overload(sig)

@@ -1,0 +1,143 @@
+"""Kernels that are called through their address: compiled once, whoever calls them.
+
+What a kernel calls becomes a part of it (`parts`) and is optimised and compiled anew with it, which
+pays where the call would cost more than the work. A kernel that works for long between two calls is
+made `separate`: its types are declared, each has one address, and callers read that from a cell
+known to them by name. A caller can so be compiled, and kept, before what it calls has been.
+
+`load_all` fills the cells: it compiles each separate kernel or loads it from the cache.
+"""
+
+from collections.abc import Callable
+
+import numba
+import numpy as np
+from llvmlite import binding, ir
+from numba.core import cgutils, types
+from numba.core.typing import signature
+from numba.core.typing.templates import ConcreteTemplate, infer_global
+from numba.extending import lower_builtin
+
+from hpcsweep.kernels.compile import jit, kernel
+from hpcsweep.kernels.twins import plain
+
+BYTES = types.uint8[::1]
+FLOAT = types.float64
+INT = types.int64
+KEY = types.uint64
+VECTOR = types.float64[::1]
+MATRIX = types.float64[:, ::1]
+
+
+def type_of(example):
+    """Give the type of a value, for the declaration of a separate kernel."""
+    return numba.typeof(example)
+
+
+class Separate:
+    """A kernel with one address, called by Python and by other kernels.
+
+    Parameters
+    ----------
+    function : callable
+    result
+        Type of its result; a tuple of types for a tuple.
+    arguments
+        Types of its arguments.
+    counted : bool
+        Whether it allocates arrays, see `compile.jit`.
+    """
+
+    def __init__(self, function: Callable, result, arguments, counted: bool):
+        self.name = f"{function.__module__}.{function.__qualname__}"
+        self.__doc__ = function.__doc__
+        self.__name__ = function.__name__
+        self.__module__ = function.__module__
+        result = types.Tuple(result) if isinstance(result, tuple) else result
+        self._signature = signature(result, *arguments)
+        self.dispatcher = (jit if counted else kernel)(function)
+        self.py_func = function
+        self._all_loaded = False
+        self._cell = np.zeros(1, np.int64)
+        self._symbol = f"address of {self.name}"
+        binding.add_symbol(self._symbol, self._cell.ctypes.data)
+
+        class Template(ConcreteTemplate):
+            key = self
+            cases = [self._signature]  # noqa: RUF012 (so numba wants it)
+
+        infer_global(self, types.Function(Template))
+        lower_builtin(self, *arguments)(self._call)
+        ALL.append(self)
+
+    def __call__(self, *arguments):
+        """Call the kernel from Python."""
+        if not self._all_loaded:
+            load_all()
+            self._all_loaded = True
+        return self.dispatcher(*arguments)
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether the kernel has its address."""
+        return bool(self._cell[0])
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the cache has the kernel."""
+        return self.dispatcher.is_kept(self._signature)
+
+    @property
+    def signatures(self) -> list:
+        """The types for which the kernel is compiled."""
+        return self.dispatcher.signatures
+
+    def load(self) -> None:
+        """Compile the kernel, or load it from the cache, and let all know its address."""
+        if self.is_loaded:
+            return
+        self.dispatcher.compile(self._signature)
+        compiled = self.dispatcher.overloads[self._signature.args]
+        self.dispatcher.disable_compile()
+        name = compiled.fndesc.llvm_func_name
+        self._cell[0] = compiled.library.get_pointer_to_function(name)
+
+    def _call(self, context, builder, sig, arguments):
+        """Generate a call of what the cell points at."""
+        convention = context.call_conv
+        kind = convention.get_function_type(sig.return_type, sig.args)
+        address = ir.IntType(64)
+        cell = builder.module.globals.get(self._symbol)
+        if cell is None:
+            cell = ir.GlobalVariable(builder.module, address, self._symbol)
+        function = builder.inttoptr(builder.load(cell), kind.as_pointer())
+        status, result = convention.call_function(
+            builder, function, sig.return_type, sig.args, arguments
+        )
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return result
+
+
+ALL: list[Separate] = []
+"""All separate kernels of the modules that are imported."""
+
+
+def separate(result, *arguments, counted: bool = False):
+    """Compile a kernel on its own: ``@separate(result, type of argument, ...)``; see `Separate`.
+
+    With NUMBA_DISABLE_JIT=1 the kernel stays Python.
+    """
+
+    def decorate(function):
+        if numba.config.DISABLE_JIT:
+            return plain(function)
+        return Separate(function, result, arguments, counted)
+
+    return decorate
+
+
+def load_all() -> None:
+    """Compile all separate kernels, or load them from the cache; see `warm.load_all`."""
+    for one in ALL:
+        one.load()

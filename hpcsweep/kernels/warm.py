@@ -1,0 +1,157 @@
+"""Compiling the separate kernels before they are needed: by several processes, with progress.
+
+numba compiles under one lock in a process, so that only processes compile side by side. The types
+of separate kernels are declared, and so each can be compiled without the others, the costliest
+first. What a kernel took is kept beside the cache, and the next time foretells what is left.
+"""
+
+import contextlib
+import importlib
+import json
+import math
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from typing import NamedTuple
+
+from hpcsweep.kernels import cache, separate
+from hpcsweep.kernels.separate import Separate
+
+SECONDS = "seconds.json"
+"""Beside the cache: process time that each kernel took when it was last compiled (s)."""
+
+
+class Progress(NamedTuple):
+    """How far the compilation has come."""
+
+    done: int
+    total: int
+    name: str
+    """Of the kernel compiled last, '' at the start."""
+    left: float
+    """Seconds to go, NaN as long as nothing is known of what kernels take."""
+
+
+def processors() -> int:
+    """Count the processors that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def missing() -> list[Separate]:
+    """List the kernels that are neither loaded nor in the cache."""
+    return [one for one in separate.ALL if not one.is_loaded and not one.is_kept]
+
+
+def load_all(tell: Callable[[Progress], None] | None = None, jobs: int = 1) -> None:
+    """Compile all separate kernels, or load them from the cache.
+
+    Parameters
+    ----------
+    tell : callable, optional
+        Told of the progress, if there is anything to compile: at the start and after each kernel.
+    jobs : int
+        Processes that compile, at most.
+    """
+    lost = missing()
+    if lost:
+        learnt = _learnt_seconds()
+        if not _keep_seconds(learnt) and cache.own_folder() is None:
+            # what another process compiles could not be handed over
+            jobs = 1
+        outlook = _Outlook(lost, learnt, jobs)
+        if tell is not None:
+            tell(outlook.progress(""))
+        for one, seconds in _compile(lost, learnt, jobs):
+            learnt[one.name] = seconds
+            outlook.done.append(one.name)
+            if tell is not None:
+                tell(outlook.progress(one.__name__))
+        _keep_seconds(learnt)
+    separate.load_all()
+
+
+class _Outlook:
+    """Foretells what is left from what kernels took the last time and the pace of this one."""
+
+    def __init__(self, lost: list[Separate], learnt: dict[str, float], jobs: int):
+        known = [learnt[one.name] for one in lost if one.name in learnt]
+        typical = sum(known) / len(known) if known else math.nan
+        self.done: list[str] = []
+        self._expected = {one.name: learnt.get(one.name, typical) for one in lost}
+        self._jobs = min(jobs, len(lost))
+        self._begun = time.perf_counter()
+
+    def progress(self, name: str) -> Progress:
+        """Tell how far it is after a kernel of that name."""
+        behind = sum(self._expected[one] for one in self.done)
+        ahead = sum(self._expected.values()) - behind
+        pace = 1.0 / self._jobs
+        if behind > 0.0:
+            pace = (time.perf_counter() - self._begun) / behind
+        return Progress(len(self.done), len(self._expected), name, ahead * pace)
+
+
+def _compile(
+    lost: list[Separate], learnt: dict[str, float], jobs: int
+) -> Iterator[tuple[Separate, float]]:
+    """Compile kernels, the costliest first; yield each with the process time it took."""
+    order = sorted(lost, key=lambda one: -learnt.get(one.name, math.inf))
+    if min(jobs, len(order)) > 1:
+        waiting = {}
+        context = multiprocessing.get_context("spawn")
+        # where processes cannot be had, or one is killed for want of memory, this one goes on alone
+        with (
+            contextlib.suppress(BrokenProcessPool, OSError, NotImplementedError),
+            ProcessPoolExecutor(min(jobs, len(order)), context, _start_worker) as pool,
+        ):
+            future: Future
+            for one in order:
+                future = pool.submit(_compile_named, one.__module__, one.__name__)
+                waiting[future] = one
+            for future in as_completed(waiting):
+                seconds = future.result()
+                order.remove(waiting[future])
+                yield waiting[future], seconds
+    for one in list(order):
+        yield one, _timed(one)
+
+
+def _start_worker() -> None:
+    """Leave Ctrl-C, and what is to be said of the cache, to the process that waits."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cache.say_unwritable = lambda why: None
+
+
+def _compile_named(module: str, name: str) -> float:
+    """Compile a kernel into the cache; return the process time."""
+    return _timed(getattr(importlib.import_module(module), name))
+
+
+def _timed(one: Separate) -> float:
+    begun = time.process_time()
+    one.load()
+    return time.process_time() - begun
+
+
+def _learnt_seconds() -> dict[str, float]:
+    """Read what kernels took the last time; empty if that is not known."""
+    try:
+        found = json.loads((cache.cache_root() / SECONDS).read_bytes())
+        return {str(name): float(seconds) for name, seconds in found.items()}
+    except (OSError, ValueError, AttributeError, TypeError):
+        return {}
+
+
+def _keep_seconds(seconds: dict[str, float]) -> bool:
+    """Keep what kernels took; tell, and say, whether the folder can be written."""
+    rounded = {name: round(value, 2) for name, value in sorted(seconds.items())}
+    try:
+        cache.write_whole(cache.cache_root() / SECONDS, json.dumps(rounded, indent=1).encode())
+    except OSError as error:
+        cache.say_unwritable(error.strerror or str(error))
+        return False
+    return True

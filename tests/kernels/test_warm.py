@@ -1,0 +1,294 @@
+"""Compiling before it is needed: progress, what is learnt, processes, caches that are read only."""
+
+import io
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+from tools import JOBS, environment
+
+from hpcsweep.kernels import separate, warm
+from hpcsweep.kernels.warm import Progress
+from hpcsweep.solvers import flow
+from hpcsweep.studies.compilation import SILENCE, Report, duration
+
+if numba.config.DISABLE_JIT:
+    pytest.skip("nothing is compiled", allow_module_level=True)
+
+
+FLOW_KERNELS = [one for one in separate.ALL if one.name.startswith(flow.__name__)]
+
+
+class Fake:
+    """In place of a separate kernel."""
+
+    def __init__(self, name, takes, clock, kept=False):
+        self.name = self.__name__ = name
+        self.__module__ = __name__
+        self.takes, self.clock, self.is_kept, self.is_loaded = takes, clock, kept, False
+
+    def load(self):
+        if not self.is_loaded and not self.is_kept:
+            self.clock[0] += self.takes
+        self.is_loaded = True
+
+
+@pytest.fixture
+def told(monkeypatch, tmp_path):
+    """Compile fake kernels of given seconds; return what was told."""
+    clock = [0.0]
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(warm.time, "process_time", lambda: clock[0])
+    monkeypatch.setattr(warm.time, "perf_counter", lambda: clock[0])
+
+    def compiled(takes: dict[str, float], kept=()):
+        fakes = [Fake(name, seconds, clock, name in kept) for name, seconds in takes.items()]
+        monkeypatch.setattr(separate, "ALL", fakes)
+        found: list[Progress] = []
+        warm.load_all(found.append)
+        assert all(fake.is_loaded for fake in fakes)
+        return found
+
+    return compiled
+
+
+def test_the_time_left_is_learnt_and_scaled(told, tmp_path):
+    takes = {"a": 2.0, "b": 5.0, "c": 1.0}
+    first = told(takes)
+    assert [(one.done, one.total) for one in first] == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    assert all(math.isnan(one.left) for one in first)
+    assert json.loads((tmp_path / warm.SECONDS).read_text()) == takes
+    # the costliest first, and all twice as slow as the last time: known after the first
+    second = told({name: 2.0 * seconds for name, seconds in takes.items()})
+    assert [one.name for one in second] == ["", "b", "a", "c"]
+    assert [one.left for one in second] == [8.0, 6.0, 2.0, 0.0]
+    assert json.loads((tmp_path / warm.SECONDS).read_text())["b"] == 10.0
+
+
+def test_a_new_kernel_is_expected_to_take_as_long_as_the_others(told):
+    told({"a": 2.0, "b": 4.0})
+    assert told({"a": 2.0, "b": 4.0, "new": 1.0})[0].left == 9.0
+
+
+def test_kernels_in_the_cache_are_not_counted(told):
+    assert told({"a": 2.0, "b": 4.0}, kept=("a", "b")) == []
+    assert [one.total for one in told({"a": 2.0, "b": 4.0}, kept=("a",))] == [1, 1]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", '{"a": null}', '{"a": "x"}'])
+def test_what_was_learnt_may_be_damaged(told, tmp_path, text):
+    (tmp_path / warm.SECONDS).write_text(text)
+    assert math.isnan(told({"a": 2.0})[0].left)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+STEPS = (
+    Progress(0, 3, "", 40.0),
+    Progress(1, 3, "march", 300.0),
+    Progress(2, 3, "lookup", 4.0),
+    Progress(3, 3, "visit", 0.0),
+)
+
+
+def test_a_terminal_has_a_bar():
+    lines: list[str] = []
+    stream = Terminal()
+    report = Report(lines.append, stream)
+    for step in STEPS:
+        report(step)
+    assert lines == ["compiling 3 kernels, once for this type of processor, about 40 s"]
+    drawn = stream.getvalue().split("\r\033[K")
+    assert drawn == [
+        "",
+        "[" + "." * 30 + "] 0/3",
+        "[" + "#" * 10 + "." * 20 + "] 1/3 march, 5 min to go",
+        "[" + "#" * 20 + "." * 10 + "] 2/3 lookup, 4 s to go",
+        "",
+    ]
+
+
+def test_elsewhere_there_is_a_line_now_and_then(monkeypatch):
+    times = iter([0.0, 1.0, SILENCE + 1.0, SILENCE + 1.0])
+    monkeypatch.setattr("hpcsweep.studies.compilation.time.monotonic", lambda: next(times))
+    lines: list[str] = []
+    stream = io.StringIO()
+    report = Report(lines.append, stream)
+    for step in STEPS:
+        report(step._replace(left=math.nan) if step.done == 0 else step)
+    assert stream.getvalue() == ""
+    assert lines == [
+        "compiling 3 kernels, once for this type of processor",
+        "compiled 2 of 3 kernels, 4 s to go",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.2, "1 s"), (41.4, "41 s"), (99.4, "99 s"), (140.0, "2 min")]
+)
+def test_durations(seconds, text):
+    assert duration(seconds) == text
+
+
+def command(*arguments, **variables) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "hpcsweep", *map(str, arguments)],
+        env=environment(**variables),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_warmup_refuses_no_processes():
+    done = command("warmup", "--jobs", "0")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "hpcsweep: error: --jobs 0: must be at least 1\n"
+
+
+SMALL = """
+[structure]
+n_floors = 1
+
+[sweep]
+omega = 0.445
+amplitude = {from = 0.02, to = 0.1, count = 3}
+"""
+
+
+@pytest.mark.slow
+def test_warmup_fills_a_cache_that_is_only_read_later(tmp_path):
+    cache = tmp_path / "cache"
+    job = tmp_path / "small.toml"
+    job.write_text(SMALL)
+    done = command("warmup", "--jobs", "2", NUMBA_CACHE_DIR=str(cache))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"compiling {len(FLOW_KERNELS)} kernels")
+    assert str(cache) in done.stdout.splitlines()[-1]
+    kept = {path: path.stat().st_mtime_ns for path in cache.rglob("*")}
+    assert kept
+    for path in kept:
+        path.chmod(path.stat().st_mode & ~0o222)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    variables = {"NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(temporary)}
+    done = command("run", job, "-o", tmp_path / "one.h5", **variables)
+    assert done.returncode == 0, done.stderr
+    assert "compil" not in done.stdout + done.stderr
+    assert {path: path.stat().st_mtime_ns for path in cache.rglob("*")} == kept
+    assert not list(temporary.rglob("*.kernel"))
+
+
+COMPILED = """
+from hpcsweep.model.contact import switch
+switch(0.5, 3.0)
+print(sum(switch.stats.cache_hits.values()), sum(switch.stats.cache_misses.values()))
+"""
+
+
+def compiled_in(**variables) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-c", COMPILED],
+        env=environment(**variables),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+
+def test_a_cache_that_cannot_be_written_takes_one_line(tmp_path):
+    # below a file no folder can be made, by root neither
+    (tmp_path / "file").write_text("")
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    cache = str(tmp_path / "file" / "cache")
+    first = compiled_in(NUMBA_CACHE_DIR=cache, TMPDIR=str(temporary))
+    own = temporary / f"hpcsweep-{os.getuid()}"
+    assert first.stdout.split() == ["0", "1"]
+    assert first.stderr == (
+        f"hpcsweep: {cache} cannot be written (Not a directory): "
+        f"compiled kernels are kept in {own}\n"
+    )
+    second = compiled_in(NUMBA_CACHE_DIR=cache, TMPDIR=str(temporary))
+    assert (second.stdout.split(), second.stderr) == (["1", "0"], "")
+
+
+@pytest.mark.parametrize("kind", ["file", "open to all"])
+def test_a_folder_that_may_be_another_users_is_not_used(tmp_path, kind):
+    (tmp_path / "file").write_text("")
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    own = temporary / f"hpcsweep-{os.getuid()}"
+    if kind == "file":
+        own.write_text("")
+    else:
+        own.mkdir()
+        own.chmod(0o777)
+    cache = str(tmp_path / "file" / "cache")
+    done = compiled_in(NUMBA_CACHE_DIR=cache, TMPDIR=str(temporary))
+    assert done.stdout.split() == ["0", "1"]
+    assert done.stderr.endswith("compiled kernels are not kept\n")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_damaged_kernel_is_compiled_anew(tmp_path):
+    cache = str(tmp_path)
+    assert compiled_in(NUMBA_CACHE_DIR=cache).stdout.split() == ["0", "1"]
+    (path,) = tmp_path.rglob("*.kernel")
+    whole = path.read_bytes()
+    for damaged in (b"", whole[: len(whole) // 2]):
+        path.write_bytes(damaged)
+        done = compiled_in(NUMBA_CACHE_DIR=cache)
+        assert (done.stdout.split(), done.stderr) == (["0", "1"], "")
+        assert path.stat().st_size == len(whole)
+    assert compiled_in(NUMBA_CACHE_DIR=cache).stdout.split() == ["1", "0"]
+
+
+HASWELL = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,-avx512f"}
+
+
+def test_processors_keep_their_kernels_side_by_side(tmp_path):
+    cache = str(tmp_path)
+    assert compiled_in(NUMBA_CACHE_DIR=cache).stdout.split() == ["0", "1"]
+    assert compiled_in(NUMBA_CACHE_DIR=cache, **HASWELL).stdout.split() == ["0", "1"]
+    assert compiled_in(NUMBA_CACHE_DIR=cache).stdout.split() == ["1", "0"]
+    assert compiled_in(NUMBA_CACHE_DIR=cache, **HASWELL).stdout.split() == ["1", "0"]
+
+
+@pytest.mark.slow
+def test_results_do_not_depend_on_the_processor(tmp_path):
+    """Figure 3, every variable equal to the last bit between kernels for Haswell and for here."""
+    import h5py
+
+    found = {}
+    for name, variables in (("here", {}), ("haswell", HASWELL)):
+        out = tmp_path / f"{name}.h5"
+        done = command(
+            "run",
+            JOBS / "figure3.toml",
+            "-o",
+            out,
+            NUMBA_CACHE_DIR=str(tmp_path / "cache"),
+            **variables,
+        )
+        assert done.returncode == 0, done.stderr
+        with h5py.File(out) as file:
+            found[name] = str(file.attrs["processor"])
+    assert found["haswell"].split()[0] == "haswell"
+    assert "avx512f" not in found["haswell"].split()
+    compare = Path(__file__).parent.parent / "campaigns" / "compare.py"
+    done = subprocess.run(
+        [sys.executable, compare, tmp_path / "here.h5", tmp_path / "haswell.h5"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr

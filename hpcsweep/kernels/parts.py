@@ -21,12 +21,23 @@ class _PartLibrary(JITCodeLibrary):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == Linkage.external:
                 function.linkage = "linkonce_odr"
-        self._shared_module = self._final_module
         self._finalized = True
 
-    def parts(self):
-        """List the libraries that this one calls."""
-        return self._linking_libraries
+    def link_into(self, module):
+        """Link the functions of this library alone into a module of LLVM."""
+        module.link_in(self._final_module, preserve=True)
+
+    def _get_module_for_linking(self):
+        """Give numba's own libraries the functions with all that they call."""
+        if self._shared_module is None:
+            whole = self._final_module.clone()
+            for library in _all_that_is_called(self):
+                if isinstance(library, _PartLibrary):
+                    library.link_into(whole)
+                else:
+                    whole.link_in(library._get_module_for_linking(), preserve=True)
+            self._shared_module = whole
+        return self._shared_module
 
 
 class _WholeLibrary(JITCodeLibrary):
@@ -34,16 +45,25 @@ class _WholeLibrary(JITCodeLibrary):
 
     def finalize(self):
         """Link, optimise and generate code."""
-        found = dict.fromkeys(self._linking_libraries)
-        queue = list(found)
-        while queue:
-            library = queue.pop()
-            for part in library.parts() if isinstance(library, _PartLibrary) else ():
-                if part not in found:
-                    found[part] = None
-                    queue.append(part)
-        self._linking_libraries = list(found)
+        called = _all_that_is_called(self)
+        for library in called:
+            if isinstance(library, _PartLibrary):
+                library.link_into(self._final_module)
+        self._linking_libraries = [one for one in called if not isinstance(one, _PartLibrary)]
         super().finalize()
+
+
+def _all_that_is_called(library):
+    """List the libraries that one calls, and those that its parts call, each once."""
+    found = dict.fromkeys(library._linking_libraries)
+    queue = list(found)
+    while queue:
+        part = queue.pop()
+        for called in part._linking_libraries if isinstance(part, _PartLibrary) else ():
+            if called not in found:
+                found[called] = None
+                queue.append(called)
+    return list(found)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)

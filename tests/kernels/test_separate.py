@@ -91,6 +91,14 @@ def test_parts_are_not_compiled_alone(loaded):
     assert part.signatures == [(numba.float64,)]
 
 
+def test_other_functions_of_numba_may_call_kernels(loaded):
+    @numba.njit
+    def outer(x):
+        return inlined_part(x[0]) + caller(x)
+
+    assert outer(np.array([1.0])) == 2.125 + 2.125
+
+
 def test_errors_pass_through(loaded):
     with pytest.raises(ValueError, match="negative"):
         fails(np.zeros(1), -1)

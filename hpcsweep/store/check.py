@@ -14,7 +14,7 @@ PROVENANCE = ("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ra
 STRING = np.dtype([("length", "<u4"), ("heap", "<u8"), ("index", "<u4")])
 """A string of variable length as HDF5 has it in a dataset."""
 LONGEST_NAME = 1000
-OPTIONAL = ("command", CHECKSUM)
+OPTIONAL = ("command", "processor", CHECKSUM)
 """Attributes that not every file has."""
 
 

@@ -63,14 +63,7 @@ def newton_orbit(shared, watch, no_points, period, amplitude):
                 for k in range(size):
                     matrix[i, k] = 1.0 if i == k else 0.0
             done, outcome = march_observed(
-                shared,
-                point,
-                amplitude,
-                period,
-                no_points,
-                watch.no_tally,
-                matrix,
-                watch.no_growth,
+                shared, point, amplitude, period, no_points, watch.no_tally, matrix, watch.no_growth
             )
         n_periods += done
         if outcome != COMPLETE:

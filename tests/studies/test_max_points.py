@@ -39,9 +39,9 @@ def test_only_the_stored_points_change():
     ]
     count = rows[0]["n_points"]
     assert (count > 12).any()
-    assert rows[1]["poincare"].shape == (whole.amplitude.size, 12, 4)
+    assert rows[1]["poincare"].shape == (whole.study.amplitude.size, 12, 4)
     np.testing.assert_array_equal(rows[1]["n_points"], np.minimum(count, 12))
-    for run in range(whole.amplitude.size):
+    for run in range(whole.study.amplitude.size):
         last = rows[0]["poincare"][run, : count[run]][-12:]
         np.testing.assert_array_equal(rows[1]["poincare"][run, : len(last)], last)
         assert np.isnan(rows[1]["poincare"][run, len(last) :]).all()

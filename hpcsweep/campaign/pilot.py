@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel import farm
-from hpcsweep.parallel.schedule import master_computes
+from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Journal, read_history
 from hpcsweep.store.records import BlockCost
@@ -77,5 +77,4 @@ class KnownCosts:
         """Estimate the wall time (s) until all is done on these ranks; None if it is not known."""
         if not self._wanted:
             return None
-        ranks = self._comm.size
-        return self.tasks.remaining(ranks if master_computes(ranks) else ranks - 1)
+        return self.tasks.remaining(computing_ranks(self._comm.size))

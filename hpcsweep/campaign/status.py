@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.campaign.costs import TaskCosts
-from hpcsweep.parallel.schedule import master_computes
+from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Layout, open_layout, read_history
 from hpcsweep.store.commit import Blocks
@@ -152,9 +152,8 @@ def _remaining(
     for cost in history.costs:
         costs.measured(cost)
     costs.all_done(np.argwhere(committed))
-    ranks = session.ranks if session else 1
-    computing = ranks if master_computes(ranks) else ranks - 1
-    return costs.remaining(), costs.remaining(max(computing, 1))
+    computing = computing_ranks(session.ranks if session else 1)
+    return costs.remaining(), costs.remaining(computing)
 
 
 def _frame_seconds(layout: Layout, history: History) -> dict | None:
@@ -188,11 +187,10 @@ def _master(session: Session | None) -> dict | None:
         return None
     load = session.load
     elapsed = max(session.load_time - session.started, 1e-9)
-    possible = load.messages / load.message_seconds if load.message_seconds else None
     return {
         "messages": load.messages,
         "messages_per_second": load.messages / elapsed,
-        "messages_per_second_possible": possible,
+        "messages_per_second_possible": load.capacity,
         "busy": load.seconds / elapsed,
         "tasks_moved": load.recalls,
     }

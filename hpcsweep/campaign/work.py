@@ -16,7 +16,7 @@ from hpcsweep.parallel import farm, memory
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Campaign, Journal
-from hpcsweep.store.records import BlockCost, MasterLoad, block_record
+from hpcsweep.store.records import BlockCost, block_record, load_record
 
 LISTED_FAILURES = 10
 MASTER_NOTES = 30.0
@@ -154,14 +154,8 @@ class Work:
             ],
         )
 
-    def _load(self) -> dict:
-        traffic = self._traffic
-        return MasterLoad(
-            traffic.messages, traffic.message_seconds, traffic.seconds, traffic.recalls
-        ).record()
-
     def _note_load(self) -> None:
-        self._journal.note("master", **self._load())
+        self._journal.note("master", **load_record(self._traffic))
 
     def _end(self, finished: bool, seconds: float, display: Silent) -> None:
         """Write the last record and say what failed (collective)."""
@@ -176,7 +170,7 @@ class Work:
             write_seconds=round(sum(rank[1] for rank in used), 6),
             rank_seconds=round(self._comm.size * seconds, 6),
             peak_memory=[used[0][2], max(rank[2] for rank in used)],
-            **self._load(),
+            **load_record(self._traffic),
         )
         display.close()
         self._failures.tell(display)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from hpcsweep.parallel.schedule import BALANCE_SECONDS, Schedule, master_computes, report_interval
+from hpcsweep.parallel.schedule import BALANCE_SECONDS, Schedule, computing_ranks, report_interval
 from hpcsweep.parallel.stopping import Stop, StopFlag
 
 LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
@@ -40,7 +40,7 @@ class Traffic:
     @property
     def capacity(self) -> float | None:
         """Messages per second that the master could handle."""
-        return self.messages / self.message_seconds if self.messages else None
+        return self.messages / self.message_seconds if self.message_seconds else None
 
 
 def run(
@@ -90,7 +90,7 @@ def run(
     if comm.rank == 0:
         traffic = traffic or Traffic()
         if computing_master is None or comm.size == 1:
-            computing_master = master_computes(comm.size)
+            computing_master = computing_ranks(comm.size) == comm.size
         master = _Master(comm, tasks, flag, on_report, cost, traffic, tick, computing_master)
         finished = master.run(compute)
     else:

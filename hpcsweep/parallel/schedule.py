@@ -40,9 +40,9 @@ REPORT_SECONDS = 0.5
 REPORTING_RANKS = 500
 
 
-def master_computes(n_ranks: int) -> bool:
-    """Tell whether rank 0 computes too."""
-    return n_ranks <= DEDICATED_MASTER
+def computing_ranks(n_ranks: int) -> int:
+    """Count the ranks that compute: all, or all but rank 0."""
+    return n_ranks if n_ranks <= DEDICATED_MASTER else n_ranks - 1
 
 
 def report_interval(n_ranks: int) -> float:
@@ -214,7 +214,7 @@ def simulate(
         True cost (s) of the pieces of each task, in order.
     n_ranks : int
     costs : object with `done` and `left`, optional
-        What the master believes (`ExactCosts`, `campaign.costs.FrameCosts`). Default: the truth.
+        What the master believes (`ExactCosts`, `campaign.costs.TaskCosts`). Default: the truth.
     message_seconds : float
         Master's time for one message.
     poll_seconds : float
@@ -235,7 +235,7 @@ def simulate(
         message_seconds,
         poll_seconds,
         switch_seconds,
-        master_computes(n_ranks) if computing_master is None else computing_master,
+        computing_ranks(n_ranks) == n_ranks if computing_master is None else computing_master,
     ).run()
 
 

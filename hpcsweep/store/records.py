@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from hpcsweep.parallel.farm import Traffic
 from hpcsweep.store.journal import Journal
 
 
@@ -38,25 +39,6 @@ class PilotCost(NamedTuple):
 
 
 @dataclass
-class MasterLoad:
-    """What rank 0 had to do beside its own runs."""
-
-    messages: int = 0
-    message_seconds: float = 0.0
-    seconds: float = 0.0
-    recalls: int = 0
-
-    def record(self) -> dict:
-        """Write the values of a record."""
-        return {
-            "messages": self.messages,
-            "message_seconds": round(self.message_seconds, 6),
-            "master_seconds": round(self.seconds, 6),
-            "recalls": self.recalls,
-        }
-
-
-@dataclass
 class Session:
     """One call of `hpcsweep run`, as far as the journal tells it.
 
@@ -67,7 +49,7 @@ class Session:
     ended : str or None
         Why it ended; None if it runs, or was killed.
     costs : list of BlockCost
-    load : MasterLoad or None
+    load : Traffic or None
         As of its last record; `load_time` tells when.
     """
 
@@ -82,7 +64,7 @@ class Session:
     rank_seconds: float | None = None
     peak_memory: list[int] | None = None
     costs: list[BlockCost] = field(default_factory=list)
-    load: MasterLoad | None = None
+    load: Traffic | None = None
     load_time: float = 0.0
 
 
@@ -120,6 +102,16 @@ def block_record(cost: BlockCost) -> dict:
         "block": block,
         "runs": cost.runs,
         "seconds": cost.seconds,
+    }
+
+
+def load_record(load: Traffic) -> dict:
+    """Write the values of a record of the master's load."""
+    return {
+        "messages": load.messages,
+        "message_seconds": round(load.message_seconds, 6),
+        "master_seconds": round(load.seconds, 6),
+        "recalls": load.recalls,
     }
 
 
@@ -213,7 +205,7 @@ def _pilot(history: History, record: dict) -> None:
 
 def _master(history: History, record: dict) -> None:
     if history.sessions and "master_seconds" in record:
-        history.sessions[-1].load = MasterLoad(
+        history.sessions[-1].load = Traffic(
             record["messages"],
             record["message_seconds"],
             record["master_seconds"],

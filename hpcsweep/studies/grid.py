@@ -300,10 +300,6 @@ class RunGrid:
             listed.append(("max_points", settings.stored_points))
         return listed, (self.omega, self.amplitude, self.initial_state), COVERED
 
-    def frames_of(self, omega: float) -> np.ndarray:
-        """List the frames by their distance from a frequency, the nearest first."""
-        return np.argsort(np.abs(self.omega - omega), kind="stable")
-
 
 COVERED = frozenset(
     {

@@ -87,13 +87,7 @@ class FrameRuns:
             The variables of `empty_rows`, first axis the k runs. The next stretch starts from
             ``final_state[-1]``, and gives exactly what one long stretch would have given.
         """
-        result = empty_rows(self.structure.n_floors, len(amplitudes), self.settings)
-        z = np.array(state, dtype=float)
-        for index, amplitude in enumerate(amplitudes):
-            if poll is not None:
-                poll()
-            z = self._run(float(amplitude), z, result, index, poll)
-        return result
+        return self._rows(amplitudes, state, poll, follow=True)
 
     def each(
         self,
@@ -102,12 +96,17 @@ class FrameRuns:
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
         """Run amplitudes, each from the same state; otherwise as `follow`."""
+        return self._rows(amplitudes, state, poll, follow=False)
+
+    def _rows(self, amplitudes, state, poll, follow: bool) -> dict[str, np.ndarray]:
+        """Run amplitudes from a state, or from where the one before ended."""
         result = empty_rows(self.structure.n_floors, len(amplitudes), self.settings)
-        z = np.array(state, dtype=float)
+        start = np.array(state, dtype=float)
         for index, amplitude in enumerate(amplitudes):
             if poll is not None:
                 poll()
-            self._run(float(amplitude), z.copy(), result, index, poll)
+            end = self._run(float(amplitude), start, result, index, poll)
+            start = end if follow else start
         return result
 
     def _run(self, amplitude, z, result, index, poll):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify, contact_name
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames, read_history
 from hpcsweep.store.records import History
@@ -76,7 +76,7 @@ def summarize(path: str | Path) -> dict:
         },
         "periods": {period: _share(count, done) for period, count in sorted(tally.periods.items())},
         "contact_sets": {
-            floors(contact, n): _share(count, done)
+            contact_name(contact, n): _share(count, done)
             for contact, count in tally.contacts.most_common()
         },
         "failures": {
@@ -85,12 +85,6 @@ def summarize(path: str | Path) -> dict:
             if outcome not in (Outcome.NOT_COMPUTED, Outcome.COMPLETE)
         },
     }
-
-
-def floors(contact: int, n: int) -> str:
-    """Write a contact set as C with the numbers of its floors; 'none' if it is empty."""
-    touching = [str(i + 1) for i in range(n) if contact >> i & 1]
-    return "C" + (",".join(touching) if n > 9 else "".join(touching)) if touching else "none"
 
 
 class _Tally:

@@ -235,3 +235,11 @@ def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
         for kind in MotionClass
         if kind is not MotionClass.NOT_COMPUTED
     }
+
+
+def contact_name(contact: int, n_floors: int) -> str:
+    """Write a contact set as C with the numbers of its floors, e.g. C23; 'none' if empty."""
+    floors = [str(i + 1) for i in range(n_floors) if contact >> i & 1]
+    if not floors:
+        return "none"
+    return "C" + (",".join(floors) if n_floors > 9 else "".join(floors))

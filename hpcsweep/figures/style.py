@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.studies.amplitude_sweep import DOWN, UP
 from hpcsweep.studies.points import START
 
@@ -16,14 +17,6 @@ MARKERS = {UP: "o", DOWN: "v", START: "o"}
 
 class PlotError(ValueError):
     """What was asked cannot be drawn; the message is one line for the user."""
-
-
-def contact_name(contact: int, n_floors: int) -> str:
-    """Write a contact set as C with the numbers of its floors, e.g. C23; 'none' if empty."""
-    floors = [str(i + 1) for i in range(n_floors) if contact >> i & 1]
-    if not floors:
-        return "none"
-    return "C" + (",".join(floors) if n_floors > 9 else "".join(floors))
 
 
 def set_name(contact: int, n_floors: int) -> str:

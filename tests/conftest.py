@@ -1,5 +1,6 @@
 """Fixtures of all tests; the tools they share are in `campaigns/tools.py`."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,4 +12,13 @@ def small_job(tmp_path: Path) -> Path:
     """A job of 88 runs that takes a fraction of a second."""
     path = tmp_path / "small.toml"
     path.write_text(SMALL)
+    return path
+
+
+@pytest.fixture
+def copy(whole, tmp_path) -> Path:
+    """A copy, with its journal, of the results file that a module of tests calls `whole`."""
+    path = tmp_path / "copy.h5"
+    shutil.copy(whole, path)
+    shutil.copy(f"{whole}.journal", f"{path}.journal")
     return path

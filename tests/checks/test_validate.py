@@ -1,7 +1,6 @@
 """What `validate` finds: every damaged byte, every broken promise, results of something else."""
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,14 +35,6 @@ def make(path: Path, text: str = JOB, study=AmplitudeSweep):
 def whole(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("whole") / "whole.h5"
     make(path)
-    return path
-
-
-@pytest.fixture
-def copy(whole, tmp_path) -> Path:
-    path = tmp_path / "copy.h5"
-    shutil.copy(whole, path)
-    shutil.copy(f"{whole}.journal", f"{path}.journal")
     return path
 
 

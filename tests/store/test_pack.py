@@ -1,6 +1,5 @@
 """A packed file reads the same everywhere, and nothing is lost on the way."""
 
-import shutil
 from pathlib import Path
 
 import h5py
@@ -23,14 +22,6 @@ KEPT = ROOT / "tests" / "data" / "layout1.h5"
 def whole(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("whole") / "whole.h5"
     assert campaign.run(parse_job(SMALL, "test", "test"), path, Serial()) == 0
-    return path
-
-
-@pytest.fixture
-def copy(whole, tmp_path) -> Path:
-    path = tmp_path / "copy.h5"
-    shutil.copy(whole, path)
-    shutil.copy(f"{whole}.journal", f"{path}.journal")
     return path
 
 

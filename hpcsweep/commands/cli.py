@@ -5,6 +5,7 @@ import errno
 import sys
 from collections.abc import Callable
 
+from hpcsweep.campaign.progress import silence
 from hpcsweep.commands import (
     FAILURE,
     RAW,
@@ -127,12 +128,12 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stdout.flush()
     except BrokenPipeError:
         # whoever read has enough (``| head``); nothing more is to be said, at exit neither
-        environment.silence(sys.stdout)
+        silence(sys.stdout)
         return CLOSED_PIPE
     except OSError as error:
         if error.filename is not None or error.errno not in FULL:
             raise
-        environment.silence(sys.stdout)
+        silence(sys.stdout)
         complain(f"standard output: cannot be written: {error.strerror}")
         return FAILURE
     return code

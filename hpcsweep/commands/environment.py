@@ -6,28 +6,19 @@ opened, and what is printed would then be written into the results.
 
 import contextlib
 import os
-import stat
 import sys
 import tempfile
 from pathlib import Path
-from typing import TextIO
 
 from hpcsweep.campaign.progress import note
+from hpcsweep.kernels import folders
 from hpcsweep.parallel.mpi import launched_rank
-
-CACHE = "NUMBA_CACHE_DIR"
 
 
 def prepare() -> None:
-    """Make the streams and the cache of compiled kernels such that they can be used."""
+    """Make the streams such that they can be used; look at the cache of compiled kernels."""
     _open_streams()
-    _choose_cache()
-
-
-def silence(stream: TextIO) -> None:
-    """Let a stream that cannot be written swallow all that comes, also at exit."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    _look_at_cache()
 
 
 def _open_streams() -> None:
@@ -45,24 +36,14 @@ def _open_streams() -> None:
             getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
-def _choose_cache() -> None:
-    """Choose another folder for compiled kernels where the usual one cannot be written."""
-    if os.environ.get(CACHE):
-        usual = Path(os.environ[CACHE])
-    else:
-        try:
-            home = Path.home()
-        except RuntimeError:  # nobody knows this user
-            home = Path("/nonexistent")
-        usual = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "hpcsweep"
+def _look_at_cache() -> None:
+    """Say where kernels will be kept if it is not the usual folder; that is read all the same."""
+    usual = folders.cache_root()
     if _can_write(usual):
         return
-    other = Path(tempfile.gettempdir()) / f"hpcsweep-{os.getuid()}"
-    if not _is_own(other):
-        other = Path(tempfile.mkdtemp(prefix="hpcsweep-"))
-    os.environ[CACHE] = str(other)
-    if launched_rank() == 0:
-        note(f"{usual}: cannot be written; compiled kernels are kept in {other}")
+    is_first = launched_rank() == 0
+    text = f"{usual}: cannot be written; {folders.where_kept()}"
+    folders.say_once(text, note if is_first else folders.say_nothing)
 
 
 def _can_write(folder: Path) -> bool:
@@ -72,14 +53,3 @@ def _can_write(folder: Path) -> bool:
             return True
     except (OSError, ValueError):
         return False
-
-
-def _is_own(folder: Path) -> bool:
-    """Make a folder in a place that all may write; tell whether nobody else can write into it."""
-    try:
-        folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-    except OSError:
-        return False
-    own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
-    return own and not found.st_mode & 0o022 and _can_write(folder)

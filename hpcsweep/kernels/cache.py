@@ -24,10 +24,7 @@ import functools
 import hashlib
 import os
 import pickle
-import stat
 import sys
-import tempfile
-import uuid
 from pathlib import Path
 
 import numba
@@ -35,6 +32,8 @@ import numpy as np
 from numba.core import serialize
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.registry import cpu_target
+
+from hpcsweep.kernels.folders import cache_root, own_folder, say_unwritable, write_whole
 
 PACKAGE = Path(__file__).resolve().parent.parent
 KERNEL_FILES = (
@@ -93,62 +92,9 @@ def source_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-def cache_root() -> Path:
-    """Give the folder of the caches of all versions."""
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(os.environ["NUMBA_CACHE_DIR"])
-    try:
-        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hpcsweep"
-    except RuntimeError:
-        # a user without a home: nothing can be kept below this
-        return Path(os.devnull) / "hpcsweep"
-
-
 def cache_folder() -> Path:
     """Give the folder of the compiled kernels."""
     return cache_root() / source_hash()
-
-
-@functools.cache
-def own_folder() -> Path | None:
-    """Give a folder for what cannot be kept in `cache_root`; None if it might be another user's.
-
-    What lies in a cache is executed.
-    """
-    path = Path(tempfile.gettempdir()) / f"hpcsweep-{os.getuid()}"
-    try:
-        path.mkdir(mode=0o700, exist_ok=True)
-        found = path.lstat()
-    except OSError:
-        return None
-    private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
-    return path if private and found.st_uid == os.getuid() else None
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under another name and rename it into place.
-
-    Raises
-    ------
-    OSError
-        If that cannot be done.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f"{path.name}.{uuid.uuid4().hex}")
-    try:
-        unfinished.write_bytes(data)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
-
-
-@functools.cache
-def say_unwritable(why: str) -> None:
-    """Say, once, where kernels are kept if not in `cache_root`."""
-    own = own_folder()
-    kept = f"compiled kernels are kept in {own}" if own else "compiled kernels are not kept"
-    text = f"hpcsweep: {cache_root()} cannot be written ({why}): {kept}"
-    print(text, file=sys.stderr, flush=True)
 
 
 class _Locator(_CacheLocator):

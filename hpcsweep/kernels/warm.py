@@ -18,7 +18,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import NamedTuple
 
-from hpcsweep.kernels import cache, separate
+from hpcsweep.kernels import folders, separate
 from hpcsweep.kernels.separate import Separate
 
 SECONDS = "seconds.json"
@@ -59,7 +59,7 @@ def load_all(tell: Callable[[Progress], None] | None = None, jobs: int = 1) -> N
     lost = missing()
     if lost:
         learnt = _learnt_seconds()
-        if not _keep_seconds(learnt) and cache.own_folder() is None:
+        if not _keep_seconds(learnt) and folders.own_folder() is None:
             # what another process compiles could not be handed over
             jobs = 1
         outlook = _Outlook(lost, learnt, jobs)
@@ -123,7 +123,7 @@ def _compile(
 def _start_worker() -> None:
     """Leave Ctrl-C, and what is to be said of the cache, to the process that waits."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    cache.say_unwritable = lambda why: None
+    folders.say_once("", folders.say_nothing)
 
 
 def _compile_named(module: str, name: str) -> float:
@@ -140,7 +140,7 @@ def _timed(one: Separate) -> float:
 def _learnt_seconds() -> dict[str, float]:
     """Read what kernels took the last time; empty if that is not known."""
     try:
-        found = json.loads((cache.cache_root() / SECONDS).read_bytes())
+        found = json.loads((folders.cache_root() / SECONDS).read_bytes())
         return {str(name): float(seconds) for name, seconds in found.items()}
     except (OSError, ValueError, AttributeError, TypeError):
         return {}
@@ -150,8 +150,8 @@ def _keep_seconds(seconds: dict[str, float]) -> bool:
     """Keep what kernels took; tell, and say, whether the folder can be written."""
     rounded = {name: round(value, 2) for name, value in sorted(seconds.items())}
     try:
-        cache.write_whole(cache.cache_root() / SECONDS, json.dumps(rounded, indent=1).encode())
+        folders.write_whole(folders.cache_root() / SECONDS, json.dumps(rounded, indent=1).encode())
     except OSError as error:
-        cache.say_unwritable(error.strerror or str(error))
+        folders.say_unwritable(error.strerror or str(error))
         return False
     return True

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from tools import command, datasets, environment, hpcsweep
 
+from hpcsweep.commands import environment as environment_of_commands
+from hpcsweep.kernels import folders
 from hpcsweep.store.offsets import open_above
 
 
@@ -85,3 +87,15 @@ def test_a_name_that_is_no_text(tmp_path, small_job):
     job.write_bytes(small_job.read_bytes())
     done = hpcsweep(0, "run", job, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_cache_that_is_only_read_is_read_all_the_same(tmp_path, monkeypatch, capsys):
+    # root can write anything: what the look finds is given here
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(environment_of_commands, "_can_write", lambda folder: False)
+    monkeypatch.setattr(folders, "_said", [])
+    environment_of_commands._look_at_cache()
+    assert folders.cache_root() == tmp_path
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    folders.say_unwritable("said once already")
+    assert capsys.readouterr().err == ""

@@ -1,0 +1,87 @@
+"""Folders of compiled kernels: where they are kept, and where if that cannot be written.
+
+Nothing here takes time to import: the command line looks before it does anything else.
+"""
+
+import functools
+import os
+import stat
+import sys
+import tempfile
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+
+
+def cache_root() -> Path:
+    """Give the folder of the caches of all versions."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(os.environ["NUMBA_CACHE_DIR"])
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hpcsweep"
+    except RuntimeError:
+        # a user without a home: nothing can be kept below this
+        return Path(os.devnull) / "hpcsweep"
+
+
+@functools.cache
+def own_folder() -> Path | None:
+    """Give a folder for what cannot be kept in `cache_root`; None if it might be another user's.
+
+    What lies in a cache is executed.
+    """
+    path = Path(tempfile.gettempdir()) / f"hpcsweep-{os.getuid()}"
+    try:
+        path.mkdir(mode=0o700, exist_ok=True)
+        found = path.lstat()
+    except OSError:
+        return None
+    private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
+    return path if private and found.st_uid == os.getuid() else None
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file under another name and rename it into place.
+
+    Raises
+    ------
+    OSError
+        If that cannot be done.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f"{path.name}.{uuid.uuid4().hex}")
+    try:
+        unfinished.write_bytes(data)
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def where_kept() -> str:
+    """Say what becomes of kernels that cannot be kept in `cache_root`."""
+    own = own_folder()
+    return f"compiled kernels are kept in {own}" if own else "compiled kernels are not kept"
+
+
+def say_unwritable(why: str) -> None:
+    """Say, once in a process, that kernels cannot be kept in `cache_root`."""
+    say_once(f"hpcsweep: {cache_root()} cannot be written ({why}): {where_kept()}")
+
+
+def say_once(text: str, say: Callable[[str], None] | None = None) -> None:
+    """Say what is to be said of the folders, if nothing has been said of them."""
+    if not _said:
+        _said.append(text)
+        (say or _print)(text)
+
+
+def say_nothing(text: str) -> None:
+    """Leave it to another process to say it."""
+    del text
+
+
+_said: list[str] = []
+
+
+def _print(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

@@ -79,6 +79,7 @@ def check(hpcsweep: Installed) -> None:
     """Run every command; AssertionError where one does not do what it is for."""
     every = listed(hpcsweep("--help"))
     assert re.match(r"hpcsweep \d+\.\d+", hpcsweep("--version"))
+    assert "ready in" in hpcsweep("warmup", "--jobs", "2")
     hpcsweep("new", "study.toml", makes="study.toml")
     given = [word for setting in SMALL for word in ("--set", setting)]
     assert "#SBATCH --ntasks=" in hpcsweep("run", "study.toml", *given, "--dry-run")

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.equations import jacobian, right_hand_side
+from hpcsweep.model.kernel_model import Frame, Model, kernel_model
+from hpcsweep.kernels.packing import Packing
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
@@ -118,25 +120,20 @@ def _ours(name: str, rtol: float) -> Callable:
     return prepare
 
 
-def _arguments(regime: Regime) -> tuple:
-    structure = regime.structure
-    return (
-        regime.amplitude,
-        regime.omega,
-        structure.stiffness_ratio,
-        structure.sharpness,
-        structure.stiffness_matrix.copy(),
-        np.ascontiguousarray(structure.damping_matrix),
-    )
+def _problem(regime: Regime) -> tuple[Model, Frame, float]:
+    """Give a regime as the equations want it: model, frame of its states, and A."""
+    model = kernel_model(regime.structure, regime.omega)
+    frame = Frame(regime.structure, model)
+    return model, frame, regime.amplitude / frame.amplitude_unit
 
 
-def _by_periods(regime: Regime, one: Callable) -> Callable:
+def _by_periods(regime: Regime, frame: Frame, one: Callable) -> Callable:
     def points(state):
-        found = []
+        z, found = frame.into(state), []
         for _ in range(regime.n_periods):
-            state = one(state)
-            found.append(state)
-        return np.array(found)
+            z = one(z)
+            found.append(z)
+        return frame.out_of(np.array(found))
 
     return points
 
@@ -145,19 +142,16 @@ def _scipy(method: str, rtol: float) -> Callable:
     from scipy.integrate import solve_ivp
 
     def prepare(regime: Regime):
-        given = _arguments(regime)
-        size = 2 * regime.structure.n_floors
-        period = 2 * math.pi / regime.omega
-        beta, rho, stiffness, damping = given[2:]
+        model, frame, amplitude = _problem(regime)
+        size = frame.size
+        period = 2 * math.pi / model.omega
         options: dict[str, Any] = {"rtol": rtol, "atol": rtol}
         if method in ("BDF", "Radau", "LSODA"):
-            options["jac"] = lambda _t, z: jacobian(
-                z, beta, rho, stiffness, damping, np.empty((size, size))
-            )
+            options["jac"] = lambda _t, z: jacobian(z, model, np.empty((size, size)))
 
         def one(state):
             found = solve_ivp(
-                lambda t, z: right_hand_side(t, z, *given, np.empty(size)),
+                lambda t, z: right_hand_side(t, z, amplitude, model, np.empty(size)),
                 (0.0, period),
                 state,
                 method=method,
@@ -167,7 +161,7 @@ def _scipy(method: str, rtol: float) -> Callable:
                 raise ArithmeticError(found.message)
             return found.y[:, -1]
 
-        return _by_periods(regime, one)
+        return _by_periods(regime, frame, one)
 
     return prepare
 
@@ -178,23 +172,27 @@ def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
         import numbalsoda
     except ImportError:
         return
+    kept: list[Model] = []
 
     def compiled(regime: Regime):
-        amplitude, omega, beta, rho, stiffness, damping = _arguments(regime)
-        size = 2 * regime.structure.n_floors
+        model, frame, amplitude = _problem(regime)
+        packing = Packing(model)
+        packed, read, size = packing.pack(model), packing.read, frame.size
+        kept.append(model)  # the buffer holds its addresses
 
         @numba.cfunc(numbalsoda.lsoda_sig)
         def derivative(tau, z_, out_, _data):
             z = numba.carray(z_, (size,))
             out = numba.carray(out_, (size,))
-            right_hand_side(tau, z, amplitude, omega, beta, rho, stiffness, damping, out)
+            right_hand_side(tau, z, amplitude, read(packed), out)
 
         return derivative
 
     def prepare_with(solve, rtol):
         def prepare(regime: Regime):
             derivative = compiled(regime)
-            times = np.array([0.0, 2 * math.pi / regime.omega])
+            model, frame, _ = _problem(regime)
+            times = np.array([0.0, 2 * math.pi / model.omega])
 
             def one(state):
                 found, success = solve(
@@ -204,7 +202,7 @@ def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
                     raise ArithmeticError("the integrator gave up")
                 return found[-1]
 
-            return _by_periods(regime, one)
+            return _by_periods(regime, frame, one)
 
         return prepare
 
@@ -221,12 +219,12 @@ def _cvode() -> Iterator[tuple[str, float, Callable]]:
 
     def prepare_with(rtol):
         def prepare(regime: Regime):
-            given = _arguments(regime)
-            period = 2 * math.pi / regime.omega
+            model, frame, amplitude = _problem(regime)
+            period = 2 * math.pi / model.omega
 
             def one(state):
                 solver = CVODE(
-                    lambda t, z, out: right_hand_side(t, z, *given, out),
+                    lambda t, z, out: right_hand_side(t, z, amplitude, model, out),
                     method="BDF",
                     rtol=rtol,
                     atol=rtol,
@@ -237,7 +235,7 @@ def _cvode() -> Iterator[tuple[str, float, Callable]]:
                     raise ArithmeticError(str(found.message))
                 return found.y[-1]
 
-            return _by_periods(regime, one)
+            return _by_periods(regime, frame, one)
 
         return prepare
 

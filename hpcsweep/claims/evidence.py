@@ -17,6 +17,7 @@ from hpcsweep.claims.judgement import Hits, windows
 from hpcsweep.claims.words import C3, C23
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.model.equations import right_hand_side
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
@@ -149,12 +150,10 @@ class Study:
         n = s.n_floors
         forcing_period = 2 * math.pi / omega
 
+        model = kernel_model(s, omega)
+
         def motion(tau, z):
-            out = np.empty(2 * n)
-            beta, rho = s.stiffness_ratio, s.sharpness
-            k, c = s.stiffness_matrix, s.damping_matrix
-            right_hand_side(tau, z, amplitude, omega, beta, rho, k, c, out)
-            return out
+            return right_hand_side(tau, z, amplitude, model, np.empty(2 * n))
 
         def event(floor):
             def height(_tau, z):

@@ -1,6 +1,6 @@
 """The contact law (5), (9): the stop, the spring behind it, the layer in which it is switched on.
 
-At a distance x = u - `STOP` past the stop the force beta S(rho x) x pushes a floor back, S the
+At a distance x past a stop the force beta S(rho x) x pushes back, S the
 sigmoid. The law stands here in every form that is needed: as numbers, as `Lanes` of kernels, and
 with its derivative. `hpcsweep.solvers.reference` has a form of its own, to be independent.
 """
@@ -10,10 +10,8 @@ import math
 from hpcsweep.kernels.compile import inlined, jit
 from hpcsweep.kernels.vectors import fma, switches
 
-STOP = 1.0
-"""Displacement at which a floor is at the stop: lengths are measured in gaps."""
 NEGLIGIBLE_FORCE = 1e-13
-"""Contact force (gaps omega_0^2) at the edge of the layer that is neglected outside it."""
+"""Acceleration at the edge of the layer, in units of the structure, that is neglected outside."""
 FAR = 45.0
 """rho |x| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
 STIFFEST = 2.4
@@ -24,7 +22,7 @@ FULL_POTENTIAL = math.pi**2 / 12.0
 
 
 def layer_half_width(beta: float, rho: float) -> float:
-    """Choose the half-width of the contact layer, in gaps.
+    """Choose the half-width of the contact layer.
 
     Outside it the neglected force r = beta/rho y exp(-y), y = rho |x|, is below
     `NEGLIGIBLE_FORCE`.

@@ -1,52 +1,66 @@
-"""The equations of motion (19) and their Jacobian, compiled.
+"""The equations of motion (19) and their Jacobian, compiled, of any structure.
 
-State z = (u_1..u_n, v_1..v_n), shape (2n,); units as in `hpcsweep.model.structure`.
+State z = (y_1..y_R, y_1'..y_R'), shape (2R,); rows and units as in `hpcsweep.model.kernel_model`.
 """
 
 import math
 
 from hpcsweep.kernels.compile import jit
-from hpcsweep.model.contact import STOP, contact_force, contact_stiffness
+from hpcsweep.model.contact import contact_force, contact_stiffness
 
 
 @jit
-def right_hand_side(tau, z, amplitude, omega, beta, rho, stiffness, damping, out):
+def right_hand_side(tau, z, amplitude, model, out):
     """Evaluate z' of (19) into `out`.
 
     Parameters
     ----------
     tau : float
         Time.
-    z, out : ndarray, shape (2n,)
+    z, out : ndarray, shape (2R,)
         State and its derivative.
-    amplitude, omega : float
-        A and Omega of the ground acceleration A sin(Omega tau) (10).
-    beta, rho : float
-        Contact stiffness ratio and sharpness of the sigmoid.
-    stiffness, damping : ndarray, shape (n, n)
-        K of (3) and 2 gamma C of (8).
+    amplitude : float
+        A of the forcing (10).
+    model : Model
     """
-    n = stiffness.shape[0]
-    ground = amplitude * math.sin(omega * tau)
+    n = model.stiffness.shape[0]
+    contacts = model.contacts
+    ground = 0.0
+    for h in range(model.harmonics.shape[0]):
+        order, size, phase = model.harmonics[h]
+        ground += amplitude * size * math.sin(order * model.omega * tau + phase)
     for i in range(n):
-        acceleration = -ground - contact_force(z[i] - STOP, beta, rho)
-        for j in range(n):
-            acceleration -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
         out[i] = z[n + i]
+        out[n + i] = model.forcing[i] * ground
+    for k in range(contacts.row.shape[0]):
+        x = contacts.sign[k] * z[contacts.row[k]] - contacts.gap[k]
+        force = contact_force(x, contacts.beta[k], model.rho)
+        for p in range(contacts.first[k], contacts.first[k + 1]):
+            out[n + contacts.push_row[p]] -= contacts.push[p] * force
+    for i in range(n):
+        acceleration = out[n + i]
+        for j in range(n):
+            acceleration -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
         out[n + i] = acceleration
     return out
 
 
 @jit
-def jacobian(z, beta, rho, stiffness, damping, out):
-    """Evaluate dz'/dz of (19) into `out`, shape (2n, 2n). Arguments as `right_hand_side`."""
-    n = stiffness.shape[0]
+def jacobian(z, model, out):
+    """Evaluate dz'/dz of (19) into `out`, shape (2R, 2R). Arguments as `right_hand_side`."""
+    n = model.stiffness.shape[0]
+    contacts = model.contacts
     for i in range(n):
         for j in range(n):
             out[i, j] = 0.0
             out[i, n + j] = 0.0
-            out[n + i, j] = -stiffness[i, j]
-            out[n + i, n + j] = -damping[i, j]
+            out[n + i, j] = -model.stiffness[i, j]
+            out[n + i, n + j] = -model.damping[i, j]
         out[i, n + i] = 1.0
-        out[n + i, i] -= contact_stiffness(z[i] - STOP, beta, rho)
+    for k in range(contacts.row.shape[0]):
+        row = contacts.row[k]
+        x = contacts.sign[k] * z[row] - contacts.gap[k]
+        stiff = contacts.sign[k] * contact_stiffness(x, contacts.beta[k], model.rho)
+        for p in range(contacts.first[k], contacts.first[k + 1]):
+            out[n + contacts.push_row[p], row] -= contacts.push[p] * stiff
     return out

@@ -1,26 +1,108 @@
-"""What the kernels know of a structure and its forcing, as one value."""
+r"""What the solvers know of a structure and its forcing: equations solved for the accelerations.
+
+    u'' = -M^-1 K u - M^-1 C u' + f G(tau) - sum_k beta_k S(rho x_k) x_k e_k,   x_k = d_k . u - g_k
+
+with G = A sum_h a_h sin(h Omega tau + phi_h) and f = M^-1 b. Contact k pushes along
+e_k = M^-1 d_k / (d_k . M^-1 d_k), for which d_k . e_k = 1, so that its distance feels the stiffness
+beta_k = kappa_k d_k . M^-1 d_k: x_k'' = ... - beta_k S x_k.
+
+Lengths and frequencies are measured in the structure's units, powers of two, so that tolerances
+mean the same for all and no digit is lost (1 for the building of the paper).
+
+Every contact and every drift looks at one row of a list of displacements. Its first n rows are u.
+A direction that is no coordinate gets a row of its own, y = E u, with the accelerations E u'': the
+state of the kernels has R >= n rows of displacements and as many velocities, and no force but
+that of its contact knows the rows beyond n.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
 
 
-class Model(NamedTuple):
-    """A structure at one forcing frequency (units: `hpcsweep.model.structure`)."""
+class Contacts(NamedTuple):
+    """The m contacts, as the kernels see them."""
+
+    row: np.ndarray
+    """(m,) int: x = sign y[row] - gap."""
+    places: np.ndarray
+    """(m, 2) unsigned: row and R + row, of y and y' in a state; no sign is asked of such an index."""
+    edges: np.ndarray
+    """(m, 4): sign, y at the edge of the layer before the stop and beyond it, gap: what the search
+    for the next contact asks for, in one line of the cache."""
+    sign: np.ndarray
+    """(m,): 1 or -1."""
+    gap: np.ndarray
+    beta: np.ndarray
+    """(m,): stiffness of the contact that its distance feels."""
+    first: np.ndarray
+    """(m + 1,) int: where the entries of e_k begin in `push_row` and `push`."""
+    push_row: np.ndarray
+    push: np.ndarray
+    """The entries of e_k that are not 0."""
+    solo: np.ndarray
+    """(R,) int: a contact that looks at a row and pushes nothing else; -1 if there is none."""
+    others: np.ndarray
+    """(any,) int: the contacts that are not in `solo`."""
+    reach: np.ndarray
+    """(m, n): d_k."""
+    kick: np.ndarray
+    """(m, R): e_k ..."""
+    damped: np.ndarray
+    """... D e_k, D = M^-1 C ..."""
+    bent: np.ndarray
+    """... and -M^-1 K e_k + D^2 e_k, that of free flight."""
+    gain: np.ndarray
+    """(m,): bound of what a unit of x does to a coordinate, for the errors of passages."""
+    oblique: np.ndarray
+    """(m, m): d_k . e_l for k != l, 0 where contact l does not push contact k."""
+    is_oblique: bool
+    """Whether one of them is not 0."""
+
+
+class Energy(NamedTuple):
+    """The symmetric forms of the stiffness, for bounds of eigenvalues."""
 
     stiffness: np.ndarray
-    """(n, n): K."""
+    """(n, n): L^-1 K L^-T, M = L L^T."""
+    reach: np.ndarray
+    """(m, n): L^-1 d_k."""
+    kappa: np.ndarray
+    """(m,)"""
+    drag: float
+    """Largest eigenvalue of M^-1 C."""
+
+
+class Model(NamedTuple):
+    """A structure at one forcing frequency, in its own units."""
+
+    stiffness: np.ndarray
+    """(R, R): M^-1 K, columns beyond n are 0."""
     damping: np.ndarray
-    """(n, n): 2 gamma C."""
+    """(R, R): M^-1 C, likewise."""
+    forcing: np.ndarray
+    """(R,): f."""
+    harmonics: np.ndarray
+    """(H, 3): order, amplitude and phase."""
+    rows: np.ndarray
+    """(R - n, n): E."""
+    contacts: Contacts
+    drift_rows: np.ndarray
+    """(any, 2) int: a drift is y[first] - y[second], or y[first] where the second is -1."""
     modal_transform: np.ndarray
-    """(n, n): Phi^-1, row j gives modal coordinate j."""
+    """(n, R): Phi^-1, row j gives modal coordinate j."""
+    balance: np.ndarray
+    """(n,): 1 / sqrt of the masses, up to a factor: units in which M^-1 K is nearly symmetric."""
+    energy: Energy
     stiffness_bound: float
-    """Of the norm of K."""
+    """Of the eigenvalues of M^-1 K."""
+    hardest: float
+    """Likewise of what all contacts add to it."""
     bandwidth: int
-    """K_ij = 0 where |i - j| is greater."""
-    beta: float
+    """M^-1 K is 0 at (i, j) where |i - j| is greater."""
     rho: float
     omega: float
     layer: float
@@ -29,15 +111,239 @@ class Model(NamedTuple):
 
 def kernel_model(structure: Structure, omega: float) -> Model:
     """Make what the kernels know of a structure at forcing frequency Omega."""
+    length, rate = structure.length_unit, structure.frequency_unit
+    mass = structure.mass_matrix
+    n = structure.n_floors
+    stiffness = per_mass(mass, structure.stiffness_matrix) / rate**2
+    damping = per_mass(mass, structure.damping_matrix) / rate
+    rows = _Rows(n)
+    contacts = _contacts(structure, rows, stiffness, damping)
+    drift_rows = np.array([rows.difference(row) for row in structure.drift_rows], np.int64)
+    extra = np.array(rows.extra).reshape(-1, n)
+    layer = float(structure.layer_half_width / length)
+    masses = np.diag(mass)
     # writable copies, of one order: all structures share the compiled kernels
     return Model(
-        stiffness=np.array(structure.stiffness_matrix, order="C"),
-        damping=np.array(structure.damping_matrix, order="C"),
-        modal_transform=np.array(structure.modal_transform, order="C"),
-        stiffness_bound=float(structure.stiffness_bound),
-        bandwidth=int(structure.bandwidth),
-        beta=float(structure.stiffness_ratio),
-        rho=float(structure.sharpness),
-        omega=float(omega),
-        layer=float(structure.layer_half_width),
+        stiffness=_extended(stiffness, extra),
+        damping=_extended(damping, extra),
+        forcing=_through(extra, per_mass(mass, structure.forcing_vector)),
+        harmonics=np.array(structure.harmonics, float).reshape(-1, 3),
+        rows=extra,
+        contacts=contacts._replace(
+            places=np.stack((contacts.row, contacts.row + n + len(extra)), axis=1).astype(np.uint64),
+            edges=np.stack(
+                (
+                    contacts.sign,
+                    contacts.sign * (contacts.gap - layer),
+                    contacts.sign * (contacts.gap + layer),
+                    contacts.gap,
+                ),
+                axis=1,
+            ),
+            **_shares(contacts, n + len(extra)),
+            **{
+                name: np.array([_through(extra, row) for row in getattr(contacts, name)]).reshape(
+                    -1, n + len(extra)
+                )
+                for name in ("kick", "damped", "bent")
+            }
+        ),
+        drift_rows=drift_rows.reshape(-1, 2),
+        modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
+        balance=np.sqrt(masses.max() / masses),
+        energy=_energy(structure),
+        stiffness_bound=float(structure.stiffness_bound / rate**2),
+        hardest=_hardest(structure),
+        bandwidth=_bandwidth(stiffness) if not len(extra) else n + len(extra) - 1,
+        rho=float(structure.sharpness * length),
+        omega=float(omega / rate),
+        layer=layer,
     )
+
+
+def _shares(contacts: Contacts, n_rows: int) -> dict[str, np.ndarray]:
+    """Tell which contacts are alone on a row that is all they push, and which are not."""
+    solo = np.full(n_rows, -1, np.int64)
+    others = []
+    for k, row in enumerate(contacts.row):
+        pushed = contacts.push_row[contacts.first[k] : contacts.first[k + 1]]
+        if pushed.tolist() == [row] and solo[row] < 0:
+            solo[row] = k
+        else:
+            others.append(k)
+    return {"solo": solo, "others": np.array(others, np.int64)}
+
+
+class _Rows:
+    """Rows of displacements that contacts and drifts look at."""
+
+    def __init__(self, n: int):
+        self._n = n
+        self.extra: list[np.ndarray] = []
+
+    def of(self, direction: np.ndarray) -> tuple[int, float]:
+        """Find or add the row of a direction; return it and the sign."""
+        entries = np.flatnonzero(direction)
+        if entries.size == 1 and abs(direction[entries[0]]) == 1.0:
+            return int(entries[0]), float(direction[entries[0]])
+        for place, known in enumerate(self.extra):
+            for sign in (1.0, -1.0):
+                if np.array_equal(sign * known, direction):
+                    return self._n + place, sign
+        self.extra.append(np.array(direction, float))
+        return self._n + len(self.extra) - 1, 1.0
+
+    def difference(self, direction: np.ndarray) -> tuple[int, int]:
+        """Give the two rows of which a drift is the difference, or one and -1."""
+        entries = np.flatnonzero(direction)
+        if entries.size == 2 and sorted(direction[entries].tolist()) == [-1.0, 1.0]:
+            upper, lower = entries if direction[entries[0]] > 0 else entries[::-1]
+            return int(upper), int(lower)
+        return self.of(direction)[0], -1
+
+
+def _through(extra: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Write a vector of n entries with those of the rows beyond n."""
+    return np.concatenate((values, extra @ values))
+
+
+def _extended(matrix: np.ndarray, extra: np.ndarray) -> np.ndarray:
+    """Write a matrix (n, n) as one of all rows, (R, R), whose columns beyond n are 0."""
+    tall = np.vstack((matrix, extra @ matrix))
+    return np.ascontiguousarray(np.hstack((tall, np.zeros((len(tall), len(extra))))))
+
+
+def _bandwidth(matrix: np.ndarray) -> int:
+    i, j = np.nonzero(matrix)
+    return int(np.abs(i - j).max(initial=0))
+
+
+def _contacts(structure: Structure, rows: _Rows, stiffness, damping) -> Contacts:
+    """Make the contacts; vectors of n entries, to be extended."""
+    mass, n, m = structure.mass_matrix, structure.n_floors, len(structure.contacts)
+    places = [rows.of(np.array(contact.direction)) for contact in structure.contacts]
+    reach = np.array([contact.direction for contact in structure.contacts]).reshape(m, n)
+    softness = [float(d @ per_mass(mass, d)) for d in reach]
+    kick = [per_mass(mass, d) / soft for d, soft in zip(reach, softness, strict=True)]
+    damped = [damping @ e for e in kick]
+    bent = [_bent(stiffness, damping, e, de) for e, de in zip(kick, damped, strict=True)]
+    flexibility = np.diag(per_mass(mass, np.eye(n)))
+    wide = [_through(np.array(rows.extra).reshape(-1, n), e) for e in kick]
+    entries = [np.flatnonzero(e) for e in wide]
+    oblique = np.array([[float(d @ e) for e in kick] for d in reach]).reshape(m, m)
+    oblique[np.abs(oblique) < 1e-14] = 0.0
+    np.fill_diagonal(oblique, 0.0)
+    kappa = [contact.stiffness for contact in structure.contacts]
+    scale = structure.frequency_unit**2
+    return Contacts(
+        row=np.array([row for row, _ in places], np.int64),
+        places=np.zeros((m, 2), np.uint64),
+        edges=np.zeros((m, 4)),
+        sign=np.array([sign for _, sign in places], float),
+        gap=np.array([contact.gap for contact in structure.contacts], float)
+        / structure.length_unit,
+        solo=np.zeros(0, np.int64),
+        others=np.zeros(0, np.int64),
+        beta=np.array(kappa, float) * np.array(softness, float) / scale,
+        first=np.cumsum([0, *(entry.size for entry in entries)]).astype(np.int64),
+        push_row=np.concatenate([np.zeros(0, np.int64), *entries]).astype(np.int64),
+        push=np.concatenate([np.zeros(0), *(e[i] for e, i in zip(wide, entries, strict=True))]),
+        reach=reach,
+        kick=np.array(kick).reshape(m, n),
+        damped=np.array(damped).reshape(m, n),
+        bent=np.array(bent).reshape(m, n),
+        gain=np.sqrt(np.maximum(flexibility.max() / np.array(softness), 1.0)).reshape(m),
+        oblique=oblique,
+        is_oblique=bool(oblique.any()),
+    )
+
+
+def _bent(stiffness, damping, e, de) -> np.ndarray:
+    """Give -K e + D (D e), summed in the order of the columns."""
+    found = -(stiffness @ e)
+    for j in range(len(e)):
+        found = found + damping[:, j] * de[j]
+    return found
+
+
+def _symmetric(mass: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Give L^-1 X L^-T of a symmetric X, M = L L^T; of vectors as rows L^-1 d."""
+    root = np.linalg.cholesky(mass)
+    left = np.linalg.solve(root, matrix)
+    return np.linalg.solve(root, left.T).T
+
+
+def _energy(structure: Structure) -> Energy:
+    mass, scale = structure.mass_matrix, structure.frequency_unit
+    m, n = len(structure.contacts), structure.n_floors
+    reach = np.array([contact.direction for contact in structure.contacts]).reshape(m, n)
+    drag = _symmetric(mass, structure.damping_matrix) / scale
+    return Energy(
+        stiffness=np.ascontiguousarray(_symmetric(mass, structure.stiffness_matrix) / scale**2),
+        reach=np.ascontiguousarray(np.linalg.solve(np.linalg.cholesky(mass), reach.T).T),
+        kappa=np.array([contact.stiffness for contact in structure.contacts], float) / scale**2,
+        drag=float(np.linalg.eigvalsh(drag)[-1]),
+    )
+
+
+def _hardest(structure: Structure) -> float:
+    """Give the largest eigenvalue of what all contacts together add to M^-1 K."""
+    energy = _energy(structure)
+    if not energy.kappa.size:
+        return 0.0
+    together = np.einsum("k,ki,kj->ij", energy.kappa, energy.reach, energy.reach)
+    return float(np.linalg.eigvalsh(together)[-1])
+
+
+class Frame:
+    """Takes states of a structure to those of the kernels and back.
+
+    Parameters
+    ----------
+    structure : Structure
+    model : Model
+    """
+
+    def __init__(self, structure: Structure, model: Model):
+        self._n = structure.n_floors
+        self._units = structure.state_units
+        self._rows = model.rows
+        self.amplitude_unit = structure.length_unit * structure.frequency_unit**2
+        self._is_plain = not len(self._rows) and bool(np.all(self._units == 1.0))
+
+    @property
+    def size(self) -> int:
+        """Of the state of the kernels: 2 R."""
+        return 2 * (self._n + len(self._rows))
+
+    def into(self, state: np.ndarray) -> np.ndarray:
+        """Give the state of the kernels, shape (2R,), a new array, from one of shape (2n,)."""
+        z = np.array(state, dtype=float)
+        if self._is_plain:
+            return z
+        z = z / self._units
+        u, v = z[: self._n], z[self._n :]
+        return np.concatenate((u, self._rows @ u, v, self._rows @ v))
+
+    def out_of(self, z: np.ndarray) -> np.ndarray:
+        """Give states of shape (..., 2n) from those of the kernels, (..., 2R)."""
+        if self._is_plain:
+            return z
+        half = z.shape[-1] // 2
+        return np.concatenate((z[..., : self._n], z[..., half : half + self._n]), -1) * self._units
+
+    def tangent_into(self, columns: np.ndarray) -> np.ndarray:
+        """Take tangent vectors, columns of shape (2n, m), to those of the kernels, (2R, m)."""
+        if self._is_plain:
+            return np.array(columns, dtype=float)
+        scaled = columns / self._units[:, None]
+        u, v = scaled[: self._n], scaled[self._n :]
+        return np.concatenate((u, self._rows @ u, v, self._rows @ v))
+
+    def tangent_out_of(self, columns: np.ndarray) -> np.ndarray:
+        """Take tangent vectors back."""
+        if self._is_plain:
+            return columns
+        half = len(columns) // 2
+        kept = np.concatenate((columns[: self._n], columns[half : half + self._n]))
+        return kept * self._units[:, None]

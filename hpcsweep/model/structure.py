@@ -1,14 +1,16 @@
-"""The structure: n equal storeys on a fixed base beside a rigid stop.
+"""The structure: storeys on a fixed base beside rigid stops, or any matrices with contacts.
 
-Units, used throughout the package: lengths are measured in gaps (the distance from the floors
-at rest to the stop, so that the stop is at 1), time in 1/omega_0 with omega_0 = sqrt(k/m) of
-one storey. Equation numbers are those of Christopher, Dobson and Alexander, "Exploring the
-Dynamics of Base-Excited Structures Impacting a Rigid Stop".
+Units, used throughout the package: the short form is the uniform building of the paper, whose
+lengths are measured in gaps (the distance from the floors at rest to the stop, so that the stop is
+at 1) and time in 1/omega_0 with omega_0 = sqrt(k/m) of one storey. Whoever gives masses,
+stiffnesses and gaps gives them in units of one's own, and gets results in these. Equation numbers
+are those of Christopher, Dobson and Alexander, "Exploring the Dynamics of Base-Excited Structures
+Impacting a Rigid Stop".
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from numbers import Integral, Real
 from typing import Any
@@ -16,31 +18,65 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.contact import layer_half_width
+from hpcsweep.model.matrices import (
+    MAX_CONTACTS,
+    MAX_FLOORS,
+    Contact,
+    Matrices,
+    check_definite,
+    finite,
+    number,
+    read_harmonics,
+    read_matrices,
+    vector,
+)
+from hpcsweep.model.modes import (
+    damped_response,
+    natural_modes,
+    per_mass,
+    power_of_two,
+    trigonometric_maximum,
+)
 
-MAX_FLOORS = 64
-"""Contact sets are stored as the bits of one 64-bit integer."""
+ONE_HARMONIC = ((1, 1.0, 0.0),)
+MOST_RATIO = 1e6
+PerFloor = float | tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Parameters of the structure and its stop, validated.
+    """Parameters of the structure and its stops, validated.
 
-    The equation of motion is (8) with (5), (9) and (10)::
+    The equation of motion of the uniform building is (8) with (5), (9) and (10)::
 
         u'' + 2 gamma C u' + K u + beta S(u) (u - 1) = -1 A sin(Omega tau)
+
+    and in general that of `hpcsweep.model.matrices`, with b = -M 1 (a base that shakes).
 
     Parameters
     ----------
     n_floors : int
         Number of storeys n, 1 to 64.
-    stiffness_ratio : float
-        Contact-to-storey stiffness ratio beta >= 0 (7); 0 means no stop.
+    stiffness_ratio : float or sequence of n floats
+        Contact-to-storey stiffness ratio beta >= 0 (7), one or one per floor: the spring behind a
+        stop of floor i has beta_i times the stiffness of storey i. 0 means no stop.
     sharpness : float
         rho >= 0 of the sigmoid contact spring (5); ``math.inf`` is the piecewise linear stop,
-        0 a pre-tensioned linear spring of stiffness beta/2.
+        0 a pre-tensioned linear spring of half the contact's stiffness.
     damping_ratio : float or sequence of n floats
         Damping ratio zeta_i >= 0 of every mode of the free structure, or one per mode, lowest
         frequency first (12).
+    mass, storey_stiffness : float or sequence of n floats, optional
+        Of each floor, and of each storey from the lowest on. Default: 1.
+    gap, gap_left : float or sequence of n floats
+        Distance of each floor at rest from the stop on its right, and on its left; of any sign.
+        ``math.inf``: no stop there.
+    rayleigh : (float, float), optional
+        (alpha, beta) of the damping matrix alpha M + beta K, in place of `damping_ratio`.
+    harmonics : sequence of (order, amplitude, phase)
+        Of the forcing: A sum_h a_h sin(h Omega tau + phi_h). Default: A sin(Omega tau).
+    matrices : Matrices, optional
+        See `from_matrices`, which makes them.
 
     Raises
     ------
@@ -49,10 +85,18 @@ class Structure:
     """
 
     n_floors: int = 3
-    stiffness_ratio: float = 1000.0
+    stiffness_ratio: PerFloor | Sequence[float] = 1000.0
     sharpness: float = 1e4
     damping_ratio: float | Sequence[float] = 0.05
     _ratios: tuple[float, ...] = field(init=False, repr=False, compare=True, default=())
+    mass: PerFloor | Sequence[float] | None = None
+    storey_stiffness: PerFloor | Sequence[float] | None = None
+    gap: PerFloor | Sequence[float] = 1.0
+    gap_left: PerFloor | Sequence[float] = math.inf
+    _: KW_ONLY
+    rayleigh: tuple[float, float] | None = None
+    harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
+    matrices: Matrices | None = None
 
     def __post_init__(self) -> None:
         n = self.n_floors
@@ -60,23 +104,124 @@ class Structure:
             raise ValueError(
                 f"n_floors must be a whole number from 1 to {MAX_FLOORS}, is {self.n_floors!r}"
             )
-        object.__setattr__(self, "n_floors", int(n))
-        beta = _number("stiffness_ratio", self.stiffness_ratio)
-        if not 0 <= beta < math.inf:
-            raise ValueError(f"stiffness_ratio must be finite and at least 0, is {beta!r}")
-        object.__setattr__(self, "stiffness_ratio", beta)
-        rho = _number("sharpness", self.sharpness)
+        self._set("n_floors", int(n))
+        self._set("stiffness_ratio", self._per_floor("stiffness_ratio", self.stiffness_ratio))
+        for beta in self._floors(self.stiffness_ratio):
+            if not 0 <= beta < math.inf:
+                raise ValueError(f"stiffness_ratio must be finite and at least 0, is {beta!r}")
+        rho = number("sharpness", self.sharpness)
         if not rho >= 0:
             raise ValueError(f"sharpness must be at least 0 (inf is allowed), is {rho!r}")
-        object.__setattr__(self, "sharpness", rho)
-        object.__setattr__(self, "_ratios", self._validated_damping())
+        self._set("sharpness", rho)
+        self._set("_ratios", self._validated_damping())
         if not isinstance(self.damping_ratio, Real):
-            object.__setattr__(self, "damping_ratio", self._ratios)
+            self._set("damping_ratio", self._ratios)
+        for name in ("mass", "storey_stiffness"):
+            given = getattr(self, name)
+            if given is not None:
+                self._set(name, self._per_floor(name, given))
+                for value in self._floors(getattr(self, name)):
+                    if not 0 < value < math.inf:
+                        raise ValueError(f"{name} must be finite and above 0, is {value!r}")
+        for name in ("gap", "gap_left"):
+            self._set(name, self._per_floor(name, getattr(self, name)))
+            for value in self._floors(getattr(self, name)):
+                if value == -math.inf:
+                    raise ValueError(f"{name} must not be -inf: the stop would always push")
+        self._set("harmonics", read_harmonics(self.harmonics))
+        if self.rayleigh is not None:
+            self._set("rayleigh", vector("rayleigh", self.rayleigh, 2, "numbers: alpha, beta"))
+            for value in self.rayleigh:
+                if finite("rayleigh", value) < 0:
+                    raise ValueError(f"rayleigh must be at least 0, is {value!r}")
+        if max(self.contact_numbers, default=0) > MAX_CONTACTS:
+            raise ValueError(
+                f"gap_left: {n} floors have stops on the left numbered up to "
+                f"{max(self.contact_numbers)}, the most are {MAX_CONTACTS}"
+            )
+        if not self._is_uniform:
+            check_definite("mass" if self.matrices is None else "matrices.mass", self.mass_matrix)
+            name = "storey_stiffness" if self.matrices is None else "matrices.stiffness"
+            check_definite(name, self.stiffness_matrix)
+
+    @classmethod
+    def from_matrices(
+        cls,
+        mass: Any,
+        stiffness: Any,
+        contacts: Any,
+        *,
+        damping_ratio: float | Sequence[float] | None = None,
+        damping: Any = None,
+        forcing: Any = None,
+        sharpness: float = math.inf,
+        harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC,
+        drift: Any = None,
+        rayleigh: tuple[float, float] | None = None,
+    ) -> "Structure":
+        """Make a structure from its matrices and contacts.
+
+        Parameters
+        ----------
+        mass, stiffness : array_like, shape (n, n)
+            M and K, symmetric and positive definite; n masses stand for a diagonal M.
+        contacts : sequence of Contact
+            64 at most.
+        damping_ratio : float or sequence of n floats, optional
+            Of every mode of the free structure. Default: none, if there is no `damping`.
+        damping : array_like, shape (n, n), optional
+            C, symmetric and positive semidefinite, in place of it.
+        forcing : array_like, shape (n,), optional
+            b. Default: -M 1, a base that shakes.
+        sharpness : float
+            rho of all contacts.
+        harmonics : sequence of (order, amplitude, phase)
+            Of the forcing, see `Structure`.
+        drift : array_like, shape (any, n), optional
+            Rows whose largest |row . u| is the drift. Default: each coordinate.
+        rayleigh : (float, float), optional
+            (alpha, beta) of C = alpha M + beta K.
+
+        Raises
+        ------
+        ValueError
+            If a value is of the wrong kind or outside its range; the message names it.
+        """
+        given = {"damping_ratio": damping_ratio, "damping": damping, "rayleigh": rayleigh}
+        used = [name for name, value in given.items() if value is not None]
+        if len(used) > 1:
+            raise ValueError(f"{used[0]} and {used[1]} must not be given both")
+        read = read_matrices(mass, stiffness, contacts, damping, forcing, drift)
+        return cls(
+            n_floors=len(read.mass),
+            stiffness_ratio=0.0,
+            sharpness=sharpness,
+            damping_ratio=0.0 if damping_ratio is None else damping_ratio,
+            gap=math.inf,
+            rayleigh=rayleigh,
+            harmonics=harmonics,
+            matrices=read,
+        )
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _per_floor(self, name: str, given: Any) -> PerFloor:
+        """Read a number, or one per floor."""
+        if isinstance(given, str | bytes) or not hasattr(given, "__len__"):
+            return number(name, given)
+        return vector(name, given, self.n_floors, "numbers, one per floor")
+
+    def _floors(self, value: Any) -> tuple[float, ...]:
+        """Give a value for each floor; 1 where there is none."""
+        if value is None:
+            return (1.0,) * self.n_floors
+        return value if isinstance(value, tuple) else (value,) * self.n_floors
 
     def _validated_damping(self) -> tuple[float, ...]:
         given: Any = self.damping_ratio
         if isinstance(given, Real):
-            ratios = (_number("damping_ratio", given),) * self.n_floors
+            ratios = (number("damping_ratio", given),) * self.n_floors
         elif isinstance(given, str | bytes) or not hasattr(given, "__len__"):
             raise ValueError(f"damping_ratio must be a number or one per mode, is {given!r}")
         else:
@@ -85,106 +230,238 @@ class Structure:
                     f"damping_ratio must be one number or one per mode: {self.n_floors} are "
                     f"needed, {len(given)} are given"
                 )
-            ratios = tuple(_number("damping_ratio", value) for value in given)
+            ratios = tuple(number("damping_ratio", value) for value in given)
         for value in ratios:
             if not 0 <= value < math.inf:
                 raise ValueError(f"damping_ratio must be finite and at least 0, is {value!r}")
         return ratios
 
+    # what the parameters mean
+
+    @property
+    def _is_uniform(self) -> bool:
+        """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
+        return self.matrices is None and self.mass is None and self.storey_stiffness is None
+
     @cached_property
-    def damping_ratios(self) -> np.ndarray:
-        """zeta_i of every mode, shape (n,)."""
-        return _frozen(np.array(self._ratios))
+    def mass_matrix(self) -> np.ndarray:
+        """M, shape (n, n)."""
+        if self.matrices is not None:
+            return _frozen(np.array(self.matrices.mass))
+        return _frozen(np.diag(self._floors(self.mass)))
 
     @cached_property
     def stiffness_matrix(self) -> np.ndarray:
-        """K of (3), shape (n, n)."""
+        """K, (3) of equal storeys, shape (n, n)."""
+        if self.matrices is not None:
+            return _frozen(np.array(self.matrices.stiffness))
+        own = np.array(self._floors(self.storey_stiffness))
+        above = np.append(own[1:], 0.0)
+        return _frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
+
+    @cached_property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Stops of the floors, right ones first, or those of the matrices; bit k of a set each."""
+        if self.matrices is not None:
+            return self.matrices.contacts
+        found = []
+        stiffness = zip(
+            self._floors(self.stiffness_ratio), self._floors(self.storey_stiffness), strict=True
+        )
+        kappa = [beta * own for beta, own in stiffness]
+        for sign, gaps in ((1.0, self._floors(self.gap)), (-1.0, self._floors(self.gap_left))):
+            for floor, gap in enumerate(gaps):
+                if gap < math.inf:
+                    direction = [0.0] * self.n_floors
+                    direction[floor] = sign
+                    found.append(Contact(tuple(direction), gap, kappa[floor]))
+        return tuple(found)
+
+    @cached_property
+    def contact_numbers(self) -> tuple[int, ...]:
+        """Number of each contact, from 1: of a floor's stop on the right, n + floor on the left."""
+        if self.matrices is not None:
+            return tuple(range(1, len(self.contacts) + 1))
+        right, left = self._floors(self.gap), self._floors(self.gap_left)
+        return tuple(i for i, gap in enumerate((*right, *left), 1) if gap < math.inf)
+
+    def contact_bits(self, key: int) -> int:
+        """Give the contact set of a file, bit k - 1 for contact number k, from bits in a row."""
+        if self.contact_numbers == tuple(range(1, len(self.contacts) + 1)):
+            return key
+        return sum(1 << (k - 1) for i, k in enumerate(self.contact_numbers) if key >> i & 1)
+
+    @cached_property
+    def forcing_vector(self) -> np.ndarray:
+        """b, shape (n,)."""
+        if self.matrices is not None and self.matrices.forcing is not None:
+            return _frozen(np.array(self.matrices.forcing))
+        return _frozen(-self.mass_matrix.sum(axis=1))
+
+    @cached_property
+    def drift_rows(self) -> np.ndarray:
+        """Rows whose |row . u| are the drifts: between neighbouring floors, shape (any, n)."""
         n = self.n_floors
-        matrix = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-        matrix[-1, -1] = 1.0
-        return _frozen(matrix)
+        if self.matrices is None:
+            return _frozen(np.eye(n) - np.eye(n, k=-1))
+        return _frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))
+
+    @cached_property
+    def length_unit(self) -> float:
+        """Length that results are measured by where a tolerance is meant: a gap, up to a factor."""
+        gaps = [abs(contact.gap) for contact in self.contacts if contact.gap]
+        return power_of_two(max(gaps, default=1.0))
+
+    @cached_property
+    def frequency_unit(self) -> float:
+        """Likewise of frequencies."""
+        if self._is_uniform:
+            return 1.0
+        ratio = np.trace(self.stiffness_matrix) / np.trace(self.mass_matrix)
+        return power_of_two(math.sqrt(ratio))
+
+    @cached_property
+    def state_units(self) -> np.ndarray:
+        """Units of the displacements and velocities of a state, shape (2n,)."""
+        speed = self.length_unit * self.frequency_unit
+        return _frozen(np.repeat((self.length_unit, speed), self.n_floors))
+
+    # what follows from them
+
+    @property
+    def damping_ratios(self) -> np.ndarray:
+        """zeta_i of every mode, shape (n,); of a damping matrix its diagonal part."""
+        if self.rayleigh is not None:
+            alpha, beta = self.rayleigh
+            return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
+        if self.matrices is not None and self.matrices.damping is not None:
+            phi = self.mode_shapes
+            modal = np.einsum("ij,ik,kj->j", phi, np.array(self.matrices.damping), phi)
+            return 0.5 * modal / self.frequencies
+        return np.array(self._ratios)
+
+    @cached_property
+    def is_modal(self) -> bool:
+        """Whether damping leaves the modes uncoupled."""
+        if self.matrices is None or self.matrices.damping is None:
+            return True
+        phi = self.mode_shapes
+        modal = phi.T @ self.damping_matrix @ phi
+        off = modal - np.diag(np.diag(modal))
+        return bool(np.abs(off).max() <= 1e-13 * np.abs(modal).max())
 
     @property
     def stiffness_bound(self) -> float:
-        """Bound of the norm of K: the chain's eigenvalues are 4 sin^2(.), below 4 for every n."""
-        return 4.0
+        """Bound of the eigenvalues of M^-1 K.
 
-    @property
-    def bandwidth(self) -> int:
-        """Largest |i - j| with K_ij != 0: a storey joins neighbouring floors."""
-        return min(1, self.n_floors - 1)
-
-    @property
-    def layer_half_width(self) -> float:
-        """Half-width of the contact layer in gaps; see `contact.layer_half_width`."""
-        return layer_half_width(self.stiffness_ratio, self.sharpness)
+        Those of the uniform chain are 4 sin^2(.), below 4 for every n.
+        """
+        if self._is_uniform:
+            return 4.0
+        return float(self.frequencies[-1] ** 2) * (1.0 + 1e-12)
 
     @cached_property
+    def layer_half_width(self) -> float:
+        """Half-width of the contact layer, a length; see `contact.layer_half_width`."""
+        stiffest = 0.0
+        for contact in self.contacts:
+            d = np.array(contact.direction)
+            softness = float(d @ per_mass(self.mass_matrix, d))
+            stiffest = max(stiffest, contact.stiffness * softness / self.frequency_unit**2)
+        return self.length_unit * layer_half_width(stiffest, self.sharpness * self.length_unit)
+
+    @cached_property
+    def _modes(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._is_uniform:
+            n = self.n_floors
+            i = np.arange(1, n + 1)
+            frequencies = 2 * np.sin((2 * i - 1) * math.pi / (4 * n + 2))
+            floors, modes = np.ogrid[1 : n + 1, 1 : n + 1]
+            shapes = np.sin(floors * (2 * modes - 1) * math.pi / (2 * n + 1))
+            shapes = shapes / np.linalg.norm(shapes, axis=0)
+        else:
+            frequencies, shapes = natural_modes(self.mass_matrix, self.stiffness_matrix)
+        return _frozen(frequencies), _frozen(shapes)
+
+    @property
     def frequencies(self) -> np.ndarray:
         """Undamped natural frequencies of the free structure, ascending, shape (n,).
 
-        Closed form of the fixed-free chain: omega_i = 2 sin((2i - 1) pi / (4n + 2)).
+        Closed form of the fixed-free uniform chain: omega_i = 2 sin((2i - 1) pi / (4n + 2)).
         """
-        i = np.arange(1, self.n_floors + 1)
-        return _frozen(2 * np.sin((2 * i - 1) * math.pi / (4 * self.n_floors + 2)))
-
-    @cached_property
-    def mode_shapes(self) -> np.ndarray:
-        """Orthonormal mode shapes Phi of (11), one a column, shape (n, n).
-
-        Closed form phi_ij ~ sin(i (2j - 1) pi / (2n + 1)); the sign makes the top floor of the
-        first mode, and every mode's first floor, positive.
-        """
-        n = self.n_floors
-        floors, modes = np.ogrid[1 : n + 1, 1 : n + 1]
-        shapes = np.sin(floors * (2 * modes - 1) * math.pi / (2 * n + 1))
-        return _frozen(shapes / np.linalg.norm(shapes, axis=0))
+        return self._modes[0]
 
     @property
-    def modal_transform(self) -> np.ndarray:
-        """Phi^-1, shape (n, n): takes displacements to modal coordinates.
+    def mode_shapes(self) -> np.ndarray:
+        """Mode shapes Phi of (11), one a column, shape (n, n), with Phi^T M Phi = 1.
 
-        Phi^T, because the floors' masses are 1 and the shapes orthonormal.
+        Closed form of the uniform chain phi_ij ~ sin(i (2j - 1) pi / (2n + 1)); the sign makes the
+        first entry that is not 0 positive.
         """
-        return self.mode_shapes.T
+        return self._modes[1]
+
+    @cached_property
+    def modal_transform(self) -> np.ndarray:
+        """Phi^-1 = Phi^T M, shape (n, n): takes displacements to modal coordinates."""
+        if self._is_uniform:
+            return self.mode_shapes.T
+        return _frozen(self.mode_shapes.T @ self.mass_matrix)
 
     @cached_property
     def damping_matrix(self) -> np.ndarray:
-        """2 gamma C = Phi diag(2 zeta_i omega_i) Phi^T of (8), shape (n, n)."""
-        phi = self.mode_shapes
-        return _frozen(phi @ np.diag(2 * self.damping_ratios * self.frequencies) @ phi.T)
+        """C = M Phi diag(2 zeta_i omega_i) Phi^T M, 2 gamma C of (8), shape (n, n)."""
+        if self.matrices is not None and self.matrices.damping is not None:
+            return _frozen(np.array(self.matrices.damping))
+        if self.rayleigh is not None:
+            alpha, beta = self.rayleigh
+            return _frozen(alpha * self.mass_matrix + beta * self.stiffness_matrix)
+        back = self.modal_transform.T
+        return _frozen(back @ np.diag(2 * self.damping_ratios * self.frequencies) @ back.T)
 
-    def linear_steady_state(self, omega: float) -> np.ndarray:
+    def linear_steady_state(self, omega: float, order: int = 1) -> np.ndarray:
         """Return the complex response U of the free structure at unit amplitude, shape (n,).
 
-        The period-1 solution without contact is u(tau) = A Im(U exp(i Omega tau)), the
-        particular solution g of (14).
+        The period-1 solution without contact is u(tau) = A Im(U exp(i h Omega tau)) with h =
+        `order`, the particular solution g of (14).
 
         Raises
         ------
         ZeroDivisionError
             At an undamped resonance, where there is no steady state.
         """
-        denominator = (
-            self.frequencies**2 - omega**2 + 2j * self.damping_ratios * self.frequencies * omega
-        )
+        w = order * omega
+        if not self.is_modal:
+            matrices = self.mass_matrix, self.damping_matrix, self.stiffness_matrix
+            return damped_response(*matrices, self.forcing_vector, w)
+        denominator = self.frequencies**2 - w**2 + 2j * self.damping_ratios * self.frequencies * w
         if np.any(denominator == 0):
             raise ZeroDivisionError(f"undamped resonance at omega = {omega!r}: no steady state")
         phi = self.mode_shapes
-        return phi @ (-phi.sum(axis=0) / denominator)
+        push = -phi.sum(axis=0) if self._is_uniform else phi.T @ self.forcing_vector
+        return phi @ (push / denominator)
+
+    def steady_harmonics(self, omega: float) -> tuple[np.ndarray, np.ndarray]:
+        """Give the orders and the responses to all harmonics, shapes (H,) and (H, n)."""
+        responses = [
+            self.linear_steady_state(omega, order)
+            * (size if phase == 0.0 else size * np.exp(1j * phase))
+            for order, size, phase in self.harmonics
+        ]
+        return np.array([order for order, _, _ in self.harmonics], float), np.array(responses)
 
     def grazing_amplitude(self, omega: float) -> float:
-        """Return the amplitude at which the linear steady state first touches the stop.
+        """Return the amplitude at which the linear steady state first touches a stop.
 
-        Closed form for a stop without layer: A = 1 / max_i |U_i|, U of `linear_steady_state`.
+        For stops without layer; 0 if the structure rests at one, inf if there is none.
         """
-        return 1.0 / float(np.abs(self.linear_steady_state(omega)).max())
-
-
-def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
-        raise ValueError(f"{name} must be a number, is {value!r}")
-    return float(value)
+        orders, responses = self.steady_harmonics(omega)
+        lowest = math.inf
+        for contact in self.contacts:
+            reach = trigonometric_maximum(orders, responses @ np.array(contact.direction))
+            if contact.gap <= 0:
+                return 0.0
+            lowest = min(lowest, contact.gap / reach if reach > 0 else math.inf)
+        return lowest
 
 
 def _frozen(array: np.ndarray) -> np.ndarray:

@@ -22,8 +22,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import BDF
 
-from hpcsweep.model.contact import STOP
 from hpcsweep.model.equations import jacobian, right_hand_side
+from hpcsweep.model.kernel_model import Frame, Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
@@ -65,14 +65,13 @@ class BdfMap:
         self.structure = structure
         self.omega = float(omega)
         self.rtol = max(float(rtol), SMALLEST_RTOL)
-        self.period = 2 * math.pi / self.omega
-        self._stiffness = structure.stiffness_matrix.copy()
-        self._damping = np.ascontiguousarray(structure.damping_matrix)
-        beta, rho = structure.stiffness_ratio, structure.sharpness
-        self._layer = 1.0 / max(rho, FLATTEST)
-        self._layer_step = beta * (math.pi * self._layer) ** 2 / 6 if rho > FLATTEST else 0.0
-        stiffest = structure.stiffness_bound + structure.stiffness_ratio
-        self.least_limit = (12 * self.rtol / stiffest) ** (1 / 3)
+        self._model = model = kernel_model(structure, self.omega)
+        self._frame = Frame(structure, model)
+        self.period = 2 * math.pi / model.omega
+        self._layer = 1.0 / max(model.rho, FLATTEST)
+        sharp = model.rho > FLATTEST
+        self._layer_steps = model.contacts.beta * (math.pi * self._layer) ** 2 / 6 * sharp
+        self.least_limit = (12 * self.rtol / (model.stiffness_bound + model.hardest)) ** (1 / 3)
 
     def advance(
         self,
@@ -82,12 +81,12 @@ class BdfMap:
         poll: Callable[[], None] | None = None,
     ) -> Advance:
         """Integrate `n_periods` forcing periods; see `hpcsweep.solvers.flow.FlowMap.advance`."""
-        z = np.array(state, dtype=float)
+        z = self._frame.into(state)
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, poll)
             if outcome is not Outcome.COMPLETE:
-                return Advance(z, done, outcome)
-        return Advance(z, n_periods, Outcome.COMPLETE)
+                return Advance(self._frame.out_of(z), done, outcome)
+        return Advance(self._frame.out_of(z), n_periods, Outcome.COMPLETE)
 
     def settle(
         self,
@@ -132,19 +131,27 @@ class BdfMap:
         With `growth` also the growth of a tangent vector, (1, ..., 1) at first; for that the window
         is integrated once more.
         """
-        tally = _Tally(self.structure, modal_norm)
+        tally = _Tally(self._model, modal_norm)
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         total = math.nan
         if growth and outcome is Outcome.COMPLETE:
             total = self._growth(state, amplitude, n_periods, poll)
         return Observation(
-            points, tally.contact, tally.peak_drift, tally.modal_mean(), outcome, total
+            points,
+            self.structure.contact_bits(tally.contact),
+            tally.peak_drift * self.structure.length_unit,
+            tally.modal_mean(),
+            outcome,
+            total,
         )
 
     def _growth(self, state, amplitude, n_periods, poll):
         """Logarithm of the growth of a tangent vector; NaN if the solver fails."""
-        size = 2 * self.structure.n_floors
-        z = np.concatenate((np.asarray(state, dtype=float), np.full(size, size**-0.5)))
+        n = self.structure.n_floors
+        ones = np.full((2 * n, 1), (2 * n) ** -0.5) * self.structure.state_units[:, None]
+        start = self._frame.into(state)
+        size = start.size
+        z = np.concatenate((start, self._frame.tangent_into(ones).ravel()))
         logarithms = np.empty(n_periods)
         for period in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, columns=1)
@@ -162,38 +169,35 @@ class BdfMap:
 
         The 2n variational columns are integrated with the state, to the same tolerance.
         """
-        size = 2 * self.structure.n_floors
-        z = np.concatenate((np.asarray(state, dtype=float), np.eye(size).ravel()))
+        columns = self._frame.tangent_into(np.eye(2 * self.structure.n_floors))
+        size, n_columns = columns.shape
+        z = np.concatenate((self._frame.into(state), columns.ravel()))
         for done in range(n_periods):
-            z, outcome = self._period(z, amplitude, None, columns=size)
+            z, outcome = self._period(z, amplitude, None, columns=n_columns)
             if outcome is not Outcome.COMPLETE:
                 raise ArithmeticError(f"bdf: {outcome.name} in forcing period {done + 1}")
-        return z[:size], z[size:].reshape(size, size)
+        matrix = z[size:].reshape(size, n_columns)
+        return self._frame.out_of(z[:size]), self._frame.tangent_out_of(matrix)
 
     def _collect(self, state, amplitude, n_periods, poll, on_step):
-        z = np.array(state, dtype=float)
+        z = self._frame.into(state)
         points = np.empty((n_periods, z.size))
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, on_step)
             if outcome is not Outcome.COMPLETE:
-                return points[:done], outcome
+                return self._frame.out_of(points[:done]), outcome
             points[done] = z
-        return points, Outcome.COMPLETE
+        return self._frame.out_of(points), Outcome.COMPLETE
 
     def _equations(self, amplitude, columns):
         """Right-hand side and Jacobian for scipy, of the state with so many tangent columns."""
-        beta, rho = self.structure.stiffness_ratio, self.structure.sharpness
-        stiffness, damping = self._stiffness, self._damping
-        size = 2 * self.structure.n_floors
+        model, size = self._model, self._frame.size
 
         def derivative(tau, z):
-            out = np.empty(size)
-            return right_hand_side(
-                tau, z, amplitude, self.omega, beta, rho, stiffness, damping, out
-            )
+            return right_hand_side(tau, z, amplitude, model, np.empty(size))
 
         def matrix(_tau, z):
-            return jacobian(z, beta, rho, stiffness, damping, np.empty((size, size)))
+            return jacobian(z, model, np.empty((size, size)))
 
         def derivative_with_tangent(tau, z):
             product = matrix(tau, z[:size]) @ z[size:].reshape(size, columns)
@@ -214,7 +218,7 @@ class BdfMap:
         """Integrate one period; return the state (the old one after a failure) and an outcome."""
         if poll is not None:
             poll()
-        derivative, matrix = self._equations(float(amplitude), columns)
+        derivative, matrix = self._equations(amplitude / self._frame.amplitude_unit, columns)
         with np.errstate(all="ignore"):
             try:
                 solver = BDF(
@@ -246,29 +250,34 @@ class BdfMap:
         return z, Outcome.STEP_LIMIT
 
     def _step_limit(self, tau, z, derivative):
-        """Time in which a floor could reach its contact layer, or cross a part of it."""
-        n = self.structure.n_floors
-        past = z[:n] - STOP
-        speed = z[n : 2 * n]
+        """Time in which a contact could reach its layer, or cross a part of it."""
+        contacts, n = self._model.contacts, self._frame.size // 2
+        if not contacts.row.size:
+            return math.inf
+        past = contacts.sign * z[contacts.row] - contacts.gap
+        speed = contacts.sign * z[n + contacts.row]
         gap = np.maximum(np.abs(past) - LAYER_HALF_WIDTH * self._layer, 0.0)
         # outside the layer only the motion towards it counts
         speed = np.where(gap > 0.0, np.maximum(-np.sign(past) * speed, 0.0), np.abs(speed))
-        push = np.abs(derivative(tau, z)[n : 2 * n]) + 1.0
+        push = np.abs(derivative(tau, z)[n + contacts.row]) + 1.0
         room = gap + self._layer
         time = 2.0 * room / (speed + np.sqrt(speed**2 + 2.0 * push * room))
-        seen = self._layer_step > self.rtol * np.maximum(speed, self.rtol)
+        seen = self._layer_steps > self.rtol * np.maximum(speed, self.rtol)
         return float(np.where(seen, time, np.maximum(time, self.least_limit)).min())
 
 
 class _Tally:
     """Maxima and means over the steps' interpolants."""
 
-    def __init__(self, structure: Structure, modal_norm: bool):
+    def __init__(self, model: Model, modal_norm: bool):
         self.contact = 0
         self.peak_drift = 0.0
-        self._modal_transform = structure.modal_transform
-        self._n = structure.n_floors
-        self._modal = np.zeros(self._n)
+        self._modal_transform = model.modal_transform
+        self._contacts = model.contacts
+        self._n = model.stiffness.shape[0]
+        # coordinate 0 is at rest: the base
+        self._drifts = np.eye(self._n + 1)[model.drift_rows + 1]
+        self._modal = np.zeros(len(model.modal_transform))
         self._free_time = 0.0
         self._modal_norm = modal_norm
 
@@ -277,30 +286,35 @@ class _Tally:
         n = self._n
         tau = np.linspace(start, end, STEP_NODES)
         z = interpolant(tau)
-        drift = np.diff(z[:n], axis=0, prepend=np.zeros((1, STEP_NODES)))
-        slope = np.diff(z[n:], axis=0, prepend=np.zeros((1, STEP_NODES)))
+        drifts = (self._drifts[:, 0] - self._drifts[:, 1])[:, 1:]
+        drift, slope = drifts @ z[:n], drifts @ z[n:]
         self.peak_drift = max(self.peak_drift, float(np.abs(drift).max()))
-        highest = z[:n].max(axis=1)
-        for i, left in zip(*np.nonzero(z[n:, :-1] * z[n:, 1:] < 0), strict=True):
-            top = _extremum(lambda t, i=i: interpolant(t)[[i, n + i]], *tau[left : left + 2])
-            highest[i] = max(highest[i], top)
+        contacts = self._contacts
+        signs = contacts.sign[:, None]
+        past = signs * z[contacts.row] - contacts.gap[:, None]
+        speed = z[n + contacts.row]
+        highest = past.max(axis=1, initial=-math.inf)
+        for k, left in zip(*np.nonzero(speed[:, :-1] * speed[:, 1:] < 0), strict=True):
+            i, sign = contacts.row[k], contacts.sign[k]
+            top = _extremum(
+                lambda t, i=i, sign=sign: sign * interpolant(t)[[i, n + i]], *tau[left : left + 2]
+            )
+            highest[k] = max(highest[k], top - contacts.gap[k])
         for i, left in zip(*np.nonzero(slope[:, :-1] * slope[:, 1:] < 0), strict=True):
 
             def pair(t, i=i):
                 now = interpolant(t)
-                below = now[[i - 1, n + i - 1]] if i else 0.0
-                return now[[i, n + i]] - below
+                return np.array((drifts[i] @ now[:n], drifts[i] @ now[n:]))
 
             top = abs(_extremum(pair, *tau[left : left + 2]))
             self.peak_drift = max(self.peak_drift, float(top))
-        for i in np.flatnonzero(highest >= STOP):
-            self.contact |= 1 << int(i)
+        for k in np.flatnonzero(highest >= 0.0):
+            self.contact |= 1 << int(k)
         if self._modal_norm:
-            self._add_modal(interpolant, tau, z)
+            self._add_modal(interpolant, tau, -past.max(axis=0, initial=-math.inf))
 
-    def _add_modal(self, interpolant, tau, z):
-        """Integrate |q_j| / ||q|| over the parts of a step in which no floor touches."""
-        gap = STOP - z[: self._n].max(axis=0)
+    def _add_modal(self, interpolant, tau, gap):
+        """Integrate |q_j| / ||q|| over the parts of a step in which nothing touches."""
         for k in range(STEP_NODES - 1):
             left, right = tau[k], tau[k + 1]
             if gap[k] <= 0 and gap[k + 1] <= 0:
@@ -318,9 +332,9 @@ class _Tally:
             self._free_time += 2 * half
 
     def modal_mean(self) -> np.ndarray:
-        """Mean modal norms, shape (n,); NaN where no floor was ever free of contact."""
+        """Mean modal norms, shape (n,); NaN where something always touched."""
         if not self._modal_norm or self._free_time == 0:
-            return np.full(self._n, math.nan)
+            return np.full(self._modal.size, math.nan)
         return self._modal / self._free_time
 
 

@@ -1,21 +1,24 @@
 """The steady state without contact, in closed form, and the proof that it is reached.
 
 Free of contact the modes are uncoupled (12). From a state z the motion is the particular
-solution A Im(U exp(i Omega tau)) plus modal transients whose energy never grows, so that
+solution A sum_h Im(U_h exp(i h Omega tau)) plus modal transients whose energy never grows, so that
 
-    u_i(tau) <= |A| |U_i| + sum_j |phi_ij| a_j,    a_j = sqrt(q_j^2 + (q_j' / omega_j)^2) at 0,
+    d . u(tau) <= A max d . u_1 + sum_j |d . phi_j| a_j,   a_j = sqrt(q_j^2 + (q_j' / omega_j)^2),
 
-q being the transient part. If that stays outside the contact layer for every floor, contact is
-impossible.
+u_1 being the particular solution at unit amplitude and q the transient part at 0. If that stays
+outside its layer for every contact, contact is impossible. Where a damping matrix couples the modes
+their energies are not bounded one by one but together: with E = sum_j omega_j^2 a_j^2 the sum is
+replaced by sqrt(d . K^-1 d) sqrt(E), the largest d . u of that energy.
 """
 
 import cmath
 import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import expm
 
-from hpcsweep.model.contact import STOP
+from hpcsweep.model.modes import trigonometric_maximum, trigonometric_zeros
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
@@ -41,29 +44,38 @@ class LinearOrbit:
     def __init__(self, structure: Structure, omega: float):
         self._structure = structure
         self._omega = omega
-        self._level = STOP - structure.layer_half_width
+        self._directions = np.array([c.direction for c in structure.contacts]).reshape(
+            -1, structure.n_floors
+        )
+        gaps = np.array([contact.gap for contact in structure.contacts])
+        self._levels = gaps - structure.layer_half_width
         try:
-            self._response = structure.linear_steady_state(omega)
+            self._orders, self._responses = structure.steady_harmonics(omega)
         except ZeroDivisionError:
-            self._response = None
+            self._responses = None
             return
         self.lyapunov_exponent = _slowest_decay(structure)
         """Of every linear motion: the largest real part of the eigenvalues of the free modes."""
-        self._largest = float(np.abs(self._response).max())
-        self._drift = float(np.abs(np.diff(self._response, prepend=0.0)).max())
-        self._modal_norm = _mean_modal_norm(structure.modal_transform @ self._response)
-        period = 2 * math.pi / omega
-        self._decay = np.array(
-            [
-                expm(period * np.array([[0.0, 1.0], [-(w**2), -2 * zeta * w]]))
-                for w, zeta in zip(structure.frequencies, structure.damping_ratios, strict=True)
-            ]
+        self._largest = self._maxima(self._directions), self._maxima(-self._directions)
+        rows = structure.drift_rows
+        self._drift = max(self._maxima(rows).max(), self._maxima(-rows).max())
+        self._modal_norm = _mean_modal_norm(
+            self._orders, self._responses @ structure.modal_transform.T
         )
-        self._powers: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
+        self._decay = _period_maps(structure, 2 * math.pi / omega)
+        self._reach = _reach(structure, self._directions)
+        self._powers: dict[tuple[int, int], tuple[np.ndarray, ...]] = {}
 
     def state(self, amplitude: float) -> np.ndarray:
         """Give the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
-        return amplitude * np.concatenate((self._response.imag, self._omega * self._response.real))
+        speeds = self._omega * (self._orders @ self._responses.real)
+        return amplitude * np.concatenate((self._responses.imag.sum(axis=0), speeds))
+
+    def _maxima(self, directions: np.ndarray) -> np.ndarray:
+        """Give the largest d . u of the steady state at unit amplitude for each row d."""
+        return np.array(
+            [trigonometric_maximum(self._orders, self._responses @ d) for d in directions]
+        )
 
     def steady_window(
         self, state: np.ndarray, amplitude: float, transient: int, sampling: int, same: float
@@ -79,9 +91,10 @@ class LinearOrbit:
         same : float
             Distance (gaps, gaps omega_0) between points that count as one.
         """
-        if self._response is None or self._level <= 0:
+        if self._responses is None or np.any(self._levels <= 0):
             return None
-        if abs(amplitude) * self._largest >= self._level:
+        away = abs(amplitude) * self._largest[0 if amplitude >= 0 else 1]
+        if np.any(away >= self._levels):
             return None
         n = self._structure.n_floors
         phi, omega = self._structure.mode_shapes, self._structure.frequencies
@@ -89,13 +102,12 @@ class LinearOrbit:
         rest = state - orbit
         transform = self._structure.modal_transform
         q, p = transform @ rest[:n], transform @ rest[n:]
-        reach = abs(amplitude) * np.abs(self._response)
-        reach = reach + np.abs(phi) @ np.hypot(q, p / omega)
-        if not reach.max() < self._level:
+        away = away + self._reach(np.hypot(q, p / omega))
+        if not np.all(away < self._levels):
             return None
-        modal = np.stack((q, p), axis=1)[:, :, None]
-        left, end = ((decay @ modal)[:, :, 0] for decay in self._decays(transient, sampling))
-        if np.abs(phi).max() * np.abs(left).sum() > DECAYED * same:
+        left, end = (decay(q, p) for decay in self._decays(transient, sampling))
+        units = self._structure.state_units
+        if np.abs(phi).max() * np.abs(left / units[[0, -1]]).sum() > DECAYED * same:
             return None
         end_state = orbit + np.concatenate((phi @ end[:, 0], phi @ end[:, 1]))
         return Observation(
@@ -106,38 +118,84 @@ class LinearOrbit:
             Outcome.COMPLETE,
         )
 
-    def _decays(self, transient: int, sampling: int) -> tuple[np.ndarray, np.ndarray]:
-        """Give the maps of (q_j, q_j') over the transient and to the end, (n, 2, 2) each."""
+    def _decays(self, transient: int, sampling: int) -> list[Callable]:
+        """Give the maps of (q, q') over the transient and to the end; results of shape (n, 2)."""
         found = self._powers.get((transient, sampling))
         if found is None:
             counts = (transient, transient + sampling)
             found = tuple(np.linalg.matrix_power(self._decay, count) for count in counts)
             self._powers[transient, sampling] = found
-        return found
+
+        def follow(power):
+            def decayed(q, p):
+                if power.ndim == 3:
+                    return (power @ np.stack((q, p), axis=1)[:, :, None])[:, :, 0]
+                return (power @ np.concatenate((q, p))).reshape(2, -1).T
+
+            return decayed
+
+        return [follow(power) for power in found]
+
+
+def _period_maps(structure: Structure, period: float) -> np.ndarray:
+    """Give the maps of (q_j, q_j') over a period, (n, 2, 2); of coupled modes one, (2n, 2n)."""
+    w, zeta = structure.frequencies, structure.damping_ratios
+    if structure.is_modal:
+        return np.array(
+            [
+                expm(period * np.array([[0.0, 1.0], [-(w**2), -2 * zeta * w]]))
+                for w, zeta in zip(w, zeta, strict=True)
+            ]
+        )
+    phi, zero = structure.mode_shapes, np.zeros((w.size, w.size))
+    modal = phi.T @ structure.damping_matrix @ phi
+    return expm(period * np.block([[zero, np.eye(w.size)], [-np.diag(w**2), -modal]]))
+
+
+def _reach(structure: Structure, directions: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Make the bound of d . u, for each row d, from the modal amplitudes a_j; see the module."""
+    modal = directions @ structure.mode_shapes
+    if structure.is_modal:
+        return lambda size: np.abs(modal) @ size
+    w = structure.frequencies
+    softness = np.sqrt(((modal / w) ** 2).sum(axis=1))
+    return lambda size: softness * np.linalg.norm(w * size)
 
 
 def _slowest_decay(structure: Structure) -> float:
     """Largest Re(lambda), lambda^2 + 2 zeta omega lambda + omega^2 = 0, over all modes."""
+    if not structure.is_modal:
+        return float(np.log(np.abs(np.linalg.eigvals(_period_maps(structure, 1.0)))).max())
     w, zeta = structure.frequencies, structure.damping_ratios
     rates = -zeta * w + w * np.sqrt(np.maximum(zeta**2 - 1.0, 0.0))
     return float(rates.max())
 
 
-def _mean_modal_norm(modal: np.ndarray) -> np.ndarray:
-    """Average |q_j| / ||q|| (17) over a period of q = Im(modal exp(i theta)).
+def _mean_modal_norm(orders: np.ndarray, modal: np.ndarray) -> np.ndarray:
+    """Average |q_j| / ||q|| (17) over a period of q = sum_h Im(modal_h exp(i h theta)).
 
-    The kinks of |q_j| are at theta = -arg(modal_j). Where the largest q_j has its kink ||q|| has a
-    dip, as narrow as the other modes are small; panels that shrink towards the kinks follow it.
+    The kinks of |q_j| are its zeros, of one harmonic at theta = -arg(modal_j). Where the largest
+    q_j has its kink ||q|| has a dip, as narrow as the other modes are small; panels that shrink
+    towards the kinks follow it.
     """
-    if modal.size == 1:
+    if modal.shape[1] == 1:
         return np.ones(1)
-    kinks = sorted({(-cmath.phase(value)) % math.pi for value in modal})
-    edges = np.array([*kinks, kinks[0] + math.pi])
+    length = math.pi
+    if orders.size == 1:
+        kinks = sorted({(-cmath.phase(value)) % math.pi for value in modal[0]})
+    else:
+        length = 2 * math.pi
+        kinks = sorted({zero for column in modal.T for zero in trigonometric_zeros(orders, column)})
+        kinks = kinks or [0.0]
+    edges = np.array([*kinks, kinks[0] + length])
     nodes, weights = np.polynomial.legendre.leggauss(N_NODES)
     grade = np.concatenate(([0.0], 0.5 ** np.arange(N_GRADED, 0, -1)))
     grade = np.concatenate((grade, 1.0 - grade[-2::-1]))
     panels = (edges[:-1, None] + np.diff(edges)[:, None] * grade).ravel()
     half = 0.5 * np.maximum(np.diff(panels), 0.0)[:, None]
     theta = (panels[:-1, None] + half * (nodes + 1)).ravel()
-    q = np.abs(np.imag(modal[:, None] * np.exp(1j * theta)))
-    return (q / np.linalg.norm(q, axis=0)) @ (half * weights).ravel() / math.pi
+    if orders.size == 1:
+        q = np.abs(np.imag(modal[0][:, None] * np.exp(1j * theta)))
+    else:
+        q = np.abs(np.imag(modal.T @ np.exp(1j * np.outer(orders, theta))))
+    return (q / np.linalg.norm(q, axis=0)) @ (half * weights).ravel() / length

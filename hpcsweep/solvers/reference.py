@@ -2,10 +2,11 @@
 
 The unknowns are expanded in time around each step's start by the recurrences of
 
-    x' = v,   S' = rho v S (1 - S),   v' = -K (x + 1) - 2 gamma C v - beta S x - A sin(Omega tau)
+    u' = v,   S_k' = rho x_k' S_k (1 - S_k),
+    M v' = -K u - C v - sum_k d_k kappa_k S_k x_k + A b sum_h a_h sin(h Omega tau + phi_h)
 
-with x = u - 1. S has its poles where rho x = +-i pi (mod 2 pi i). If rho times the majorant
-sum_k |x_k| R^k is less than the distance of rho x_0 from them, S is analytic in |t| <= R; a step is
+with x_k = d_k . u - g_k. S has its poles where rho x = +-i pi (mod 2 pi i). If rho times the majorant
+of x, the sum of its |coefficients| R^j, is less than the distance of rho x_0 from them, S is analytic in |t| <= R; a step is
 a fixed part of that R, so no layer, however thin, is stepped over. At rho = inf S is 0 or 1 and
 a step ends at the first root of any x, found with a bound on |x'| that excludes all others.
 
@@ -16,8 +17,10 @@ by `extended`, by a Runge-Kutta method and by closed forms in `test_reference.py
 
 import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import eigh
 
 from hpcsweep.kernels.compile import jit
 
@@ -32,53 +35,74 @@ OMEGA = 0.445
 
 
 @jit
-def expand(z, tau, closed, amplitude, omega, beta, rho, stiffness, damping, x, v):
-    """Fill x and v, shape (n, ORDER + 1), with the Taylor coefficients at tau."""
-    n = stiffness.shape[0]
+def expand(z, tau, closed, amplitude, omega, system, u, v, x):
+    """Fill u, v, shape (n, ORDER + 1), and x, (m, ORDER + 1), with the Taylor coefficients at tau.
+
+    u is measured from the offset of `System`.
+    """
+    n, m = u.shape[0], x.shape[0]
+    rho = system.rho
     s = np.zeros_like(x)
     d = np.zeros_like(x)
     sd = np.zeros_like(x)
     for i in range(n):
-        x[i, 0] = z[i] - 1.0
+        u[i, 0] = z[i] - system.offset[i]
         v[i, 0] = z[n + i]
+    _distances(0, u, system, x)
+    for k in range(m):
         if rho == np.inf:
-            s[i, 0] = closed[i]
-            d[i, 0] = 1.0 - closed[i]
-        else:
-            y = rho * x[i, 0]
-            if y.real >= 0:
-                e = np.exp(-y)
-                s[i, 0] = 1.0 / (1.0 + e)
-                d[i, 0] = e / (1.0 + e)
-            else:
-                e = np.exp(y)
-                s[i, 0] = e / (1.0 + e)
-                d[i, 0] = 1.0 / (1.0 + e)
+            s[k, 0] = closed[k]
+            d[k, 0] = 1.0 - closed[k]
+            continue
+        y = rho * x[k, 0]
+        e = np.exp(-y) if y.real >= 0 else np.exp(y)
+        near, far = 1.0 / (1.0 + e), e / (1.0 + e)
+        s[k, 0], d[k, 0] = (near, far) if y.real >= 0 else (far, near)
     size = 1.0
-    for k in range(ORDER):
-        ground = amplitude * size * math.sin(omega * tau + (k % 4) * math.pi / 2)
-        size *= omega / (k + 1)
+    for j in range(ORDER):
         for i in range(n):
-            force = -ground
-            for j in range(n):
-                force -= stiffness[i, j] * x[j, k] + damping[i, j] * v[j, k]
-                if k == 0:
-                    force -= stiffness[i, j]
-            contact = 0.0 * x[i, 0]
-            for m in range(k + 1):
-                contact += s[i, m] * x[i, k - m]
-            v[i, k + 1] = (force - beta * contact) / (k + 1)
-            x[i, k + 1] = v[i, k] / (k + 1)
-            if rho != np.inf and rho != 0.0:
-                total = 0.0 * x[i, 0]
-                for m in range(k + 1):
-                    total += s[i, m] * d[i, k - m]
-                sd[i, k] = total
-                total = 0.0 * x[i, 0]
-                for m in range(k + 1):
-                    total += v[i, m] * sd[i, k - m]
-                s[i, k + 1] = rho * total / (k + 1)
-                d[i, k + 1] = -s[i, k + 1]
+            force = 0.0 * u[i, 0]
+            for h in range(system.harmonics.shape[0]):
+                order, share, phase = system.harmonics[h]
+                angle = order * omega * tau + phase + (j % 4) * math.pi / 2
+                ground = amplitude * share * (size * order**j) * math.sin(angle)
+                force += system.forcing[i] * ground
+            for c in range(n):
+                force -= system.stiffness[i, c] * u[c, j] + system.damping[i, c] * v[c, j]
+                if j == 0:
+                    force -= system.stiffness[i, c] * system.offset[c]
+            v[i, j + 1] = force
+        for k in range(m):
+            contact = 0.0 * x[k, 0]
+            for q in range(j + 1):
+                contact += s[k, q] * x[k, j - q]
+            for i in range(n):
+                v[i, j + 1] -= system.push[k, i] * contact
+        size *= omega / (j + 1)
+        for i in range(n):
+            v[i, j + 1] /= j + 1
+            u[i, j + 1] = v[i, j] / (j + 1)
+        _distances(j + 1, u, system, x)
+        if rho != np.inf and rho != 0.0:
+            for k in range(m):
+                total = 0.0 * x[k, 0]
+                for q in range(j + 1):
+                    total += s[k, q] * d[k, j - q]
+                sd[k, j] = total
+                total = 0.0 * x[k, 0]
+                for q in range(j + 1):
+                    total += (q + 1) * x[k, q + 1] * sd[k, j - q]
+                s[k, j + 1] = rho * total / (j + 1)
+                d[k, j + 1] = -s[k, j + 1]
+
+
+@jit
+def _distances(j, u, system, x):
+    """Fill coefficient j of every distance past a stop."""
+    for k in range(x.shape[0]):
+        x[k, j] = -system.gap[k] if j == 0 else 0.0
+        for i in range(u.shape[0]):
+            x[k, j] += system.reach[k, i] * u[i, j]
 
 
 @jit
@@ -100,21 +124,21 @@ def majorant(c, t):
 
 
 @jit
-def step_size(x, v, rho, part, largest):
+def step_size(u, v, x, rho, part, largest):
     """Choose the step: truncation error, and a part of the radius of analyticity of S."""
-    n = x.shape[0]
+    n = u.shape[0]
     h = largest
     scale = 0.0
     for i in range(n):
-        scale = max(scale, abs(x[i, 0]), abs(v[i, 0]))
+        scale = max(scale, abs(u[i, 0]), abs(v[i, 0]))
     for i in range(n):
         for k in (ORDER - 1, ORDER):
-            for c in (abs(x[i, k]), abs(v[i, k])):
+            for c in (abs(u[i, k]), abs(v[i, k])):
                 if c > 0:
                     h = min(h, (TRUNCATION * max(scale, 1e-3) / c) ** (1.0 / k))
     if rho == np.inf or rho == 0.0:
         return h
-    for i in range(n):
+    for i in range(x.shape[0]):
         distance = math.hypot(x[i, 0].real, math.pi / rho)
         radius = h / part
         while majorant(x[i], radius) > 0.95 * distance:
@@ -185,53 +209,60 @@ def first_root(c, h):
 
 @jit
 def is_closed(x, v):
-    """Tell (1.0 or 0.0) whether a floor touches a stop of infinite sharpness."""
+    """Tell (1.0 or 0.0) whether a contact of infinite sharpness touches."""
     return 1.0 if x > 0 or (x == 0 and v > 0) else 0.0
 
 
 @jit
-def period(z, amplitude, omega, beta, rho, stiffness, damping, part, starts, sizes, series):
+def period(z, amplitude, omega, system, part, starts, sizes, series):
     """Integrate z over one period in place; record the steps where `starts` has room.
 
     Returns the number of steps.
     """
-    n = stiffness.shape[0]
-    x = np.zeros((n, ORDER + 1), z.dtype)
+    n, m, rho = system.stiffness.shape[0], system.gap.shape[0], system.rho
+    u = np.zeros((n, ORDER + 1), z.dtype)
     v = np.zeros((n, ORDER + 1), z.dtype)
-    closed = np.empty(n)
-    for i in range(n):
-        closed[i] = is_closed(z[i].real - 1.0, z[n + i].real)
+    x = np.zeros((m, ORDER + 1), z.dtype)
+    closed = np.empty(m)
+    _look(z, system, u, x)
+    for k in range(m):
+        closed[k] = is_closed(x[k, 0].real, x[k, 1].real)
     end = 2 * math.pi / omega
     tau = 0.0
     count = 0
+    event = -1
     while tau < end:
-        expand(z, tau, closed, amplitude, omega, beta, rho, stiffness, damping, x, v)
-        h = step_size(x, v, rho, part, end - tau)
+        expand(z, tau, closed, amplitude, omega, system, u, v, x)
+        if event >= 0:
+            # at the stop, whatever rounding says
+            x[event, 0] -= x[event, 0].real
+        h = step_size(u, v, x, rho, part, end - tau)
         event = -1
         if rho == np.inf:
-            for i in range(n):
-                root = first_root(x[i].real.copy(), h)
+            for k in range(m):
+                root = first_root(x[k].real.copy(), h)
                 if root <= h:
                     h = root
-                    event = i
+                    event = k
         if count < starts.shape[0]:
             starts[count] = tau
             sizes[count] = h
-            series[count, :n] = x.real
+            series[count, :n] = u.real
             series[count, n:] = v.real
         count += 1
         for i in range(n):
-            z[i] = 1.0 + horner(x[i], h)
+            z[i] = system.offset[i] + horner(u[i], h)
             z[n + i] = horner(v[i], h)
-        if event >= 0:
-            # the real part is exactly at the stop; the imaginary part (a tangent) is kept
-            z[event] += 1.0 - z[event].real
-            closed[event] = is_closed(0.0, z[n + event].real)
         if rho == np.inf:
-            # a way through the stop that rounding has hidden from the roots
-            for i in range(n):
-                if z[i].real != 1.0:
-                    closed[i] = is_closed(z[i].real - 1.0, z[n + i].real)
+            if event >= 0:
+                _put_at_stop(event, z, system)
+            _look(z, system, u, x)
+            for k in range(m):
+                # beside the event a way through a stop that rounding has hidden from the roots
+                if k == event:
+                    closed[k] = is_closed(0.0, x[k, 1].real)
+                elif x[k, 0].real != 0.0:
+                    closed[k] = is_closed(x[k, 0].real, x[k, 1].real)
         tau = end if h >= end - tau else tau + h
         if not np.isfinite(z[0].real) or count > 10_000_000:
             z[:] = np.nan
@@ -239,20 +270,102 @@ def period(z, amplitude, omega, beta, rho, stiffness, damping, part, starts, siz
     return count
 
 
+@jit
+def _look(z, system, u, x):
+    """Fill the distances past all stops, and their speeds, of a state."""
+    n = u.shape[0]
+    for i in range(n):
+        u[i, 0] = z[i] - system.offset[i]
+        u[i, 1] = z[n + i]
+    _distances(0, u, system, x)
+    _distances(1, u, system, x)
+
+
+@jit
+def _put_at_stop(k, z, system):
+    """Remove what rounding has left of a distance; the imaginary part (a tangent) is kept."""
+    n = system.stiffness.shape[0]
+    past = -system.gap[k]
+    square = 0.0
+    for i in range(n):
+        past += system.reach[k, i] * (z[i].real - system.offset[i])
+        square += system.reach[k, i] ** 2
+    for i in range(n):
+        z[i] -= system.reach[k, i] * past / square
+
+
 NO_RECORD = (np.empty(0), np.empty(0), np.empty((0, 0, ORDER + 1)))
 
 
+class System(NamedTuple):
+    """The equations, solved for the accelerations."""
+
+    harmonics: np.ndarray
+    """(H, 3): order, amplitude, phase."""
+    rho: float
+    stiffness: np.ndarray
+    damping: np.ndarray
+    forcing: np.ndarray
+    """M^-1 b"""
+    offset: np.ndarray
+    """(n,): where u is measured from: at the stops, if every coordinate has one."""
+    reach: np.ndarray
+    """(m, n): d_k."""
+    gap: np.ndarray
+    """(m,): of u measured so."""
+    push: np.ndarray
+    """(m, n): kappa_k M^-1 d_k."""
+
+
 def system(structure, amplitude, omega):
-    """Arguments of `period`: A, Omega, beta, rho, K and 2 gamma C, made from the definitions."""
+    """Arguments of `period`: A, Omega and the `System`, made from the definitions."""
     n = structure.n_floors
-    stiffness = np.diag([2.0] * (n - 1) + [1.0]) - np.eye(n, k=1) - np.eye(n, k=-1)
-    squares, phi = np.linalg.eigh(stiffness)
-    zeta = np.broadcast_to(np.asarray(structure.damping_ratio, dtype=float), (n,))
-    damping = phi @ np.diag(2 * zeta * np.sqrt(squares)) @ phi.T
-    return (
-        float(amplitude), float(omega), float(structure.stiffness_ratio),
-        float(structure.sharpness), stiffness, damping,
-    )  # fmt: skip
+    if structure.matrices is None:
+        mass = np.diag(np.broadcast_to(1.0 if structure.mass is None else structure.mass, n))
+        spring = 1.0 if structure.storey_stiffness is None else structure.storey_stiffness
+        spring = np.broadcast_to(np.asarray(spring, float), n)
+        stiffness = np.diag(spring + np.append(spring[1:], 0.0))
+        stiffness = stiffness - np.diag(spring[1:], 1) - np.diag(spring[1:], -1)
+        kappa = np.broadcast_to(structure.stiffness_ratio, n) * spring
+        stops = [
+            (sign * np.eye(n)[i], gap, kappa[i])
+            for sign, gaps in ((1.0, structure.gap), (-1.0, structure.gap_left))
+            for i, gap in enumerate(np.broadcast_to(gaps, n))
+            if gap < np.inf
+        ]
+        forcing = -mass.sum(axis=1)
+    else:
+        given = structure.matrices
+        mass, stiffness = np.array(given.mass), np.array(given.stiffness)
+        stops = [(np.array(c.direction), c.gap, c.stiffness) for c in given.contacts]
+        forcing = -mass.sum(axis=1) if given.forcing is None else np.array(given.forcing)
+    inverse = np.linalg.inv(mass)
+    offset = np.zeros(n)
+    if len(stops) == n and np.array_equal([d for d, _, _ in stops], np.eye(n)):
+        offset = np.array([gap for _, gap, _ in stops], float)
+    reach = np.array([d for d, _, _ in stops], float).reshape(-1, n)
+    parts = System(
+        np.array(structure.harmonics, float).reshape(-1, 3),
+        float(structure.sharpness),
+        inverse @ stiffness,
+        inverse @ _damping(structure, mass, stiffness),
+        inverse @ forcing,
+        offset,
+        reach,
+        np.array([gap for _, gap, _ in stops], float) - reach @ offset,
+        np.array([k * (inverse @ d) for d, _, k in stops], float).reshape(-1, n),
+    )
+    return float(amplitude), float(omega), parts
+
+
+def _damping(structure, mass, stiffness):
+    if structure.matrices is not None and structure.matrices.damping is not None:
+        return np.array(structure.matrices.damping)
+    if structure.rayleigh is not None:
+        return structure.rayleigh[0] * mass + structure.rayleigh[1] * stiffness
+    squares, phi = eigh(stiffness, mass)
+    zeta = np.broadcast_to(np.asarray(structure.damping_ratio, dtype=float), squares.shape)
+    return mass @ phi @ np.diag(2 * zeta * np.sqrt(squares)) @ phi.T @ mass
 
 
 def reference_points(structure, amplitude, omega, state, n_periods, part=PART_OF_RADIUS):
@@ -298,20 +411,27 @@ def _values(coefficients, t):
 def reference_window(structure, amplitude, omega, state, n_periods, samples=17):
     """Contact bits, peak drift, and mean modal norms over continuous time, from every step."""
     n = structure.n_floors
-    stiffness = system(structure, amplitude, omega)[4]
-    phi = np.linalg.eigh(stiffness)[1]
+    parts = system(structure, amplitude, omega)[2]
+    phi = structure.mode_shapes
+    numbers, rows = structure.contact_numbers, structure.drift_rows
     contact, drift = 0, 0.0
     modal, free = np.zeros(n), 0.0
     for h, c in reference_steps(structure, amplitude, omega, state, n_periods):
         t = np.linspace(0.0, h, samples)
-        between = np.diff(c[:n], axis=0, prepend=np.zeros((1, ORDER + 1)))
-        between[0, 0] += 1.0
-        for i in range(n):
-            if _largest(c[i], t) >= 0:
-                contact |= 1 << i
-            drift = max(drift, _largest(between[i], t), _largest(-between[i], t))
+        past = parts.reach @ c[:n]
+        past[:, 0] -= parts.gap
+        between = rows @ c[:n]
+        between[:, 0] += rows @ parts.offset
+        for number, distance in zip(numbers, past, strict=True):
+            if _largest(distance, t) >= 0:
+                contact |= 1 << (number - 1)
+        for row in between:
+            drift = max(drift, _largest(row, t), _largest(-row, t))
+        whole = c[:n].copy()
+        whole[:, 0] += parts.offset
+        transform = phi.T @ structure.mass_matrix
         for a, b in itertools.pairwise(t):
-            add, time = _free_part(c[:n], phi, a, b, 0)
+            add, time = _free_part(transform @ whole, past, a, b, 0)
             modal += add
             free += time
     return contact, drift, modal / free if free > 0 else np.full(n, math.nan)
@@ -337,20 +457,20 @@ def _largest(c, t):
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
-def _free_part(c, phi, a, b, depth):
-    """Integrate |q_j| / ||q|| over the part of [a, b] with every x < 0, splitting at kinks."""
-    ends = _values(c, np.array([a, 0.5 * (a + b), b]))
-    inside = ends >= 0
-    signs = phi.T @ (ends + 1.0) >= 0
+def _free_part(q, past, a, b, depth):
+    """Integrate |q_j| / ||q|| over the part of [a, b] without contact, splitting at kinks."""
+    times = np.array([a, 0.5 * (a + b), b])
+    inside, signs = _values(past, times) >= 0, _values(q, times) >= 0
     kink = np.any(inside != inside[:, :1]) or np.any(signs != signs[:, :1])
     if kink and depth < 30:
         middle = 0.5 * (a + b)
-        left = _free_part(c, phi, a, middle, depth + 1)
-        right = _free_part(c, phi, middle, b, depth + 1)
+        left = _free_part(q, past, a, middle, depth + 1)
+        right = _free_part(q, past, middle, b, depth + 1)
         return left[0] + right[0], left[1] + right[1]
     if np.any(inside[:, 1]):
-        return np.zeros(len(phi)), 0.0
+        return np.zeros(len(q)), 0.0
     half = 0.5 * (b - a)
-    q = np.abs(phi.T @ (_values(c, a + half * (NODES + 1)) + 1.0))
-    size = np.linalg.norm(q, axis=0)
-    return half * (np.divide(q, size, out=np.zeros_like(q), where=size > 0) @ WEIGHTS), b - a
+    size_of = np.abs(_values(q, a + half * (NODES + 1)))
+    size = np.linalg.norm(size_of, axis=0)
+    share = np.divide(size_of, size, out=np.zeros_like(size_of), where=size > 0)
+    return half * (share @ WEIGHTS), b - a

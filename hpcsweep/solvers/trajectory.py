@@ -6,6 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hpcsweep.model.equations import right_hand_side
+from hpcsweep.model.kernel_model import Frame, kernel_model
 from hpcsweep.model.structure import Structure
 
 RTOL, ATOL = 1e-9, 1e-11
@@ -39,23 +40,18 @@ def trajectory(
     ArithmeticError
         If the integrator gives up.
     """
-    period = 2 * math.pi / omega
-    fixed = (
-        float(amplitude),
-        float(omega),
-        structure.stiffness_ratio,
-        structure.sharpness,
-        structure.stiffness_matrix,
-        structure.damping_matrix,
-    )
+    model = kernel_model(structure, omega)
+    frame = Frame(structure, model)
+    period = 2 * math.pi / model.omega
+    size = amplitude / frame.amplitude_unit
 
     def derivative(tau, z):
-        return right_hand_side(tau, z, *fixed, np.empty_like(z))
+        return right_hand_side(tau, z, size, model, np.empty_like(z))
 
     done = solve_ivp(
         derivative,
         (0.0, period),
-        np.array(state, dtype=float),
+        frame.into(state),
         method="DOP853",
         t_eval=np.linspace(0.0, period, n_samples),
         rtol=RTOL,
@@ -64,4 +60,4 @@ def trajectory(
     )
     if not done.success:
         raise ArithmeticError(f"DOP853: {done.message}")
-    return done.y.T
+    return frame.out_of(done.y.T)

@@ -30,7 +30,7 @@ def broken_invariants(
     """
     broken = {**_of_the_run(settings, rows), **_of_failures(rows)}
     if "poincare" in rows:
-        broken.update(_of_points(settings, rows))
+        broken.update(_of_points(structure, settings, rows))
     if "contact" in rows:
         broken.update(_of_contact(structure, rows))
     complete = rows["outcome"] == Outcome.COMPLETE
@@ -89,7 +89,7 @@ def _of_failures(rows: dict) -> dict[str, np.ndarray]:
     return broken
 
 
-def _of_points(settings, rows: dict) -> dict[str, np.ndarray]:
+def _of_points(structure, settings, rows: dict) -> dict[str, np.ndarray]:
     points, n_points, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     window = points.shape[1]
@@ -100,7 +100,12 @@ def _of_points(settings, rows: dict) -> dict[str, np.ndarray]:
     hidden = np.zeros(complete.size, bool)
     for row in np.flatnonzero(complete & (period == 0) & (n_points == window)):
         hidden[row] = (
-            orbit_period(points[row], settings.max_orbit_period, settings.period_tolerance) > 0
+            orbit_period(
+                points[row] / structure.state_units,
+                settings.max_orbit_period,
+                settings.period_tolerance,
+            )
+            > 0
         )
     return {
         "n_points is the orbit_period, or all that are stored without one": complete
@@ -114,9 +119,9 @@ def _of_points(settings, rows: dict) -> dict[str, np.ndarray]:
 
 
 def _of_contact(structure, rows: dict) -> dict[str, np.ndarray]:
-    contact, n = rows["contact"], structure.n_floors
-    floors = np.uint64(2**n - 1)
+    contact = rows["contact"]
+    known = np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
     return {
-        "contact has bits of existing floors only": (contact & ~floors) != 0,
+        "contact has bits of existing contacts only": (contact & ~known) != 0,
         "contact of a linear run is empty": (rows["shortcut"] == Shortcut.LINEAR) & (contact != 0),
     }

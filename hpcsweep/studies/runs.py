@@ -147,7 +147,8 @@ class FrameRuns:
         if period:
             seen, period = self._as_the_plain_end(seen, end.n_periods, settings.period_tolerance)
         else:
-            period = orbit_period(seen.points, settings.max_orbit_period, settings.period_tolerance)
+            points = seen.points / self.structure.state_units
+            period = orbit_period(points, settings.max_orbit_period, settings.period_tolerance)
         self._store(result, row, index, amplitude, seen, period, cycles)
         if "lyapunov" in result:
             time = window * 2 * math.pi / self.solver.omega
@@ -196,7 +197,8 @@ class FrameRuns:
         for divisor in range(1, period):
             if period % divisor:
                 continue
-            if np.abs(points - _turned(points, divisor)).max() <= same:
+            apart = np.abs(points - _turned(points, divisor)) / self.structure.state_units
+            if apart.max() <= same:
                 period = divisor
                 break
         plain = self.settings.transient_cycles + self.settings.sampling_cycles

@@ -7,6 +7,7 @@ import pytest
 
 from hpcsweep.model.contact import contact_stiffness, sigmoid, switch
 from hpcsweep.model.equations import jacobian, right_hand_side
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 
 SHARPNESS = [0.0, 3.0, 1e4, 1e8, math.inf]
@@ -14,28 +15,11 @@ SHARPNESS = [0.0, 3.0, 1e4, 1e8, math.inf]
 
 def field(structure, tau, z, amplitude=0.0, omega=1.0):
     out = np.empty(z.size)
-    return right_hand_side(
-        tau,
-        z,
-        amplitude,
-        omega,
-        structure.stiffness_ratio,
-        structure.sharpness,
-        structure.stiffness_matrix.copy(),
-        np.ascontiguousarray(structure.damping_matrix),
-        out,
-    )
+    return right_hand_side(tau, z, amplitude, kernel_model(structure, omega), out)
 
 
 def matrix(structure, z):
-    return jacobian(
-        z,
-        structure.stiffness_ratio,
-        structure.sharpness,
-        structure.stiffness_matrix.copy(),
-        np.ascontiguousarray(structure.damping_matrix),
-        np.empty((z.size, z.size)),
-    )
+    return jacobian(z, kernel_model(structure, 1.0), np.empty((z.size, z.size)))
 
 
 @pytest.mark.parametrize("y", [-800.0, -50.0, -1.0, 0.0, 1.0, 50.0, 800.0, -1e308, 1e308])

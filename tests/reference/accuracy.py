@@ -205,8 +205,10 @@ def refer(case):
     count = period(z.copy(), *arguments, PART_OF_RADIUS, *NO_RECORD)
     starts, sizes, series = np.empty(count), np.empty(count), np.empty((count, 2 * n, ORDER + 1))
     period(z, *arguments, PART_OF_RADIUS, starts, sizes, series)
-    _, _, beta, rho, stiffness, damping = arguments
-    kappa = largest_tangent(sizes, series, beta, rho, stiffness, damping)
+    parts = arguments[2]
+    kappa = largest_tangent(
+        sizes, series, case.beta, parts.rho, parts.stiffness, parts.damping
+    )
     passages = Counter(_passages(case, starts, series))
     return Reference(z, kappa / max(1.0, float(np.abs(z).max())), passages)
 

@@ -31,7 +31,9 @@ def points_mp(structure, amplitude, omega, state, n_periods, dps=30, order=36):
         mp = mpmath.mp
         n = structure.n_floors
         # the matrices and T of the double precision problem, so that only the method differs
-        _, _, beta, rho, stiffness, damping = system(structure, amplitude, omega)
+        _, _, parts = system(structure, amplitude, omega)
+        beta, rho = structure.stiffness_ratio, parts.rho
+        stiffness, damping = parts.stiffness, parts.damping
         k_rows = [[mp.mpf(a) for a in row] for row in stiffness]
         c_rows = [[mp.mpf(a) for a in row] for row in damping]
         ramp = rho == math.inf

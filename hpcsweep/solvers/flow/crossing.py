@@ -1,15 +1,15 @@
-r"""Fast passage of one floor through its contact layer, in closed form up to a quadrature.
+r"""Fast passage of one contact through its layer, in closed form up to a quadrature.
 
-With x = u_i - 1 the contact force differs from the piecewise linear spring beta max(x, 0) by
+With x = d . u - g the contact force, along e with d . e = 1, differs from the piecewise linear spring beta max(x, 0) by
 
     r(x) = beta |x| / (1 + exp(rho |x|)),      positive, even, pushing towards the stop.
 
-Let the floor pass x = 0 with velocity v at time 0, sigma = sign(v). To first order in r along
+Let the contact pass x = 0 with velocity v at time 0, sigma = sign(v). To first order in r along
 the true path the passage adds to the piecewise linear motion, continued to time 0,
 
     dz = sum_k (-1)^k / k!  (M_-^k m_k^- + M_+^k m_k^+) e,      m_k^+- = int s^k r(x(s)) ds
 
-over the two halves (variation of constants; e is the unit vector of v_i, M_+- the linear field
+over the two halves (variation of constants; e moves the velocities, M_+- is the linear field
 before and after). With X = |x| as integration variable ds = dX / w(X), and the speed w follows
 from work and energy along the true path,
 
@@ -78,17 +78,18 @@ NODES, WEIGHTS, POTENTIAL = _gauss_rule(N_NODES)
 
 
 @kernel
-def passage_is_fast(v, a, j, model):
+def passage_is_fast(v, a, j, contact, model):
     """Tell whether the closed form holds for a passage at velocity v (see the module).
 
     The relative change of w^2 inside the layer, on which the quadrature rests, must be below
     `FAST`. What the expansion leaves out must be below `NEGLECTED`: with t = 1 / (rho |v|), the
-    impulse J and kappa = beta + |K|, of the terms k = 4 (m_4 = 144 J t^4) those without beta^2, the
+    impulse J and kappa = beta + |K|, for the coordinate that feels most of it (`Contacts.gain`), of
+    the terms k = 4 (m_4 = 144 J t^4) those without beta^2, the
     terms k = 5 (m_5 = 875 J t^5) and k = 6 (m_6 = 6100 J t^6) with their highest power of kappa,
     and in w^2 the fourth derivative of u and the product of jerk and acceleration (at y = 3,
     where r has its centre of mass).
     """
-    beta, rho, layer = model.beta, model.rho, model.layer
+    beta, rho, layer = model.contacts.beta[contact], model.rho, model.layer
     if rho == math.inf:
         return v != 0.0
     speed = abs(v)
@@ -103,8 +104,8 @@ def passage_is_fast(v, a, j, model):
         return False
     inverse = 1.0 / speed
     time = inverse / rho
-    impulse = 2.0 * FULL_POTENTIAL * beta * time / rho
-    stiffness = model.stiffness_bound + beta
+    impulse = 2.0 * FULL_POTENTIAL * beta * time / rho * model.contacts.gain[contact]
+    stiffness = model.stiffness_bound + (model.hardest if model.contacts.is_oblique else beta)
     phase = stiffness * time * time
     fourth = 24.0 * impulse * phase * time * time
     fifth = impulse * phase * phase * (8.0 * time + 9.0 * phase)
@@ -187,27 +188,40 @@ def moments(v, a, j, beta, rho):
 
 
 @kernel
-def add_kick(m, floor, model, z):
-    """Add the change of the state by a passage of `floor` with the moments m to z.
+def add_kick(m, contact, key, model, z):
+    """Add the change of the state by a passage of `contact` with the moments m to z.
 
     It is sum_k (-1)^k / k! M^k e m_k with M e = (e, -D e), M^2 e = (-D e, -(K + beta c) e + D^2 e),
     of M^3 e its displacements, -(K + beta c) e + D^2 e, and of its velocities what has beta in it,
-    beta (c D e + D c e), and of M^4 e what has beta^2, the velocity of the floor itself.
+    beta (c D e + D c e), and of M^4 e what has beta^2, along e. K has in it what the other contacts
+    of `key` add; on e that is nothing unless they are oblique to it.
     """
     impulse, first, second_free, second_contact, third_free, third_contact, fourth_contact = m
-    stiffness, damping, beta = model.stiffness, model.damping, model.beta
-    n = stiffness.shape[0]
+    contacts = model.contacts
+    beta = contacts.beta[contact]
+    n = model.stiffness.shape[0]
     second = second_free + second_contact
     third = third_free + third_contact
     stiff = beta * third_contact / 6.0
     for i in range(n):
-        square = -stiffness[i, floor]
-        for j in range(n):
-            square += damping[i, j] * damping[j, floor]
-        z[i] -= 0.5 * damping[i, floor] * second + square * third / 6.0
-        z[n + i] += damping[i, floor] * first + 0.5 * square * second
-        z[n + i] -= damping[i, floor] * stiff
-    z[floor] -= first - stiff
-    z[n + floor] += impulse - 0.5 * beta * second_contact
-    z[n + floor] -= damping[floor, floor] * stiff
-    z[n + floor] += beta * beta * fourth_contact / 24.0
+        damped, square = contacts.damped[contact, i], contacts.bent[contact, i]
+        z[i] -= 0.5 * damped * second + square * third / 6.0
+        z[n + i] += damped * first + 0.5 * square * second
+        z[n + i] -= damped * stiff
+    row, sign = contacts.row[contact], contacts.sign[contact]
+    inner = sign * contacts.damped[contact, row]
+    for p in range(contacts.first[contact], contacts.first[contact + 1]):
+        i, e = contacts.push_row[p], contacts.push[p]
+        z[i] -= e * (first - stiff)
+        z[n + i] += e * (impulse - 0.5 * beta * second_contact)
+        z[n + i] -= e * (inner * stiff)
+        z[n + i] += e * (beta * beta * fourth_contact / 24.0)
+    if contacts.is_oblique:
+        for k in range(contacts.row.shape[0]):
+            oblique = contacts.oblique[k, contact]
+            if k == contact or oblique == 0.0 or not (key >> np.uint64(k)) & np.uint64(1):
+                continue
+            for p in range(contacts.first[k], contacts.first[k + 1]):
+                square = -contacts.beta[k] * oblique * contacts.push[p]
+                z[contacts.push_row[p]] -= square * third / 6.0
+                z[n + contacts.push_row[p]] += 0.5 * square * second

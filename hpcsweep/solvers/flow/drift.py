@@ -23,24 +23,24 @@ NOTHING = 1e-200
 
 
 @inlined
-def drift_on_segment(index, x, z_end, s, tables, tally, work):
+def drift_on_segment(index, x, z_end, s, model, tables, tally, work):
     """Update the largest drift over the first `s` of a linear step from x to state z_end.
 
     ``work.bounds`` holds the bounds of the fourth derivatives on the step.
     """
-    n = tally.modal.shape[0]
+    n = model.stiffness.shape[0]
     h = tables.h[index]
-    for i in range(n):
-        below = i - 1
+    for d in range(model.drift_rows.shape[0]):
+        i, below = model.drift_rows[d]
         d0, d1 = x[i], z_end[i]
         v0, v1 = x[n + i], z_end[n + i]
-        if i > 0:
+        if below >= 0:
             d0, v0 = d0 - x[below], v0 - x[n + below]
             d1, v1 = d1 - z_end[below], v1 - z_end[n + below]
         peak = max(tally.peak_drift[0], max(abs(d0), abs(d1)))
         tally.peak_drift[0] = peak
         bound4 = work.bounds[i]
-        if i > 0:
+        if below >= 0:
             bound4 += work.bounds[below]
         peak *= 1.0 + SAME_PEAK
         if max(peak, bound4) < NOTHING:
@@ -48,10 +48,10 @@ def drift_on_segment(index, x, z_end, s, tables, tally, work):
         if may_reach(s, d0 - peak, v0, d1 - peak, v1, bound4) or may_reach(
             s, -d0 - peak, -v0, -d1 - peak, -v1, bound4
         ):
-            expand_rows(tables.poly, index, x, work.rows, work.expanded, i + 1)
+            expand_rows(tables.poly, index, x, work.rows, work.expanded, max(i, below) + 1)
             for p in range(N_COEFFICIENTS):
                 work.drift_rows[0, p] = work.rows[i, p]
-                if i > 0:
+                if below >= 0:
                     work.drift_rows[0, p] -= work.rows[below, p]
             _search_peak(work.drift_rows, h, s, bound4, tally, work.stack)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.model.kernel_model import Frame, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.march import march, march_observed
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, new_shared, new_watch
@@ -58,10 +58,11 @@ class FlowMap:
         self.omega = float(omega)
         self.rtol = float(rtol)
         model = kernel_model(structure, self.omega)
+        self._frame = Frame(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        self._shared = new_shared(model, structure.n_floors, tolerance, MAX_STEPS)
+        self._shared = new_shared(model, tolerance, MAX_STEPS)
         self._packed = SHARED.pack(self._shared)
-        self._watch = new_watch(structure.n_floors, 1)
+        self._watch = new_watch(self._frame.size // 2, 1)
         self._packed_watch = WATCH.pack(self._watch)
         self.counts = self._shared.counts
 
@@ -88,14 +89,14 @@ class FlowMap:
         poll : callable, optional
             Called before the work, and every `POLL_PERIODS`.
         """
-        z = np.array(state, dtype=float)
+        z = self._frame.into(state)
         done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll):
             more, outcome = self._march(z, amplitude, last - first, self._shared.no_points)
             done += more
             if outcome != Outcome.COMPLETE:
                 break
-        return Advance(z, done, Outcome(outcome))
+        return Advance(self._frame.out_of(z), done, Outcome(outcome))
 
     def settle(
         self,
@@ -118,17 +119,17 @@ class FlowMap:
         n_periods, max_period : int
             Of the transient, and of the orbit, at most.
         settled, same : float
-            Distance (gaps, gaps omega_0) from the orbit, and between points that count as one.
+            Distance (in the structure's units, gaps and gaps omega_0) from the orbit, and between points that count as one.
         near : float
             Distance between points a period apart from which on Newton's method tries to jump to
             the orbit; 0: never.
         poll : callable, optional
             Called before the work, and every `POLL_PERIODS`.
         """
-        z = np.array(state, dtype=float)
+        z = self._frame.into(state)
         watch = self._watch
         if watch.close.size != max_period + 1:
-            watch = self._watch = new_watch(self.structure.n_floors, max_period)
+            watch = self._watch = new_watch(z.size // 2, max_period)
             self._packed_watch = WATCH.pack(watch)
         watch.since[0] = 0
         done = newton = period = 0
@@ -139,7 +140,7 @@ class FlowMap:
                 self._packed,
                 self._packed_watch,
                 z,
-                float(amplitude),
+                float(amplitude) / self._frame.amplitude_unit,
                 last - first,
                 (int(max_period), float(settled), float(same), float(near)),
             )
@@ -147,7 +148,8 @@ class FlowMap:
             newton += by_newton
             if period or outcome != Outcome.COMPLETE:
                 break
-        return Approach(z, done, newton, period, multiplier, Outcome(outcome))
+        state = self._frame.out_of(z)
+        return Approach(state, done, newton, period, multiplier, Outcome(outcome))
 
     def points(
         self,
@@ -176,7 +178,8 @@ class FlowMap:
         tally = empty_tally(n, modal_norm)
         tangent = logarithms = None
         if growth:
-            tangent = np.full((2 * n, 1), math.sqrt(0.5 / n))
+            ones = np.full((2 * n, 1), math.sqrt(0.5 / n)) * self.structure.state_units[:, None]
+            tangent = self._frame.tangent_into(ones)
             logarithms = np.full(n_periods, math.nan)
         points, outcome = self._points(
             state, amplitude, n_periods, poll, tally, tangent, logarithms
@@ -185,8 +188,8 @@ class FlowMap:
         norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
         return Observation(
             points,
-            int(tally.contact[0]),
-            float(tally.peak_drift[0]),
+            self.structure.contact_bits(int(tally.contact[0])),
+            float(tally.peak_drift[0]) * self.structure.length_unit,
             norms,
             outcome,
             window_growth(logarithms) if growth else math.nan,
@@ -208,18 +211,18 @@ class FlowMap:
         ArithmeticError
             If the solver fails.
         """
-        z = np.array(state, dtype=float)
-        tangent = np.eye(z.size)
+        z = self._frame.into(state)
+        tangent = self._frame.tangent_into(np.eye(2 * self.structure.n_floors))
         done, outcome = self._march(
             z, amplitude, n_periods, self._shared.no_points, tangent=tangent
         )
         if outcome != Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {done + 1}")
-        return z, tangent
+        return self._frame.out_of(z), self._frame.tangent_out_of(tangent)
 
     def _points(self, state, amplitude, n_periods, poll, tally=None, tangent=None, growth=None):
         """Integrate `n_periods`; return the points that were reached, and the outcome."""
-        z = np.array(state, dtype=float)
+        z = self._frame.into(state)
         points = np.empty((n_periods, z.size))
         done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in _between_polls(n_periods, poll):
@@ -235,9 +238,10 @@ class FlowMap:
             done += more
             if outcome != Outcome.COMPLETE:
                 break
-        return points[:done], Outcome(outcome)
+        return self._frame.out_of(points[:done]), Outcome(outcome)
 
     def _march(self, z, amplitude, n_periods, points, tally=None, tangent=None, growth=None):
+        amplitude = amplitude / self._frame.amplitude_unit
         if tally is None and tangent is None:
             return march(self._packed, z, float(amplitude), n_periods, points)
         return march_observed(

@@ -18,7 +18,7 @@ def march(shared, z, amplitude, n_periods, points):
     ----------
     shared : ndarray of bytes
         A packed `Shared`.
-    points : ndarray, shape (n_periods, 2n) or (0, 2n)
+    points : ndarray, shape (n_periods, 2R) or (0, 2R)
         Receives z(T), z(2T), ...; not written if empty.
 
     Returns

@@ -90,7 +90,7 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
                 p,
                 N_COEFFICIENTS,
                 model.modal_transform,
-                j * n,
+                j * model.modal_transform.shape[1],
                 n,
             )
     # halves, the left one first, until each is resolved

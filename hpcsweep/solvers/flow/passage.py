@@ -1,4 +1,4 @@
-"""Fast passage of a floor: which one is at the stop, and whether it may pass in closed form.
+"""Fast passage of a contact: which one is at its stop, and whether it may pass in closed form.
 
 The passage itself is that of `crossing`. What may not pass that way is integrated by `layer`.
 """
@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.model.contact import FULL_POTENTIAL, STOP
+from hpcsweep.model.contact import FULL_POTENTIAL
 from hpcsweep.solvers.flow.crossing import NEGLECTED, add_kick, moments, passage_is_fast
-from hpcsweep.solvers.flow.events import floor_bit
+from hpcsweep.solvers.flow.events import contact_bit, distance
+from hpcsweep.solvers.flow.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.polynomials import value_and_slope
 
 EXTRAPOLATION = 1.005
@@ -19,26 +20,29 @@ EXTRAPOLATION = 1.005
 
 
 class Arrival(NamedTuple):
-    """A floor at the stop."""
+    """A contact at its stop."""
 
-    floor: int
+    contact: int
     key: np.uint64
     """Contact set before."""
     tau: float
-    ground: float
-    """A sin(Omega tau)."""
-    quadrature: float
-    """A cos(Omega tau)."""
+    forcing: np.ndarray
+    """Pairs of sine and cosine, see `forcing`."""
 
 
 @kernel
-def time_at_stop(rows, floor, h, s, sign):
-    """Follow the floor from the edge of its layer (time s) to the stop; NaN if it turns."""
+def time_at_stop(rows, k, contacts, h, s, direction):
+    """Follow a contact from the edge of its layer (time s) to the stop; NaN if it turns.
+
+    `direction` is 1 on the way in, -1 on the way out.
+    """
+    row, sign = contacts.row[k], contacts.sign[k]
+    stop = sign * contacts.gap[k]
     for _ in range(40):
-        value, slope = value_and_slope(rows, floor, h, s)
-        if not sign * slope > 0.0:
+        value, slope = value_and_slope(rows, row, h, s)
+        if not direction * sign * slope > 0.0:
             return math.nan
-        step = (STOP - value) / slope
+        step = (stop - value) / slope
         s += step
         if abs(step) <= 1e-15 * h:
             return s
@@ -46,61 +50,82 @@ def time_at_stop(rows, floor, h, s, sign):
 
 
 @kernel
-def first_at_stop(floor, at_stop, key, rows, h, n):
-    """Choose the floor that is first at the stop, not after `at_stop`.
+def first_at_stop(contact, at_stop, key, rows, h, contacts):
+    """Choose the contact that is first at its stop, not after `at_stop`.
 
-    The floor that is first at the edge of its layer may be overtaken inside by a faster one.
+    The one that is first at the edge of its layer may be overtaken inside by a faster one.
     """
-    for i in range(n):
-        if i != floor and at_stop <= h * EXTRAPOLATION:
-            sign = -1.0 if key & floor_bit(i) else 1.0
-            value, slope = value_and_slope(rows, i, h, at_stop)
-            if sign * (value - STOP) > 0.0 and sign * slope > 0.0:
-                earlier = time_at_stop(rows, i, h, at_stop, sign)
+    for k in range(contacts.row.shape[0]):
+        if k != contact and at_stop <= h * EXTRAPOLATION:
+            direction = -1.0 if key & contact_bit(k) else 1.0
+            sign = direction * contacts.sign[k]
+            value, slope = value_and_slope(rows, contacts.row[k], h, at_stop)
+            if sign * (value - contacts.sign[k] * contacts.gap[k]) > 0.0 and sign * slope > 0.0:
+                earlier = time_at_stop(rows, k, contacts, h, at_stop, direction)
                 if earlier < at_stop:
-                    floor = i
+                    contact = k
                     at_stop = earlier
-    return floor, at_stop
+    return contact, at_stop
+
+
+@kernel
+def _coupling(k, model, span):
+    """Bound |D_kl| + |K_kl| t over all other contacts l; inf if one pushes contact k itself."""
+    contacts = model.contacts
+    row = contacts.row[k]
+    coupling = 0.0
+    for other in range(contacts.row.shape[0]):
+        if other == k:
+            continue
+        if contacts.is_oblique and contacts.oblique[k, other] != 0.0:
+            return math.inf
+        stiff = 0.0
+        for p in range(contacts.first[other], contacts.first[other + 1]):
+            stiff += model.stiffness[row, contacts.push_row[p]] * contacts.push[p]
+        coupling = max(coupling, abs(contacts.damped[other, row]) + abs(stiff) * span)
+    return coupling
 
 
 @kernel
 def _passes_apart(arrival, z, a, amplitude, model):
-    """Tell whether the floor at the stop may pass its layer apart from all other floors.
+    """Tell whether the contact at its stop may pass its layer apart from all other contacts.
 
-    That holds where no other floor comes near its layer meanwhile, and also where those that do
-    will pass as fast. While two floors are inside their layers the contact force of one moves the
-    other only through the coupling D_12 + K_12 t of the floors, t the time both take: it changes
-    the speed of the second by J_1 coupling t and hence its impulse J_2 by J_1 J_2 coupling t / v,
-    which must be negligible.
+    That holds where no other comes near its layer meanwhile, and also where those that do will
+    pass as fast. While two are inside their layers the force of one moves the other only through
+    the coupling D_12 + K_12 t, t the time both take: it changes the speed of the second by J_1
+    coupling t and hence its impulse J_2 by J_1 J_2 coupling t / v, which must be negligible. It does
+    not hold for contacts that push each other directly.
 
     Returns
     -------
     bool
     promised : uint64
-        The floors on their way to the stop that were found to pass fast. They may be inside their
+        The contacts on their way to the stop that were found to pass fast. They may be inside their
         layers already, so that they have to be taken through in closed form, too.
     """
-    floor, key, tau = arrival.floor, arrival.key, arrival.tau
+    contacts, key, tau = model.contacts, arrival.key, arrival.tau
     stiffness, damping = model.stiffness, model.damping
-    beta, rho, omega, layer = model.beta, model.rho, model.omega, model.layer
+    rho, omega, layer = model.rho, model.omega, model.layer
     n = stiffness.shape[0]
     end = 2.0 * math.pi / omega
-    energy = 2.0 * FULL_POTENTIAL * beta / (rho * rho)
-    least = abs(z[n + floor])
+    least = abs(z[n + contacts.row[arrival.contact]])
     span = 2.0 * layer / least
+    strongest = contacts.beta[arrival.contact]
     promised = np.uint64(0)
-    found = floor_bit(floor)
+    found = contact_bit(arrival.contact)
     searching = True
     while searching:
         searching = False
         if tau - span < 0.0 or tau + span > end:
             return False, promised
-        for i in range(n):
-            bit = floor_bit(i)
-            x = abs(z[i] - STOP)
+        for k in range(contacts.row.shape[0]):
+            bit = contact_bit(k)
+            i = contacts.row[k]
+            x = abs(distance(k, z, contacts))
             w = abs(z[n + i])
             if found & bit or x - (w + abs(a[i]) * span) * span > layer:
                 continue
+            beta = contacts.beta[k]
             way = 2.0 * layer + x
             square = w * w - 2.0 * (abs(a[i]) + beta * way) * way
             if not square > 0.25 * w * w:
@@ -108,18 +133,18 @@ def _passes_apart(arrival, z, a, amplitude, model):
             slowest = math.sqrt(square)
             span = max(span, way / slowest)
             least = min(least, slowest)
-            coupling = 0.0
-            jerk = omega * abs(amplitude)
+            strongest = max(strongest, beta)
+            energy = 2.0 * FULL_POTENTIAL * strongest / (rho * rho)
+            jerk = steepest_forcing(amplitude, model) * abs(model.forcing[i])
             for j in range(n):
                 jerk += abs(stiffness[i, j] * z[n + j]) + abs(damping[i, j] * a[j])
-                if j != i:
-                    coupling = max(coupling, abs(damping[i, j]) + abs(stiffness[i, j]) * span)
+            coupling = _coupling(k, model, span)
             if not energy * energy * coupling * span <= NEGLECTED * least**3:
                 return False, promised
-            if not passage_is_fast(slowest, abs(a[i]), jerk, model):
+            if not passage_is_fast(slowest, abs(a[i]), jerk, k, model):
                 return False, promised
             found |= bit
-            if (z[n + i] < 0.0) == (key & bit != np.uint64(0)):
+            if (contacts.sign[k] * z[n + i] < 0.0) == (key & bit != np.uint64(0)):
                 promised |= bit
             searching = True
     return True, promised
@@ -127,41 +152,58 @@ def _passes_apart(arrival, z, a, amplitude, model):
 
 @kernel
 def pass_layer(arrival, z, a, promised, amplitude, model):
-    """Take the floor at the stop, in state z, through its layer if that is fast.
+    """Take the contact at its stop, in state z, through its layer if that is fast.
 
     Returns
     -------
     bool
         False, with z unchanged, if the passage has to be integrated instead. `a` then holds
-        the accelerations at the stop without the contact force of the floor.
+        the accelerations at the stop without the force of the contact.
     float
-        Jerk of the floor, likewise.
+        Jerk of its row, likewise.
     promised : uint64
-        Floors whose next passage has to be in closed form, see `_passes_apart`; brought up to date.
+        Contacts whose next passage has to be in closed form, see `_passes_apart`; brought up to
+        date.
     """
-    floor = arrival.floor
-    stiffness, damping, beta, rho = model.stiffness, model.damping, model.beta, model.rho
+    contact, contacts = arrival.contact, model.contacts
+    stiffness, damping, rho = model.stiffness, model.damping, model.rho
     n = stiffness.shape[0]
-    v = z[n + floor]
-    z[floor] = STOP
+    row, sign = contacts.row[contact], contacts.sign[contact]
+    z[row] = sign * contacts.gap[contact]
+    ground = total_forcing(arrival.forcing, 0, model)
     for i in range(n):
-        force = -arrival.ground
-        if i != floor and arrival.key & floor_bit(i):
-            force -= beta * (z[i] - STOP)
+        force = model.forcing[i] * ground
+        k = contacts.solo[i]
+        if k >= 0 and k != contact and arrival.key & contact_bit(k):
+            force -= contacts.sign[k] * contacts.beta[k] * distance(k, z, contacts)
         for j in range(n):
             force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
         a[i] = force
-    jerk = -model.omega * arrival.quadrature
+    for other in range(contacts.others.shape[0]):
+        k = contacts.others[other]
+        if k != contact and arrival.key & contact_bit(k):
+            force = contacts.beta[k] * distance(k, z, contacts)
+            for p in range(contacts.first[k], contacts.first[k + 1]):
+                a[contacts.push_row[p]] -= contacts.push[p] * force
+    jerk = model.forcing[row] * forcing_rate(arrival.forcing, 0, model)
     for j in range(n):
-        jerk -= stiffness[floor, j] * z[n + j] + damping[floor, j] * a[j]
-    if not passage_is_fast(v, a[floor], jerk, model):
+        jerk -= stiffness[row, j] * z[n + j] + damping[row, j] * a[j]
+    if contacts.is_oblique:
+        for k in range(contacts.row.shape[0]):
+            if k != contact and arrival.key & contact_bit(k):
+                pull = contacts.beta[k] * contacts.sign[k] * z[n + contacts.row[k]]
+                jerk -= sign * contacts.oblique[contact, k] * pull
+    if not passage_is_fast(sign * z[n + row], sign * a[row], sign * jerk, contact, model):
         return False, jerk, promised
     if rho == math.inf:
         return True, jerk, promised
-    if promised & floor_bit(floor) == np.uint64(0):
+    if promised & contact_bit(contact) == np.uint64(0):
         apart, more = _passes_apart(arrival, z, a, amplitude, model)
         if not apart:
             return False, jerk, promised
         promised |= more
-    add_kick(moments(v, a[floor], jerk, beta, rho), floor, model, z)
-    return True, jerk, promised & ~floor_bit(floor)
+    found = moments(
+        sign * z[n + row], sign * a[row], sign * jerk, contacts.beta[contact], rho
+    )
+    add_kick(found, contact, arrival.key, model, z)
+    return True, jerk, promised & ~contact_bit(contact)

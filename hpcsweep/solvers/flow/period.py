@@ -2,10 +2,10 @@
 
 One period runs from tau = 0 to T = 2 pi / Omega, so that the phase is exact in every period.
 Between contact changes the motion takes linear steps of the present contact set (`tables`).
-A step is accepted when no floor can have reached the edge of its layer, which is proved
-(`events`); otherwise the first floor that does is found. If its passage through the layer is
-fast, and no other floor comes near a layer meanwhile, the passage is done in closed form
-(`crossing`); if not, the motion is integrated from the edge until no floor is inside a layer
+A step is accepted when no contact can have reached the edge of its layer, which is proved
+(`events`); otherwise the first one that does is found. If its passage through the layer is
+fast, and no other comes near its layer meanwhile, the passage is done in closed form
+(`crossing`); if not, the motion is integrated from the edge until no contact is inside its layer
 (`layer`). For infinite sharpness the layer has no width and every passage is the closed form
 with zero impulse.
 """
@@ -16,10 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.vectors import fma
-from hpcsweep.model.contact import STOP
 from hpcsweep.solvers.flow.drift import drift_on_segment
-from hpcsweep.solvers.flow.events import contact_key, first_event, floor_bit, is_clear, layer_edge
+from hpcsweep.solvers.flow.events import (
+    contact_bit,
+    contact_key,
+    first_event,
+    is_clear,
+    layer_edge,
+)
+from hpcsweep.solvers.flow.forcing import forcing_at, rotate_forcing
 from hpcsweep.solvers.flow.layer.visit import (
     OVERFLOW,
     Interval,
@@ -44,10 +49,10 @@ from hpcsweep.solvers.flow.tangent import linear_tangent, passage_tangent
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
-"""In place of the index of a table: the contact set is to be found; a floor is at the edge of its
-layer, perhaps just outside it by rounding."""
+"""In place of the index of a table: the contact set is to be found; a contact is at the edge of
+its layer, perhaps just outside it by rounding."""
 SHORTEST = 0.01
-"""Part of a step after which a floor that reaches the stop beyond it is tried again."""
+"""Part of a step after which a contact whose stop is reached beyond it is tried again."""
 
 
 class Segment(NamedTuple):
@@ -70,44 +75,51 @@ class Ending(NamedTuple):
 
     span: float
     """Its length."""
-    floor: int
-    """The floor at its end, -1 if there is none."""
+    contact: int
+    """The contact at its end, -1 if there is none."""
     passed: bool
-    """The floor has passed the stop: the state after it is in z, that before it follows from
-    ``work.rows``."""
+    """It has passed its stop: the state after it is in z, that before it follows from
+    ``work.rows``, the forcing is in ``work.forcing``."""
     beyond: bool
-    """The floor reaches the stop after this step: try again from the edge of the layer."""
-    ground: float
-    quadrature: float
+    """The stop is reached after this step: try again from the edge of the layer."""
     jerk: float
-    """Of the floor at the stop, see `pass_layer`."""
+    """At the stop, see `pass_layer`."""
     promised: np.uint64
 
 
 @kernel
-def _start(x, z, ground, quadrature):
-    """Write the augmented state (z, A sin, A cos, 1)."""
+def _start(x, z, pairs):
+    """Write the augmented state: z, the pairs of the forcing, 1."""
     size = z.shape[0]
     for i in range(size):
         x[i] = z[i]
-    x[size] = ground
-    x[size + 1] = quadrature
-    x[size + 2] = 1.0
+    for k in range(pairs.shape[0]):
+        x[size + k] = pairs[k]
+    x[x.shape[0] - 1] = 1.0
 
 
 @kernel
-def _rotate(x, cosine, sine):
-    """Take the forcing part of the augmented state over one step."""
-    size = x.shape[0]
-    ground = x[size - 3]
-    quadrature = x[size - 2]
-    x[size - 3] = fma(ground, cosine, quadrature * sine)
-    x[size - 2] = fma(quadrature, cosine, -ground * sine)
+def _renew_rows(z, tangent, model):
+    """Make the rows beyond n those of the first n, in z and in the columns of `tangent`."""
+    n = model.modal_transform.shape[0]
+    half = z.shape[0] // 2
+    for start in range(0, 2 * half, half):
+        for extra in range(half - n):
+            value = 0.0
+            for j in range(n):
+                value += model.rows[extra, j] * z[start + j]
+            z[start + n + extra] = value
+            if tangent is not None:
+                for column in range(tangent.shape[1]):
+                    value = 0.0
+                    for j in range(n):
+                        value += model.rows[extra, j] * tangent[start + j, column]
+                    tangent[start + n + extra, column] = value
 
 
 @inlined
-def _coast(segment, layer, steps_left, tables, work):
-    """Take linear steps while no floor can reach the edge of its layer (proved) and time is left.
+def _coast(segment, steps_left, model, tables, work):
+    """Take linear steps while no contact can reach the edge of its layer (proved) and time is left.
 
     Returns
     -------
@@ -119,18 +131,17 @@ def _coast(segment, layer, steps_left, tables, work):
     """
     key, index, h, tau, end = segment
     x, wide, bounds = work.x, work.wide, work.bounds
-    cosine, sine = tables.rotation[index, 0], tables.rotation[index, 1]
-    n = (x.shape[0] - 3) // 2
+    places = model.contacts.places
     n_steps = 0
     while tau + h < end and n_steps < steps_left:
         product(tables.step, index, x, wide)
         product_of_moduli(tables.bound4, index, x, bounds)
-        for i in range(n):
-            if not is_clear(key, i, h, x, wide, layer, bounds[i]):
+        for k in range(places.shape[0]):
+            if not is_clear(key, k, h, x, wide, model, bounds[places[k, 0]]):
                 return tau, n_steps, True
-        for row in range(2 * n):
+        for row in range(work.z_end.shape[0]):
             x[row] = wide[row]
-        _rotate(x, cosine, sine)
+        rotate_forcing(x, work.z_end.shape[0], tables.rotation, index)
         tau += h
         n_steps += 1
     return tau, n_steps, False
@@ -164,40 +175,42 @@ def _step(segment, known, tables, work):
 
 
 @inlined
-def _end_at_event(segment, floor, bracket, promised, z, amplitude, shared):
-    """End a segment where `floor` passes the stop, or else at the edge of its layer.
+def _end_at_event(segment, contact, bracket, promised, z, amplitude, shared):
+    """End a segment where `contact` passes its stop, or else at the edge of its layer.
 
     `bracket` is that of `first_event`. Without a passage ``work.z_end`` is the state at the end.
     """
     model, work = shared.model, shared.work
     rows, h, tau = work.rows, segment.h, segment.tau
     expand_rows(shared.tables.poly, segment.index, work.x, rows, work.expanded, z.shape[0])
-    edge = layer_edge(segment.key, floor, model.layer)
-    curve = Curve(rows, floor, h)
+    contacts = model.contacts
+    edge = layer_edge(segment.key, contact, model)
+    direction = -1.0 if segment.key & contact_bit(contact) else 1.0
+    curve = Curve(rows, contacts.row[contact], h)
     if bracket.a < bracket.b and bracket.gb >= model.layer:
-        # the floor is at the stop before any other is at its layer
+        # at its stop before any other is at its layer
         a, ga, b, gb = bracket
         through = Bracket(a, ga - model.layer, b, gb - model.layer)
-        at_stop = rising_root(curve, through, Level(edge.sign, STOP))
+        stop = contacts.sign[contact] * contacts.gap[contact]
+        at_stop = rising_root(curve, through, Level(edge.sign, stop))
     else:
         at_edge = rising_root(curve, bracket, edge)
         bracket = Bracket(at_edge, bracket.ga, at_edge, bracket.gb)
-        at_stop = time_at_stop(rows, floor, h, at_edge, edge.sign)
-        floor, at_stop = first_at_stop(floor, at_stop, segment.key, rows, h, z.shape[0] // 2)
+        at_stop = time_at_stop(rows, contact, contacts, h, at_edge, direction)
+        contact, at_stop = first_at_stop(contact, at_stop, segment.key, rows, h, contacts)
     passed = False
-    ground = quadrature = jerk = 0.0
+    jerk = 0.0
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
         evaluate_rows(rows, h, at_stop, z)
-        ground = amplitude * math.sin(model.omega * (tau + at_stop))
-        quadrature = amplitude * math.cos(model.omega * (tau + at_stop))
-        arrival = Arrival(floor, segment.key, tau + at_stop, ground, quadrature)
+        forcing_at(tau + at_stop, amplitude, model, work.forcing, 0)
+        arrival = Arrival(contact, segment.key, tau + at_stop, work.forcing)
         passed, jerk, promised = pass_layer(arrival, z, work.a, promised, amplitude, model)
     if passed:
-        return Ending(at_stop, floor, True, False, ground, quadrature, jerk, promised)
+        return Ending(at_stop, contact, True, False, jerk, promised)
     span = rising_root(curve, bracket, edge)
     beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
     evaluate_rows(rows, h, span, work.z_end)
-    return Ending(span, floor, False, beyond, ground, quadrature, jerk, promised)
+    return Ending(span, contact, False, beyond, jerk, promised)
 
 
 @inlined
@@ -207,13 +220,13 @@ def _segment_tangent(segment, ending, model, tables, work, tangent):
     if ending.passed:
         z = work.z_end
         evaluate_rows(work.rows, segment.h, ending.span, z)
-        z[ending.floor] = STOP
+        contact = ending.contact
+        z[model.contacts.row[contact]] = model.contacts.sign[contact] * model.contacts.gap[contact]
         arrival = Arrival(
-            ending.floor,
-            segment.key ^ floor_bit(ending.floor),
+            contact,
+            segment.key ^ contact_bit(contact),
             segment.tau + ending.span,
-            ending.ground,
-            ending.quadrature,
+            work.forcing,
         )
         passage_tangent(arrival, z, work.a, ending.jerk, model, work.tangent, tangent)
 
@@ -224,7 +237,7 @@ def _observe_segment(segment, span, model, tables, tally, work):
     key, index = segment.key, segment.index
     if key != np.uint64(0):
         tally.contact[0] |= key
-    drift_on_segment(index, work.x, work.z_end, span, tables, tally, work)
+    drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
     if tally.modal_norm and key == np.uint64(0):
         modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
 
@@ -237,18 +250,18 @@ def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
     """
     key, index = segment.key, segment.index
     x = work.x
-    if ending.floor < 0:
+    if ending.contact < 0:
         for i in range(z.shape[0]):
             x[i] = z[i]
         if ending.span == segment.h:
-            _rotate(x, tables.rotation[index, 0], tables.rotation[index, 1])
+            rotate_forcing(x, z.shape[0], tables.rotation, index)
     elif ending.beyond:
-        angle = model.omega * tau
-        _start(x, z, amplitude * math.sin(angle), amplitude * math.cos(angle))
+        forcing_at(tau, amplitude, model, work.forcing, 0)
+        _start(x, z, work.forcing)
     elif ending.passed:
-        key ^= floor_bit(ending.floor)
+        key ^= contact_bit(ending.contact)
         index = table_of(key, model, tables)
-        _start(x, z, ending.ground, ending.quadrature)
+        _start(x, z, work.forcing)
     else:
         index = AT_EDGE if model.rho != math.inf else NO_TABLE
     return key, index
@@ -262,14 +275,14 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
     ----------
     packed : ndarray of bytes
         `shared`, packed.
-    z : ndarray, shape (2n,)
+    z : ndarray, shape (2R,)
         State at tau = 0; on success the state at tau = T, else the last state reached.
     amplitude : float
         A.
     shared : Shared
     tally : Tally or None
         Brought up to date if it is wanted.
-    tangent : ndarray, shape (2n, m), or None
+    tangent : ndarray, shape (2R, m), or None
         Multiplied by the tangent map of the period, in place; none with m = 0. Neither of them is
         None, or both, and then what they need is not compiled.
 
@@ -282,6 +295,8 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
     end = 2.0 * math.pi / model.omega
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
+    if model.rows.shape[0] > 0:
+        _renew_rows(z, tangent, model)
     tau = 0.0
     steps = 0
     index = NO_TABLE
@@ -290,7 +305,7 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
         steps += index != AT_EDGE
         if steps > shared.max_steps:
             return STEP_LIMIT
-        if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model.layer)):
+        if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
             interval = Interval(tau, end, shared.max_steps - steps)
             if tally is None:
                 tau, outcome, used = visit_layer(packed, interval, z, amplitude)
@@ -306,26 +321,26 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
             index = NO_TABLE
             continue
         if index == NO_TABLE:
-            key = contact_key(tau, z, amplitude, model, work.a)
+            key = contact_key(tau, z, amplitude, model, work)
             index = table_of(key, model, tables)
-            angle = model.omega * tau
-            _start(work.x, z, amplitude * math.sin(angle), amplitude * math.cos(angle))
+            forcing_at(tau, amplitude, model, work.forcing, 0)
+            _start(work.x, z, work.forcing)
         segment = Segment(key, index, tables.h[index], tau, end)
         known = False
         if tally is None:
             steps_left = shared.max_steps - steps
-            tau, coasted, known = _coast(segment, model.layer, steps_left, tables, work)
+            tau, coasted, known = _coast(segment, steps_left, model, tables, work)
             segment = Segment(key, index, segment.h, tau, end)
             counts[0] += coasted
             steps += coasted
         counts[0] += 1
         span = _step(segment, known, tables, work)
-        floor, bracket = first_event(segment, span, model.layer, tables.poly, work)
-        if floor == UNDECIDED:
+        contact, bracket = first_event(segment, span, model, tables.poly, work)
+        if contact == UNDECIDED:
             return SOLVER_FAILED
-        ending = Ending(span, floor, False, False, 0.0, 0.0, 0.0, promised)
-        if floor >= 0:
-            ending = _end_at_event(segment, floor, bracket, promised, z, amplitude, shared)
+        ending = Ending(span, contact, False, False, 0.0, promised)
+        if contact >= 0:
+            ending = _end_at_event(segment, contact, bracket, promised, z, amplitude, shared)
             promised = ending.promised
             counts[1] += ending.passed
         if tangent is not None and tangent.shape[1] > 0:

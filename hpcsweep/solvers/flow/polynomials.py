@@ -13,8 +13,8 @@ def expand_rows(poly, index, x, rows, expanded, count):
     ----------
     poly : ndarray
         Of `Tables`.
-    rows : ndarray, shape (2n, N_COEFFICIENTS)
-    expanded : ndarray of bool, shape (2n,)
+    rows : ndarray, shape (2R, N_COEFFICIENTS)
+    expanded : ndarray of bool, shape (2R,)
         Which rows are valid already.
     """
     for row in range(count):

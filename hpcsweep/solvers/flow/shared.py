@@ -26,9 +26,9 @@ class Shared(NamedTuple):
     counts: np.ndarray
     """(4,) int: linear steps, fast passages, layer steps and layer visits so far."""
     previous: np.ndarray
-    """(2n,): workspace for the start of a period."""
+    """(2R,): workspace for the start of a period."""
     no_points: np.ndarray
-    """(0, 2n)"""
+    """(0, 2R)"""
     tolerance: float
     """Local error allowed a step inside a layer, relative to max(1, |z|)."""
     max_steps: int
@@ -41,7 +41,7 @@ class Watch(NamedTuple):
     since: np.ndarray
     """(1,) int: forcing periods since the watch began; with 0 it begins anew."""
     history: np.ndarray
-    """(2 max_period + 1, 2n): the last points, cyclic."""
+    """(2 max_period + 1, 2R): the last points, cyclic."""
     distance: np.ndarray
     """(max_period + 1, max_period + 1): the last e_k of every p (`transient`), cyclic."""
     close: np.ndarray
@@ -50,11 +50,11 @@ class Watch(NamedTuple):
     """... or approached."""
     previous: np.ndarray
     point: np.ndarray
-    """(2n,): start of a step of Newton's method, after a jump the orbit's point."""
+    """(2R,): start of a step of Newton's method, after a jump the orbit's point."""
     taken: np.ndarray
-    """(2n,): where `matrix` was taken."""
+    """(2R,): where `matrix` was taken."""
     matrix: np.ndarray
-    """(2n, 2n): tangent map over an orbit."""
+    """(2R, 2R): tangent map over an orbit."""
     factors: np.ndarray
     left: np.ndarray
     no_tally: Tally
@@ -63,12 +63,13 @@ class Watch(NamedTuple):
     """(0,)"""
 
 
-def new_shared(model: Model, n: int, tolerance: float, max_steps: int) -> Shared:
-    """Allocate tables and workspace for a structure of n floors."""
+def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
+    """Allocate tables and workspace for a structure."""
+    n = model.stiffness.shape[0]
     return Shared(
         model=model,
-        tables=empty_tables(n),
-        work=new_workspace(n),
+        tables=empty_tables(model),
+        work=new_workspace(model),
         counts=np.zeros(4, np.int64),
         previous=np.empty(2 * n),
         no_points=np.empty((0, 2 * n)),
@@ -78,7 +79,7 @@ def new_shared(model: Model, n: int, tolerance: float, max_steps: int) -> Shared
 
 
 def new_watch(n: int, max_period: int) -> Watch:
-    """Allocate the workspace for n floors and orbits of up to `max_period` forcing periods."""
+    """Allocate the workspace for n rows of displacements and orbits of up to `max_period` forcing periods."""
     size = 2 * n
     ring = max_period + 1
     return Watch(
@@ -99,6 +100,6 @@ def new_watch(n: int, max_period: int) -> Watch:
 
 
 # of any structure: the types are the same for all
-SHARED = Packing(new_shared(kernel_model(Structure(1), 1.0), 1, 0.0, 0))
+SHARED = Packing(new_shared(kernel_model(Structure(1), 1.0), 0.0, 0))
 WATCH = Packing(new_watch(1, 1))
 read_shared, read_watch = SHARED.read, WATCH.read

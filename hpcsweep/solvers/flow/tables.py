@@ -1,17 +1,19 @@
 """Exact propagators of the linear motion between contact changes, one table a contact set.
 
-While no floor is inside its contact layer the sigmoid is 0 or 1 to rounding, and with the set c
-of floors in contact (c_i in {0, 1}) the motion is linear with constant coefficients::
+While no contact is inside its layer the sigmoid is 0 or 1 to rounding, and with the set c of
+contacts that touch (c_k in {0, 1}) the motion is linear with constant coefficients (symbols as in
+`hpcsweep.model.kernel_model`)::
 
-    u'' + D u' + (K + beta diag(c)) u = beta c - 1 A sin(Omega tau),      D = 2 gamma C
+    u'' + D u' + (K + sum_k c_k beta_k e_k d_k^T) u = sum_k c_k beta_k g_k e_k + f G(tau)
 
-With the augmented state x = (u, v, A sin(Omega tau), A cos(Omega tau), 1), shape (N,) with
-N = 2n + 3, it is x' = M x, and M depends on c but not on A. A table holds, for one set,
+With the augmented state x = (y, y', s_1, c_1, .., s_H, c_H, 1), shape (N,) with N = 2 R + 2 H + 1
+and s_h, c_h = A a_h (sin, cos)(h Omega tau + phi_h), it is x' = M x, and M depends on c but not on
+A. Rows beyond n are outputs: y = E u. A table holds, for one set,
 
 - ``step``: exp(M h), the propagator over one full step h;
 - ``poly``: exp(M s), 0 <= s <= h, as polynomials in sigma = 2 s / h - 1 of degree `DEGREE`;
-- ``bound4``: a bound of |u_i''''| on the step, linear in |x|, which proves that a floor does not
-  reach the stop (see `search`).
+- ``bound4``: a bound of |y_i''''| on the step, linear in |x|, which proves that no contact is
+  reached (see `search`).
 
 Size of the step. theta = h max(|lambda(M)|) is at most `THETA`. The Chebyshev coefficients of
 exp(i theta sigma / 2) are Bessel functions, |c_k| = 2 |J_k(theta / 2)| <= 2 (theta/4)^k / k!,
@@ -41,7 +43,7 @@ from hpcsweep.kernels.vectors import (
     modulus,
     store,
 )
-from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 
 DEGREE = 15
@@ -80,17 +82,17 @@ class Tables(NamedTuple):
     keys: np.ndarray
     h: np.ndarray
     step: np.ndarray
-    """(MAX_TABLES, N, padded 2n): column k of exp(M h), its first 2n rows, contiguous; rows are
+    """(MAX_TABLES, N, padded 2R): column k of exp(M h), its first 2R rows, contiguous; rows are
     padded with zeros to a multiple of `LANES`."""
     poly: np.ndarray
-    """(MAX_TABLES, 2n, N, N_COEFFICIENTS)"""
+    """(MAX_TABLES, 2R, N, N_COEFFICIENTS)"""
     columns: np.ndarray
-    """(MAX_TABLES, N_COEFFICIENTS, 2n, padded 2n): the same once more, without the forcing, by
+    """(MAX_TABLES, N_COEFFICIENTS, 2R, padded 2R): the same once more, without the forcing, by
     coefficient, column, then row."""
     bound4: np.ndarray
-    """(MAX_TABLES, N, padded n): column k bounds the fourth derivatives per |x_k|."""
+    """(MAX_TABLES, N, padded R): column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray
-    """(MAX_TABLES, 2): cos and sin of Omega h."""
+    """(MAX_TABLES, 2 H): cos and sin of h Omega times the step, for each harmonic."""
     modal: np.ndarray
     """(1, N, padded n N_MODAL): the modal coordinates at the nodes `MODAL_NODES` of a step of free
     flight, column k per x_k, rows by mode, then node."""
@@ -101,10 +103,12 @@ def padded(n: int) -> int:
     return -(-n // LANES) * LANES
 
 
-def empty_tables(n: int) -> Tables:
-    """Allocate the tables of n floors at one frequency; pages are touched when used."""
-    capacity = min(2**n, MAX_TABLES)
-    size = 2 * n + 3
+def empty_tables(model: Model) -> Tables:
+    """Allocate the tables of a structure at one frequency; pages are touched when used."""
+    capacity = min(2 ** model.contacts.row.size, MAX_TABLES)
+    n, n_harmonics = model.stiffness.shape[0], model.harmonics.shape[0]
+    n_modes = model.modal_transform.shape[0]
+    size = 2 * n + 2 * n_harmonics + 1
     return Tables(
         count=np.zeros(1, dtype=np.int64),
         keys=np.zeros(capacity, dtype=np.uint64),
@@ -113,12 +117,13 @@ def empty_tables(n: int) -> Tables:
         poly=aligned_zeros(capacity, 2 * n, size, N_COEFFICIENTS),
         columns=aligned_zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
         bound4=aligned_zeros(capacity, size, padded(n)),
-        rotation=np.empty((capacity, 2)),
-        modal=aligned_zeros(1, size, padded(n * N_MODAL)),
+        rotation=np.empty((capacity, 2 * n_harmonics)),
+        modal=aligned_zeros(1, size, padded(n_modes * N_MODAL)),
     )
 
 
-MODEL, TABLES = type_of(kernel_model(Structure(1), 1.0)), type_of(empty_tables(1))
+_EXAMPLE = kernel_model(Structure(1), 1.0)
+MODEL, TABLES = type_of(_EXAMPLE), type_of(empty_tables(_EXAMPLE))
 """The same for structures of any size."""
 
 
@@ -133,7 +138,7 @@ def table_of(key, model, tables):
 
 @separate(INT, KEY, MODEL, TABLES, counted=True)
 def lookup(key, model, tables):
-    """Return the index of the table of contact set `key` (bit i = floor i + 1), building it once.
+    """Return the index of the table of contact set `key`, building it once.
 
     Parameters
     ----------
@@ -154,21 +159,35 @@ def lookup(key, model, tables):
 
 @jit
 def _generator(key, model, scale, out):
-    """Write M with velocities and forcing measured in units of `scale` into `out`, (N, N)."""
-    n = model.stiffness.shape[0]
+    """Write M of the coordinates u into `out`, (2n + 2H + 1, the same), balanced.
+
+    Displacements are measured in units of ``model.balance``, velocities in these times `scale`, and
+    the forcing in units of `scale`.
+    """
+    n = model.modal_transform.shape[0]
+    contacts, unit = model.contacts, model.balance
+    last = out.shape[0] - 1
     out[:] = 0.0
     for i in range(n):
-        touching = (key >> np.uint64(i)) & np.uint64(1)
         out[i, n + i] = scale
         for j in range(n):
-            out[n + i, j] = -model.stiffness[i, j] / scale
-            out[n + i, n + j] = -model.damping[i, j]
-        out[n + i, 2 * n] = -1.0
-        if touching:
-            out[n + i, i] -= model.beta / scale
-            out[n + i, 2 * n + 2] = model.beta / scale
-    out[2 * n, 2 * n + 1] = model.omega
-    out[2 * n + 1, 2 * n] = -model.omega
+            ratio = unit[j] / unit[i]
+            out[n + i, j] = -model.stiffness[i, j] * ratio / scale
+            out[n + i, n + j] = -model.damping[i, j] * ratio
+        for h in range(2 * n, last, 2):
+            out[n + i, h] = model.forcing[i] / unit[i]
+    for k in range(contacts.row.shape[0]):
+        if (key >> np.uint64(k)) & np.uint64(1):
+            for i in range(n):
+                push = contacts.beta[k] * contacts.kick[k, i] / (unit[i] * scale)
+                if push != 0.0:
+                    for j in range(n):
+                        out[n + i, j] -= push * contacts.reach[k, j] * unit[j]
+                    out[n + i, last] += push * contacts.gap[k]
+    for h in range(model.harmonics.shape[0]):
+        at = 2 * n + 2 * h
+        out[at, at + 1] = model.harmonics[h, 0] * model.omega
+        out[at + 1, at] = -model.harmonics[h, 0] * model.omega
     return out
 
 
@@ -176,30 +195,41 @@ def _generator(key, model, scale, out):
 def _spectral_bound(key, model):
     """Bound the moduli of the eigenvalues of M.
 
-    For an eigenvector with displacements q, |q| = 1, lambda^2 + d lambda + k = 0 with d = q* D q
-    and k = q* (K + beta diag(c)) q. If the roots are complex |lambda|^2 = k, if not |lambda| <= d.
+    For an eigenvector with displacements q, q* M q = 1, lambda^2 + d lambda + k = 0 with d = q* C q
+    and k = q* (K + contacts) q. If the roots are complex |lambda|^2 = k, if not |lambda| <= d.
     """
-    contact = model.stiffness.copy()
-    for i in range(contact.shape[0]):
-        if (key >> np.uint64(i)) & np.uint64(1):
-            contact[i, i] += model.beta
+    energy = model.energy
+    contact = energy.stiffness.copy()
+    n = contact.shape[0]
+    for k in range(energy.kappa.shape[0]):
+        if (key >> np.uint64(k)) & np.uint64(1):
+            for i in range(n):
+                for j in range(n):
+                    contact[i, j] += energy.kappa[k] * energy.reach[k, i] * energy.reach[k, j]
     hardest = math.sqrt(np.linalg.eigvalsh(contact)[-1])
-    return max(hardest, max(np.linalg.eigvalsh(model.damping)[-1], model.omega))
+    fastest = model.omega
+    for h in range(model.harmonics.shape[0]):
+        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
+    return max(hardest, max(energy.drag, fastest))
 
 
 @jit
 def _build(key, model, tables, index):
     """Fill table `index` with the propagators of contact set `key`."""
-    n = model.stiffness.shape[0]
-    size = 2 * n + 3
-    scale = np.sqrt(model.stiffness_bound + (model.beta if key != np.uint64(0) else 0.0))
+    n = model.modal_transform.shape[0]
+    n_rows = model.stiffness.shape[0]
+    n_forcing = 2 * model.harmonics.shape[0]
+    size = 2 * n + n_forcing + 1
+    scale = np.sqrt(model.stiffness_bound + (model.hardest if key != np.uint64(0) else 0.0))
     generator = np.empty((size, size))
     _generator(key, model, scale, generator)
     radius = _spectral_bound(key, model)
     h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
     tables.h[index] = h
-    tables.rotation[index, 0] = np.cos(model.omega * h)
-    tables.rotation[index, 1] = np.sin(model.omega * h)
+    for k in range(n_forcing // 2):
+        angle = model.harmonics[k, 0] * model.omega * h
+        tables.rotation[index, 2 * k] = np.cos(angle)
+        tables.rotation[index, 2 * k + 1] = np.sin(angle)
 
     half = np.eye(size)
     term = np.eye(size)
@@ -208,40 +238,67 @@ def _build(key, model, tables, index):
         half += term
     full = np.dot(half, half)
 
-    # x in physical units: u, s * v, s * forcing, 1 with s = scale
+    # x in the units of the model: balance for u, times s for v, s * forcing, 1 with s = scale
     unit = np.ones(size)
-    unit[n : 2 * n + 2] = scale
+    unit[2 * n : size - 1] = scale
+    for i in range(n):
+        unit[i] = model.balance[i]
+        unit[n + i] = model.balance[i] * scale
+    # where a column of the base lies among those of all rows
+    places = np.arange(size)
+    places[n:] += n_rows - n
+    places[2 * n :] += n_rows - n
     for k in range(size):
-        for row in range(2 * n):
-            tables.step[index, k, row] = full[row, k] * unit[row] / unit[k]
+        _write_rows(full[:, k], unit, k, model, tables.step[index, places[k]])
     poly = tables.poly[index]
     poly[:] = 0.0
     term = half
+    rows = np.empty(2 * n_rows)
     for k in range(TAYLOR + 1):
         if k > 0:
             term = np.dot(generator, term) * (0.5 * h / k)
-        for row in range(2 * n):
-            for column in range(size):
-                entry = term[row, column] * unit[row] / unit[column]
-                place = (row * size + column) * N_COEFFICIENTS
+        for column in range(size):
+            _write_rows(term[:, column], unit, column, model, rows)
+            for row in range(2 * n_rows):
+                place = (row * poly.shape[1] + places[column]) * N_COEFFICIENTS
                 for p in range(0, N_COEFFICIENTS, LANES):
-                    more = load(ECONOMISATION, k * N_COEFFICIENTS + p) * entry
+                    more = load(ECONOMISATION, k * N_COEFFICIENTS + p) * rows[row]
                     store(poly, place + p, load(poly, place + p) + more)
     for p in range(N_COEFFICIENTS):
-        for column in range(2 * n):
-            for row in range(2 * n):
+        for column in range(2 * n_rows):
+            for row in range(2 * n_rows):
                 tables.columns[index, p, column, row] = poly[row, column, p]
     if key == np.uint64(0):
         _build_modal(model, poly, tables.modal)
-    for row in range(n):
-        for column in range(size):
+    for row in range(n_rows):
+        for column in range(poly.shape[1]):
             tables.bound4[index, column, row] = _max_fourth_derivative(poly[row, column], h)
+
+
+@jit
+def _write_rows(entries, unit, column, model, out):
+    """Write a balanced column of the base as one of all rows, in the units of the model."""
+    n = model.modal_transform.shape[0]
+    n_rows = model.stiffness.shape[0]
+    for i in range(n):
+        out[i] = entries[i] * unit[i] / unit[column]
+        out[n_rows + i] = entries[n + i] * unit[n + i] / unit[column]
+    for extra in range(n_rows - n):
+        value, slope = 0.0, 0.0
+        for j in range(n):
+            value += model.rows[extra, j] * out[j]
+            slope += model.rows[extra, j] * out[n_rows + j]
+        out[n + extra] = value
+        out[n_rows + n + extra] = slope
 
 
 @kernel
 def _build_modal(model, poly, modal):
-    """Fill the table of modal coordinates from the polynomials of free flight."""
-    n = model.stiffness.shape[0]
+    """Fill the table of modal coordinates from the polynomials of free flight.
+
+    The modes ask for no row beyond n.
+    """
+    n = model.modal_transform.shape[0]
     for column in range(modal.shape[1]):
         for node in range(N_MODAL):
             for i in range(n):

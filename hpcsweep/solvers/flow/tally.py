@@ -14,11 +14,11 @@ class Tally(NamedTuple):
     """What is gathered over a window, and what is asked for."""
 
     contact: np.ndarray
-    """(1,) uint64: bit i - 1 is set once u_i >= 1."""
+    """(1,) uint64: bit k is set once contact k has touched."""
     peak_drift: np.ndarray
     """(1,)"""
     free_time: np.ndarray
-    """(1,): time in which no floor touched."""
+    """(1,): time in which nothing touched."""
     modal: np.ndarray
     """(n,): integral of |q_j| / ||q|| over that time."""
     modal_norm: bool
@@ -27,7 +27,7 @@ class Tally(NamedTuple):
 
 
 def empty_tally(n: int, modal_norm: bool = False, wanted: bool = True) -> Tally:
-    """Make a tally for n floors."""
+    """Make a tally for n modes."""
     return Tally(
         np.zeros(1, np.uint64),
         np.zeros(1),

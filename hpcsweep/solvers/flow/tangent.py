@@ -5,10 +5,10 @@ segment of `period` give
 
 - linear: exp(M s), from the tables;
 - fast passage: the kick k(z, tau) of `crossing` is applied where the linear motion reaches the
-  stop, at a time that moves by dt = -du_f / v_f with the state. With the fields f_- before and
+  stop, at a time that moves by dt = -dx / v with the distance x past it, v its speed. With the fields f_- before and
   f_+ after it::
 
-      S = I + Dk - (Dk f_- + dk/dtau - M_+ k) e_f^T / v_f,        f_+(z + k) - f_-(z) = M_+ k
+      S = I + Dk - (Dk f_- + dk/dtau - M_+ k) dx^T / v,        f_+(z + k) - f_-(z) = M_+ k
 
   The kick depends on z through the speed v and the acceleration a (and through the jerk, so little
   that it is left out). Its moments are sums over nodes X of c t^k / w, with w(X)^2 of `crossing`
@@ -36,11 +36,11 @@ class TangentWorkspace(NamedTuple):
 
     Attributes
     ----------
-    propagator : ndarray, shape (2n, padded 2n)
+    propagator : ndarray, shape (2R, padded 2R)
         By columns.
     powers : ndarray, shape (N_COEFFICIENTS,)
-    column, product : ndarray, shape (padded 2n,)
-    kicks : ndarray, shape (4, 2n)
+    column, product : ndarray, shape (padded 2R,)
+    kicks : ndarray, shape (4, 2R)
     """
 
     propagator: np.ndarray
@@ -51,7 +51,7 @@ class TangentWorkspace(NamedTuple):
 
 
 def new_tangent_workspace(n: int) -> TangentWorkspace:
-    """Allocate the workspace for n floors."""
+    """Allocate the workspace for n rows of displacements."""
     rows = padded(2 * n)
     return TangentWorkspace(
         aligned_zeros(2 * n, rows),
@@ -71,7 +71,7 @@ def linear_tangent(tables, index, s, tangent, work):
     tables : Tables
     index : int
     s : float
-    tangent : ndarray, shape (2n, m)
+    tangent : ndarray, shape (2R, m)
     work : TangentWorkspace
     """
     size = tangent.shape[0]
@@ -170,49 +170,61 @@ def passage_tangent(arrival, z, a, jerk, model, work, tangent):
     ----------
     arrival : Arrival
         Its `key` is the contact set after the passage.
-    z : ndarray, shape (2n,)
+    z : ndarray, shape (2R,)
         State at the stop before the kick.
-    a : ndarray, shape (n,)
-        Accelerations there without the contact force of the floor.
+    a : ndarray, shape (R,)
+        Accelerations there without the force of the contact.
     jerk : float
-        Their derivative for the floor.
+        Their derivative in its row.
     work : TangentWorkspace
-    tangent : ndarray, shape (2n, m)
+    tangent : ndarray, shape (2R, m)
     """
-    if model.rho == math.inf or model.beta == 0.0:
+    contact, key_after = arrival.contact, arrival.key
+    contacts = model.contacts
+    beta, rho = contacts.beta[contact], model.rho
+    if rho == math.inf or beta == 0.0:
         return
-    floor, key_after = arrival.floor, arrival.key
     stiffness, damping = model.stiffness, model.damping
     n = stiffness.shape[0]
-    v = z[n + floor]
-    beta, rho = model.beta, model.rho
-    free = _differentiated(-1.0, v, a[floor], jerk, beta, rho)
-    contact = _differentiated(1.0, v, a[floor], jerk, beta, rho)
+    row, sign = contacts.row[contact], contacts.sign[contact]
+    v, pushed_by, bend = sign * z[n + row], sign * a[row], sign * jerk
+    free = _differentiated(-1.0, v, pushed_by, bend, beta, rho)
+    inside = _differentiated(1.0, v, pushed_by, bend, beta, rho)
     kicks = work.kicks
     kicks[:] = 0.0
-    for row in range(3):
-        add_kick(sums(free[row], contact[row]), floor, model, kicks[row])
+    for which in range(3):
+        add_kick(sums(free[which], inside[which]), contact, key_after, model, kicks[which])
     kick, by_speed, by_acceleration, drift = kicks[0], kicks[1], kicks[2], kicks[3]
-    # along f_- the speed changes by a and the acceleration by the jerk
+    # along f_- the speed changes by a and the acceleration by the jerk; less M_+ k
     for i in range(n):
-        force = 0.0
-        if (key_after >> np.uint64(i)) & np.uint64(1):
-            force = beta * kick[i]
+        drift[i] = -kick[n + i]
+        drift[n + i] = 0.0
+    for k in range(contacts.row.shape[0]):
+        if (key_after >> np.uint64(k)) & np.uint64(1):
+            force = contacts.beta[k] * contacts.sign[k] * kick[contacts.row[k]]
+            for p in range(contacts.first[k], contacts.first[k + 1]):
+                drift[n + contacts.push_row[p]] += contacts.push[p] * force
+    for i in range(n):
+        force = drift[n + i]
         for j in range(n):
             force += stiffness[i, j] * kick[j] + damping[i, j] * kick[n + j]
-        # less M_+ k
-        drift[i] = -kick[n + i]
         drift[n + i] = force
-    for row in range(2 * n):
-        drift[row] += by_speed[row] * a[floor] + by_acceleration[row] * jerk
+    for i in range(2 * n):
+        drift[i] += by_speed[i] * pushed_by + by_acceleration[i] * bend
     for column in range(tangent.shape[1]):
-        later = tangent[floor, column] / v
-        faster = tangent[n + floor, column]
+        later = sign * tangent[row, column] / v
+        faster = sign * tangent[n + row, column]
         pushed = 0.0
         for j in range(n):
-            pushed -= stiffness[floor, j] * tangent[j, column]
-            pushed -= damping[floor, j] * tangent[n + j, column]
-        for row in range(2 * n):
-            tangent[row, column] += (
-                by_speed[row] * faster + by_acceleration[row] * pushed - drift[row] * later
+            pushed -= stiffness[row, j] * tangent[j, column]
+            pushed -= damping[row, j] * tangent[n + j, column]
+        pushed *= sign
+        if contacts.is_oblique:
+            for k in range(contacts.row.shape[0]):
+                if k != contact and (key_after >> np.uint64(k)) & np.uint64(1):
+                    stretched = contacts.sign[k] * tangent[contacts.row[k], column]
+                    pushed -= contacts.oblique[contact, k] * contacts.beta[k] * stretched
+        for i in range(2 * n):
+            tangent[i, column] += (
+                by_speed[i] * faster + by_acceleration[i] * pushed - drift[i] * later
             )

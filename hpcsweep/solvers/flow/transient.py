@@ -128,7 +128,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     ----------
     shared, watch : ndarray of bytes
         A packed `Shared` and a packed `Watch`.
-    z : ndarray, shape (2n,)
+    z : ndarray, shape (2R,)
         Changed in place; after a jump the point of the orbit.
     closing : tuple
         The values of a `Closing`, as a plain tuple: numba takes 0.2 us to look into that and 1 us

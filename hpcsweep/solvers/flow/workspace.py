@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.vectors import LANES, aligned_zeros
+from hpcsweep.model.kernel_model import Model
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.workspace import LayerWorkspace, new_layer_workspace
 from hpcsweep.solvers.flow.search import MAX_DEPTH
@@ -18,11 +19,11 @@ class Workspace(NamedTuple):
     x: np.ndarray
     z_end: np.ndarray
     wide: np.ndarray
-    """Padded 2n: the end of a step."""
+    """Padded 2R: the end of a step."""
     bounds: np.ndarray
-    """Padded n: bounds of the fourth derivatives on a step."""
+    """Padded R: bounds of the fourth derivatives on a step."""
     rows: np.ndarray
-    """(2n, N_COEFFICIENTS): polynomials of the present step, valid where `expanded`."""
+    """(2R, N_COEFFICIENTS): polynomials of the present step, valid where `expanded`."""
     expanded: np.ndarray
     drift_rows: np.ndarray
     modal_rows: np.ndarray
@@ -34,6 +35,8 @@ class Workspace(NamedTuple):
     """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
     modal_summary: np.ndarray
     """(LANES,): see `modal_norm.SUMMARY`."""
+    forcing: np.ndarray
+    """(2 H,): pairs of sine and cosine, see `forcing`."""
     ways: np.ndarray
     stack: np.ndarray
     a: np.ndarray
@@ -45,28 +48,31 @@ class Workspace(NamedTuple):
     stage_a: np.ndarray
 
 
-def new_workspace(n: int) -> Workspace:
-    """Allocate the workspace for n floors."""
+def new_workspace(model: Model) -> Workspace:
+    """Allocate the workspace for a structure."""
+    n, n_modes = model.stiffness.shape[0], model.modal_transform.shape[0]
+    n_forcing = 2 * model.harmonics.shape[0]
     return Workspace(
-        x=aligned_zeros(2 * n + 3),
+        x=aligned_zeros(2 * n + n_forcing + 1),
         z_end=np.zeros(2 * n),
         wide=aligned_zeros(padded(2 * n)),
         bounds=aligned_zeros(padded(n)),
         rows=aligned_zeros(2 * n, N_COEFFICIENTS),
         expanded=np.zeros(2 * n, np.bool_),
         drift_rows=aligned_zeros(1, N_COEFFICIENTS),
-        modal_rows=aligned_zeros(n, N_COEFFICIENTS),
-        modal_nodes=aligned_zeros(padded(n * N_MODAL)),
-        modal_part=aligned_zeros(n),
+        modal_rows=aligned_zeros(n_modes, N_COEFFICIENTS),
+        modal_nodes=aligned_zeros(padded(n_modes * N_MODAL)),
+        modal_part=aligned_zeros(n_modes),
         modal_series=aligned_zeros(N_MODAL),
         modal_powers=aligned_zeros(N_COEFFICIENTS, N_MODAL),
         modal_summary=aligned_zeros(LANES),
+        forcing=np.zeros(n_forcing),
         ways=np.zeros(n),
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
         a_end=np.zeros(n),
         tangent=new_tangent_workspace(n),
-        layer=new_layer_workspace(n),
+        layer=new_layer_workspace(n, model.contacts.row.size),
         stage_u=np.zeros(N_STAGES),
         stage_v=np.zeros(N_STAGES),
         stage_a=np.zeros(N_STAGES),

@@ -2,7 +2,7 @@
 
 What a layer integrator must supply
 -----------------------------------
-A visit, `visit.visit_layer`, takes steps from the edge of a layer until no floor is inside one. It
+A visit, `visit.visit_layer`, takes steps from the edge of a layer until no contact is inside one. It
 asks five things of the scheme, which is Gauss collocation here and can be another:
 
 - step: `scheme.collocate` takes a step of length h from a state and its accelerations and leaves

@@ -4,7 +4,6 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, combine, fma, load, maximum, modulus, root, total
-from hpcsweep.model.contact import STOP
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.modal_norm import TINY
 from hpcsweep.solvers.flow.tables import ZERO
@@ -19,7 +18,8 @@ def observe_layer_step(h, z0, z1, model, tally, work):
     d^6 / 46080 |u^(6)|, d the short distance between stages. ``work.a`` and ``work.a_end`` hold the
     accelerations at the ends.
     """
-    n = tally.modal.shape[0]
+    n = model.stiffness.shape[0]
+    contacts = model.contacts
     stage = work.layer
     ways = work.ways
     touching = False
@@ -28,28 +28,31 @@ def observe_layer_step(h, z0, z1, model, tally, work):
         hardest = max(hardest, maximum(modulus(load(stage.g, i * N_STAGES))))
         # at most, were the acceleration between the stages twice what it is at any of them
         ways[i] = h * (abs(z0[n + i]) + 2.0 * h * hardest)
-        bit = np.uint64(1) << np.uint64(i)
-        if z0[i] >= STOP or z1[i] >= STOP:
+    for k in range(contacts.row.shape[0]):
+        i, sign, gap = contacts.row[k], contacts.sign[k], contacts.gap[k]
+        bit = np.uint64(1) << np.uint64(k)
+        if sign * z0[i] >= gap or sign * z1[i] >= gap:
             tally.contact[0] |= bit
             touching = True
-        elif tally.contact[0] & bit == np.uint64(0) and z0[i] + ways[i] >= STOP:
-            start, end = (z0[i], z0[n + i], work.a[i]), (z1[i], z1[n + i], work.a_end[i])
-            if _highest(h, start, end, stage.u[i], stage.v[i], stage.g[i]) >= STOP:
+        elif tally.contact[0] & bit == np.uint64(0) and sign * z0[i] + ways[i] >= gap:
+            if _highest_of(h, i, -1, sign, z0, z1, n, work) >= gap:
                 tally.contact[0] |= bit
-    for i in range(n):
+    for d in range(model.drift_rows.shape[0]):
+        i, below = model.drift_rows[d]
         drift, way = z0[i], ways[i]
-        if i > 0:
-            drift, way = drift - z0[i - 1], way + ways[i - 1]
+        if below >= 0:
+            drift, way = drift - z0[below], way + ways[below]
         for sign in (1.0, -1.0):
             if sign * drift + way > tally.peak_drift[0]:
-                peak = _highest_drift(h, i, sign, z0, z1, n, work)
+                peak = _highest_of(h, i, below, sign, z0, z1, n, work)
                 tally.peak_drift[0] = max(tally.peak_drift[0], peak)
     if tally.modal_norm:
-        share = _free_share(z0, z1, n) if touching else 1.0
+        modes = tally.modal.shape[0]
+        share = _free_share(z0, z1, contacts) if touching else 1.0
         if share > 0.0:
             tally.free_time[0] += share * h
             q = work.modal_nodes
-            for j in range(n):
+            for j in range(modes):
                 combine(
                     q,
                     j * LANES,
@@ -61,23 +64,23 @@ def observe_layer_step(h, z0, z1, model, tally, work):
                     N_STAGES,
                     model.modal_transform,
                     j * n,
-                    n,
+                    modes,
                 )
             square = load(q, 0) * load(q, 0) + TINY
-            for j in range(1, n):
+            for j in range(1, modes):
                 square = fma(load(q, j * LANES), load(q, j * LANES), square)
             weight = load(WEIGHTS, 0) / root(square)
-            for j in range(n):
+            for j in range(modes):
                 tally.modal[j] += share * h * total(weight * modulus(load(q, j * LANES)))
 
 
 @kernel
-def _free_share(z0, z1, n):
-    """Share of a step in which no floor touches, where one begins or ends touching in it."""
+def _free_share(z0, z1, contacts):
+    """Share of a step in which nothing touches, where a contact begins or ends touching in it."""
     share = 1.0
-    for i in range(n):
-        x0 = z0[i] - STOP
-        x1 = z1[i] - STOP
+    for k in range(contacts.row.shape[0]):
+        x0 = contacts.sign[k] * z0[contacts.row[k]] - contacts.gap[k]
+        x1 = contacts.sign[k] * z1[contacts.row[k]] - contacts.gap[k]
         if x0 >= 0.0 and x1 >= 0.0:
             return 0.0
         if x0 < 0.0 <= x1:
@@ -88,20 +91,19 @@ def _free_share(z0, z1, n):
 
 
 @kernel
-def _highest_drift(h, i, sign, z0, z1, n, work):
-    """Find the largest value of sign (u_i - u_(i-1)) over a layer step."""
-    below = i - 1
+def _highest_of(h, i, below, sign, z0, z1, n, work):
+    """Find the largest value of sign (y_i - y_below) over a layer step; of sign y_i if that is -1."""
     stage = work.layer
     for k in range(N_STAGES):
         u, v, g = stage.u[i, k], stage.v[i, k], stage.g[i, k]
-        if i > 0:
+        if below >= 0:
             u, v, g = u - stage.u[below, k], v - stage.v[below, k], g - stage.g[below, k]
         work.stage_u[k] = sign * u
         work.stage_v[k] = sign * v
         work.stage_a[k] = sign * g
     d0, v0, a0 = z0[i], z0[n + i], work.a[i]
     d1, v1, a1 = z1[i], z1[n + i], work.a_end[i]
-    if i > 0:
+    if below >= 0:
         d0, v0, a0 = d0 - z0[below], v0 - z0[n + below], a0 - work.a[below]
         d1, v1, a1 = d1 - z1[below], v1 - z1[n + below], a1 - work.a_end[below]
     return _highest(

@@ -20,7 +20,8 @@ import math
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, fma, greatest, load, maximum, modulus, store, total
-from hpcsweep.model.contact import FAR, STOP, contact_force, contact_forces, less_contact_forces
+from hpcsweep.model.contact import FAR, contact_force, contact_forces, less_contact_forces
+from hpcsweep.solvers.flow.forcing import SHORT_ANGLE
 from hpcsweep.solvers.flow.layer.tableau import (
     ADDED_SLOPE,
     CHECK_ADDED,
@@ -37,8 +38,6 @@ from hpcsweep.solvers.flow.layer.tableau import (
     WEIGHTS,
 )
 
-SHORT_ANGLE = 0.03
-"""Omega h up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
 MAX_ITERATIONS = 40
 UNCHECKED = 1e-9
 """Relative error from which on the iteration is looked at."""
@@ -63,68 +62,79 @@ def _stage_accelerations(u, v, ground, active, model, out):
 
     Parameters
     ----------
-    u, v, out : ndarray, shape (n, N_STAGES)
+    u, v, out : ndarray, shape (R, N_STAGES)
     ground : ndarray, shape (N_STAGES,)
-        Minus the ground acceleration at the stages.
-    active : ndarray of int, shape (n,)
-        0 or 1 where the sigmoid is that on the whole step, 2 where it has to be evaluated.
+        The forcing at the stages.
+    active : ndarray of int, shape (m,)
+        0 or 1 where the sigmoid of a contact is that on the whole step, 2 where it has to be
+        evaluated.
     """
+    contacts = model.contacts
     for i in range(u.shape[0]):
-        row = i * N_STAGES
-        force = less_linear(load(ground, 0), i, u, v, model)
-        if active[i] == 1:
-            force = fma(STOP - load(u, row), model.beta, force)
-        elif active[i] == 2:
-            force = less_contact_forces(force, load(u, row) - STOP, model.beta, model.rho)
-        store(out, row, force)
+        force = less_linear(load(ground, 0) * model.forcing[i], i, u, v, model)
+        k = contacts.solo[i]
+        if k >= 0 and active[k] > 0:
+            x = distances(k, u, contacts)
+            stiff = contacts.beta[k] * contacts.sign[k]
+            if active[k] == 1:
+                force = fma(x, -stiff, force)
+            else:
+                force = less_contact_forces(force, x, stiff, model.rho)
+        store(out, i * N_STAGES, force)
+    for other in range(contacts.others.shape[0]):
+        k = contacts.others[other]
+        if active[k] == 0:
+            continue
+        x = distances(k, u, contacts)
+        for p in range(contacts.first[k], contacts.first[k + 1]):
+            row = contacts.push_row[p] * N_STAGES
+            stiff = contacts.beta[k] * contacts.push[p]
+            if active[k] == 1:
+                force = fma(x, -stiff, load(out, row))
+            else:
+                force = less_contact_forces(load(out, row), x, stiff, model.rho)
+            store(out, row, force)
 
 
 @inlined
-def forcing_at(tau, amplitude, omega):
-    """Give A, A sin(Omega tau) and A cos(Omega tau)."""
-    return amplitude, amplitude * math.sin(omega * tau), amplitude * math.cos(omega * tau)
+def distances(k, u, contacts):
+    """Give the distance of contact k past its stop at all stages."""
+    return fma(load(u, contacts.row[k] * N_STAGES), contacts.sign[k], -contacts.gap[k])
 
 
 @inlined
-def later_forcing(tau, h, forcing, omega):
-    """Give `forcing_at` the end tau of a step h from that at its start, rounding added up."""
-    amplitude, sine, cosine = forcing
-    s = omega * h
-    if s > SHORT_ANGLE:
-        return forcing_at(tau, amplitude, omega)
-    q = s * s
-    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
-    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
-    return amplitude, fma(s, cosine, c * sine), fma(-s, sine, c * cosine)
-
-
-@inlined
-def _ground(tau, h, forcing, omega, out):
-    """Write -A sin(Omega t) at the stages into `out`; short steps by the addition theorem."""
-    amplitude, sine, cosine = forcing
-    angle = omega * h
-    if angle > SHORT_ANGLE:
-        for j in range(N_STAGES):
-            out[j] = -amplitude * math.sin(omega * (tau + NODES[j] * h))
-        return
-    s = load(NODES, 0) * angle
-    q = s * s
-    s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
-    c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
-    store(out, 0, fma(s, -cosine, -sine * c))
+def _forcing_at_stages(tau, h, amplitude, pairs, model, out):
+    """Write G at the stages into `out`; short steps by the addition theorem."""
+    for k in range(model.harmonics.shape[0]):
+        rate = model.harmonics[k, 0] * model.omega
+        angle = rate * h
+        if angle > SHORT_ANGLE:
+            size, phase = amplitude * model.harmonics[k, 1], model.harmonics[k, 2]
+            for j in range(N_STAGES):
+                value = size * math.sin(rate * (tau + NODES[j] * h) + phase)
+                out[j] = value if k == 0 else out[j] + value
+            continue
+        s = load(NODES, 0) * angle
+        q = s * s
+        s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+        c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+        values = fma(s, pairs[2 * k + 1], c * pairs[2 * k])
+        store(out, 0, values if k == 0 else load(out, 0) + values)
 
 
 @inlined
 def _find_active(h, z, a, model, active):
-    """Tell for each floor whether its sigmoid is 0, 1 or neither within twice its possible way."""
+    """Tell for each contact whether its sigmoid is 0, 1 or neither within twice its way."""
     n = a.shape[0]
-    for i in range(n):
-        x = z[i] - STOP
-        way = 2.0 * h * (abs(z[n + i]) + abs(a[i]) * h)
+    contacts = model.contacts
+    for k in range(contacts.row.shape[0]):
+        row = contacts.row[k]
+        x = contacts.sign[k] * z[row] - contacts.gap[k]
+        way = 2.0 * h * (abs(z[n + row]) + abs(a[row]) * h)
         if model.rho * (abs(x) - way) > FAR:
-            active[i] = 1 if x > 0.0 else 0
+            active[k] = 1 if x > 0.0 else 0
         else:
-            active[i] = 2
+            active[k] = 2
 
 
 @kernel
@@ -181,19 +191,21 @@ def replace(g, fresh):
 
 
 @inlined
-def collocate(tau, h, z, a, forcing, stiffness, model, work):
+def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
     """Solve the collocation equations of one step.
 
     Parameters
     ----------
     tau, h : float
         Start and length of the step.
-    z : ndarray, shape (2n,)
+    z : ndarray, shape (2R,)
         State at `tau`; not changed.
     a : ndarray, shape (n,)
         Accelerations at `tau`, the first guess.
-    forcing : tuple
-        As `forcing_at` gives it.
+    amplitude : float
+        A.
+    pairs : ndarray
+        The forcing at `tau`, see `forcing`.
     stiffness : float
         Largest |dG/du| expected.
     work : LayerWorkspace
@@ -207,7 +219,7 @@ def collocate(tau, h, z, a, forcing, stiffness, model, work):
     u, v, g, fresh, ground, active = (work.u, work.v, work.g, work.fresh, work.ground, work.active)
     free, speeds = work.free, work.speeds
     n = a.shape[0]
-    _ground(tau, h, forcing, model.omega, ground)
+    _forcing_at_stages(tau, h, amplitude, pairs, model, ground)
     _find_active(h, z, a, model, active)
     nodes = load(NODES, 0)
     half_squares = nodes * nodes * 0.5
@@ -252,25 +264,25 @@ def collocate(tau, h, z, a, forcing, stiffness, model, work):
 def quadrature_error(h, z, model, work):
     """Measure the velocity error of the step from z that `collocate` has left in `work`.
 
-    See the module. Only the contact forces of floors inside their layers count: all others are
+    See the module. Only the forces of contacts inside their layers count: all others are
     linear, and resolved far better.
     """
-    beta, rho = model.beta, model.rho
+    contacts, rho = model.contacts, model.rho
     n = z.shape[0] // 2
     worst = 0.0
-    for i in range(n):
-        if work.active[i] != 2:
+    for k in range(contacts.row.shape[0]):
+        if work.active[k] != 2:
             continue
-        x = z[i] - STOP
-        start = contact_force(x, beta * CHECK_START, rho)
-        x = load(work.u, i * N_STAGES) - STOP
-        gauss = contact_forces(x, beta, rho) * load(CHECK_GAUSS, 0)
-        x = fma(load(CHECK_NODES, 0), h * z[n + i], z[i] - STOP)
-        x = fma(_weighted(CHECK_ROWS, work.g, i), h * h, x)
+        i, sign, beta = contacts.row[k], contacts.sign[k], contacts.beta[k]
+        x0 = sign * z[i] - contacts.gap[k]
+        start = contact_force(x0, beta * CHECK_START, rho)
+        gauss = contact_forces(distances(k, work.u, contacts), beta, rho) * load(CHECK_GAUSS, 0)
+        x = fma(load(CHECK_NODES, 0), h * sign * z[n + i], x0)
+        x = fma(_weighted(CHECK_ROWS, work.g, i), h * h * sign, x)
         added = contact_forces(x, beta, rho) * load(CHECK_ADDED, 0)
         mean = start + total(gauss + added)
         slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
-        worst = max(worst, max(abs(mean), abs(slope)))
+        worst = max(worst, max(abs(mean), abs(slope)) * contacts.gain[k])
     return h * worst
 
 
@@ -283,7 +295,7 @@ def integrals(g, i):
 
 @inlined
 def finish(h, z, g, out):
-    """Write the state at the end of the step into `out`, shape (2n,)."""
+    """Write the state at the end of the step into `out`, shape (2R,)."""
     n = g.shape[0]
     for i in range(n):
         du, dv = integrals(g, i)
@@ -293,15 +305,29 @@ def finish(h, z, g, out):
 
 @kernel
 def accelerations(ground, z, model, out):
-    """Evaluate u'' at one state into `out`, shape (n,), `ground` being A sin(Omega tau)."""
+    """Evaluate u'' at one state into `out`, shape (R,), `ground` being G(tau)."""
     n = out.shape[0]
+    contacts = model.contacts
     for i in range(n):
-        x = z[i] - STOP
-        force = -ground
-        if not model.rho * abs(x) > FAR:
-            force -= contact_force(x, model.beta, model.rho)
-        elif x > 0.0:
-            force -= model.beta * x
+        force = model.forcing[i] * ground
+        k = contacts.solo[i]
+        if k >= 0:
+            force -= contacts.sign[k] * push_of(k, z, model)
         for j in range(n):
             force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
         out[i] = force
+    for other in range(contacts.others.shape[0]):
+        k = contacts.others[other]
+        force = push_of(k, z, model)
+        for p in range(contacts.first[k], contacts.first[k + 1]):
+            out[contacts.push_row[p]] -= contacts.push[p] * force
+
+
+@inlined
+def push_of(k, z, model):
+    """Evaluate the force of contact k, on its distance, at one state."""
+    contacts = model.contacts
+    x = contacts.sign[k] * z[contacts.row[k]] - contacts.gap[k]
+    if not model.rho * abs(x) > FAR:
+        return contact_force(x, contacts.beta[k], model.rho)
+    return contacts.beta[k] * x if x > 0.0 else 0.0

@@ -4,9 +4,10 @@ import math
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.vectors import fma, load, maximum, store
-from hpcsweep.model.contact import STOP, contact_stiffnesses
+from hpcsweep.model.contact import contact_stiffnesses
 from hpcsweep.solvers.flow.layer.scheme import (
     MAX_ITERATIONS,
+    distances,
     integrals,
     iterations_needed,
     less_linear,
@@ -32,22 +33,23 @@ def layer_tangent(h, model, work, tangent):
     h : float
     work : LayerWorkspace
         What `scheme.collocate` has left there; overwritten.
-    tangent : ndarray, shape (2n, m)
+    tangent : ndarray, shape (2R, m)
     """
     u, v, g, fresh, spring = work.u, work.v, work.g, work.fresh, work.spring
     free, speeds = work.free, work.speeds
     n = u.shape[0]
-    beta, rho = model.beta, model.rho
+    contacts = model.contacts
     hardest = 0.0
-    for i in range(n):
-        row = i * N_STAGES
-        if work.active[i] == 2:
-            stiff = contact_stiffnesses(load(u, row) - STOP, beta, rho)
-            store(spring, row, stiff)
-            hardest = max(hardest, maximum(stiff))
+    for k in range(contacts.row.shape[0]):
+        beta = contacts.beta[k]
+        stiffest = beta * work.active[k]
+        if work.active[k] == 2:
+            stiff = contact_stiffnesses(distances(k, u, contacts), beta, model.rho)
+            store(spring, k * N_STAGES, stiff)
+            stiffest = maximum(stiff)
         else:
-            store(spring, row, beta * work.active[i])
-            hardest = max(hardest, beta * work.active[i])
+            store(spring, k * N_STAGES, stiffest)
+        hardest = hardest + stiffest if contacts.is_oblique else max(hardest, stiffest)
     unchecked, least_ratio = iterations_needed(h * h * (model.stiffness_bound + hardest))
     for column in range(tangent.shape[1]):
         for i in range(n):
@@ -77,8 +79,19 @@ def layer_tangent(h, model, work, tangent):
 
 @inlined
 def _variations(u, v, spring, model, out):
-    """Write the accelerations of a variation with stages u, v; all (n, N_STAGES)."""
+    """Write the accelerations of a variation with stages u, v; all (R, N_STAGES)."""
+    contacts = model.contacts
     for i in range(u.shape[0]):
         row = i * N_STAGES
-        force = -1.0 * load(spring, row) * load(u, row)
+        k = contacts.solo[i]
+        force = load(u, row) * 0.0
+        if k >= 0:
+            force = -1.0 * load(spring, k * N_STAGES) * load(u, row)
         store(out, row, less_linear(force, i, u, v, model))
+    for other in range(contacts.others.shape[0]):
+        k = contacts.others[other]
+        stretched = load(u, contacts.row[k] * N_STAGES) * contacts.sign[k]
+        force = -1.0 * load(spring, k * N_STAGES) * stretched
+        for p in range(contacts.first[k], contacts.first[k + 1]):
+            row = contacts.push_row[p] * N_STAGES
+            store(out, row, load(out, row) + force * contacts.push[p])

@@ -1,4 +1,4 @@
-"""A visit to the layer: collocation steps until no floor is inside one, and their length.
+"""A visit to the layer: collocation steps until no contact is inside its one, and their length.
 
 The step has two limits.
 
@@ -10,7 +10,7 @@ The step has two limits.
       L = (ELLIPSE sqrt(pi^2 + y^2) + 2 y) / (ELLIPSE^2 / 4 - 1).
 
   The force has the size beta / rho there, so that kappa^-16 = 2e-12 leaves a velocity error of
-  about 1e-14 on a step of h = 1e-3 to 1e-2. The limit also keeps a floor that is still far away
+  about 1e-14 on a step of h = 1e-3 to 1e-2. The limit also keeps a contact that is still far away
   from stepping over its layer.
 - The iteration contracts as h^2 |dG/du| / 2, so h <= `CONTRACTION` / sqrt(|dG/du|), and likewise
   for damping and forcing.
@@ -25,14 +25,13 @@ from typing import NamedTuple
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
-from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, STOP, contact_stiffness
+from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, contact_stiffness
+from hpcsweep.solvers.flow.forcing import forcing_at, later_forcing, total_forcing
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
     accelerations,
     collocate,
     finish,
-    forcing_at,
-    later_forcing,
     quadrature_error,
 )
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
@@ -45,7 +44,7 @@ ELLIPSE = 5.5
 """kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 1.2
 DISTANT = 100.0
-"""rho |x| from which on a floor that takes half its way to the stop stays beyond `FAR`."""
+"""rho |x| from which on a contact that takes half its way to the stop stays beyond `FAR`."""
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
 
@@ -78,10 +77,11 @@ def copy_state(z, out):
 
 
 @kernel
-def inside_layer(z, half_width):
-    """Tell whether any floor is within its contact layer (never, if that has no width)."""
-    for i in range(z.shape[0] // 2):
-        if abs(z[i] - STOP) < half_width:
+def inside_layer(z, model):
+    """Tell whether any contact is within its layer (never, if that has no width)."""
+    contacts = model.contacts
+    for k in range(contacts.row.shape[0]):
+        if abs(contacts.sign[k] * z[contacts.row[k]] - contacts.gap[k]) < model.layer:
             return True
     return False
 
@@ -97,6 +97,8 @@ def longest_step(model):
     """Limit the steps by damping and forcing, see the module."""
     n = model.stiffness.shape[0]
     drag = 0.4 * model.omega
+    for h in range(model.harmonics.shape[0]):
+        drag = max(drag, 0.4 * model.harmonics[h, 0] * model.omega)
     for i in range(n):
         row = 0.0
         for j in range(n):
@@ -119,31 +121,37 @@ def step_limit(z, a, model, most):
     """
     n = a.shape[0]
     stiffness = model.stiffness_bound
+    contacts = model.contacts
     hardest = 0.0
     h = min(most, CONTRACTION / math.sqrt(stiffness))
-    for i in range(n - 1, -1, -1):
-        x = z[i] - STOP
-        v = z[n + i]
-        if model.rho * abs(x) > DISTANT and (abs(v) + abs(a[i]) * h) * h < 0.5 * abs(x):
+    for k in range(contacts.row.shape[0] - 1, -1, -1):
+        i, sign = contacts.row[k], contacts.sign[k]
+        x = sign * z[i] - contacts.gap[k]
+        v = sign * z[n + i]
+        pushed = sign * a[i]
+        if model.rho * abs(x) > DISTANT and (abs(v) + abs(pushed) * h) * h < 0.5 * abs(x):
             # its reach is longer than 0.53 |x|
             nearest = x
         elif model.rho > 0.0:
             y = model.rho * x
             along = y if v >= 0.0 else -y
             reach = _reach(along) / model.rho
-            if v * a[i] <= 0.0 and v * v < 2.0 * abs(a[i]) * reach:
+            if v * pushed <= 0.0 and v * v < 2.0 * abs(pushed) * reach:
                 reach = min(reach, _reach(-along) / model.rho)
             v = abs(v)
-            root = math.sqrt(v * v + 2.0 * abs(a[i]) * reach)
+            root = math.sqrt(v * v + 2.0 * abs(pushed) * reach)
             if root > 0.0:
                 h = min(h, 2.0 * reach / (v + root))
             nearest = x + reach
         else:
             nearest = 0.0
         if model.rho * nearest >= STIFFEST:
-            hardest = max(hardest, MOST_STIFFNESS * model.beta)
+            stiff = MOST_STIFFNESS * contacts.beta[k]
         elif model.rho * nearest > -FAR:
-            hardest = max(hardest, contact_stiffness(nearest, model.beta, model.rho))
+            stiff = contact_stiffness(nearest, contacts.beta[k], model.rho)
+        else:
+            continue
+        hardest = hardest + stiff if contacts.is_oblique else max(hardest, stiff)
     return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
 
 
@@ -155,7 +163,7 @@ def shortening(allowed, error):
 
 @separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT)
 def visit_layer(shared, interval, z, amplitude):
-    """Integrate from tau until no floor is inside a layer, or until `end`.
+    """Integrate from tau until no contact is inside its layer, or until `end`.
 
     Returns
     -------
@@ -178,8 +186,9 @@ def _visit(interval, z, amplitude, shared, tally, tangent):
     """Do what `visit_layer` and `visit_layer_observed` say."""
     tau, end, steps_left = interval
     model, work, tolerance = shared.model, shared.work, shared.tolerance
-    forcing = forcing_at(tau, amplitude, model.omega)
-    accelerations(forcing[1], z, model, work.a)
+    pairs = work.forcing
+    forcing_at(tau, amplitude, model, pairs, 0)
+    accelerations(total_forcing(pairs, 0, model), z, model, work.a)
     most = longest_step(model)
     steps = 0
     while True:
@@ -191,7 +200,7 @@ def _visit(interval, z, amplitude, shared, tally, tangent):
             steps += 1
             if steps > steps_left:
                 return tau, STEP_LIMIT, steps
-            if collocate(tau, h, z, work.a, forcing, stiffness, model, work.layer):
+            if collocate(tau, h, z, work.a, amplitude, pairs, stiffness, model, work.layer):
                 finish(h, z, work.layer.g, work.z_end)
                 error = quadrature_error(h, z, model, work.layer)
                 speed = 1.0
@@ -205,8 +214,8 @@ def _visit(interval, z, amplitude, shared, tally, tangent):
             if not h > 1e-14 * left:
                 return tau, SOLVER_FAILED, steps
         tau = end if h >= left else tau + h
-        forcing = later_forcing(tau, h, forcing, model.omega)
-        accelerations(forcing[1], work.z_end, model, work.a_end)
+        later_forcing(tau, h, amplitude, model, pairs)
+        accelerations(total_forcing(pairs, 0, model), work.z_end, model, work.a_end)
         if tally is not None and tally.wanted:
             observe_layer_step(h, z, work.z_end, model, tally, work)
         if tangent is not None and tangent.shape[1] > 0:
@@ -216,5 +225,5 @@ def _visit(interval, z, amplitude, shared, tally, tangent):
             return tau, NON_FINITE, steps
         for i in range(work.a.shape[0]):
             work.a[i] = work.a_end[i]
-        if tau >= end or not inside_layer(z, model.layer):
+        if tau >= end or not inside_layer(z, model):
             return tau, COMPLETE, steps

@@ -19,8 +19,8 @@ class LayerWorkspace(NamedTuple):
         Workspace.
     free, speeds : ndarray, shape (n, N_STAGES)
         u_0 + c_j h v_0 and v_0: the stages without acceleration.
-    spring : ndarray, shape (n, N_STAGES)
-        Workspace.
+    spring : ndarray, shape (m, N_STAGES)
+        Workspace: the stiffness of each contact.
     """
 
     u: np.ndarray
@@ -34,8 +34,8 @@ class LayerWorkspace(NamedTuple):
     spring: np.ndarray
 
 
-def new_layer_workspace(n: int) -> LayerWorkspace:
-    """Allocate the stages of n floors."""
+def new_layer_workspace(n: int, n_contacts: int) -> LayerWorkspace:
+    """Allocate the stages of n rows of displacements."""
     stages = (n, N_STAGES)
     return LayerWorkspace(
         u=aligned_zeros(*stages),
@@ -43,8 +43,8 @@ def new_layer_workspace(n: int) -> LayerWorkspace:
         g=aligned_zeros(*stages),
         fresh=aligned_zeros(*stages),
         ground=aligned_zeros(N_STAGES),
-        active=np.zeros(n, np.int64),
+        active=np.zeros(n_contacts, np.int64),
         free=aligned_zeros(*stages),
         speeds=aligned_zeros(*stages),
-        spring=aligned_zeros(*stages),
+        spring=aligned_zeros(n_contacts, N_STAGES),
     )

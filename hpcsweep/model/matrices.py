@@ -1,0 +1,236 @@
+"""A structure given by its matrices, and the contacts of any structure, validated.
+
+    M u'' + C u' + K u + sum_k d_k kappa_k S(rho x_k) x_k = A b sum_h a_h sin(h Omega tau + phi_h)
+
+with x_k = d_k . u - g_k the distance past the stop of contact k. A floor that hits a stop on its
+right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound with d = e_i - e_j.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+
+MAX_FLOORS = 64
+MAX_CONTACTS = 64
+"""Contact sets are stored as the bits of one 64-bit integer."""
+SYMMETRY = 1e-10
+"""Largest difference of a symmetric matrix from its transpose, relative to its largest entry."""
+MOST_SPREAD = 1e16
+"""Largest ratio of two masses, or of the squares of two natural frequencies: beyond it the units
+of the entries are mixed, or one of them is a slip of the pen."""
+MAX_HARMONICS = 16
+MAX_ORDER = 1000
+
+Vector = tuple[float, ...]
+Matrix = tuple[Vector, ...]
+
+
+def number(name: str, value: object) -> float:
+    """Read a number; NaN is none."""
+    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
+        raise ValueError(f"{name} must be a number, is {_shown(value)}")
+    return float(value)
+
+
+def finite(name: str, value: object) -> float:
+    """Read a finite number."""
+    found = number(name, value)
+    if not math.isfinite(found):
+        raise ValueError(f"{name} must be finite, is {found!r}")
+    return found
+
+
+def vector(name: str, given: Any, size: int | None, what: str = "entries") -> Vector:
+    """Read a sequence of numbers, of a given size if there is one."""
+    listed = _listed(given)
+    if listed is None:
+        raise ValueError(f"{name} must be a list of numbers, is {_shown(given)}")
+    if size is not None and len(listed) != size:
+        raise ValueError(f"{name} must have {size} {what}, has {len(listed)}")
+    return tuple(number(name, value) for value in listed)
+
+
+def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matrix:
+    """Read a matrix of finite numbers, row by row."""
+    rows = _listed(given)
+    if rows is None or not rows or any(_listed(row) is None for row in rows):
+        raise ValueError(f"{name} must be a list of rows of numbers, is {_shown(given)}")
+    n_rows, n_columns = shape
+    if n_rows is not None and len(rows) != n_rows:
+        raise ValueError(f"{name} must have {n_rows} rows, has {len(rows)}")
+    width = len(rows) if n_columns is None else n_columns
+    found = tuple(vector(name, row, width, "entries in each row") for row in rows)
+    for row in found:
+        for value in row:
+            finite(name, value)
+    return found
+
+
+def check_symmetric(name: str, array: np.ndarray) -> None:
+    """Refuse a matrix that is not symmetric."""
+    off = np.abs(array - array.T)
+    if off.max() > SYMMETRY * np.abs(array).max():
+        i, j = np.unravel_index(int(off.argmax()), off.shape)
+        raise ValueError(
+            f"{name} must be symmetric: entry ({i + 1}, {j + 1}) is {array[i, j]:g}, "
+            f"({j + 1}, {i + 1}) is {array[j, i]:g}"
+        )
+
+
+def _listed(given: Any) -> list | None:
+    """Give the items of a sequence, or None if it is none; a set has no order."""
+    if isinstance(given, np.ndarray):
+        return list(given) if given.ndim else None
+    return list(given) if isinstance(given, list | tuple) else None
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A stop behind which a spring lies: it pushes with kappa S(rho x) x, x = d . u - g.
+
+    Parameters
+    ----------
+    direction : sequence of n floats
+        d: the displacement towards the stop, not 0.
+    gap : float
+        g: of any sign; with 0 the structure rests at the stop, with less it is pushed by it.
+    stiffness : float
+        kappa >= 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is of the wrong kind or outside its range; the message names it.
+    """
+
+    direction: Vector
+    gap: float
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        direction = vector("contact.direction", self.direction, None)
+        for value in direction:
+            finite("contact.direction", value)
+        if not any(direction):
+            raise ValueError(
+                "contact.direction must not be 0: such a contact can never be reached"
+            )
+        object.__setattr__(self, "direction", direction)
+        object.__setattr__(self, "gap", finite("contact.gap", self.gap))
+        kappa = finite("contact.stiffness", self.stiffness)
+        if kappa < 0:
+            raise ValueError(f"contact.stiffness must be at least 0, is {kappa!r}")
+        object.__setattr__(self, "stiffness", kappa)
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """What `Structure.from_matrices` was given, validated; tuples, so that it can be a key."""
+
+    mass: Matrix
+    stiffness: Matrix
+    contacts: tuple[Contact, ...]
+    damping: Matrix | None = None
+    forcing: Vector | None = None
+    drift: Matrix | None = None
+
+
+def read_matrices(
+    mass: Any, stiffness: Any, contacts: Any, damping: Any, forcing: Any, drift: Any
+) -> Matrices:
+    """Validate matrices; see `Structure.from_matrices`."""
+    # one mass a coordinate stands for a diagonal matrix
+    listed = _listed(mass)
+    if listed and all(isinstance(value, Real) for value in listed):
+        masses = vector("matrices.mass", listed, None)
+        mass = np.diag(masses).tolist()
+    checked = matrix("matrices.mass", mass, (None, None))
+    n = len(checked)
+    if n > MAX_FLOORS:
+        raise ValueError(f"matrices.mass must have at most {MAX_FLOORS} rows, has {n}")
+    found = Matrices(
+        checked,
+        matrix("matrices.stiffness", stiffness, (n, n)),
+        _contacts(contacts, n),
+        None if damping is None else matrix("matrices.damping", damping, (n, n)),
+        None if forcing is None else vector("matrices.forcing", forcing, n),
+        None if drift is None else matrix("matrices.drift", drift, (None, n)),
+    )
+    for value in found.forcing or ():
+        finite("matrices.forcing", value)
+    check_definite("matrices.mass", np.array(found.mass))
+    check_symmetric("matrices.stiffness", np.array(found.stiffness))
+    if found.damping is not None:
+        _check_damping(np.array(found.damping))
+    return found
+
+
+def _contacts(given: Any, n: int) -> tuple[Contact, ...]:
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise ValueError(f"contacts must be a list of Contact, is {_shown(given)}")
+    contacts = tuple(given)
+    if len(contacts) > MAX_CONTACTS:
+        raise ValueError(f"contacts must be at most {MAX_CONTACTS}, are {len(contacts)}")
+    for place, contact in enumerate(contacts, 1):
+        if not isinstance(contact, Contact):
+            raise ValueError(f"contacts must be a list of Contact, holds {_shown(contact)}")
+        if len(contact.direction) != n:
+            raise ValueError(
+                f"contact.direction of contact {place} must have {n} entries, "
+                f"has {len(contact.direction)}"
+            )
+    return contacts
+
+
+def check_definite(name: str, array: np.ndarray) -> None:
+    """Refuse a matrix that is not symmetric and positive definite."""
+    check_symmetric(name, array)
+    values = np.linalg.eigvalsh(array)
+    if not values[0] > 0:
+        raise ValueError(f"{name} must be positive definite, has the eigenvalue {values[0]:.3g}")
+    if values[-1] > MOST_SPREAD * values[0]:
+        raise ValueError(
+            f"{name} has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}: "
+            f"a ratio above {MOST_SPREAD:g} looks like mixed units"
+        )
+
+
+def _check_damping(array: np.ndarray) -> None:
+    check_symmetric("matrices.damping", array)
+    values = np.linalg.eigvalsh(array)
+    if values[0] < -SYMMETRY * max(values[-1], 0.0):
+        raise ValueError(
+            f"matrices.damping must not feed energy in, has the eigenvalue {values[0]:.3g}"
+        )
+
+
+def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
+    """Validate the harmonics (order, amplitude, phase) of the forcing, one row each."""
+    if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
+        raise ValueError(f"harmonics must be a list of (order, amplitude, phase), is {given!r}")
+    if not 1 <= len(given) <= MAX_HARMONICS:
+        raise ValueError(f"harmonics must be 1 to {MAX_HARMONICS}, are {len(given)}")
+    found = []
+    for entry in given:
+        order, amplitude, phase = vector("harmonics", entry, 3, "numbers each")
+        whole = isinstance(entry[0], Integral) or order == int(order)
+        if not whole or not 1 <= order <= MAX_ORDER:
+            raise ValueError(
+                f"harmonics.order must be a whole number from 1 to {MAX_ORDER}, is {entry[0]!r}"
+            )
+        found.append(
+            (int(order), finite("harmonics.amplitude", amplitude), finite("harmonics.phase", phase))
+        )
+    orders = [order for order, _, _ in found]
+    if len(set(orders)) < len(orders):
+        raise ValueError(f"harmonics.order must not hold a value twice, is {orders}")
+    return tuple(found)

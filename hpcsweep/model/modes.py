@@ -1,0 +1,99 @@
+"""Linear dynamics of the free structure: natural modes, responses, extrema of steady motions."""
+
+import math
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+SAMPLES = 64
+"""Of a period of the highest harmonic, before an extremum is polished."""
+
+
+def power_of_two(value: float) -> float:
+    """Round to a power of two: a unit by which numbers are scaled without rounding."""
+    return 2.0 ** round(math.log2(value))
+
+
+def per_mass(mass: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve M x = right; exactly where M is diagonal."""
+    if np.array_equal(mass, np.diag(np.diag(mass))):
+        return (right.T / np.diag(mass)).T
+    return np.linalg.solve(mass, right)
+
+
+def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Solve K phi = omega^2 M phi with Phi^T M Phi = 1.
+
+    Returns
+    -------
+    frequencies : ndarray, shape (n,)
+        Ascending.
+    shapes : ndarray, shape (n, n)
+        One a column; the first entry that is not negligible is positive.
+    """
+    squares, shapes = eigh(stiffness, mass)
+    for shape in shapes.T:
+        first = np.argmax(np.abs(shape) > 1e-8 * np.abs(shape).max())
+        if shape[first] < 0:
+            shape *= -1.0
+    return np.sqrt(squares), shapes
+
+
+def damped_response(mass, damping, stiffness, forcing, w: float) -> np.ndarray:
+    """Solve (K - w^2 M + i w C) U = b, shape (n,), of matrices that share no modes.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If there is no solution: an undamped resonance.
+    """
+    try:
+        return np.linalg.solve(stiffness - w * w * mass + 1j * w * damping, forcing)
+    except np.linalg.LinAlgError:
+        raise ZeroDivisionError(f"undamped resonance at omega = {w!r}: no steady state") from None
+
+
+def trigonometric_maximum(orders: np.ndarray, amplitudes: np.ndarray) -> float:
+    """Find the largest value of sum_h Im(a_h exp(i h theta)) over theta, of one harmonic |a|.
+
+    Parameters
+    ----------
+    orders : ndarray, shape (H,)
+        h, whole numbers.
+    amplitudes : ndarray of complex, shape (H,)
+        a_h.
+    """
+    if orders.size == 1:
+        return float(np.abs(amplitudes[0]))
+    n = int(SAMPLES * orders.max())
+    theta = np.linspace(0.0, 2.0 * math.pi, n, endpoint=False)
+    value = np.imag(amplitudes @ np.exp(1j * np.outer(orders, theta)))
+    highest = value.max()
+    # no extremum is further from the best of its neighbours than their distance
+    near = np.flatnonzero((value >= np.roll(value, 1)) & (value >= np.roll(value, -1)))
+    rate, bend = 1j * orders * amplitudes, -(orders**2) * amplitudes
+    for at in theta[near[value[near] >= highest - 0.01 * np.abs(amplitudes).sum()]]:
+        s = at
+        for _ in range(6):
+            turn = np.exp(1j * orders * s)
+            slope, curve = np.imag(rate @ turn), np.imag(bend @ turn)
+            if not curve < 0:
+                break
+            s = min(max(s - slope / curve, at - 2 * math.pi / n), at + 2 * math.pi / n)
+        highest = max(highest, float(np.imag(amplitudes @ np.exp(1j * orders * s))))
+    return float(highest)
+
+
+def trigonometric_zeros(orders: np.ndarray, amplitudes: np.ndarray) -> list[float]:
+    """List the sign changes of sum_h Im(a_h exp(i h theta)) over a period of theta."""
+    edges = np.linspace(0.0, 2.0 * math.pi, int(SAMPLES * orders.max()) + 1)
+
+    def value(theta: float) -> float:
+        return float(np.imag(amplitudes @ np.exp(1j * orders * theta)))
+
+    values = np.imag(amplitudes @ np.exp(1j * np.outer(orders, edges)))
+    return [
+        brentq(value, edges[k], edges[k + 1], xtol=1e-14)
+        for k in np.flatnonzero(values[:-1] * values[1:] < 0)
+    ]

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.equations import jacobian, right_hand_side
-from hpcsweep.model.kernel_model import Frame, Model, kernel_model
 from hpcsweep.kernels.packing import Packing
+from hpcsweep.model.equations import jacobian, right_hand_side
+from hpcsweep.model.frame import Frame
+from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
@@ -177,7 +178,8 @@ def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
     def compiled(regime: Regime):
         model, frame, amplitude = _problem(regime)
         packing = Packing(model)
-        packed, read, size = packing.pack(model), packing.read, frame.size
+        packed: Any = packing.pack(model)
+        read, size = packing.read, frame.size
         kept.append(model)  # the buffer holds its addresses
 
         @numba.cfunc(numbalsoda.lsoda_sig)

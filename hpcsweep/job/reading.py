@@ -11,18 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.job import structures
 from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.tree import TreeError, parse_toml, resolve
 from hpcsweep.job.values import MAX_VALUES, Values
-from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.settings import METRICS, SKIP_RULES, SweepSettings
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("name", "study", "structure", "sweep", "solver", "output"),
+    "": ("name", "study", "structure", "forcing", "sweep", "solver", "output"),
     "study": ("kind",),
-    "structure": ("n_floors", "stiffness_ratio", "sharpness", "damping_ratio"),
+    **structures.KEYS,
     "sweep": (
         "transient_cycles",
         "sampling_cycles",
@@ -39,10 +39,6 @@ MAX_NAME = 200
 MAX_BLOCKS = 20_000_000
 """Blocks of a job: each takes some 100 bytes of rank 0's memory."""
 MAX_RUNS = 2**40
-MAX_STIFFNESS = 1e12
-MAX_SHARPNESS = 1e300
-"""Of the contact, where it is finite."""
-MAX_DAMPING = 1e6
 MAX_STATE = 1e200
 MIN_TOLERANCE = 1e-300
 MAX_CYCLES = 10_000_000
@@ -86,7 +82,7 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
     values = Values(source, tree)
     study = _kind(values)
     values.check_tables(keys_of(study), _keys_of_others(study))
-    structure = _structure(values)
+    structure = structures.read_structure(values)
     found = study.read(
         values,
         structure=structure,
@@ -156,25 +152,6 @@ def _name(values: Values, default: str) -> str:
     if len(os.fsencode(name)) > MAX_NAME:
         raise values.error("name", name, f"must have {MAX_NAME} bytes at most")
     return name.encode(errors="replace").decode()
-
-
-def _structure(values: Values) -> Structure:
-    given = dict(values.table("structure"))
-    for key, value in given.items():
-        if isinstance(value, list):
-            given[key] = tuple(value)
-    try:
-        structure = Structure(**given)
-    except (ValueError, OverflowError) as error:
-        raise JobError(f"{values.source}: structure.{error}") from None
-    for key, value, most in (
-        ("stiffness_ratio", structure.stiffness_ratio, MAX_STIFFNESS),
-        ("sharpness", structure.sharpness, MAX_SHARPNESS),
-        ("damping_ratio", float(structure.damping_ratios.max()), MAX_DAMPING),
-    ):
-        if most < value < math.inf:
-            raise values.error(f"structure.{key}", value, f"must be at most {most:g}")
-    return structure
 
 
 def _initial_state(values: Values, n: int) -> np.ndarray:

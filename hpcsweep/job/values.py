@@ -50,16 +50,17 @@ class Values:
         elsewhere : mapping of str to str
             Full names of keys that are known otherwise, and when.
         """
-        self._check_keys("", self._tree, keys[""], keys, elsewhere)
+        self.check_keys("", self._tree, keys[""], keys, elsewhere)
         for table in keys:
             if not table:
                 continue
             given = self._tree.get(table, {})
             if not isinstance(given, Mapping):
                 raise self.error(table, given, "must be a table")
-            self._check_keys(table, given, keys[table], keys, elsewhere)
+            self.check_keys(table, given, keys[table], keys, elsewhere)
 
-    def _check_keys(self, table, tree, known, keys=None, elsewhere=None) -> None:
+    def check_keys(self, table, tree, known, keys=None, elsewhere=None) -> None:
+        """Refuse keys of a table that are not known; see `check_tables`."""
         for key in tree:
             if key in known:
                 continue
@@ -156,7 +157,7 @@ class Values:
         return amplitude
 
     def _range(self, key: str, given: Mapping) -> np.ndarray:
-        self._check_keys(key, given, RANGE_KEYS)
+        self.check_keys(key, given, RANGE_KEYS)
         ends = []
         for end in ("from", "to"):
             if end not in given:

@@ -29,7 +29,7 @@ class Contacts(NamedTuple):
     row: np.ndarray
     """(m,) int: x = sign y[row] - gap."""
     places: np.ndarray
-    """(m, 2) unsigned: row and R + row, of y and y' in a state; no sign is asked of such an index."""
+    """(m, 2) unsigned: row and R + row, of y and y' in a state; such an index is not checked."""
     edges: np.ndarray
     """(m, 4): sign, y at the edge of the layer before the stop and beyond it, gap: what the search
     for the next contact asks for, in one line of the cache."""
@@ -129,25 +129,7 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         forcing=_through(extra, per_mass(mass, structure.forcing_vector)),
         harmonics=np.array(structure.harmonics, float).reshape(-1, 3),
         rows=extra,
-        contacts=contacts._replace(
-            places=np.stack((contacts.row, contacts.row + n + len(extra)), axis=1).astype(np.uint64),
-            edges=np.stack(
-                (
-                    contacts.sign,
-                    contacts.sign * (contacts.gap - layer),
-                    contacts.sign * (contacts.gap + layer),
-                    contacts.gap,
-                ),
-                axis=1,
-            ),
-            **_shares(contacts, n + len(extra)),
-            **{
-                name: np.array([_through(extra, row) for row in getattr(contacts, name)]).reshape(
-                    -1, n + len(extra)
-                )
-                for name in ("kick", "damped", "bent")
-            }
-        ),
+        contacts=_finished(contacts, extra, layer),
         drift_rows=drift_rows.reshape(-1, 2),
         modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
         balance=np.sqrt(masses.max() / masses),
@@ -161,7 +143,27 @@ def kernel_model(structure: Structure, omega: float) -> Model:
     )
 
 
-def _shares(contacts: Contacts, n_rows: int) -> dict[str, np.ndarray]:
+def _finished(contacts: Contacts, extra: np.ndarray, layer: float) -> Contacts:
+    """Give what is known of the contacts when all rows are."""
+    n_rows = contacts.kick.shape[1] + len(extra)
+    solo, others = _shares(contacts, n_rows)
+
+    def wide(vectors: np.ndarray) -> np.ndarray:
+        return np.hstack((vectors, vectors @ extra.T))
+
+    edge = contacts.sign * (contacts.gap - layer), contacts.sign * (contacts.gap + layer)
+    return contacts._replace(
+        places=np.stack((contacts.row, contacts.row + n_rows), 1).astype(np.uint64),
+        edges=np.stack((contacts.sign, *edge, contacts.gap), 1),
+        solo=solo,
+        others=others,
+        kick=wide(contacts.kick),
+        damped=wide(contacts.damped),
+        bent=wide(contacts.bent),
+    )
+
+
+def _shares(contacts: Contacts, n_rows: int) -> tuple[np.ndarray, np.ndarray]:
     """Tell which contacts are alone on a row that is all they push, and which are not."""
     solo = np.full(n_rows, -1, np.int64)
     others = []
@@ -171,7 +173,7 @@ def _shares(contacts: Contacts, n_rows: int) -> dict[str, np.ndarray]:
             solo[row] = k
         else:
             others.append(k)
-    return {"solo": solo, "others": np.array(others, np.int64)}
+    return solo, np.array(others, np.int64)
 
 
 class _Rows:
@@ -293,57 +295,3 @@ def _hardest(structure: Structure) -> float:
         return 0.0
     together = np.einsum("k,ki,kj->ij", energy.kappa, energy.reach, energy.reach)
     return float(np.linalg.eigvalsh(together)[-1])
-
-
-class Frame:
-    """Takes states of a structure to those of the kernels and back.
-
-    Parameters
-    ----------
-    structure : Structure
-    model : Model
-    """
-
-    def __init__(self, structure: Structure, model: Model):
-        self._n = structure.n_floors
-        self._units = structure.state_units
-        self._rows = model.rows
-        self.amplitude_unit = structure.length_unit * structure.frequency_unit**2
-        self._is_plain = not len(self._rows) and bool(np.all(self._units == 1.0))
-
-    @property
-    def size(self) -> int:
-        """Of the state of the kernels: 2 R."""
-        return 2 * (self._n + len(self._rows))
-
-    def into(self, state: np.ndarray) -> np.ndarray:
-        """Give the state of the kernels, shape (2R,), a new array, from one of shape (2n,)."""
-        z = np.array(state, dtype=float)
-        if self._is_plain:
-            return z
-        z = z / self._units
-        u, v = z[: self._n], z[self._n :]
-        return np.concatenate((u, self._rows @ u, v, self._rows @ v))
-
-    def out_of(self, z: np.ndarray) -> np.ndarray:
-        """Give states of shape (..., 2n) from those of the kernels, (..., 2R)."""
-        if self._is_plain:
-            return z
-        half = z.shape[-1] // 2
-        return np.concatenate((z[..., : self._n], z[..., half : half + self._n]), -1) * self._units
-
-    def tangent_into(self, columns: np.ndarray) -> np.ndarray:
-        """Take tangent vectors, columns of shape (2n, m), to those of the kernels, (2R, m)."""
-        if self._is_plain:
-            return np.array(columns, dtype=float)
-        scaled = columns / self._units[:, None]
-        u, v = scaled[: self._n], scaled[self._n :]
-        return np.concatenate((u, self._rows @ u, v, self._rows @ v))
-
-    def tangent_out_of(self, columns: np.ndarray) -> np.ndarray:
-        """Take tangent vectors back."""
-        if self._is_plain:
-            return columns
-        half = len(columns) // 2
-        kept = np.concatenate((columns[: self._n], columns[half : half + self._n]))
-        return kept * self._units[:, None]

@@ -121,9 +121,7 @@ class Contact:
         for value in direction:
             finite("contact.direction", value)
         if not any(direction):
-            raise ValueError(
-                "contact.direction must not be 0: such a contact can never be reached"
-            )
+            raise ValueError("contact.direction must not be 0: such a contact can never be reached")
         object.__setattr__(self, "direction", direction)
         object.__setattr__(self, "gap", finite("contact.gap", self.gap))
         kappa = finite("contact.stiffness", self.stiffness)

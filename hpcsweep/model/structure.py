@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.contact import layer_half_width
+from hpcsweep.model.linear_dynamics import LinearDynamics, frozen
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
     MAX_FLOORS,
@@ -30,21 +30,13 @@ from hpcsweep.model.matrices import (
     read_matrices,
     vector,
 )
-from hpcsweep.model.modes import (
-    damped_response,
-    natural_modes,
-    per_mass,
-    power_of_two,
-    trigonometric_maximum,
-)
 
 ONE_HARMONIC = ((1, 1.0, 0.0),)
-MOST_RATIO = 1e6
 PerFloor = float | tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Structure:
+class Structure(LinearDynamics):
     """Parameters of the structure and its stops, validated.
 
     The equation of motion of the uniform building is (8) with (5), (9) and (10)::
@@ -139,7 +131,7 @@ class Structure:
                 f"gap_left: {n} floors have stops on the left numbered up to "
                 f"{max(self.contact_numbers)}, the most are {MAX_CONTACTS}"
             )
-        if not self._is_uniform:
+        if not self.is_uniform:
             check_definite("mass" if self.matrices is None else "matrices.mass", self.mass_matrix)
             name = "storey_stiffness" if self.matrices is None else "matrices.stiffness"
             check_definite(name, self.stiffness_matrix)
@@ -239,7 +231,7 @@ class Structure:
     # what the parameters mean
 
     @property
-    def _is_uniform(self) -> bool:
+    def is_uniform(self) -> bool:
         """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
         return self.matrices is None and self.mass is None and self.storey_stiffness is None
 
@@ -247,17 +239,17 @@ class Structure:
     def mass_matrix(self) -> np.ndarray:
         """M, shape (n, n)."""
         if self.matrices is not None:
-            return _frozen(np.array(self.matrices.mass))
-        return _frozen(np.diag(self._floors(self.mass)))
+            return frozen(np.array(self.matrices.mass))
+        return frozen(np.diag(self._floors(self.mass)))
 
     @cached_property
     def stiffness_matrix(self) -> np.ndarray:
         """K, (3) of equal storeys, shape (n, n)."""
         if self.matrices is not None:
-            return _frozen(np.array(self.matrices.stiffness))
+            return frozen(np.array(self.matrices.stiffness))
         own = np.array(self._floors(self.storey_stiffness))
         above = np.append(own[1:], 0.0)
-        return _frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
+        return frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
@@ -295,175 +287,34 @@ class Structure:
     def forcing_vector(self) -> np.ndarray:
         """b, shape (n,)."""
         if self.matrices is not None and self.matrices.forcing is not None:
-            return _frozen(np.array(self.matrices.forcing))
-        return _frozen(-self.mass_matrix.sum(axis=1))
+            return frozen(np.array(self.matrices.forcing))
+        return frozen(-self.mass_matrix.sum(axis=1))
 
     @cached_property
     def drift_rows(self) -> np.ndarray:
         """Rows whose |row . u| are the drifts: between neighbouring floors, shape (any, n)."""
         n = self.n_floors
         if self.matrices is None:
-            return _frozen(np.eye(n) - np.eye(n, k=-1))
-        return _frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))
-
-    @cached_property
-    def length_unit(self) -> float:
-        """Length that results are measured by where a tolerance is meant: a gap, up to a factor."""
-        gaps = [abs(contact.gap) for contact in self.contacts if contact.gap]
-        return power_of_two(max(gaps, default=1.0))
-
-    @cached_property
-    def frequency_unit(self) -> float:
-        """Likewise of frequencies."""
-        if self._is_uniform:
-            return 1.0
-        ratio = np.trace(self.stiffness_matrix) / np.trace(self.mass_matrix)
-        return power_of_two(math.sqrt(ratio))
-
-    @cached_property
-    def state_units(self) -> np.ndarray:
-        """Units of the displacements and velocities of a state, shape (2n,)."""
-        speed = self.length_unit * self.frequency_unit
-        return _frozen(np.repeat((self.length_unit, speed), self.n_floors))
-
-    # what follows from them
+            return frozen(np.eye(n) - np.eye(n, k=-1))
+        return frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))
 
     @property
-    def damping_ratios(self) -> np.ndarray:
-        """zeta_i of every mode, shape (n,); of a damping matrix its diagonal part."""
-        if self.rayleigh is not None:
-            alpha, beta = self.rayleigh
-            return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
-        if self.matrices is not None and self.matrices.damping is not None:
-            phi = self.mode_shapes
-            modal = np.einsum("ij,ik,kj->j", phi, np.array(self.matrices.damping), phi)
-            return 0.5 * modal / self.frequencies
-        return np.array(self._ratios)
+    def is_the_papers(self) -> bool:
+        """Whether it is a uniform building with one stop a floor at gap 1 and one harmonic."""
+        return (
+            self.is_uniform
+            and isinstance(self.stiffness_ratio, float)
+            and (self.gap, self.gap_left) == (1.0, math.inf)
+            and self.harmonics == ONE_HARMONIC
+            and self.rayleigh is None
+        )
 
-    @cached_property
-    def is_modal(self) -> bool:
-        """Whether damping leaves the modes uncoupled."""
-        if self.matrices is None or self.matrices.damping is None:
-            return True
-        phi = self.mode_shapes
-        modal = phi.T @ self.damping_matrix @ phi
-        off = modal - np.diag(np.diag(modal))
-        return bool(np.abs(off).max() <= 1e-13 * np.abs(modal).max())
-
-    @property
-    def stiffness_bound(self) -> float:
-        """Bound of the eigenvalues of M^-1 K.
-
-        Those of the uniform chain are 4 sin^2(.), below 4 for every n.
-        """
-        if self._is_uniform:
-            return 4.0
-        return float(self.frequencies[-1] ** 2) * (1.0 + 1e-12)
-
-    @cached_property
-    def layer_half_width(self) -> float:
-        """Half-width of the contact layer, a length; see `contact.layer_half_width`."""
-        stiffest = 0.0
-        for contact in self.contacts:
-            d = np.array(contact.direction)
-            softness = float(d @ per_mass(self.mass_matrix, d))
-            stiffest = max(stiffest, contact.stiffness * softness / self.frequency_unit**2)
-        return self.length_unit * layer_half_width(stiffest, self.sharpness * self.length_unit)
-
-    @cached_property
-    def _modes(self) -> tuple[np.ndarray, np.ndarray]:
-        if self._is_uniform:
-            n = self.n_floors
-            i = np.arange(1, n + 1)
-            frequencies = 2 * np.sin((2 * i - 1) * math.pi / (4 * n + 2))
-            floors, modes = np.ogrid[1 : n + 1, 1 : n + 1]
-            shapes = np.sin(floors * (2 * modes - 1) * math.pi / (2 * n + 1))
-            shapes = shapes / np.linalg.norm(shapes, axis=0)
-        else:
-            frequencies, shapes = natural_modes(self.mass_matrix, self.stiffness_matrix)
-        return _frozen(frequencies), _frozen(shapes)
-
-    @property
-    def frequencies(self) -> np.ndarray:
-        """Undamped natural frequencies of the free structure, ascending, shape (n,).
-
-        Closed form of the fixed-free uniform chain: omega_i = 2 sin((2i - 1) pi / (4n + 2)).
-        """
-        return self._modes[0]
-
-    @property
-    def mode_shapes(self) -> np.ndarray:
-        """Mode shapes Phi of (11), one a column, shape (n, n), with Phi^T M Phi = 1.
-
-        Closed form of the uniform chain phi_ij ~ sin(i (2j - 1) pi / (2n + 1)); the sign makes the
-        first entry that is not 0 positive.
-        """
-        return self._modes[1]
-
-    @cached_property
-    def modal_transform(self) -> np.ndarray:
-        """Phi^-1 = Phi^T M, shape (n, n): takes displacements to modal coordinates."""
-        if self._is_uniform:
-            return self.mode_shapes.T
-        return _frozen(self.mode_shapes.T @ self.mass_matrix)
-
-    @cached_property
-    def damping_matrix(self) -> np.ndarray:
-        """C = M Phi diag(2 zeta_i omega_i) Phi^T M, 2 gamma C of (8), shape (n, n)."""
-        if self.matrices is not None and self.matrices.damping is not None:
-            return _frozen(np.array(self.matrices.damping))
-        if self.rayleigh is not None:
-            alpha, beta = self.rayleigh
-            return _frozen(alpha * self.mass_matrix + beta * self.stiffness_matrix)
-        back = self.modal_transform.T
-        return _frozen(back @ np.diag(2 * self.damping_ratios * self.frequencies) @ back.T)
-
-    def linear_steady_state(self, omega: float, order: int = 1) -> np.ndarray:
-        """Return the complex response U of the free structure at unit amplitude, shape (n,).
-
-        The period-1 solution without contact is u(tau) = A Im(U exp(i h Omega tau)) with h =
-        `order`, the particular solution g of (14).
-
-        Raises
-        ------
-        ZeroDivisionError
-            At an undamped resonance, where there is no steady state.
-        """
-        w = order * omega
-        if not self.is_modal:
-            matrices = self.mass_matrix, self.damping_matrix, self.stiffness_matrix
-            return damped_response(*matrices, self.forcing_vector, w)
-        denominator = self.frequencies**2 - w**2 + 2j * self.damping_ratios * self.frequencies * w
-        if np.any(denominator == 0):
-            raise ZeroDivisionError(f"undamped resonance at omega = {omega!r}: no steady state")
-        phi = self.mode_shapes
-        push = -phi.sum(axis=0) if self._is_uniform else phi.T @ self.forcing_vector
-        return phi @ (push / denominator)
-
-    def steady_harmonics(self, omega: float) -> tuple[np.ndarray, np.ndarray]:
-        """Give the orders and the responses to all harmonics, shapes (H,) and (H, n)."""
-        responses = [
-            self.linear_steady_state(omega, order)
-            * (size if phase == 0.0 else size * np.exp(1j * phase))
-            for order, size, phase in self.harmonics
+    def meaning(self) -> list:
+        """Write out the parameters that the first version knew, in its order."""
+        ratio: Any = self.stiffness_ratio
+        return [
+            self.n_floors,
+            [value.hex() for value in ratio] if isinstance(ratio, tuple) else float(ratio).hex(),
+            self.sharpness.hex(),
+            [value.hex() for value in self._ratios],
         ]
-        return np.array([order for order, _, _ in self.harmonics], float), np.array(responses)
-
-    def grazing_amplitude(self, omega: float) -> float:
-        """Return the amplitude at which the linear steady state first touches a stop.
-
-        For stops without layer; 0 if the structure rests at one, inf if there is none.
-        """
-        orders, responses = self.steady_harmonics(omega)
-        lowest = math.inf
-        for contact in self.contacts:
-            reach = trigonometric_maximum(orders, responses @ np.array(contact.direction))
-            if contact.gap <= 0:
-                return 0.0
-            lowest = min(lowest, contact.gap / reach if reach > 0 else math.inf)
-        return lowest
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array

@@ -23,7 +23,8 @@ import numpy as np
 from scipy.integrate import BDF
 
 from hpcsweep.model.equations import jacobian, right_hand_side
-from hpcsweep.model.kernel_model import Frame, Model, kernel_model
+from hpcsweep.model.frame import Frame
+from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth

@@ -5,10 +5,11 @@ The unknowns are expanded in time around each step's start by the recurrences of
     u' = v,   S_k' = rho x_k' S_k (1 - S_k),
     M v' = -K u - C v - sum_k d_k kappa_k S_k x_k + A b sum_h a_h sin(h Omega tau + phi_h)
 
-with x_k = d_k . u - g_k. S has its poles where rho x = +-i pi (mod 2 pi i). If rho times the majorant
-of x, the sum of its |coefficients| R^j, is less than the distance of rho x_0 from them, S is analytic in |t| <= R; a step is
-a fixed part of that R, so no layer, however thin, is stepped over. At rho = inf S is 0 or 1 and
-a step ends at the first root of any x, found with a bound on |x'| that excludes all others.
+with x_k = d_k . u - g_k. S has its poles where rho x = +-i pi (mod 2 pi i). If rho times the
+majorant of x, the sum of its |coefficients| R^j, is less than the distance of rho x_0 from them, S
+is analytic in |t| <= R; a step is a fixed part of that R, so no layer, however thin, is stepped
+over. At rho = inf S is 0 or 1 and a step ends at the first root of any x, found with a bound on
+|x'| that excludes all others.
 
 `period` is compiled and in double precision. It also takes complex states: the imaginary part of a
 state with imaginary perturbation 1e-30 is the exact derivative (no cancellation). It is certified

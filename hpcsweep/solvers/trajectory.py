@@ -6,7 +6,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hpcsweep.model.equations import right_hand_side
-from hpcsweep.model.kernel_model import Frame, kernel_model
+from hpcsweep.model.frame import Frame
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 
 RTOL, ATOL = 1e-9, 1e-11

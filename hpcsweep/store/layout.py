@@ -27,6 +27,7 @@ same values, attributes and checksums. It is read like any other and written nev
 import numpy as np
 
 from hpcsweep.job import Job
+from hpcsweep.model import description
 
 LAYOUT_VERSION = 1
 FORMAT = "hpcsweep campaign"
@@ -103,7 +104,8 @@ class Layout:
     @property
     def attributes(self) -> dict[str, object]:
         """Attributes by which a reader knows the job."""
-        settings = self.study.settings
+        settings, structure = self.study.settings, self.study.structure
+        told = {} if structure.is_the_papers else {"structure": description.as_text(structure)}
         return {
             "format": FORMAT,
             "layout_version": LAYOUT_VERSION,
@@ -112,6 +114,7 @@ class Layout:
             "job": self.text,
             "solver": settings.solver,
             "rtol": settings.rtol,
+            **told,
         }
 
     def file_size(self) -> int:

@@ -281,10 +281,7 @@ class RunGrid:
         """
         structure, settings = self.structure, self.settings
         listed: list[object] = [
-            structure.n_floors,
-            structure.stiffness_ratio.hex(),
-            structure.sharpness.hex(),
-            [float(value).hex() for value in structure.damping_ratios],
+            *structure.meaning(),
             self.directions,
             settings.transient_cycles,
             settings.sampling_cycles,

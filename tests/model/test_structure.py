@@ -129,7 +129,7 @@ def test_what_the_solvers_know_of_the_matrices_holds(n):
     stiffness = structure.stiffness_matrix
     assert np.linalg.norm(stiffness, 2) <= structure.stiffness_bound == 4.0
     rows, columns = np.nonzero(stiffness)
-    assert np.abs(rows - columns).max() == structure.bandwidth
+    assert np.abs(rows - columns).max() == kernel_model(structure, 1.0).bandwidth
     assert np.allclose(structure.modal_transform @ structure.mode_shapes, np.eye(n), atol=1e-13)
     u = np.linspace(0.1, 0.9, n)
     q = structure.modal_transform @ u
@@ -142,9 +142,12 @@ def test_the_kernels_know_the_structure_and_cannot_change_it():
     assert np.array_equal(model.stiffness, structure.stiffness_matrix)
     assert np.array_equal(model.damping, structure.damping_matrix)
     assert np.array_equal(model.modal_transform, structure.modal_transform)
-    assert (model.beta, model.rho, model.omega) == (500.0, 2e3, 0.445)
+    assert (model.rho, model.omega) == (2e3, 0.445)
+    assert model.contacts.beta.tolist() == [500.0] * 3
+    assert model.contacts.solo.tolist() == [0, 1, 2]
+    assert model.contacts.others.size == 0
     assert model.layer == layer_half_width(500.0, 2e3) == structure.layer_half_width
-    for field in model:
+    for field in (*model, *model.contacts, *model.energy):
         if isinstance(field, np.ndarray):
             assert field.flags.c_contiguous
             assert not np.shares_memory(field, structure.stiffness_matrix)

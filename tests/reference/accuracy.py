@@ -206,9 +206,7 @@ def refer(case):
     starts, sizes, series = np.empty(count), np.empty(count), np.empty((count, 2 * n, ORDER + 1))
     period(z, *arguments, PART_OF_RADIUS, starts, sizes, series)
     parts = arguments[2]
-    kappa = largest_tangent(
-        sizes, series, case.beta, parts.rho, parts.stiffness, parts.damping
-    )
+    kappa = largest_tangent(sizes, series, case.beta, parts.rho, parts.stiffness, parts.damping)
     passages = Counter(_passages(case, starts, series))
     return Reference(z, kappa / max(1.0, float(np.abs(z).max())), passages)
 

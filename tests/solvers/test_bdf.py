@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers import bdf
 from hpcsweep.solvers.bdf import BdfMap
@@ -66,7 +67,7 @@ def test_poll_is_called_every_period():
 
 @pytest.mark.parametrize(("peak", "contact"), [(1 - 1e-9, 0), (1 + 1e-9, 1)])
 def test_drift_and_contact_come_from_extrema_between_step_ends(peak, contact):
-    tally = bdf._Tally(Structure(2), modal_norm=False)
+    tally = bdf._Tally(kernel_model(Structure(2), 1.0), modal_norm=False)
 
     def interpolant(t):
         # the first floor swings, the second mirrors it: drift 2 |u_1| between them

@@ -11,7 +11,16 @@ from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.vectors import LANES, load, store
 from hpcsweep.model.contact import layer_half_width, less_contact_forces
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow import FlowMap, crossing, polynomials, search, shared, tables, tangent
+from hpcsweep.solvers.flow import (
+    FlowMap,
+    crossing,
+    forcing,
+    polynomials,
+    search,
+    shared,
+    tables,
+    tangent,
+)
 from hpcsweep.solvers.flow.flow_map import POLL_PERIODS
 from hpcsweep.solvers.flow.layer import scheme, tableau, visit
 from hpcsweep.solvers.linear import LinearOrbit
@@ -81,16 +90,19 @@ def test_error_of_a_layer_step_is_measured():
         z[2 * n - 1] = 10 ** rng.uniform(-4, 0) * rng.choice([-1, 1])
         tau = rng.uniform(0, PERIOD)
         a = np.zeros(n)
-        scheme.accelerations(scheme.forcing_at(tau, 0.3, OMEGA)[1], z, model, a)
+        pairs = np.zeros(2)
+        forcing.forcing_at(tau, 0.3, model, pairs, 0)
+        scheme.accelerations(pairs[0], z, model, a)
         length, stiffness = visit.step_limit(z, a, model, visit.longest_step(model))
         ends, measured = [], math.inf
         for parts in (1, 6):
             h, end = length / parts, z.copy()
             for part in range(parts):
                 start = end.copy()
-                forcing = scheme.forcing_at(tau + part * h, 0.3, OMEGA)
-                scheme.accelerations(forcing[1], start, model, a)
-                if scheme.collocate(tau + part * h, h, start, a, forcing, stiffness, model, work):
+                begun = tau + part * h
+                forcing.forcing_at(begun, 0.3, model, pairs, 0)
+                scheme.accelerations(pairs[0], start, model, a)
+                if scheme.collocate(begun, h, start, a, 0.3, pairs, stiffness, model, work):
                     scheme.finish(h, start, work.g, end)
                     if parts == 1:
                         measured = scheme.quadrature_error(h, z, model, work)
@@ -611,22 +623,17 @@ def test_a_floor_that_moves_by_less_than_rounding_at_the_stop_is_not_held_there(
 
 
 class Cautious(Structure):
-    """The same chain, told with a bound of K that is larger and a wider band."""
+    """The same chain, told with a bound of K that is larger."""
 
     @property
     def stiffness_bound(self):
         return 6.0
 
-    @property
-    def bandwidth(self):
-        return self.n_floors - 1
-
 
 @pytest.mark.parametrize("sharpness", [1e4, 50.0])
-def test_bound_and_band_of_the_stiffness_are_those_that_the_structure_tells(sharpness):
+def test_bound_of_the_stiffness_is_the_one_that_the_structure_tells(sharpness):
     z = np.repeat([0.9, 0.4], 3)
     plain, cautious = (FlowMap(kind(3, 1000.0, sharpness), OMEGA) for kind in (Structure, Cautious))
-    assert (plain._shared.model.bandwidth, cautious._shared.model.bandwidth) == (1, 2)
     exact, _ = plain.points(z, 0.06, 1)
     found, _ = cautious.points(z, 0.06, 1)
     assert np.abs(found - exact).max() < 1e-11

@@ -1,6 +1,7 @@
 r"""Fast passage of one contact through its layer, in closed form up to a quadrature.
 
-With x = d . u - g the contact force, along e with d . e = 1, differs from the piecewise linear spring beta max(x, 0) by
+With x = d . u - g the contact force, along e with d . e = 1, differs from the piecewise linear
+spring beta max(x, 0) by
 
     r(x) = beta |x| / (1 + exp(rho |x|)),      positive, even, pushing towards the stop.
 

@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hpcsweep.model.kernel_model import Frame, kernel_model
+from hpcsweep.model.frame import Frame
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.march import march, march_observed
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, new_shared, new_watch
@@ -119,7 +120,8 @@ class FlowMap:
         n_periods, max_period : int
             Of the transient, and of the orbit, at most.
         settled, same : float
-            Distance (in the structure's units, gaps and gaps omega_0) from the orbit, and between points that count as one.
+            Distance (gaps, gaps omega_0: the units of the structure) from the orbit, and between
+            points that count as one.
         near : float
             Distance between points a period apart from which on Newton's method tries to jump to
             the orbit; 0: never.

@@ -6,7 +6,7 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import fma
 
 SHORT_ANGLE = 0.03
-"""h Omega s up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
+"""Angle up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
 
 
 @kernel

@@ -93,8 +93,8 @@ def _passes_apart(arrival, z, a, amplitude, model):
     That holds where no other comes near its layer meanwhile, and also where those that do will
     pass as fast. While two are inside their layers the force of one moves the other only through
     the coupling D_12 + K_12 t, t the time both take: it changes the speed of the second by J_1
-    coupling t and hence its impulse J_2 by J_1 J_2 coupling t / v, which must be negligible. It does
-    not hold for contacts that push each other directly.
+    coupling t and hence its impulse J_2 by J_1 J_2 coupling t / v, which must be negligible. It
+    does not hold for contacts that push each other directly.
 
     Returns
     -------
@@ -202,8 +202,6 @@ def pass_layer(arrival, z, a, promised, amplitude, model):
         if not apart:
             return False, jerk, promised
         promised |= more
-    found = moments(
-        sign * z[n + row], sign * a[row], sign * jerk, contacts.beta[contact], rho
-    )
+    found = moments(sign * z[n + row], sign * a[row], sign * jerk, contacts.beta[contact], rho)
     add_kick(found, contact, arrival.key, model, z)
     return True, jerk, promised & ~contact_bit(contact)

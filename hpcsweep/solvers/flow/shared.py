@@ -79,7 +79,7 @@ def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
 
 
 def new_watch(n: int, max_period: int) -> Watch:
-    """Allocate the workspace for n rows of displacements and orbits of up to `max_period` forcing periods."""
+    """Allocate the workspace for n rows and orbits of up to `max_period` forcing periods."""
     size = 2 * n
     ring = max_period + 1
     return Watch(

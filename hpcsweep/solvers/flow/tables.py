@@ -105,7 +105,7 @@ def padded(n: int) -> int:
 
 def empty_tables(model: Model) -> Tables:
     """Allocate the tables of a structure at one frequency; pages are touched when used."""
-    capacity = min(2 ** model.contacts.row.size, MAX_TABLES)
+    capacity = min(2**model.contacts.row.size, MAX_TABLES)
     n, n_harmonics = model.stiffness.shape[0], model.harmonics.shape[0]
     n_modes = model.modal_transform.shape[0]
     size = 2 * n + 2 * n_harmonics + 1

@@ -5,8 +5,8 @@ segment of `period` give
 
 - linear: exp(M s), from the tables;
 - fast passage: the kick k(z, tau) of `crossing` is applied where the linear motion reaches the
-  stop, at a time that moves by dt = -dx / v with the distance x past it, v its speed. With the fields f_- before and
-  f_+ after it::
+  stop, at a time that moves by dt = -dx / v with the distance x past it, v its speed. With the
+  fields f_- before and f_+ after it::
 
       S = I + Dk - (Dk f_- + dk/dtau - M_+ k) dx^T / v,        f_+(z + k) - f_-(z) = M_+ k
 

@@ -34,9 +34,12 @@ def observe_layer_step(h, z0, z1, model, tally, work):
         if sign * z0[i] >= gap or sign * z1[i] >= gap:
             tally.contact[0] |= bit
             touching = True
-        elif tally.contact[0] & bit == np.uint64(0) and sign * z0[i] + ways[i] >= gap:
-            if _highest_of(h, i, -1, sign, z0, z1, n, work) >= gap:
-                tally.contact[0] |= bit
+        elif (
+            tally.contact[0] & bit == np.uint64(0)
+            and sign * z0[i] + ways[i] >= gap
+            and _highest_of(h, i, -1, sign, z0, z1, n, work) >= gap
+        ):
+            tally.contact[0] |= bit
     for d in range(model.drift_rows.shape[0]):
         i, below = model.drift_rows[d]
         drift, way = z0[i], ways[i]
@@ -92,7 +95,7 @@ def _free_share(z0, z1, contacts):
 
 @kernel
 def _highest_of(h, i, below, sign, z0, z1, n, work):
-    """Find the largest value of sign (y_i - y_below) over a layer step; of sign y_i if that is -1."""
+    """Find the largest sign (y_i - y_below) over a layer step; sign y_i if `below` is -1."""
     stage = work.layer
     for k in range(N_STAGES):
         u, v, g = stage.u[i, k], stage.v[i, k], stage.g[i, k]

@@ -1,0 +1,139 @@
+"""The structure of a job: the short form of a building, or matrices with contacts, and the forcing.
+
+Every error is one line that names the file, the key, the value and the limit; what the values must
+be `hpcsweep.model.structure` says.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hpcsweep.job.job import JobError
+from hpcsweep.job.values import Values
+from hpcsweep.model.matrices import Contact
+from hpcsweep.model.structure import ONE_HARMONIC, Structure
+
+KEYS: dict[str, tuple[str, ...]] = {
+    "structure": (
+        *("n_floors", "mass", "storey_stiffness", "gap", "gap_left", "stiffness_ratio"),
+        *("sharpness", "damping_ratio", "rayleigh", "matrices", "contact"),
+    ),
+    "forcing": ("harmonics",),
+}
+MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
+CONTACT = ("direction", "gap", "stiffness")
+HARMONIC = ("order", "amplitude", "phase")
+WITH_MATRICES = ("matrices", "contact", "sharpness", "damping_ratio", "rayleigh")
+"""Keys of the structure that go with its matrices; all others are those of a building."""
+MAX_STIFFNESS = 1e12
+MAX_SHARPNESS = 1e300
+"""Of the contact, where it is finite."""
+MAX_DAMPING = 1e6
+MIN_SIZE, MAX_SIZE = 1e-30, 1e30
+"""Of masses, stiffnesses, gaps and the amplitudes of harmonics that are not 0."""
+
+
+def read_structure(values: Values) -> Structure:
+    """Read the tables ``structure`` and ``forcing``.
+
+    Raises
+    ------
+    JobError
+        If they give no structure.
+    """
+    given = dict(values.table("structure"))
+    harmonics = _harmonics(values)
+    matrices, contacts = given.get("matrices"), given.get("contact", [])
+    if "contact" in given and matrices is None:
+        raise values.error("structure.contact", contacts, "goes with structure.matrices")
+    try:
+        if matrices is None:
+            given = {key: _tuples(value) for key, value in given.items()}
+            structure = Structure(**given, harmonics=harmonics)
+        else:
+            structure = _of_matrices(values, given, matrices, contacts, harmonics)
+    except (ValueError, OverflowError) as error:
+        if isinstance(error, JobError):
+            raise
+        table = "forcing" if str(error).startswith("harmonics") else "structure"
+        raise JobError(f"{values.source}: {table}.{error}") from None
+    if structure.rayleigh is not None and "damping_ratio" in given:
+        raise values.error("structure.rayleigh", given["rayleigh"], "is given beside damping_ratio")
+    _check_sizes(values, structure)
+    return structure
+
+
+def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> Structure:
+    for key in given:
+        if key not in WITH_MATRICES:
+            raise values.error(f"structure.{key}", given[key], "does not go with matrices")
+    _check_table(values, "structure.matrices", matrices, MATRICES, ("mass", "stiffness"))
+    if not isinstance(contacts, list):
+        raise values.error("structure.contact", contacts, "must be tables, [[structure.contact]]")
+    for contact in contacts:
+        _check_table(values, "structure.contact", contact, CONTACT, CONTACT)
+    more = {key: given[key] for key in ("sharpness", "damping_ratio", "rayleigh") if key in given}
+    return Structure.from_matrices(
+        contacts=[Contact(**contact) for contact in contacts],
+        harmonics=harmonics,
+        **matrices,
+        **{key: _tuples(value) for key, value in more.items()},
+    )
+
+
+def _harmonics(values: Values):
+    table = values.table("forcing")
+    given = table.get("harmonics")
+    if given is None:
+        return ONE_HARMONIC
+    if not isinstance(given, list) or not given:
+        limit = "must be a list of {order = 1, amplitude = 1.0, phase = 0.0}"
+        raise values.error("forcing.harmonics", given, limit)
+    for harmonic in given:
+        _check_table(values, "forcing.harmonics", harmonic, HARMONIC, ("order",))
+    return tuple(
+        (harmonic["order"], harmonic.get("amplitude", 1.0), harmonic.get("phase", 0.0))
+        for harmonic in given
+    )
+
+
+def _check_table(values: Values, key: str, table, known, needed) -> None:
+    """Refuse what is no table of the known keys, or has not all that are needed."""
+    if not isinstance(table, Mapping):
+        raise values.error(key, table, f"must be a table of {', '.join(known)}")
+    values.check_keys(key, table, known)
+    for name in needed:
+        if name not in table:
+            raise JobError(f"{values.source}: {key}.{name} is missing")
+
+
+def _tuples(value):
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+def _check_sizes(values: Values, structure: Structure) -> None:
+    """Refuse values that no solver can start from."""
+    ratio: Any = structure.stiffness_ratio
+    for key, value, largest in (
+        ("stiffness_ratio", max(ratio) if isinstance(ratio, tuple) else ratio, MAX_STIFFNESS),
+        ("sharpness", structure.sharpness, MAX_SHARPNESS),
+        ("damping_ratio", float(structure.damping_ratios.max()), MAX_DAMPING),
+    ):
+        if largest < value < math.inf:
+            raise values.error(f"structure.{key}", value, f"must be at most {largest:g}")
+    sizes = {
+        "mass": structure.mass_matrix.ravel().tolist(),
+        "stiffness": structure.stiffness_matrix.ravel().tolist(),
+        "gap": [contact.gap for contact in structure.contacts],
+        "contact.stiffness": [contact.stiffness for contact in structure.contacts],
+        "contact.direction": [x for contact in structure.contacts for x in contact.direction],
+    }
+    for key, listed in sizes.items():
+        for value in listed:
+            if value and not MIN_SIZE <= abs(value) <= MAX_SIZE:
+                limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
+                raise values.error(f"structure.{key}", value, limit)
+    for _, size, _ in structure.harmonics:
+        if size and not MIN_SIZE <= abs(size) <= MAX_SIZE:
+            limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
+            raise values.error("forcing.harmonics.amplitude", size, limit)

@@ -1,0 +1,217 @@
+"""Linear dynamics of a structure, and the units in which its numbers are of ordinary size."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpcsweep.model.contact import layer_half_width
+from hpcsweep.model.modes import (
+    damped_response,
+    natural_modes,
+    per_mass,
+    power_of_two,
+    trigonometric_maximum,
+)
+
+if TYPE_CHECKING:
+    from hpcsweep.model.matrices import Contact, Matrices
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    """Make an array that nobody can change."""
+    array.setflags(write=False)
+    return array
+
+
+class LinearDynamics:
+    """What follows from the matrices, the contacts and the forcing of a structure."""
+
+    n_floors: int
+    sharpness: float
+    rayleigh: tuple[float, float] | None
+    harmonics: Sequence[tuple[int, float, float]]
+    matrices: "Matrices | None"
+    _ratios: tuple[float, ...]
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
+        raise NotImplementedError
+
+    @property
+    def mass_matrix(self) -> np.ndarray:
+        """M, shape (n, n)."""
+        raise NotImplementedError
+
+    @property
+    def stiffness_matrix(self) -> np.ndarray:
+        """K, shape (n, n)."""
+        raise NotImplementedError
+
+    @property
+    def forcing_vector(self) -> np.ndarray:
+        """b, shape (n,)."""
+        raise NotImplementedError
+
+    @property
+    def contacts(self) -> "tuple[Contact, ...]":
+        """All contacts."""
+        raise NotImplementedError
+
+    @cached_property
+    def length_unit(self) -> float:
+        """Length that results are measured by where a tolerance is meant: a gap, up to a factor."""
+        gaps = [abs(contact.gap) for contact in self.contacts if contact.gap]
+        return power_of_two(max(gaps, default=1.0))
+
+    @cached_property
+    def frequency_unit(self) -> float:
+        """Likewise of frequencies."""
+        if self.is_uniform:
+            return 1.0
+        ratio = np.trace(self.stiffness_matrix) / np.trace(self.mass_matrix)
+        return power_of_two(math.sqrt(ratio))
+
+    @cached_property
+    def state_units(self) -> np.ndarray:
+        """Units of the displacements and velocities of a state, shape (2n,)."""
+        speed = self.length_unit * self.frequency_unit
+        return frozen(np.repeat((self.length_unit, speed), self.n_floors))
+
+    @property
+    def damping_ratios(self) -> np.ndarray:
+        """zeta_i of every mode, shape (n,); of a damping matrix its diagonal part."""
+        if self.rayleigh is not None:
+            alpha, beta = self.rayleigh
+            return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
+        if self.matrices is not None and self.matrices.damping is not None:
+            phi = self.mode_shapes
+            modal = np.einsum("ij,ik,kj->j", phi, np.array(self.matrices.damping), phi)
+            return 0.5 * modal / self.frequencies
+        return np.array(self._ratios)
+
+    @cached_property
+    def is_modal(self) -> bool:
+        """Whether damping leaves the modes uncoupled."""
+        if self.matrices is None or self.matrices.damping is None:
+            return True
+        phi = self.mode_shapes
+        modal = phi.T @ self.damping_matrix @ phi
+        off = modal - np.diag(np.diag(modal))
+        return bool(np.abs(off).max() <= 1e-13 * np.abs(modal).max())
+
+    @property
+    def stiffness_bound(self) -> float:
+        """Bound of the eigenvalues of M^-1 K.
+
+        Those of the uniform chain are 4 sin^2(.), below 4 for every n.
+        """
+        if self.is_uniform:
+            return 4.0
+        return float(self.frequencies[-1] ** 2) * (1.0 + 1e-12)
+
+    @cached_property
+    def layer_half_width(self) -> float:
+        """Half-width of the contact layer, a length; see `contact.layer_half_width`."""
+        stiffest = 0.0
+        for contact in self.contacts:
+            d = np.array(contact.direction)
+            softness = float(d @ per_mass(self.mass_matrix, d))
+            stiffest = max(stiffest, contact.stiffness * softness / self.frequency_unit**2)
+        return self.length_unit * layer_half_width(stiffest, self.sharpness * self.length_unit)
+
+    @cached_property
+    def _modes(self) -> tuple[np.ndarray, np.ndarray]:
+        if self.is_uniform:
+            n = self.n_floors
+            i = np.arange(1, n + 1)
+            frequencies = 2 * np.sin((2 * i - 1) * math.pi / (4 * n + 2))
+            floors, modes = np.ogrid[1 : n + 1, 1 : n + 1]
+            shapes = np.sin(floors * (2 * modes - 1) * math.pi / (2 * n + 1))
+            shapes = shapes / np.linalg.norm(shapes, axis=0)
+        else:
+            frequencies, shapes = natural_modes(self.mass_matrix, self.stiffness_matrix)
+        return frozen(frequencies), frozen(shapes)
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Undamped natural frequencies of the free structure, ascending, shape (n,).
+
+        Closed form of the fixed-free uniform chain: omega_i = 2 sin((2i - 1) pi / (4n + 2)).
+        """
+        return self._modes[0]
+
+    @property
+    def mode_shapes(self) -> np.ndarray:
+        """Mode shapes Phi of (11), one a column, shape (n, n), with Phi^T M Phi = 1.
+
+        Closed form of the uniform chain phi_ij ~ sin(i (2j - 1) pi / (2n + 1)); the sign makes the
+        first entry that is not 0 positive.
+        """
+        return self._modes[1]
+
+    @cached_property
+    def modal_transform(self) -> np.ndarray:
+        """Phi^-1 = Phi^T M, shape (n, n): takes displacements to modal coordinates."""
+        if self.is_uniform:
+            return self.mode_shapes.T
+        return frozen(self.mode_shapes.T @ self.mass_matrix)
+
+    @cached_property
+    def damping_matrix(self) -> np.ndarray:
+        """C = M Phi diag(2 zeta_i omega_i) Phi^T M, 2 gamma C of (8), shape (n, n)."""
+        if self.matrices is not None and self.matrices.damping is not None:
+            return frozen(np.array(self.matrices.damping))
+        if self.rayleigh is not None:
+            alpha, beta = self.rayleigh
+            return frozen(alpha * self.mass_matrix + beta * self.stiffness_matrix)
+        back = self.modal_transform.T
+        return frozen(back @ np.diag(2 * self.damping_ratios * self.frequencies) @ back.T)
+
+    def linear_steady_state(self, omega: float, order: int = 1) -> np.ndarray:
+        """Return the complex response U of the free structure at unit amplitude, shape (n,).
+
+        The period-1 solution without contact is u(tau) = A Im(U exp(i h Omega tau)) with h =
+        `order`, the particular solution g of (14).
+
+        Raises
+        ------
+        ZeroDivisionError
+            At an undamped resonance, where there is no steady state.
+        """
+        w = order * omega
+        if not self.is_modal:
+            matrices = self.mass_matrix, self.damping_matrix, self.stiffness_matrix
+            return damped_response(*matrices, self.forcing_vector, w)
+        denominator = self.frequencies**2 - w**2 + 2j * self.damping_ratios * self.frequencies * w
+        if np.any(denominator == 0):
+            raise ZeroDivisionError(f"undamped resonance at omega = {omega!r}: no steady state")
+        phi = self.mode_shapes
+        push = -phi.sum(axis=0) if self.is_uniform else phi.T @ self.forcing_vector
+        return phi @ (push / denominator)
+
+    def steady_harmonics(self, omega: float) -> tuple[np.ndarray, np.ndarray]:
+        """Give the orders and the responses to all harmonics, shapes (H,) and (H, n)."""
+        responses = [
+            self.linear_steady_state(omega, order)
+            * (size if phase == 0.0 else size * np.exp(1j * phase))
+            for order, size, phase in self.harmonics
+        ]
+        return np.array([order for order, _, _ in self.harmonics], float), np.array(responses)
+
+    def grazing_amplitude(self, omega: float) -> float:
+        """Return the amplitude at which the linear steady state first touches a stop.
+
+        For stops without layer; 0 if the structure rests at one, inf if there is none.
+        """
+        orders, responses = self.steady_harmonics(omega)
+        lowest = math.inf
+        for contact in self.contacts:
+            reach = trigonometric_maximum(orders, responses @ np.array(contact.direction))
+            if contact.gap <= 0:
+                return 0.0
+            lowest = min(lowest, contact.gap / reach if reach > 0 else math.inf)
+        return lowest

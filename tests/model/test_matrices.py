@@ -1,0 +1,201 @@
+"""General structures: what their parameters mean, and what is said of wrong ones."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from hpcsweep.model.frame import Frame
+from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.model.matrices import Contact
+from hpcsweep.model.structure import Structure
+
+CHAIN = np.array([[1.0, -1.0], [-1.0, 2.0]])
+ANY = Contact((1.0, 0.0), 1.0, 100.0)
+
+
+def of(mass=(1.0, 1.0), stiffness=CHAIN, contacts=(ANY,), **more):
+    return Structure.from_matrices(mass, stiffness, contacts, **more)
+
+
+def test_masses_and_storeys_of_a_building():
+    structure = Structure(3, mass=(1.0, 2.0, 4.0), storey_stiffness=(3.0, 2.0, 1.0))
+    assert structure.mass_matrix.tolist() == np.diag([1.0, 2.0, 4.0]).tolist()
+    assert structure.stiffness_matrix.tolist() == [[5, -2, 0], [-2, 3, -1], [0, -1, 1]]
+    assert [contact.stiffness for contact in structure.contacts] == [3000.0, 2000.0, 1000.0]
+    assert structure.forcing_vector.tolist() == [-1.0, -2.0, -4.0]
+    phi, mass = structure.mode_shapes, structure.mass_matrix
+    assert np.allclose(phi.T @ mass @ phi, np.eye(3), atol=1e-13)
+    assert np.allclose(structure.modal_transform @ phi, np.eye(3), atol=1e-13)
+    values = eigh(structure.stiffness_matrix, mass, eigvals_only=True)
+    assert structure.frequencies**2 == pytest.approx(values, rel=1e-12)
+    modal = phi.T @ structure.damping_matrix @ phi
+    assert np.allclose(modal, np.diag(0.1 * structure.frequencies), atol=1e-13)
+
+
+def test_ones_are_the_uniform_building():
+    plain, told = Structure(4), Structure(4, mass=1.0, storey_stiffness=(1.0,) * 4)
+    for name in ("stiffness_matrix", "mass_matrix", "forcing_vector", "drift_rows"):
+        assert np.array_equal(getattr(plain, name), getattr(told, name))
+    for name in ("frequencies", "mode_shapes", "damping_matrix"):
+        assert np.allclose(getattr(plain, name), getattr(told, name), atol=1e-13)
+    assert plain.contacts == told.contacts
+    assert plain.is_the_papers
+    assert not told.is_the_papers
+
+
+def test_stops_on_both_sides_and_their_numbers():
+    structure = Structure(3, gap=(0.5, math.inf, 0.7), gap_left=(math.inf, 0.0, -0.1))
+    assert [(c.direction, c.gap) for c in structure.contacts] == [
+        ((1.0, 0.0, 0.0), 0.5),
+        ((0.0, 0.0, 1.0), 0.7),
+        ((0.0, -1.0, 0.0), 0.0),
+        ((0.0, 0.0, -1.0), -0.1),
+    ]
+    assert structure.contact_numbers == (1, 3, 5, 6)
+    assert structure.contact_bits(0b1011) == 0b100101
+    model = kernel_model(structure, 1.0)
+    assert model.contacts.row.tolist() == [0, 2, 1, 2]
+    assert model.contacts.sign.tolist() == [1.0, 1.0, -1.0, -1.0]
+    assert model.rows.shape == (0, 3)
+    assert model.contacts.solo.tolist() == [0, 2, 1]
+    assert model.contacts.others.tolist() == [3]
+
+
+def test_pounding_floors_get_a_row_of_their_own():
+    contacts = [Contact((1.0, -1.0), 0.1, 50.0), Contact((-1.0, 1.0), 0.3, 80.0)]
+    structure = of(mass=(2.0, 3.0), contacts=contacts)
+    model = kernel_model(structure, 1.0)
+    assert model.rows.tolist() == [[1.0, -1.0]]
+    assert model.contacts.row.tolist() == [2, 2]
+    assert model.contacts.sign.tolist() == [1.0, -1.0]
+    softness = 1 / 2 + 1 / 3
+    scale = structure.frequency_unit**2
+    assert model.contacts.beta == pytest.approx([50 * softness / scale, 80 * softness / scale])
+    assert model.contacts.kick[0, 2] == pytest.approx(1.0, rel=1e-15)
+    assert model.contacts.oblique.tolist() == [[0.0, -1.0], [-1.0, 0.0]]
+    assert np.allclose(model.stiffness[2], model.stiffness[0] - model.stiffness[1])
+    state = np.array([0.3, 0.1, 0.2, -0.5])
+    frame = Frame(structure, model)
+    z = frame.into(state)
+    assert z[2] * structure.length_unit == pytest.approx(0.2, rel=1e-15)
+    assert np.array_equal(frame.out_of(z), state)
+
+
+def test_units_are_powers_of_two():
+    structure = Structure(2, mass=1e3, storey_stiffness=4e7, gap=0.02)
+    for unit in (structure.length_unit, structure.frequency_unit):
+        assert math.frexp(unit)[0] == 0.5
+    assert 0.5 < 0.02 / structure.length_unit < 2.0
+    assert 0.3 < structure.frequencies[0] / structure.frequency_unit < 3.0
+    plain = Structure()
+    assert (plain.length_unit, plain.frequency_unit) == (1.0, 1.0)
+
+
+def test_damping_by_ratios_rayleigh_or_matrix():
+    ratios = of(damping_ratio=(0.01, 0.02))
+    rayleigh = of(rayleigh=(0.1, 0.03))
+    matrix = of(damping=[[0.3, 0.0], [0.0, 0.1]])
+    assert ratios.damping_ratios == pytest.approx([0.01, 0.02])
+    assert np.array_equal(rayleigh.damping_matrix, 0.1 * np.eye(2) + 0.03 * CHAIN)
+    w = rayleigh.frequencies
+    assert rayleigh.damping_ratios == pytest.approx(0.05 / w + 0.015 * w)
+    assert of(damping=0.03 * CHAIN).is_modal
+    assert not matrix.is_modal
+    assert of().damping_matrix.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize("structure", [of(damping=[[0.3, 0], [0, 0.1]]), Structure(2, mass=(1, 3))])
+def test_steady_state_solves_the_equation(structure):
+    for order in (1, 3):
+        w = 0.7 * order
+        response = structure.linear_steady_state(0.7, order)
+        dynamic = structure.stiffness_matrix - w**2 * structure.mass_matrix
+        residual = (dynamic + 1j * w * structure.damping_matrix) @ response
+        assert np.abs(residual - structure.forcing_vector).max() < 1e-13
+
+
+def test_grazing_of_two_masses():
+    """NLvib's example 3: the linear motion grazes at the frequencies of its closed form."""
+    structure = of(damping=0.03 * CHAIN, forcing=(0.0, 1.0))
+    for omega in (0.581899639039312, 0.653440140416260):
+        assert structure.grazing_amplitude(omega) == pytest.approx(0.1, rel=1e-10)
+
+
+def test_grazing_of_a_soft_impact_oscillator():
+    """u'' + 2 zeta u' + u = -A sin: the gap over the amplification, in closed form."""
+    zeta, omega, gap = 0.01, 0.8, 1.26
+    structure = Structure(1, 29.0, math.inf, zeta, gap=gap)
+    exact = gap * math.hypot(1 - omega**2, 2 * zeta * omega)
+    assert structure.grazing_amplitude(omega) == pytest.approx(exact, rel=1e-14)
+    # the base moves by a sin: A = a omega^2
+    assert exact / omega**2 == pytest.approx(0.709450, abs=1e-6)
+
+
+def test_several_harmonics_graze_at_the_top_of_their_sum():
+    structure = Structure(2, harmonics=((1, 1.0, 0.3), (3, 0.5, -1.0)), gap=0.5)
+    orders, responses = structure.steady_harmonics(0.4)
+    theta = np.linspace(0, 2 * np.pi, 200_001)
+    u = np.imag(responses.T @ np.exp(1j * np.outer(orders, theta)))
+    assert structure.grazing_amplitude(0.4) == pytest.approx(0.5 / u.max(), rel=1e-9)
+
+
+WRONG = [
+    (lambda: Structure(2, mass=0.0), "mass must be finite and above 0, is 0.0"),
+    (lambda: Structure(2, mass=(1.0,)), "mass must have 2 numbers, one per floor, has 1"),
+    (lambda: Structure(2, mass="heavy"), "mass must be a number, is 'heavy'"),
+    (lambda: Structure(2, mass={1.0, 2.0}), "mass must be a list of numbers"),
+    (lambda: Structure(2, mass=(1.0, math.nan)), "mass must be a number, is nan"),
+    (lambda: Structure(2, mass=(1.0, 1e17)), r"a ratio above 1e\+16 looks like mixed units"),
+    (lambda: Structure(2, mass=math.inf), "mass must be finite and above 0, is inf"),
+    (lambda: Structure(2, storey_stiffness=-1.0), "storey_stiffness must be finite and above 0"),
+    (lambda: Structure(2, storey_stiffness=(1.0, 0.0)), "storey_stiffness must be finite and"),
+    (lambda: Structure(2, gap=-math.inf), "gap must not be -inf"),
+    (lambda: Structure(2, gap=math.nan), "gap must be a number, is nan"),
+    (lambda: Structure(2, gap_left=(1.0, 2.0, 3.0)), "gap_left must have 2 numbers, one per floor"),
+    (lambda: Structure(2, gap_left=True), "gap_left must be a number, is True"),
+    (lambda: Structure(40, gap_left=1.0), "gap_left: 40 floors have stops on the left"),
+    (lambda: Structure(2, (1.0, -1.0)), "stiffness_ratio must be finite and at least 0, is -1.0"),
+    (lambda: Structure(2, rayleigh=(0.1,)), "rayleigh must have 2 numbers: alpha, beta, has 1"),
+    (lambda: Structure(2, rayleigh=(0.1, -1.0)), "rayleigh must be at least 0, is -1.0"),
+    (lambda: Structure(2, harmonics=()), "harmonics must be 1 to 16, are 0"),
+    (lambda: Structure(2, harmonics=((0, 1.0, 0.0),)), "harmonics.order must be a whole number"),
+    (lambda: Structure(2, harmonics=((1.5, 1.0, 0.0),)), "harmonics.order must be a whole number"),
+    (lambda: Structure(2, harmonics=((1, 1, 0), (1, 2, 0))), "harmonics.order must not hold"),
+    (lambda: Structure(2, harmonics=((1, math.inf, 0.0),)), "harmonics.amplitude must be finite"),
+    (lambda: Structure(2, harmonics=((1, 1.0),)), "harmonics must have 3 numbers each, has 2"),
+    (lambda: Structure(2, harmonics="sine"), "harmonics must be a list"),
+    (lambda: Contact((0.0, 0.0), 1.0, 1.0), "must not be 0: such a contact can never be reached"),
+    (lambda: Contact((1.0,), math.inf, 1.0), "contact.gap must be finite, is inf"),
+    (lambda: Contact((1.0,), 1.0, -1.0), "contact.stiffness must be at least 0, is -1.0"),
+    (lambda: Contact((1.0,), 1.0, Fraction), "contact.stiffness must be a number"),
+    (lambda: Contact((math.inf,), 1.0, 1.0), "contact.direction must be finite, is inf"),
+    (lambda: Contact({1.0}, 1.0, 1.0), "contact.direction must be a list of numbers"),
+    (lambda: of(mass=[[1, 0.1], [0, 1]]), r"matrices.mass must be symmetric: entry \(1, 2\) is 0.1"),
+    (lambda: of(mass=[[1, 2], [2, 1]]), "matrices.mass must be positive definite"),
+    (lambda: of(mass=[[1, 0]]), "matrices.mass must have 1 entries in each row, has 2"),
+    (lambda: of(stiffness=np.ones((3, 3))), "matrices.stiffness must have 2 rows, has 3"),
+    (lambda: of(stiffness=[[1, -1], [-1, 1]]), "matrices.stiffness must be positive definite"),
+    (lambda: of(stiffness=[[1, -2], [-1, 3]]), "matrices.stiffness must be symmetric"),
+    (lambda: of(stiffness=7), "matrices.stiffness must be a list of rows of numbers, is 7"),
+    (lambda: of(damping=[[-1, 0], [0, 1]]), "matrices.damping must not feed energy in"),
+    (lambda: of(damping=[[1, 1], [0, 1]]), "matrices.damping must be symmetric"),
+    (lambda: of(forcing=(1.0,)), "matrices.forcing must have 2 entries, has 1"),
+    (lambda: of(forcing=(1.0, math.inf)), "matrices.forcing must be finite, is inf"),
+    (lambda: of(drift=[[1.0]]), "matrices.drift must have 2 entries in each row, has 1"),
+    (lambda: of(contacts=[Contact((1.0,), 1, 1)]), "contact 1 must have 2 entries, has 1"),
+    (lambda: of(contacts=[(1.0, 0.0)]), "contacts must be a list of Contact, holds"),
+    (lambda: of(contacts=5), "contacts must be a list of Contact, is 5"),
+    (lambda: of(contacts=[ANY] * 65), "contacts must be at most 64, are 65"),
+    (lambda: of(damping_ratio=0.1, damping=CHAIN), "damping_ratio and damping must not be given"),
+    (lambda: of(mass=np.eye(65)), "matrices.mass must have at most 64 rows, has 65"),
+]
+
+
+@pytest.mark.parametrize(("make", "said"), WRONG)
+def test_a_wrong_structure_is_refused_in_one_line(make, said):
+    with pytest.raises(ValueError, match=said) as caught:
+        make()
+    assert len(str(caught.value).splitlines()) == 1

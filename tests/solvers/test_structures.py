@@ -1,0 +1,226 @@
+"""General structures: both solvers against the Taylor reference, closed forms and symmetries."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from piecewise import one_mass_points
+from scipy.linalg import block_diag
+
+from hpcsweep.model.matrices import Contact
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.bdf import BdfMap
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.linear import LinearOrbit
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.reference import reference_points, reference_window
+
+
+def pounding(sharpness):
+    """Two buildings of two and three storeys, whose two lower floors pound."""
+    stiffness = block_diag(Structure(2).stiffness_matrix, 2 * Structure(3).stiffness_matrix)
+    contacts = [Contact((1, 0, -1, 0, 0), 0.1, 500.0), Contact((0, 1, 0, -1, 0), 0.1, 500.0)]
+    masses = (1.0, 1.0, 2.0, 2.0, 2.0)
+    return Structure.from_matrices(
+        masses, stiffness, contacts, damping_ratio=0.03, sharpness=sharpness
+    )
+
+
+def random_structure(seed, sharpness, n=4, m=5):
+    """Full matrices, contacts with random directions, gaps of any sign, two harmonics."""
+    rng = np.random.default_rng(seed)
+    mass, stiffness, damping = (x @ x.T for x in rng.normal(size=(3, n, n)))
+    contacts = [
+        Contact(tuple(rng.normal(size=n)), gap, 10 ** rng.uniform(1, 3))
+        for gap in rng.choice([0.0, -0.05, 0.1, 0.2], size=m)
+    ]
+    return Structure.from_matrices(
+        mass + np.eye(n),
+        stiffness + np.eye(n),
+        contacts,
+        damping=0.02 * damping,
+        sharpness=sharpness,
+        harmonics=((1, 1.0, 0.0), (2, 0.5, 1.0)),
+    )
+
+
+CASES = {
+    "stops on both sides": (Structure(gap=0.5, gap_left=(0.6, 0.7, math.inf)), 0.1, 0.445),
+    "masses and storeys": (
+        Structure(
+            4,
+            (100.0, 200.0, 300.0, 400.0),
+            damping_ratio=0.02,
+            mass=(1.0, 2.0, 0.5, 4.0),
+            storey_stiffness=(1.0, 3.0, 2.0, 1.0),
+            gap=(0.5, 0.4, 0.3, 0.2),
+        ),
+        0.1,
+        0.3,
+    ),
+    "harmonics": (Structure(2, harmonics=((1, 1.0, 0.3), (3, 0.5, -1.0)), gap=0.5), 0.2, 0.5),
+    "pounding, sharp": (pounding(math.inf), 0.1, 0.5),
+    "pounding, smooth": (pounding(1e3), 0.1, 0.5),
+    "oblique, sharp": (random_structure(1, math.inf), 0.5, 0.8),
+    "oblique, smooth": (random_structure(2, 1e3), 0.5, 0.8),
+    "bilinear": (Structure(1, 3.0, math.inf, gap=0.0), 0.5, 0.9),
+    "SI units": (
+        Structure(2, mass=2e4, storey_stiffness=(3e7, 2e7), gap=0.01, gap_left=0.02),
+        3.0,
+        20.0,
+    ),
+}
+
+
+@pytest.fixture(params=CASES.values(), ids=CASES)
+def case(request):
+    structure, amplitude, omega = request.param
+    start = 0.05 * structure.state_units * np.cos(np.arange(2 * structure.n_floors))
+    return structure, amplitude, omega, start
+
+
+def test_a_period_is_that_of_the_reference(case):
+    structure, amplitude, omega, start = case
+    solver = FlowMap(structure, omega)
+    for state in (start, *reference_points(structure, amplitude, omega, start, 3)):
+        found, outcome = solver.points(state, amplitude, 1)
+        assert outcome is Outcome.COMPLETE
+        exact = reference_points(structure, amplitude, omega, state, 1)
+        assert np.abs((found - exact) / structure.state_units).max() < 1e-9
+
+
+def test_what_is_observed_is_what_the_reference_sees(case):
+    structure, amplitude, omega, start = case
+    seen = FlowMap(structure, omega).observe(start, amplitude, 2, modal_norm=True)
+    contact, drift, norms = reference_window(structure, amplitude, omega, start, 2)
+    assert seen.contact == contact
+    assert seen.contact
+    assert seen.peak_drift == pytest.approx(drift, rel=1e-7)
+    if np.isfinite(norms).any():
+        # the free part of a step inside a layer is interpolated
+        assert seen.modal_norm == pytest.approx(norms, abs=1e-4)
+
+
+def test_the_solvers_agree_in_motion_and_tangent(case):
+    structure, amplitude, omega, start = case
+    exact, tangent = FlowMap(structure, omega).monodromy(start, amplitude, 1)
+    bdf = BdfMap(structure, omega, 1e-9)
+    found, matrix = bdf.monodromy(start, amplitude, 1)
+    units = structure.state_units
+    growth = max(np.abs(tangent * units / units[:, None]).max(), 1.0)
+    assert np.abs((found - exact) / units).max() < 1e-6 * growth
+    assert np.abs((matrix - tangent) * units / units[:, None]).max() < 1e-4 * growth**2
+    seen = bdf.observe(start, amplitude, 1)
+    assert seen.contact == FlowMap(structure, omega).observe(start, amplitude, 1).contact
+
+
+@pytest.mark.parametrize(
+    ("gap", "gap_left", "beta"),
+    [(1.0, math.inf, 1000.0), (0.0, math.inf, 3.0), (0.3, 0.4, 500.0), (-0.1, 0.5, 50.0)],
+)
+def test_one_mass_follows_its_closed_solution(gap, gap_left, beta):
+    structure = Structure(1, beta, math.inf, 0.02, gap=gap, gap_left=gap_left)
+    state, amplitude, omega = (0.1, 0.2), 0.9, 0.37
+    exact, n_changes = one_mass_points(structure, amplitude, omega, state, 20)
+    solver = FlowMap(structure, omega)
+    assert n_changes > 40
+    start = np.array(state)
+    for point in exact:
+        found, _ = solver.points(start, amplitude, 1)
+        # one period: what 20 add up is amplified by the motion
+        reference = one_mass_points(structure, amplitude, omega, start, 1)[0]
+        assert np.abs(found - reference).max() < 1e-12
+        start = np.array(point)
+
+
+def test_mirrored_motions_under_odd_harmonics():
+    """z(tau) -> -z(tau + T/2): the map of two half periods apart commutes with the mirror."""
+    harmonics = ((1, 1.0, 0.0), (3, 0.4, 0.7))
+    shifted = tuple((h, size, phase + h * math.pi) for h, size, phase in harmonics)
+    given = dict(gap=0.4, gap_left=0.4, mass=(1.0, 2.0))
+    here = FlowMap(Structure(2, harmonics=harmonics, **given), 0.5)
+    there = FlowMap(Structure(2, harmonics=shifted, **given), 0.5)
+    z = np.array([0.1, -0.3, 0.2, 0.4])
+    for _ in range(5):
+        mirrored, _ = there.points(-z, 0.3, 1)
+        z, _ = here.points(z, 0.3, 1)
+        z = z[0]
+        assert np.abs(mirrored[0] + z).max() < 1e-11
+
+
+def test_equal_buildings_in_phase_never_touch():
+    stiffness = block_diag(Structure(2).stiffness_matrix, Structure(2).stiffness_matrix)
+    contacts = [Contact((1, 0, -1, 0), 1e-6, 500.0), Contact((0, 1, 0, -1), 1e-6, 500.0)]
+    structure = Structure.from_matrices((1.0,) * 4, stiffness, contacts, damping_ratio=0.05)
+    seen = FlowMap(structure, 0.6).observe(np.zeros(8), 10.0, 50)
+    assert seen.contact == 0
+    assert np.array_equal(seen.points[:, :2], seen.points[:, 2:4])
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.integers(0, 10**6), st.sampled_from([2, 3, 4]), st.sampled_from([math.inf, 1e3]))
+def test_units_and_order_of_the_floors_mean_nothing(seed, n, sharpness):
+    structure = random_structure(seed, sharpness, n, 3)
+    rng = np.random.default_rng(seed)
+    state, amplitude, omega = 0.1 * rng.normal(size=2 * n), 0.3, 0.8
+    points, outcome = FlowMap(structure, omega).points(state, amplitude, 1)
+    assert outcome is Outcome.COMPLETE
+    kept = structure.matrices
+    more = {"sharpness": sharpness, "harmonics": structure.harmonics}
+
+    # masses and stiffnesses x 4, gaps and forcing x 2: exactly the same motion, twice as large
+    scaled = Structure.from_matrices(
+        4 * np.array(kept.mass),
+        4 * np.array(kept.stiffness),
+        [Contact(c.direction, 2 * c.gap, 4 * c.stiffness) for c in kept.contacts],
+        damping=4 * np.array(kept.damping),
+        **{**more, "sharpness": sharpness / 2},
+    )
+    found, _ = FlowMap(scaled, omega).points(2 * state, 2 * amplitude, 1)
+    scale = 1 + np.abs(points).max()
+    matrix = FlowMap(structure, omega).monodromy(state, amplitude, 1)[1]
+    allowed = 1e-11 * scale * max(1.0, np.abs(matrix).max())
+    assert np.abs(found / 2 - points).max() < allowed
+
+    order = rng.permutation(n)
+    both = np.concatenate((order, n + order))
+    turned = Structure.from_matrices(
+        np.array(kept.mass)[order][:, order],
+        np.array(kept.stiffness)[order][:, order],
+        [Contact(tuple(np.array(c.direction)[order]), c.gap, c.stiffness) for c in kept.contacts],
+        damping=np.array(kept.damping)[order][:, order],
+        **more,
+    )
+    found, _ = FlowMap(turned, omega).points(state[both], amplitude, 1)
+    assert np.abs(found - points[:, both]).max() < allowed
+
+
+@pytest.mark.parametrize("damping", ["ratios", "matrix"])
+def test_the_linear_state_in_closed_form(damping):
+    given = {"damping_ratio": 0.05} if damping == "ratios" else {"damping": np.diag([0.3, 0.1])}
+    structure = Structure.from_matrices(
+        (1.0, 3.0),
+        [[2.0, -1.0], [-1.0, 1.5]],
+        [Contact((1.0, -1.0), 2.0, 100.0)],
+        harmonics=((1, 1.0, 0.2), (2, 0.3, 0.0)),
+        **given,
+    )
+    omega, amplitude = 0.4, 0.1
+    orbit, solver = LinearOrbit(structure, omega), FlowMap(structure, omega)
+    start = np.array([0.01, 0.02, 0.0, 0.01])
+    closed = orbit.steady_window(start, amplitude, 100, 100, 1e-6)
+    end = solver.advance(start, amplitude, 199).state
+    seen = solver.observe(end, amplitude, 1, modal_norm=True)
+    assert np.abs(closed.points[-1] - seen.points[-1]).max() < 1e-12
+    assert closed.peak_drift == pytest.approx(seen.peak_drift, rel=1e-9)
+    assert closed.modal_norm == pytest.approx(seen.modal_norm, abs=1e-7)
+    assert orbit.lyapunov_exponent == pytest.approx(
+        math.log(np.abs(np.linalg.eigvals(solver.monodromy(end, amplitude, 1)[1])).max())
+        * omega
+        / (2 * math.pi),
+        rel=1e-9,
+    )
+    # nothing is said of an amplitude that reaches the stop
+    assert orbit.steady_window(start, 1.01 * structure.grazing_amplitude(omega), 9, 9, 1e9) is None

@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.contact import layer_half_width
-
 MAX_FLOORS = 64
 """Contact sets are stored as the bits of one 64-bit integer."""
 
@@ -117,6 +115,9 @@ class Structure:
     @property
     def layer_half_width(self) -> float:
         """Half-width of the contact layer in gaps; see `contact.layer_half_width`."""
+        # with the law come its kernels, and numba: who only reads results waits for neither
+        from hpcsweep.model.contact import layer_half_width
+
         return layer_half_width(self.stiffness_ratio, self.sharpness)
 
     @cached_property

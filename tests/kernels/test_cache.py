@@ -109,7 +109,7 @@ def test_the_cache_is_found_from_another_path_and_not_after_an_edit(tmp_path):
 def test_settings_of_numba_for_other_packages_are_left_alone():
     code = (
         "import numba; before = numba.config.CACHE_DIR\n"
-        "import hpcsweep.solvers.solver\n"
+        "import hpcsweep.solvers.flow\n"
         "assert numba.config.CACHE_DIR == before, numba.config.CACHE_DIR\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env=environment())

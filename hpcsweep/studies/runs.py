@@ -277,6 +277,14 @@ def frame_runs(structure: Structure, omega: float, settings: SweepSettings) -> F
     return FrameRuns(structure, omega, settings)
 
 
+def is_compiled(settings: SweepSettings) -> bool:
+    """Tell whether the cache is known to have what runs with these settings call."""
+    from hpcsweep.kernels.warm import missing
+
+    SOLVERS[settings.solver].load()
+    return settings.solver == "flow" and not missing()
+
+
 def warm_up(
     settings: SweepSettings,
     say: Callable[[str], None] | None = None,

@@ -189,11 +189,12 @@ class KernelCache(FunctionCache):
         try:
             write_whole(cache_root() / place, content)
         except OSError as error:
-            say_unwritable(error.strerror or str(error))
-            own = own_folder()
+            kept, own = False, own_folder()
             if own is not None:
                 with contextlib.suppress(OSError):
                     write_whole(own / place, content)
+                    kept = True
+            say_unwritable(error.strerror or str(error), kept)
 
 
 def processor() -> str:

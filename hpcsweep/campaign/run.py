@@ -190,4 +190,6 @@ def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
         comm.barrier()
         if not first:
             study.warm_up()
+    # no rank writes as long as another might leave at once
+    comm.barrier()
     flag.at_once = None

@@ -102,7 +102,8 @@ def load() -> None:
     from hpcsweep.studies.runs import warm_up
     from hpcsweep.studies.settings import SweepSettings
 
-    warm_up(SweepSettings())
+    for solver in ("flow", "bdf"):
+        warm_up(SweepSettings(solver=solver))
 
 
 def forked(arguments: list[str], cwd: Path | None = None) -> subprocess.CompletedProcess:

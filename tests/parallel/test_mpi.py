@@ -12,15 +12,16 @@ from hpcsweep.parallel.mpi import world
 comm = world()
 waits = {"barrier": comm.barrier, "bcast": lambda: comm.bcast(0), "gather": lambda: comm.gather(0)}
 for name, wait in waits.items():
-    comm.barrier()
-    late = name != "bcast"
-    if comm.rank == (1 if late else 0):
-        time.sleep(1.0)
     begun, used = time.monotonic(), time.process_time()
+    comm.barrier()
+    # from here on, which is after the other one's beginning
+    late = 0 if name == "bcast" else 1
+    if comm.rank == late:
+        time.sleep(1.0)
     wait()
-    if comm.rank == (0 if late else 1):
+    if comm.rank != late:
         used, waited = time.process_time() - used, time.monotonic() - begun
-        print(name, waited > 0.5, used < 0.3 * waited, flush=True)
+        print(name, waited >= 1.0, used < 0.3 * waited, flush=True)
 """
 
 

@@ -4,4 +4,6 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bash .ci/venv .venv mpich,test
-exec .venv/bin/python -m pytest -m "not slow and not mpio and not browser and not slurm" "$@"
+.venv/bin/hpcsweep warmup --jobs 2  # once, before many tests want the kernels
+exec .venv/bin/python -m pytest -n 2 --dist worksteal \
+    -m "not slow and not mpio and not browser and not slurm" "$@"

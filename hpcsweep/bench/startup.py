@@ -15,7 +15,7 @@ JOB = """
 omega = 0.445
 amplitude = {from = 0.02, to = 0.1, count = 5}
 """
-LIBRARIES = "import numba, scipy.integrate, h5py"
+LIBRARIES = "import numba, scipy.linalg, h5py"
 
 
 def startup(repeats: int = 3, say: Callable = lambda text: None) -> dict:

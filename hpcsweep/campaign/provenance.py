@@ -9,8 +9,6 @@ import time
 from importlib import metadata
 from pathlib import Path
 
-from hpcsweep.kernels.cache import processor
-
 LIBRARIES = ("numpy", "scipy", "numba", "h5py", "mpi4py")
 
 
@@ -53,6 +51,9 @@ def git_commit() -> str:
 
 def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
     """Collect what a campaign file stores as attributes when it is made."""
+    # loads numba, which whoever asks for the version has no need of
+    from hpcsweep.kernels.cache import processor
+
     return {
         "hpcsweep_version": version(),
         "git_commit": git_commit(),

@@ -82,6 +82,9 @@ def run(
             flag.deadline = begun + max_hours * 3600 - STOP_MARGIN
         lock = Lock(output)
         hosts = comm.gather(provenance.host())
+        if comm.rank != 0:
+            # loads what takes long to load, while rank 0 prepares the file
+            job.study.is_compiled()
         _on_master(comm, lambda: _prepare(layout, output, lock, comm, hosts, say))
         lock.join()
         try:
@@ -165,7 +168,7 @@ def _check_same_job(layout: Layout, output: Path) -> None:
 
 
 def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
-    """Let one rank of each node compile the kernels, or load them, before the others.
+    """Load the kernels; if any is not in the cache, one rank of each node compiles first.
 
     That may take minutes, so a signal ends the ranks then and there: nothing is being written.
     """
@@ -177,10 +180,16 @@ def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
     flag.at_once = leave
     if flag.reason is not None:
         leave(flag.reason)
-    first = comm.node_rank() == 0
-    if first:
-        study.warm_up(say if comm.rank == 0 else None)
-    comm.barrier()
-    if not first:
+    at_once = comm.gather(study.is_compiled())
+    if comm.bcast(at_once and all(at_once)):
         study.warm_up()
+    else:
+        first = comm.node_rank() == 0
+        if first:
+            study.warm_up(say if comm.rank == 0 else None)
+        comm.barrier()
+        if not first:
+            study.warm_up()
+    # no rank writes as long as another might leave at once
+    comm.barrier()
     flag.at_once = None

@@ -38,12 +38,10 @@ def _open_streams() -> None:
 
 def _look_at_cache() -> None:
     """Say where kernels will be kept if it is not the usual folder; that is read all the same."""
+    folders.say_by(note if launched_rank() == 0 else folders.say_nothing)
     usual = folders.cache_root()
-    if _can_write(usual):
-        return
-    is_first = launched_rank() == 0
-    text = f"{usual}: cannot be written; {folders.where_kept()}"
-    folders.say_once(text, note if is_first else folders.say_nothing)
+    if not _can_write(usual):
+        folders.say_once(f"{usual}: cannot be written; {folders.where_kept()}")
 
 
 def _can_write(folder: Path) -> bool:

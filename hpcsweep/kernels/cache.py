@@ -47,6 +47,7 @@ KERNEL_FILES = (
 )
 """Files and folders of the package of which kernels, and the constants in them, are made."""
 SUFFIX = ".kernel"
+HASH_LENGTH = 16
 
 
 def kernel_files(package: Path = PACKAGE, names: tuple[str, ...] = KERNEL_FILES) -> list[Path]:
@@ -68,9 +69,9 @@ def kernel_files(package: Path = PACKAGE, names: tuple[str, ...] = KERNEL_FILES)
     return found
 
 
-def _program_text(path: Path) -> str:
+def _program_text(source: bytes) -> str:
     """Give what a file says to Python: without comments, docstrings and line numbers."""
-    tree = ast.parse(path.read_bytes())
+    tree = ast.parse(source)
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):
@@ -82,14 +83,32 @@ def _program_text(path: Path) -> str:
     return ast.dump(tree)
 
 
-@functools.cache
-def source_hash() -> str:
-    """Hash all that the kernels are made of."""
+def _hash(texts: dict[str, bytes]) -> str:
+    """Hash versions and what is in files, by their names."""
     digest = hashlib.sha256(f"numba {numba.__version__} numpy {np.__version__}".encode())
     digest.update(f" python {sys.version_info[:2]}".encode())
-    for path in kernel_files():
-        digest.update(f"\0{path.relative_to(PACKAGE)}\0{_program_text(path)}".encode())
-    return digest.hexdigest()[:16]
+    for name, text in texts.items():
+        digest.update(b"\0".join((b"", name.encode(), text)))
+    return digest.hexdigest()[:HASH_LENGTH]
+
+
+@functools.cache
+def source_hash() -> str:
+    """Hash all that the kernels are made of.
+
+    To parse it takes as long as to load the kernels. So the hash is kept in the cache, too, under
+    that of the files as they are, comments and all.
+    """
+    sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
+    kept = cache_root() / "sources" / _hash(sources)
+    with contextlib.suppress(OSError, ValueError):
+        found = kept.read_text("ascii")
+        if len(found) == HASH_LENGTH:
+            return found
+    made = _hash({name: _program_text(text).encode() for name, text in sources.items()})
+    with contextlib.suppress(OSError):
+        write_whole(kept, made.encode())
+    return made
 
 
 def cache_folder() -> Path:
@@ -170,11 +189,12 @@ class KernelCache(FunctionCache):
         try:
             write_whole(cache_root() / place, content)
         except OSError as error:
-            say_unwritable(error.strerror or str(error))
-            own = own_folder()
+            kept, own = False, own_folder()
             if own is not None:
                 with contextlib.suppress(OSError):
                     write_whole(own / place, content)
+                    kept = True
+            say_unwritable(error.strerror or str(error), kept)
 
 
 def processor() -> str:

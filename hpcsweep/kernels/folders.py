@@ -57,22 +57,27 @@ def write_whole(path: Path, data: bytes) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def where_kept() -> str:
-    """Say what becomes of kernels that cannot be kept in `cache_root`."""
-    own = own_folder()
+def where_kept(possible: bool = True) -> str:
+    """Say what becomes of kernels that cannot be kept in `cache_root`, nor elsewhere perhaps."""
+    own = own_folder() if possible else None
     return f"compiled kernels are kept in {own}" if own else "compiled kernels are not kept"
 
 
-def say_unwritable(why: str) -> None:
-    """Say, once in a process, that kernels cannot be kept in `cache_root`."""
-    say_once(f"hpcsweep: {cache_root()} cannot be written ({why}): {where_kept()}")
+def say_unwritable(why: str, elsewhere: bool = True) -> None:
+    """Say, once in a process, that kernels cannot be kept in `cache_root`, or anywhere."""
+    say_once(f"{cache_root()} cannot be written ({why}): {where_kept(elsewhere)}")
 
 
-def say_once(text: str, say: Callable[[str], None] | None = None) -> None:
+def say_once(text: str) -> None:
     """Say what is to be said of the folders, if nothing has been said of them."""
     if not _said:
         _said.append(text)
-        (say or _print)(text)
+        _way[0](text)
+
+
+def say_by(say: Callable[[str], None]) -> None:
+    """Say in another way what is to be said of the folders."""
+    _way[0] = say
 
 
 def say_nothing(text: str) -> None:
@@ -80,8 +85,9 @@ def say_nothing(text: str) -> None:
     del text
 
 
-_said: list[str] = []
-
-
 def _print(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+    print(f"hpcsweep: {text}", file=sys.stderr, flush=True)
+
+
+_said: list[str] = []
+_way: list[Callable[[str], None]] = [_print]

@@ -113,7 +113,13 @@ def _compile(
                 future = pool.submit(_compile_named, one.__module__, one.__name__)
                 waiting[future] = one
             for future in as_completed(waiting):
-                seconds = future.result()
+                seconds, said = future.result()
+                for text in said:
+                    folders.say_once(text)
+                if not waiting[future].is_kept:
+                    # the disk is full: what another process compiles cannot be handed over
+                    pool.shutdown(cancel_futures=True)
+                    break
                 order.remove(waiting[future])
                 yield waiting[future], seconds
     for one in list(order):
@@ -123,12 +129,15 @@ def _compile(
 def _start_worker() -> None:
     """Leave Ctrl-C, and what is to be said of the cache, to the process that waits."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    folders.say_once("", folders.say_nothing)
+    folders.say_by(_unsaid.append)
 
 
-def _compile_named(module: str, name: str) -> float:
-    """Compile a kernel into the cache; return the process time."""
-    return _timed(getattr(importlib.import_module(module), name))
+_unsaid: list[str] = []
+
+
+def _compile_named(module: str, name: str) -> tuple[float, list[str]]:
+    """Compile a kernel into the cache; return the process time, and what is to be said."""
+    return _timed(getattr(importlib.import_module(module), name)), _unsaid
 
 
 def _timed(one: Separate) -> float:

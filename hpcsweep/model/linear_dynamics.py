@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpcsweep.model.contact import layer_half_width
 from hpcsweep.model.modes import (
     damped_response,
     natural_modes,
@@ -116,6 +115,9 @@ class LinearDynamics:
     @cached_property
     def layer_half_width(self) -> float:
         """Half-width of the contact layer, a length; see `contact.layer_half_width`."""
+        # with the law come its kernels, and numba: who only reads results waits for neither
+        from hpcsweep.model.contact import layer_half_width
+
         stiffest = 0.0
         for contact in self.contacts:
             d = np.array(contact.direction)

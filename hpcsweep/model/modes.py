@@ -3,8 +3,6 @@
 import math
 
 import numpy as np
-from scipy.linalg import eigh
-from scipy.optimize import brentq
 
 SAMPLES = 64
 """Of a period of the highest harmonic, before an extremum is polished."""
@@ -32,6 +30,9 @@ def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, 
     shapes : ndarray, shape (n, n)
         One a column; the first entry that is not negligible is positive.
     """
+    # who only reads results does not wait for scipy
+    from scipy.linalg import eigh
+
     squares, shapes = eigh(stiffness, mass)
     for shape in shapes.T:
         first = np.argmax(np.abs(shape) > 1e-8 * np.abs(shape).max())
@@ -87,6 +88,8 @@ def trigonometric_maximum(orders: np.ndarray, amplitudes: np.ndarray) -> float:
 
 def trigonometric_zeros(orders: np.ndarray, amplitudes: np.ndarray) -> list[float]:
     """List the sign changes of sum_h Im(a_h exp(i h theta)) over a period of theta."""
+    from scipy.optimize import brentq
+
     edges = np.linspace(0.0, 2.0 * math.pi, int(SAMPLES * orders.max()) + 1)
 
     def value(theta: float) -> float:

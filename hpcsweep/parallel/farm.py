@@ -16,11 +16,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from hpcsweep.parallel.mpi import LEAST_SLEEP, MOST_SLEEP
 from hpcsweep.parallel.schedule import BALANCE_SECONDS, Schedule, computing_ranks, report_interval
 from hpcsweep.parallel.stopping import Stop, StopFlag
 
-LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
-"""Back-off (s) of a rank that waits for a message."""
 BALANCE_SHARE = 0.02
 """Largest share of the master's time spent on which tasks to take back."""
 

@@ -22,6 +22,8 @@ LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "M
 HYDRA = "MPI_LOCALNRANKS"
 """A variable that only Hydra sets."""
 
+LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
+"""Back-off (s) of a rank that waits."""
 LET_OUT_SECONDS = 5.0
 """Longest wait for the launcher to read what a rank has said before it is aborted ..."""
 PASS_ON_SECONDS = 0.1
@@ -87,7 +89,10 @@ def _let_out() -> None:
 
 
 class Ranks:
-    """The ranks of an MPI job; methods as `Serial`."""
+    """The ranks of an MPI job; methods as `Serial`.
+
+    Who waits for others sleeps: MPI's own waits keep a core busy, and signals unheard.
+    """
 
     def __init__(self, mpi, comm):
         self._mpi = mpi
@@ -98,15 +103,21 @@ class Ranks:
 
     def bcast(self, value):
         """Return the value rank 0 has."""
+        self.barrier()
         return self.raw.bcast(value, root=0)
 
     def gather(self, value):
         """Return every rank's value on rank 0, None elsewhere."""
+        self.barrier()
         return self.raw.gather(value, root=0)
 
     def barrier(self) -> None:
         """Wait for all ranks."""
-        self.raw.Barrier()
+        arrived = self.raw.Ibarrier()
+        sleep = LEAST_SLEEP
+        while not arrived.Test():
+            time.sleep(sleep)
+            sleep = min(2 * sleep, MOST_SLEEP)
 
     def node_rank(self) -> int:
         """Return the rank within the node."""

@@ -6,13 +6,12 @@ start at phase tau = 0 of the forcing and advance whole forcing periods T = 2 pi
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Protocol
 
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.bdf import BdfMap
-from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation
 
@@ -23,7 +22,8 @@ class SolverKind:
 
     Attributes
     ----------
-    make : callable (structure, omega, rtol)
+    module, made : str
+        Where it is, and what makes it: callable (structure, omega, rtol).
     rtol : float
         Relative tolerance of a job that names none.
     tight : float
@@ -35,16 +35,23 @@ class SolverKind:
         Whether ``poll`` is called in each forcing period, not only between runs.
     """
 
-    make: Callable[[Structure, float, float], "Solver"]
+    module: str
+    made: str
     rtol: float
     tight: float
     period_error: float
     polls_each_period: bool = False
 
+    def load(self) -> Callable[[Structure, float, float], "Solver"]:
+        """Import it, which takes longer than most commands do that compute nothing."""
+        return getattr(import_module(f"hpcsweep.solvers.{self.module}"), self.made)
+
 
 SOLVERS = {
-    "flow": SolverKind(FlowMap, rtol=1e-9, tight=1e-11, period_error=1e3),
-    "bdf": SolverKind(BdfMap, rtol=1e-6, tight=1e-10, period_error=3e3, polls_each_period=True),
+    "flow": SolverKind("flow", "FlowMap", rtol=1e-9, tight=1e-11, period_error=1e3),
+    "bdf": SolverKind(
+        "bdf", "BdfMap", rtol=1e-6, tight=1e-10, period_error=3e3, polls_each_period=True
+    ),
 }
 
 
@@ -125,7 +132,7 @@ def make_solver(name: str, structure: Structure, omega: float, rtol: float) -> S
     """
     if name not in SOLVERS:
         raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, is {name!r}")
-    return SOLVERS[name].make(structure, omega, rtol)
+    return SOLVERS[name].load()(structure, omega, rtol)
 
 
 def stroboscopic_points(

@@ -264,6 +264,10 @@ class RunGrid:
             "amplitude": float(self.amplitudes_of(frame)[at]),
         }
 
+    def is_compiled(self) -> bool:
+        """Tell whether the cache is known to have all that its runs call."""
+        return runs.is_compiled(self.settings)
+
     def warm_up(self, say: Callable[[str], None] | None = None) -> None:
         """Compile all that its runs call, or load it from the disk."""
         runs.warm_up(self.settings, say)

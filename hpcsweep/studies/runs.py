@@ -30,13 +30,10 @@ import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
 from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
-from hpcsweep.kernels.warm import load_all, processors
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.compilation import Report
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes
@@ -62,7 +59,12 @@ class FrameRuns:
         self.settings = settings
         self.solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
         self._drift_scale = omega**2
-        self._linear = LinearOrbit(structure, omega) if "linear" in settings.skip else None
+        self._linear = None
+        if "linear" in settings.skip:
+            # here and in `warm_up`, where runs are computed: who only reads them loads no kernel
+            from hpcsweep.solvers.linear import LinearOrbit
+
+            self._linear = LinearOrbit(structure, omega)
 
     def follow(
         self,
@@ -277,6 +279,14 @@ def frame_runs(structure: Structure, omega: float, settings: SweepSettings) -> F
     return FrameRuns(structure, omega, settings)
 
 
+def is_compiled(settings: SweepSettings) -> bool:
+    """Tell whether the cache is known to have what runs with these settings call."""
+    from hpcsweep.kernels.warm import missing
+
+    SOLVERS[settings.solver].load()
+    return settings.solver == "flow" and not missing()
+
+
 def warm_up(
     settings: SweepSettings,
     say: Callable[[str], None] | None = None,
@@ -292,6 +302,10 @@ def warm_up(
     jobs : int, optional
         Processes that compile; default one for each processor at hand.
     """
+    from hpcsweep.kernels.warm import load_all, processors
+    from hpcsweep.studies.compilation import Report
+
+    SOLVERS[settings.solver].load()
     if settings.solver == "flow":
         tell = None if say is None else Report(say)
         load_all(tell, processors() if jobs is None else jobs)

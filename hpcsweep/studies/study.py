@@ -249,6 +249,10 @@ class Study(Protocol):
         """Tell a task by its frequency, and what else is its own."""
         ...
 
+    def is_compiled(self) -> bool:
+        """Tell whether the cache is known to have all that its runs call."""
+        ...
+
     def warm_up(self, say: Callable[[str], None] | None = None) -> None:
         """Compile all that its runs call."""
         ...

@@ -1,10 +1,16 @@
 """Where things are, how a campaign is started, how two files are compared."""
 
 import dataclasses
+import functools
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import tempfile
+import time
+import traceback
+import warnings
 from pathlib import Path
 
 import h5py
@@ -12,6 +18,8 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 JOBS = ROOT / "jobs"
+LIMIT = 300
+"""Seconds after which a command hangs."""
 
 SMALL = """
 [structure]
@@ -69,16 +77,94 @@ def command(ranks: int, *arguments: object) -> list[str]:
 
 
 def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: str):
-    """Run hpcsweep to its end; return the completed process with its output as text."""
+    """Run hpcsweep to its end; return the completed process with its output as text.
+
+    Alone and in the environment of the tests it is a fork of this process, which has its libraries
+    and kernels loaded: to load them takes longer than most of the commands.
+    """
+    if ranks == 0 and not extra:
+        return forked(list(map(str, arguments)), cwd)
     return subprocess.run(
         command(ranks, *arguments),
         cwd=cwd,
         env=environment(**extra),
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=LIMIT,
         check=False,
     )
+
+
+@functools.cache
+def load() -> None:
+    """Load what commands need, once for all forks."""
+    from hpcsweep.commands import cli, one_thread  # noqa: F401
+    from hpcsweep.studies.runs import warm_up
+    from hpcsweep.studies.settings import SweepSettings
+
+    for solver in ("flow", "bdf"):
+        warm_up(SweepSettings(solver=solver))
+
+
+def forked(arguments: list[str], cwd: Path | None = None) -> subprocess.CompletedProcess:
+    """Run a command in a fork of this process, with streams of its own."""
+    load()
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        with warnings.catch_warnings():
+            # the test runner's threads wait for it; the fork calls nothing of theirs
+            warnings.simplefilter("ignore", DeprecationWarning)
+            child = os.fork()
+        if child == 0:
+            code = 1
+            try:
+                code = _command(arguments, cwd, out.fileno(), err.fileno())
+            finally:
+                os._exit(code)
+        code = _exit_code(child)
+        out.seek(0)
+        err.seek(0)
+        return subprocess.CompletedProcess(
+            ["hpcsweep", *arguments], code, out.read().decode(), err.read().decode()
+        )
+
+
+def _exit_code(child: int) -> int:
+    """Wait for a child, for a limited time; return its exit code as `subprocess` does."""
+    deadline = time.monotonic() + LIMIT
+    ended, sleep = 0, 1e-4
+    while not ended:
+        if time.monotonic() > deadline:
+            os.kill(child, signal.SIGKILL)
+        time.sleep(sleep)
+        sleep = min(2 * sleep, 0.01)
+        ended, status = os.waitpid(child, os.WNOHANG)
+    return os.waitstatus_to_exitcode(status)
+
+
+def _command(arguments: list[str], cwd: Path | None, out: int, err: int) -> int:
+    """Be the command; return its exit code."""
+    from hpcsweep.commands import cli
+
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(out, 1)
+    os.dup2(err, 2)
+    sys.stdin, sys.stdout, sys.stderr = (
+        os.fdopen(number, mode, closefd=False) for number, mode in ((0, "r"), (1, "w"), (2, "w"))
+    )
+    os.chdir(cwd or Path.cwd())
+    warnings.resetwarnings()
+    for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
+        warnings.simplefilter("ignore", kind)  # as Python does
+    try:
+        code = cli.main(arguments)
+    except SystemExit as end:
+        code = end.code
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    return code if isinstance(code, int) else int(code is not None)
 
 
 def run_script(ranks: int, script: Path, *arguments: object):
@@ -90,7 +176,7 @@ def run_script(ranks: int, script: Path, *arguments: object):
         env=environment(PYTHONPATH=f"{ROOT}:{ROOT / 'tests' / 'campaigns'}"),
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=LIMIT,
         check=False,
     )
 

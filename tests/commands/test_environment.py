@@ -94,6 +94,7 @@ def test_a_cache_that_is_only_read_is_read_all_the_same(tmp_path, monkeypatch, c
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(environment_of_commands, "_can_write", lambda folder: False)
     monkeypatch.setattr(folders, "_said", [])
+    monkeypatch.setattr(folders, "_way", list(folders._way))
     environment_of_commands._look_at_cache()
     assert folders.cache_root() == tmp_path
     assert len(capsys.readouterr().err.splitlines()) == 1

@@ -109,7 +109,41 @@ def test_the_cache_is_found_from_another_path_and_not_after_an_edit(tmp_path):
 def test_settings_of_numba_for_other_packages_are_left_alone():
     code = (
         "import numba; before = numba.config.CACHE_DIR\n"
-        "import hpcsweep.solvers.solver\n"
+        "import hpcsweep.solvers.flow\n"
         "assert numba.config.CACHE_DIR == before, numba.config.CACHE_DIR\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env=environment())
+
+
+HASHED = """
+from hpcsweep.kernels import cache
+parsed, text = [], cache._program_text
+cache._program_text = lambda source: parsed.append(1) or text(source)
+print(cache.source_hash(), len(parsed))
+"""
+
+
+def hashed(cache: Path) -> tuple[str, bool]:
+    """Key of the kernels, and whether their files were parsed for it."""
+    done = subprocess.run(
+        [sys.executable, "-c", HASHED],
+        env=environment(NUMBA_CACHE_DIR=str(cache)),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    key, parsed = done.stdout.split()
+    return key, int(parsed) > 0
+
+
+def test_files_that_have_not_changed_are_parsed_once(tmp_path):
+    key, parsed = hashed(tmp_path)
+    assert parsed
+    assert hashed(tmp_path) == (key, False)
+    (kept,) = (tmp_path / "sources").iterdir()
+    for damaged in (b"", b"\xff", key[:-1].encode()):
+        kept.write_bytes(damaged)
+        assert hashed(tmp_path) == (key, True)
+    assert hashed(tmp_path) == (key, False)
+    (tmp_path / "file").write_text("no folder")
+    assert hashed(tmp_path / "file" / "cache") == (key, True)

@@ -4,15 +4,18 @@ import io
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
+from concurrent.futures import Future
 from pathlib import Path
 
 import numba
 import pytest
+import tools
 from tools import JOBS, environment
 
-from hpcsweep.kernels import separate, warm
+from hpcsweep.kernels import folders, separate, warm
 from hpcsweep.kernels.warm import Progress
 from hpcsweep.solvers import flow
 from hpcsweep.studies.compilation import SILENCE, Report, duration
@@ -46,11 +49,11 @@ def told(monkeypatch, tmp_path):
     monkeypatch.setattr(warm.time, "process_time", lambda: clock[0])
     monkeypatch.setattr(warm.time, "perf_counter", lambda: clock[0])
 
-    def compiled(takes: dict[str, float], kept=()):
+    def compiled(takes: dict[str, float], kept=(), jobs=1):
         fakes = [Fake(name, seconds, clock, name in kept) for name, seconds in takes.items()]
         monkeypatch.setattr(separate, "ALL", fakes)
         found: list[Progress] = []
-        warm.load_all(found.append)
+        warm.load_all(found.append, jobs)
         assert all(fake.is_loaded for fake in fakes)
         return found
 
@@ -250,6 +253,131 @@ def test_a_damaged_kernel_is_compiled_anew(tmp_path):
         assert (done.stdout.split(), done.stderr) == (["0", "1"], "")
         assert path.stat().st_size == len(whole)
     assert compiled_in(NUMBA_CACHE_DIR=cache).stdout.split() == ["1", "0"]
+
+
+FULL = """
+import errno, sys
+from pathlib import Path
+whole = Path.write_bytes
+
+def write_bytes(path, data):
+    if any(path.is_relative_to(full) for full in sys.argv[1:]):
+        whole(path, data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device")
+    return whole(path, data)
+
+Path.write_bytes = write_bytes
+"""
+
+
+@pytest.mark.parametrize("elsewhere", ["with room", "full"])
+def test_a_disk_that_fills_up_in_mid_write_takes_one_line(tmp_path, elsewhere):
+    cache, temporary = tmp_path / "cache", tmp_path / "temporary"
+    cache.mkdir()
+    temporary.mkdir()
+    own = temporary / f"hpcsweep-{os.getuid()}"
+    full = [cache, temporary] if elsewhere == "full" else [cache]
+    place = f"compiled kernels are {'not kept' if elsewhere == 'full' else f'kept in {own}'}"
+    said = f"hpcsweep: {cache} cannot be written (No space left on device): {place}\n"
+    variables = {"NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(temporary)}
+    for hits in (0, 0 if elsewhere == "full" else 1):
+        done = subprocess.run(
+            [sys.executable, "-c", FULL + COMPILED, *map(str, full)],
+            env=environment(**variables),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout.split() == [str(hits), str(1 - hits)]
+        assert done.stderr == ("" if hits else said)
+    assert not [path for path in cache.rglob("*") if path.is_file()], "half a file is left"
+
+
+ON_A_SMALL_DISK = """
+mount -t tmpfs -o size="$1"k tmpfs "$2" || exit 77
+shift 2
+exec "$@"
+"""
+
+
+def on_a_small_disk(size: int, disk: Path, *command, **variables) -> subprocess.CompletedProcess:
+    """Run a command with a new disk of so many kB; skip the test where none can be mounted."""
+    disk.mkdir()
+    line = ["unshare", "--mount", "sh", "-c", ON_A_SMALL_DISK, "sh", size, disk, *command]
+    if not shutil.which("unshare"):
+        pytest.skip("no unshare to mount a small disk with")
+    done = subprocess.run(
+        [str(word) for word in line],
+        env=environment(**variables),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode == 77 or "unshare" in done.stderr:
+        pytest.skip(f"no small disk can be mounted: {done.stderr.strip()}")
+    return done
+
+
+def test_a_disk_that_is_too_small_takes_one_line(tmp_path):
+    disk, temporary = tmp_path / "disk", tmp_path / "temporary"
+    temporary.mkdir()
+    done = on_a_small_disk(
+        *(8, disk, sys.executable, "-c", COMPILED),
+        NUMBA_CACHE_DIR=str(disk / "cache"),
+        TMPDIR=str(temporary),
+    )
+    assert done.stdout.split() == ["0", "1"]
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(
+        f"hpcsweep: {disk / 'cache'} cannot be written (No space left on device)"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+@pytest.mark.parametrize("elsewhere", ["with room", "full"])
+def test_a_run_works_whose_kernels_do_not_all_fit(tmp_path, elsewhere):
+    disk, temporary, out = tmp_path / "disk", tmp_path / "temporary", tmp_path / "one.h5"
+    temporary.mkdir()
+    (tmp_path / "small.toml").write_text(SMALL)
+    done = on_a_small_disk(
+        *(400, disk, *tools.command(2, "run", tmp_path / "small.toml", "-o", out)),
+        NUMBA_CACHE_DIR=str(disk / "cache"),
+        TMPDIR=str(disk if elsewhere == "full" else temporary),
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("No space left on device") == 1
+    assert f"{out}: complete" in done.stderr
+
+
+def test_what_others_cannot_hand_over_is_compiled_here(told, monkeypatch):
+    class Pool:
+        """Compiles nothing that could be kept, and says why."""
+
+        def __init__(self, *arguments):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *error):
+            pass
+
+        def submit(self, *arguments):
+            future = Future()
+            future.set_result((1.0, ["the disk is full"]))
+            return future
+
+        def shutdown(self, **options):
+            pass
+
+    said = []
+    monkeypatch.setattr(warm, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr(folders, "_said", [])
+    monkeypatch.setattr(folders, "_way", [said.append])
+    found = told({"a": 2.0, "b": 5.0, "c": 1.0}, jobs=2)
+    assert said == ["the disk is full"]
+    assert [one.done for one in found] == [0, 1, 2, 3]
 
 
 HASWELL = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,-avx512f"}

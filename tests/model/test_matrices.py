@@ -173,7 +173,10 @@ WRONG = [
     (lambda: Contact((1.0,), 1.0, Fraction), "contact.stiffness must be a number"),
     (lambda: Contact((math.inf,), 1.0, 1.0), "contact.direction must be finite, is inf"),
     (lambda: Contact({1.0}, 1.0, 1.0), "contact.direction must be a list of numbers"),
-    (lambda: of(mass=[[1, 0.1], [0, 1]]), r"matrices.mass must be symmetric: entry \(1, 2\) is 0.1"),
+    (
+        lambda: of(mass=[[1, 0.1], [0, 1]]),
+        r"matrices.mass must be symmetric: entry \(1, 2\) is 0.1",
+    ),
     (lambda: of(mass=[[1, 2], [2, 1]]), "matrices.mass must be positive definite"),
     (lambda: of(mass=[[1, 0]]), "matrices.mass must have 1 entries in each row, has 2"),
     (lambda: of(stiffness=np.ones((3, 3))), "matrices.stiffness must have 2 rows, has 3"),

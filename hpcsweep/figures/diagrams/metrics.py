@@ -23,7 +23,6 @@ from hpcsweep.figures.style import (
     new_figure,
     save,
 )
-from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.amplitude_sweep import DOWN
 
@@ -69,6 +68,9 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
 
     They do not depend on the amplitude; NaN at an undamped resonance.
     """
+    # loads numba and scipy.linalg, which no other figure needs
+    from hpcsweep.solvers.linear import LinearOrbit
+
     orbit = LinearOrbit(replace(structure, stiffness_ratio=0.0), omega)
     try:
         small = 1e-3 * structure.grazing_amplitude(omega)

@@ -1,0 +1,72 @@
+"""What a command loads: who reads results does not wait for kernels and integrators."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from tools import JOBS, ROOT, environment
+
+COMPUTES = {"numba", "llvmlite", "scipy.integrate", "hpcsweep.solvers.flow", "hpcsweep.solvers.bdf"}
+DRAWS = {"matplotlib", "xarray"}
+LAYOUT1 = ROOT / "tests" / "data" / "layout1.h5"
+
+LOADED = """
+import json, sys
+from hpcsweep.commands import cli
+try:
+    code = cli.main(sys.argv[1:])
+except SystemExit as end:
+    code = end.code
+print(json.dumps([code, *sys.modules]))
+"""
+
+
+def loaded(*arguments: object, cwd=None) -> tuple[int, set[str]]:
+    """Exit code of a command, and the modules it has loaded."""
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED, *map(str, arguments)],
+        cwd=cwd,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    code, *modules = json.loads(done.stdout.splitlines()[-1])
+    return code, set(modules)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--help"],
+        ["status", LAYOUT1],
+        ["status", LAYOUT1, "--job"],
+        ["validate", LAYOUT1, "--samples", "0"],
+        ["plot", "--help"],
+        ["new", "job.toml"],
+    ],
+    ids=lambda arguments: " ".join(str(one).rsplit("/", 1)[-1] for one in arguments),
+)
+def test_a_command_that_computes_nothing_loads_nothing_that_computes(tmp_path, arguments):
+    code, modules = loaded(*arguments, cwd=tmp_path)
+    assert code == 0
+    assert not modules & (COMPUTES | DRAWS)
+
+
+@pytest.mark.parametrize(
+    "arguments", [["summary", LAYOUT1], ["plot", LAYOUT1, "-o", "one.png"]], ids=lambda one: one[0]
+)
+def test_results_are_read_and_drawn_without_what_computes(tmp_path, arguments):
+    code, modules = loaded(*arguments, cwd=tmp_path)
+    assert code == 0
+    assert not modules & COMPUTES
+
+
+def test_a_run_loads_the_solver_of_its_job_and_no_other(tmp_path):
+    job = tmp_path / "one.toml"
+    job.write_text(f'extends = "{JOBS / "demo.toml"}"\nsweep.amplitude = 0.01\n')
+    code, modules = loaded("run", job, cwd=tmp_path)
+    assert code == 0
+    assert {"numba", "hpcsweep.solvers.flow"} <= modules
+    assert not modules & ({"scipy.integrate", "hpcsweep.solvers.bdf"} | DRAWS)

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.paths import path_of
 from hpcsweep.job.tree import TreeError, parse_toml, resolve
 from hpcsweep.job.values import MAX_VALUES, Values
+from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
@@ -63,7 +65,8 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     JobError
         If a file cannot be read or all together is not a valid job.
     """
-    path = Path(path)
+    path = path_of("path", path)
+    settings = arguments.words("settings", settings)
     try:
         text, source = resolve(path, settings, every_key())
     except TreeError as error:
@@ -79,6 +82,9 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
     JobError
         If it is not a valid job.
     """
+    arguments.instance("text", text, str)
+    arguments.instance("source", source, str)
+    arguments.instance("default_name", default_name, str)
     try:
         tree = parse_toml(text, source)
     except TreeError as error:

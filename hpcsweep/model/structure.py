@@ -10,15 +10,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from hpcsweep.model.arguments import count, plain, refused
+from hpcsweep.model.arguments import number as _number
 from hpcsweep.model.contact import layer_half_width
 
 MAX_FLOORS = 64
 """Contact sets are stored as the bits of one 64-bit integer."""
+MAX_OMEGA = 1e150
+"""Of the closed forms, which square it."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +59,7 @@ class Structure:
     _ratios: tuple[float, ...] = field(init=False, repr=False, compare=True, default=())
 
     def __post_init__(self) -> None:
-        n = self.n_floors
-        if isinstance(n, bool) or not isinstance(n, Integral) or not 1 <= n <= MAX_FLOORS:
-            raise ValueError(
-                f"n_floors must be a whole number from 1 to {MAX_FLOORS}, is {self.n_floors!r}"
-            )
-        object.__setattr__(self, "n_floors", int(n))
+        object.__setattr__(self, "n_floors", count("n_floors", self.n_floors, 1, MAX_FLOORS))
         beta = _number("stiffness_ratio", self.stiffness_ratio)
         if not 0 <= beta < math.inf:
             raise ValueError(f"stiffness_ratio must be finite and at least 0, is {beta!r}")
@@ -74,11 +73,11 @@ class Structure:
             object.__setattr__(self, "damping_ratio", self._ratios)
 
     def _validated_damping(self) -> tuple[float, ...]:
-        given: Any = self.damping_ratio
+        given: Any = plain(self.damping_ratio)
         if isinstance(given, Real):
             ratios = (_number("damping_ratio", given),) * self.n_floors
-        elif isinstance(given, str | bytes) or not hasattr(given, "__len__"):
-            raise ValueError(f"damping_ratio must be a number or one per mode, is {given!r}")
+        elif isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
+            raise refused("damping_ratio", "a number or one per mode", given)
         else:
             if len(given) != self.n_floors:
                 raise ValueError(
@@ -165,6 +164,7 @@ class Structure:
         ZeroDivisionError
             At an undamped resonance, where there is no steady state.
         """
+        omega = _number("omega", omega, f"at most {MAX_OMEGA:g}", -MAX_OMEGA, MAX_OMEGA)
         denominator = (
             self.frequencies**2 - omega**2 + 2j * self.damping_ratios * self.frequencies * omega
         )
@@ -179,12 +179,6 @@ class Structure:
         Closed form for a stop without layer: A = 1 / max_i |U_i|, U of `linear_steady_state`.
         """
         return 1.0 / float(np.abs(self.linear_steady_state(omega)).max())
-
-
-def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
-        raise ValueError(f"{name} must be a number, is {value!r}")
-    return float(value)
 
 
 def _frozen(array: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ from scipy.integrate import BDF
 from hpcsweep.model.contact import STOP
 from hpcsweep.model.equations import jacobian, right_hand_side
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.arguments import motion, points_array, solver_arguments
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
 
@@ -62,9 +63,8 @@ class BdfMap:
     """
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-6):
-        self.structure = structure
-        self.omega = float(omega)
-        self.rtol = max(float(rtol), SMALLEST_RTOL)
+        self.structure, self.omega, rtol = solver_arguments(structure, omega, rtol)
+        self.rtol = max(rtol, SMALLEST_RTOL)
         self.period = 2 * math.pi / self.omega
         self._stiffness = structure.stiffness_matrix.copy()
         self._damping = np.ascontiguousarray(structure.damping_matrix)
@@ -82,7 +82,7 @@ class BdfMap:
         poll: Callable[[], None] | None = None,
     ) -> Advance:
         """Integrate `n_periods` forcing periods; see `hpcsweep.solvers.flow.FlowMap.advance`."""
-        z = np.array(state, dtype=float)
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, poll)
             if outcome is not Outcome.COMPLETE:
@@ -163,7 +163,8 @@ class BdfMap:
         The 2n variational columns are integrated with the state, to the same tolerance.
         """
         size = 2 * self.structure.n_floors
-        z = np.concatenate((np.asarray(state, dtype=float), np.eye(size).ravel()))
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        z = np.concatenate((z, np.eye(size).ravel()))
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, None, columns=size)
             if outcome is not Outcome.COMPLETE:
@@ -171,8 +172,8 @@ class BdfMap:
         return z[:size], z[size:].reshape(size, size)
 
     def _collect(self, state, amplitude, n_periods, poll, on_step):
-        z = np.array(state, dtype=float)
-        points = np.empty((n_periods, z.size))
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        points = points_array(n_periods, z.size)
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, on_step)
             if outcome is not Outcome.COMPLETE:

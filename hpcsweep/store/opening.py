@@ -15,6 +15,7 @@ from pathlib import Path
 import h5py
 
 from hpcsweep.job import JobError, parse_job
+from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
@@ -144,7 +145,7 @@ def read_layout(path: str | Path) -> Layout:
     StoreError
         If the file is not a campaign file. A `DamagedError` if its job is not the one it says.
     """
-    path = Path(path)
+    path = path_of("path", path)
     attributes = check_file(path)
     try:
         job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
@@ -183,7 +184,7 @@ def open_layout(path: str | Path) -> Layout:
     StoreError
         If it is not a campaign file. A `DamagedError` if it is one, but not as its job says.
     """
-    path = Path(path)
+    path = path_of("path", path)
     layout = read_layout(path)
     refuse_problems(path, layout_problems(path, layout))
     return layout

@@ -15,7 +15,7 @@ CALLS = {
     "stroboscopic_points": "hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 10**8)",
     "bdf": "hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 10**8, 'bdf', 1e-6)",
     "advance": "flow.advance(z, 0.0987, 10**9)",
-    "advance, 64 floors": "many.advance([0.0] * 128, 0.1, 10**9)",
+    "advance, slow periods": "slow.advance([0.0] * 20, 0.3, 10**9)",
     "observe": "flow.observe(z, 0.0987, 10**8, modal_norm=True, growth=True)",
     "settle": "flow.settle(z, 0.0987, 10**9, 400, -1.0, 1e-6)",
     "monodromy": "flow.monodromy(z, 0.0987, 10**9)",
@@ -30,7 +30,7 @@ from hpcsweep.solvers.reference import reference_points
 from hpcsweep.solvers.trajectory import trajectory
 
 one, three = hpcsweep.Structure(1), hpcsweep.Structure()
-flow, many, z = FlowMap(three, 0.445), FlowMap(hpcsweep.Structure(64), 0.445), [0.0] * 6
+flow, slow, z = FlowMap(three, 0.445), FlowMap(hpcsweep.Structure(10), 0.01), [0.0] * 6
 hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 2)  # compiled, or loaded
 flow.monodromy(z, 0.0987, 1)
 reference_points(three, 0.06, 0.445, z, 1)

@@ -17,6 +17,7 @@ import h5py
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
+from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 from hpcsweep.store.offsets import open_for_reading
@@ -72,9 +73,7 @@ def _check_kind(path: Path) -> None:
     except (OSError, ValueError) as error:
         if isinstance(error, StoreError):
             raise
-        # what h5py says of it is long, and may take several lines
-        said = getattr(error, "strerror", None) or str(error)
-        raise StoreError(f"{path}: cannot be read: {said}") from None
+        raise StoreError(f"{path}: cannot be read: {reason(error)}") from None
     if not begin.startswith(SIGNATURE):
         raise StoreError(f"{path}: not an HDF5 file, or damaged; it is left as it is")
     for part in (begin, end):
@@ -106,8 +105,7 @@ def check_place(path: Path) -> None:
     except (OSError, ValueError) as error:
         if isinstance(error, StoreError):
             raise
-        said = getattr(error, "strerror", None) or str(error)
-        raise StoreError(f"{path}: cannot be used: {said}") from None
+        raise StoreError(f"{path}: cannot be used: {reason(error)}") from None
 
 
 def check_file(path: Path) -> dict:

@@ -17,6 +17,7 @@ from hpcsweep.job.tree import TreeError, parse_toml, resolve
 from hpcsweep.job.values import MAX_VALUES, Values
 from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.settings import METRICS, SKIP_RULES, SweepSettings
@@ -201,7 +202,7 @@ def _initial_state(values: Values, n: int) -> np.ndarray:
 def _settings(values: Values) -> SweepSettings:
     default = SweepSettings()
     sampling = values.whole("sweep.sampling_cycles", default.sampling_cycles, 1, MAX_CYCLES)
-    longest = max(sampling // 2, 1)
+    longest = max(min(sampling // 2, MAX_PERIOD), 1)
     tolerance = values.number(
         "sweep.period_tolerance", values.get("sweep.period_tolerance", default.period_tolerance)
     )

@@ -45,6 +45,11 @@ def test_every_shipped_job_loads():
         ("from = 0.5, to", "from = 0.0, to", ("sweep.omega", "greater than 0")),
         ("transient_cycles = 30", "transient_cycles = -1", ("sweep.transient_cycles", "-1")),
         ("max_orbit_period = 6", "max_orbit_period = 11", ("max_orbit_period", "11", "1 to 10")),
+        (
+            "sampling_cycles = 20\nmax_orbit_period = 6",
+            "sampling_cycles = 30000\nmax_orbit_period = 10001",
+            ("max_orbit_period", "10001", "1 to 10000"),
+        ),
         ("max_orbit_period = 6", "max_period = 6", ("sweep.max_period", "'max_orbit_period'")),
         ("[output]", "[ouput]", ("'ouput'", "'output'")),
         ("block = 4", "block = 0", ("output.block", "0")),

@@ -80,6 +80,23 @@ def _check_kind(path: Path) -> None:
         for heap in HEAP.finditer(part):
             if int.from_bytes(heap[1], "little") > MOST_HEAP:
                 raise DamagedError(f"{path}: damaged (a heap of strings has no size); {REPAIR}")
+            if _is_endless(part[heap.start() :]):
+                raise DamagedError(f"{path}: damaged (a heap of strings has no end); {REPAIR}")
+
+
+def _is_endless(heap: bytes) -> bool:
+    """Tell whether HDF5 would never come to the end of a heap: free room in it has no size.
+
+    An object is an index, 0 of free room, and at byte 8 a size; that of free room counts its head.
+    """
+    at, end = 16, min(int.from_bytes(heap[8:16], "little"), len(heap))
+    while at + 16 <= end:
+        index = int.from_bytes(heap[at : at + 2], "little")
+        size = int.from_bytes(heap[at + 8 : at + 16], "little")
+        if index == 0 and size == 0:
+            return True
+        at += size if index == 0 else 16 + -(-size // 8) * 8
+    return False
 
 
 def check_place(path: Path) -> None:

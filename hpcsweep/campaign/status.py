@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.campaign.costs import TaskCosts
+from hpcsweep.job.paths import path_of
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Layout, open_layout, read_history
@@ -46,7 +47,7 @@ def status(path: str | Path) -> dict:
         peak_memory : list of int, or None
             Bytes of rank 0 and of the largest rank in the last session, once it has ended.
     """
-    path = Path(path)
+    path = path_of("path", path)
     layout = open_layout(path)
     history = read_history(path)
     session = history.sessions[-1] if history.sessions else None

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify, contact_name
+from hpcsweep.job.paths import path_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames, read_history
 from hpcsweep.store.records import History
@@ -35,7 +36,7 @@ def summarize(path: str | Path) -> dict:
     StoreError
         If it is not a campaign file.
     """
-    path = Path(path)
+    path = path_of("path", path)
     frames = Frames(path)
     try:
         study = frames.study

@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.checks.recompute import RunAgain, compute_again
+from hpcsweep.job.paths import path_of
+from hpcsweep.model import arguments
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
@@ -88,7 +90,8 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
     StoreError
         If it is not a campaign file that this version can read.
     """
-    path = Path(path)
+    path = path_of("path", path)
+    samples, seed = arguments.count("samples", samples), arguments.count("seed", seed)
     report = Report(str(path))
     try:
         layout = read_layout(path)

@@ -7,6 +7,7 @@ from hpcsweep.claims import coexistence, judgement
 from hpcsweep.claims.data import Claim, Map, Verdict
 from hpcsweep.claims.evidence import Study, variant_of
 from hpcsweep.claims.reading import open_frames, read_map, read_study
+from hpcsweep.job.paths import paths_of
 
 STIFF, SOFT = 1000.0, 100.0
 """beta of the paper's two maps."""
@@ -27,8 +28,8 @@ def judge_files(paths: Sequence[Path]) -> dict[str, list[Claim]]:
     """
     studies: dict[str, Study] = {}
     maps: dict[str, dict[float, Map]] = {}
-    for path in paths:
-        frames = open_frames(Path(path))
+    for path in paths_of("paths", paths):
+        frames = open_frames(path)
         try:
             variant = variant_of(frames.study.structure)
             maps.setdefault(variant, {})

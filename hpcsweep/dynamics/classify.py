@@ -22,6 +22,7 @@ from enum import IntEnum
 import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
+from hpcsweep.model.arguments import array, count, number, real, refused, rows
 from hpcsweep.solvers.outcome import Outcome
 
 CHAOS_GROWTH = 5.0
@@ -108,7 +109,16 @@ def classify(results, settings) -> np.ndarray:
     -------
     ndarray of int8, shape (direction, frame, amplitude)
         `MotionClass` of each run.
+
+    Raises
+    ------
+    ValueError
+        If the results are no dataset of a campaign, or the settings none of its runs.
     """
+    if "outcome" not in getattr(results, "variables", ()) or not hasattr(results, "sizes"):
+        raise refused("results", "a dataset of open_results", results)
+    if not hasattr(settings, "sampling_cycles"):
+        raise refused("settings", "the settings of a job's runs", settings)
     if MOTION in results:
         return results[MOTION].values
     period = results["orbit_period"].values
@@ -149,6 +159,10 @@ def classify_points(points: np.ndarray, growth: float, tolerance: float) -> Moti
     tolerance : float
         Points closer than this are the same.
     """
+    points, growth = rows("points", points), real("growth", growth)
+    tolerance = number("tolerance", tolerance)
+    if len(points) < 2:
+        return MotionClass.UNDECIDED
     if orbit_period(points, len(points) // 2, tolerance):
         return MotionClass.LONG_PERIOD
     if abs(growth) <= NEUTRAL_GROWTH and on_closed_curve(points):
@@ -168,6 +182,7 @@ def on_closed_curve(points: np.ndarray) -> bool:
     points : ndarray, shape (N, 2n)
         Consecutive.
     """
+    points = rows("points", points)
     return any(
         len(points) // m >= LEAST_ON_CURVE and all(_one_curve(points[k::m]) for k in range(m))
         for m in CURVES
@@ -229,6 +244,7 @@ def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
     dict of MotionClass to float
         All classes but NOT_COMPUTED; the shares add up to 1, or are all 0 if nothing was computed.
     """
+    classes = array("classes", classes)
     computed = max(int((classes != MotionClass.NOT_COMPUTED).sum()), 1)
     return {
         kind: int((classes == kind).sum()) / computed
@@ -239,6 +255,8 @@ def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
 
 def contact_name(contact: int, n_floors: int) -> str:
     """Write a contact set as C with the numbers of its floors, e.g. C23; 'none' if empty."""
+    contact = count("contact", contact, 0, 2**64 - 1)
+    n_floors = count("n_floors", n_floors, 0, 64)
     floors = [str(i + 1) for i in range(n_floors) if contact >> i & 1]
     if not floors:
         return "none"

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from hpcsweep.model.arguments import count, number, rows
+
 
 def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
     """Find the smallest p for which the points repeat after p forcing periods.
@@ -24,6 +26,8 @@ def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
     int
         p, or 0 if there is none (chaotic, quasi-periodic, longer, or not yet settled).
     """
+    points, max_period = rows("points", points), count("max_period", max_period, 1)
+    tolerance = number("tolerance", tolerance)
     points = points[-2 * max_period :]
     for p in range(1, min(max_period, len(points) // 2) + 1):
         if np.abs(points[p:] - points[:-p]).max() <= tolerance:

@@ -4,13 +4,23 @@ import math
 
 import numpy as np
 
+from hpcsweep.model.arguments import count, rows
+
 
 def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
     """Return the eigenvalues of a monodromy matrix, largest modulus first, shape (2n,).
 
     The system is forced, so no multiplier is trivial and all are returned. Their product is
     exp(-p T tr(2 gamma C)).
+
+    Raises
+    ------
+    ValueError
+        If the matrix is not square, or not finite.
     """
+    matrix = rows("matrix", matrix)
+    if matrix.shape[0] != matrix.shape[1] or not np.all(np.isfinite(matrix)):
+        raise ValueError(f"matrix must be square and finite, has shape {matrix.shape}")
     multipliers = np.linalg.eigvals(matrix)
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
 
@@ -40,6 +50,7 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
     ArithmeticError
         If the solver fails.
     """
+    period = count("period", period, 1)
     _, matrix = solver.monodromy(state, amplitude, period)
     time = period * 2 * math.pi / solver.omega
     return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import contact_name
+from hpcsweep.model.arguments import real
 from hpcsweep.studies.amplitude_sweep import DOWN, UP
 from hpcsweep.studies.points import START
 
@@ -94,7 +95,7 @@ def nearest_frame(omegas: np.ndarray, omega: float | None) -> int:
     """Return the frame nearest to a frequency, the first if none is asked for."""
     if omega is None:
         return 0
-    if not np.isfinite(omega):
+    if not np.isfinite(real("omega", omega)):
         raise PlotError(f"--omega {omega}: must be finite")
     return int(np.argmin(np.abs(omegas - omega)))
 

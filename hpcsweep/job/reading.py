@@ -13,8 +13,11 @@ import numpy as np
 
 from hpcsweep.job import structures
 from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.paths import path_of
 from hpcsweep.job.tree import TreeError, parse_toml, resolve
 from hpcsweep.job.values import MAX_VALUES, Values
+from hpcsweep.model import arguments
+from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.settings import METRICS, SKIP_RULES, SweepSettings
@@ -59,7 +62,8 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     JobError
         If a file cannot be read or all together is not a valid job.
     """
-    path = Path(path)
+    path = path_of("path", path)
+    settings = arguments.words("settings", settings)
     try:
         text, source = resolve(path, settings, every_key())
     except TreeError as error:
@@ -75,6 +79,9 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
     JobError
         If it is not a valid job.
     """
+    arguments.instance("text", text, str)
+    arguments.instance("source", source, str)
+    arguments.instance("default_name", default_name, str)
     try:
         tree = parse_toml(text, source)
     except TreeError as error:
@@ -172,7 +179,7 @@ def _initial_state(values: Values, n: int) -> np.ndarray:
 def _settings(values: Values) -> SweepSettings:
     default = SweepSettings()
     sampling = values.whole("sweep.sampling_cycles", default.sampling_cycles, 1, MAX_CYCLES)
-    longest = max(sampling // 2, 1)
+    longest = max(min(sampling // 2, MAX_PERIOD), 1)
     tolerance = values.number(
         "sweep.period_tolerance", values.get("sweep.period_tolerance", default.period_tolerance)
     )

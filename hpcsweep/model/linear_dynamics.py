@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpcsweep.model.arguments import number
 from hpcsweep.model.modes import (
     damped_response,
     natural_modes,
@@ -17,6 +18,10 @@ from hpcsweep.model.modes import (
 
 if TYPE_CHECKING:
     from hpcsweep.model.matrices import Contact, Matrices
+
+
+MAX_OMEGA = 1e150
+"""Of the closed forms, which square it."""
 
 
 def frozen(array: np.ndarray) -> np.ndarray:
@@ -184,7 +189,7 @@ class LinearDynamics:
         ZeroDivisionError
             At an undamped resonance, where there is no steady state.
         """
-        w = order * omega
+        w = order * number("omega", omega, f"at most {MAX_OMEGA:g}", -MAX_OMEGA, MAX_OMEGA)
         if not self.is_modal:
             matrices = self.mass_matrix, self.damping_matrix, self.stiffness_matrix
             return damped_response(*matrices, self.forcing_vector, w)

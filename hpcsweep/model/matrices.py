@@ -6,13 +6,14 @@ with x_k = d_k . u - g_k the distance past the stop of contact k. A floor that h
 right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound with d = e_i - e_j.
 """
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
+
+from hpcsweep.model.arguments import finite, number, shown
 
 MAX_FLOORS = 64
 MAX_CONTACTS = 64
@@ -29,26 +30,11 @@ Vector = tuple[float, ...]
 Matrix = tuple[Vector, ...]
 
 
-def number(name: str, value: object) -> float:
-    """Read a number; NaN is none."""
-    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
-        raise ValueError(f"{name} must be a number, is {_shown(value)}")
-    return float(value)
-
-
-def finite(name: str, value: object) -> float:
-    """Read a finite number."""
-    found = number(name, value)
-    if not math.isfinite(found):
-        raise ValueError(f"{name} must be finite, is {found!r}")
-    return found
-
-
 def vector(name: str, given: Any, size: int | None, what: str = "entries") -> Vector:
     """Read a sequence of numbers, of a given size if there is one."""
     listed = _listed(given)
     if listed is None:
-        raise ValueError(f"{name} must be a list of numbers, is {_shown(given)}")
+        raise ValueError(f"{name} must be a list of numbers, is {shown(given)}")
     if size is not None and len(listed) != size:
         raise ValueError(f"{name} must have {size} {what}, has {len(listed)}")
     return tuple(number(name, value) for value in listed)
@@ -58,7 +44,7 @@ def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matri
     """Read a matrix of finite numbers, row by row."""
     rows = _listed(given)
     if rows is None or not rows or any(_listed(row) is None for row in rows):
-        raise ValueError(f"{name} must be a list of rows of numbers, is {_shown(given)}")
+        raise ValueError(f"{name} must be a list of rows of numbers, is {shown(given)}")
     n_rows, n_columns = shape
     if n_rows is not None and len(rows) != n_rows:
         raise ValueError(f"{name} must have {n_rows} rows, has {len(rows)}")
@@ -86,11 +72,6 @@ def _listed(given: Any) -> list | None:
     if isinstance(given, np.ndarray):
         return list(given) if given.ndim else None
     return list(given) if isinstance(given, list | tuple) else None
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 @dataclass(frozen=True)
@@ -174,13 +155,13 @@ def read_matrices(
 
 def _contacts(given: Any, n: int) -> tuple[Contact, ...]:
     if isinstance(given, str | bytes) or not isinstance(given, Iterable):
-        raise ValueError(f"contacts must be a list of Contact, is {_shown(given)}")
+        raise ValueError(f"contacts must be a list of Contact, is {shown(given)}")
     contacts = tuple(given)
     if len(contacts) > MAX_CONTACTS:
         raise ValueError(f"contacts must be at most {MAX_CONTACTS}, are {len(contacts)}")
     for place, contact in enumerate(contacts, 1):
         if not isinstance(contact, Contact):
-            raise ValueError(f"contacts must be a list of Contact, holds {_shown(contact)}")
+            raise ValueError(f"contacts must be a list of Contact, holds {shown(contact)}")
         if len(contact.direction) != n:
             raise ValueError(
                 f"contact.direction of contact {place} must have {n} entries, "

@@ -12,11 +12,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from hpcsweep.model.arguments import count, finite, number, plain, refused
 from hpcsweep.model.linear_dynamics import LinearDynamics, frozen
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
@@ -24,8 +25,6 @@ from hpcsweep.model.matrices import (
     Contact,
     Matrices,
     check_definite,
-    finite,
-    number,
     read_harmonics,
     read_matrices,
     vector,
@@ -91,12 +90,8 @@ class Structure(LinearDynamics):
     matrices: Matrices | None = None
 
     def __post_init__(self) -> None:
-        n = self.n_floors
-        if isinstance(n, bool) or not isinstance(n, Integral) or not 1 <= n <= MAX_FLOORS:
-            raise ValueError(
-                f"n_floors must be a whole number from 1 to {MAX_FLOORS}, is {self.n_floors!r}"
-            )
-        self._set("n_floors", int(n))
+        n = count("n_floors", self.n_floors, 1, MAX_FLOORS)
+        self._set("n_floors", n)
         self._set("stiffness_ratio", self._per_floor("stiffness_ratio", self.stiffness_ratio))
         for beta in self._floors(self.stiffness_ratio):
             if not 0 <= beta < math.inf:
@@ -200,6 +195,7 @@ class Structure(LinearDynamics):
 
     def _per_floor(self, name: str, given: Any) -> PerFloor:
         """Read a number, or one per floor."""
+        given = plain(given)
         if isinstance(given, str | bytes) or not hasattr(given, "__len__"):
             return number(name, given)
         return vector(name, given, self.n_floors, "numbers, one per floor")
@@ -211,11 +207,11 @@ class Structure(LinearDynamics):
         return value if isinstance(value, tuple) else (value,) * self.n_floors
 
     def _validated_damping(self) -> tuple[float, ...]:
-        given: Any = self.damping_ratio
+        given: Any = plain(self.damping_ratio)
         if isinstance(given, Real):
             ratios = (number("damping_ratio", given),) * self.n_floors
-        elif isinstance(given, str | bytes) or not hasattr(given, "__len__"):
-            raise ValueError(f"damping_ratio must be a number or one per mode, is {given!r}")
+        elif isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
+            raise refused("damping_ratio", "a number or one per mode", given)
         else:
             if len(given) != self.n_floors:
                 raise ValueError(

@@ -24,10 +24,12 @@ from scipy.integrate import BDF
 
 from hpcsweep.model.equations import jacobian, right_hand_side
 from hpcsweep.model.frame import Frame
-from hpcsweep.model.kernel_model import Model, kernel_model
+from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.arguments import motion, points_array, solver_arguments
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
+from hpcsweep.solvers.step_tally import StepTally
 
 MAX_STEPS = 200_000
 """Cap of steps in one forcing period."""
@@ -39,9 +41,6 @@ LAYER_HALF_WIDTH = 5.0
 """Half-width of the contact layer, in units of 1 / rho."""
 FLATTEST = 1e-3
 """Smaller rho are this one when steps are limited: such a layer is wider than any motion."""
-STEP_NODES = 9
-"""Times at which the interpolant of a step is searched for extrema and crossings."""
-PANEL_NODES, PANEL_WEIGHTS = np.polynomial.legendre.leggauss(6)
 ABSOLUTE = 1.0
 """atol = rtol * ABSOLUTE: lengths are measured in gaps and near contact u is about 1, so the
 absolute tolerance is the relative one of a displacement of one gap."""
@@ -63,9 +62,8 @@ class BdfMap:
     """
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-6):
-        self.structure = structure
-        self.omega = float(omega)
-        self.rtol = max(float(rtol), SMALLEST_RTOL)
+        self.structure, self.omega, rtol = solver_arguments(structure, omega, rtol)
+        self.rtol = max(rtol, SMALLEST_RTOL)
         self._model = model = kernel_model(structure, self.omega)
         self._frame = Frame(structure, model)
         self.period = 2 * math.pi / model.omega
@@ -82,7 +80,8 @@ class BdfMap:
         poll: Callable[[], None] | None = None,
     ) -> Advance:
         """Integrate `n_periods` forcing periods; see `hpcsweep.solvers.flow.FlowMap.advance`."""
-        z = self._frame.into(state)
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        z = self._frame.into(z)
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, poll)
             if outcome is not Outcome.COMPLETE:
@@ -132,7 +131,7 @@ class BdfMap:
         With `growth` also the growth of a tangent vector, (1, ..., 1) at first; for that the window
         is integrated once more.
         """
-        tally = _Tally(self._model, modal_norm)
+        tally = StepTally(self._model, modal_norm)
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         total = math.nan
         if growth and outcome is Outcome.COMPLETE:
@@ -172,7 +171,8 @@ class BdfMap:
         """
         columns = self._frame.tangent_into(np.eye(2 * self.structure.n_floors))
         size, n_columns = columns.shape
-        z = np.concatenate((self._frame.into(state), columns.ravel()))
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        z = np.concatenate((self._frame.into(z), columns.ravel()))
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, None, columns=n_columns)
             if outcome is not Outcome.COMPLETE:
@@ -181,8 +181,9 @@ class BdfMap:
         return self._frame.out_of(z[:size]), self._frame.tangent_out_of(matrix)
 
     def _collect(self, state, amplitude, n_periods, poll, on_step):
-        z = self._frame.into(state)
-        points = np.empty((n_periods, z.size))
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        z = self._frame.into(z)
+        points = points_array(n_periods, z.size)
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, on_step)
             if outcome is not Outcome.COMPLETE:
@@ -265,93 +266,3 @@ class BdfMap:
         time = 2.0 * room / (speed + np.sqrt(speed**2 + 2.0 * push * room))
         seen = self._layer_steps > self.rtol * np.maximum(speed, self.rtol)
         return float(np.where(seen, time, np.maximum(time, self.least_limit)).min())
-
-
-class _Tally:
-    """Maxima and means over the steps' interpolants."""
-
-    def __init__(self, model: Model, modal_norm: bool):
-        self.contact = 0
-        self.peak_drift = 0.0
-        self._modal_transform = model.modal_transform
-        self._contacts = model.contacts
-        self._n = model.stiffness.shape[0]
-        # coordinate 0 is at rest: the base
-        self._drifts = np.eye(self._n + 1)[model.drift_rows + 1]
-        self._modal = np.zeros(len(model.modal_transform))
-        self._free_time = 0.0
-        self._modal_norm = modal_norm
-
-    def add(self, interpolant, start: float, end: float) -> None:
-        """Add one step."""
-        n = self._n
-        tau = np.linspace(start, end, STEP_NODES)
-        z = interpolant(tau)
-        drifts = (self._drifts[:, 0] - self._drifts[:, 1])[:, 1:]
-        drift, slope = drifts @ z[:n], drifts @ z[n:]
-        self.peak_drift = max(self.peak_drift, float(np.abs(drift).max()))
-        contacts = self._contacts
-        signs = contacts.sign[:, None]
-        past = signs * z[contacts.row] - contacts.gap[:, None]
-        speed = z[n + contacts.row]
-        highest = past.max(axis=1, initial=-math.inf)
-        for k, left in zip(*np.nonzero(speed[:, :-1] * speed[:, 1:] < 0), strict=True):
-            i, sign = contacts.row[k], contacts.sign[k]
-            top = _extremum(
-                lambda t, i=i, sign=sign: sign * interpolant(t)[[i, n + i]], *tau[left : left + 2]
-            )
-            highest[k] = max(highest[k], top - contacts.gap[k])
-        for i, left in zip(*np.nonzero(slope[:, :-1] * slope[:, 1:] < 0), strict=True):
-
-            def pair(t, i=i):
-                now = interpolant(t)
-                return np.array((drifts[i] @ now[:n], drifts[i] @ now[n:]))
-
-            top = abs(_extremum(pair, *tau[left : left + 2]))
-            self.peak_drift = max(self.peak_drift, float(top))
-        for k in np.flatnonzero(highest >= 0.0):
-            self.contact |= 1 << int(k)
-        if self._modal_norm:
-            self._add_modal(interpolant, tau, -past.max(axis=0, initial=-math.inf))
-
-    def _add_modal(self, interpolant, tau, gap):
-        """Integrate |q_j| / ||q|| over the parts of a step in which nothing touches."""
-        for k in range(STEP_NODES - 1):
-            left, right = tau[k], tau[k + 1]
-            if gap[k] <= 0 and gap[k + 1] <= 0:
-                continue
-            if gap[k] * gap[k + 1] < 0:
-                touch = left + (right - left) * gap[k] / (gap[k] - gap[k + 1])
-                left, right = (left, touch) if gap[k] > 0 else (touch, right)
-            half = 0.5 * (right - left)
-            q = np.abs(
-                self._modal_transform @ interpolant(left + half * (PANEL_NODES + 1))[: self._n]
-            )
-            size = np.linalg.norm(q, axis=0)
-            share = np.divide(q, size, out=np.zeros_like(q), where=size > 0)
-            self._modal += half * (share @ PANEL_WEIGHTS)
-            self._free_time += 2 * half
-
-    def modal_mean(self) -> np.ndarray:
-        """Mean modal norms, shape (n,); NaN where something always touched."""
-        if not self._modal_norm or self._free_time == 0:
-            return np.full(self._modal.size, math.nan)
-        return self._modal / self._free_time
-
-
-def _extremum(value_and_slope, left: float, right: float) -> float:
-    """Value where the slope vanishes between two times with slopes of different sign."""
-    slope_left, slope_right = value_and_slope(left)[1], value_and_slope(right)[1]
-    best = value_and_slope(left)[0]
-    for _ in range(8):
-        middle = right - slope_right * (right - left) / (slope_right - slope_left)
-        best, slope = value_and_slope(middle)
-        if slope == 0 or abs(right - left) < 1e-12:
-            break
-        if slope * slope_right > 0:
-            right, slope_right = middle, slope
-            slope_left *= 0.5
-        else:
-            left, slope_left = middle, slope
-            slope_right *= 0.5
-    return best

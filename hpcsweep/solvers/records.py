@@ -95,6 +95,8 @@ def window_growth(logarithms: np.ndarray) -> float:
     Parameters
     ----------
     logarithms : ndarray, shape (k,)
-        Of the factor in each forcing period.
+        Of the factor in each forcing period; without any the growth is NaN.
     """
+    if not len(logarithms):
+        return math.nan
     return float(logarithms[len(logarithms) // 10 :].mean() * len(logarithms))

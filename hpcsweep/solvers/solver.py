@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from hpcsweep.model.arguments import choice, finite, finite_vector, instance
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation
@@ -128,11 +129,9 @@ def make_solver(name: str, structure: Structure, omega: float, rtol: float) -> S
     Raises
     ------
     ValueError
-        If there is no solver of that name.
+        If there is no solver of that name, or another argument is outside its range.
     """
-    if name not in SOLVERS:
-        raise ValueError(f"solver must be one of {', '.join(SOLVERS)}, is {name!r}")
-    return SOLVERS[name].load()(structure, omega, rtol)
+    return SOLVERS[choice("solver", name, SOLVERS)].load()(structure, omega, rtol)
 
 
 def stroboscopic_points(
@@ -165,26 +164,14 @@ def stroboscopic_points(
     Raises
     ------
     ValueError
-        If an argument is outside its range.
+        If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If the solver fails; the message names the outcome and the period.
     """
-    z = np.array(state, dtype=float)
-    if z.shape != (2 * structure.n_floors,):
-        raise ValueError(f"state must have shape ({2 * structure.n_floors},), has shape {z.shape}")
-    if not np.all(np.isfinite(z)):
-        raise ValueError("state must be finite")
-    if not np.isfinite(amplitude):
-        raise ValueError(f"amplitude must be finite, is {amplitude!r}")
-    if not (np.isfinite(omega) and omega > 0):
-        raise ValueError(f"omega must be finite and positive, is {omega!r}")
-    if n_periods < 0:
-        raise ValueError(f"n_periods must be at least 0, is {n_periods!r}")
-    if not 0 < rtol < 1:
-        raise ValueError(f"rtol must lie between 0 and 1, is {rtol!r}")
-    points, outcome = make_solver(solver, structure, omega, rtol).points(
-        z, float(amplitude), int(n_periods)
-    )
+    instance("structure", structure, Structure)
+    z = finite_vector("state", state, 2 * structure.n_floors)
+    amplitude = finite("amplitude", amplitude)
+    points, outcome = make_solver(solver, structure, omega, rtol).points(z, amplitude, n_periods)
     if outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{solver}: {outcome.name} in forcing period {len(points) + 1}")
     return points

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.equations import right_hand_side
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
@@ -14,6 +15,7 @@ RTOL, ATOL = 1e-9, 1e-11
 LARGEST_STEP = 1 / 64
 """In forcing periods: a grazing contact, which takes a few hundredths of one, is not stepped
 over."""
+MAX_SAMPLES = 10**7
 
 
 def trajectory(
@@ -38,9 +40,15 @@ def trajectory(
 
     Raises
     ------
+    ValueError
+        If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If the integrator gives up.
     """
+    instance("structure", structure, Structure)
+    amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
+    z = finite_vector("state", state, 2 * structure.n_floors)
+    n_samples = count("n_samples", n_samples, 2, MAX_SAMPLES)
     model = kernel_model(structure, omega)
     frame = Frame(structure, model)
     period = 2 * math.pi / model.omega
@@ -52,7 +60,7 @@ def trajectory(
     done = solve_ivp(
         derivative,
         (0.0, period),
-        frame.into(state),
+        frame.into(z),
         method="DOP853",
         t_eval=np.linspace(0.0, period, n_samples),
         rtol=RTOL,

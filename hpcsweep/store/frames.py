@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.job.paths import path_of
+from hpcsweep.model import arguments
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.layout import StoreError
 from hpcsweep.store.opening import open_layout
@@ -30,7 +32,7 @@ class Frames:
     """
 
     def __init__(self, path: str | Path):
-        self.path = Path(path)
+        self.path = path_of("path", path)
         self._layout = open_layout(self.path)
         self.job, self.study = self._layout.job, self._layout.study
         self._variables = {variable.name: variable for variable in self._layout.variables}
@@ -62,7 +64,8 @@ class Frames:
         StoreError
             If the file does not hold one of the variables.
         """
-        for name in names:
+        frame = self._frame(frame)
+        for name in arguments.words("names", names):
             if name not in self:
                 raise StoreError(
                     f"{self.path}: holds no {name}: set output.{name} = true in the job"
@@ -81,6 +84,9 @@ class Frames:
                         found[name][direction, at] = rows[name]
         return found
 
+    def _frame(self, frame: int) -> int:
+        return arguments.count("frame", frame, 0, self.study.omega.size - 1)
+
     def dataset(self, frame: int):
         """Read one frame as an xarray.Dataset.
 
@@ -90,6 +96,7 @@ class Frames:
             As of `open_results`, with dimension `frame` of size 1; of the attributes only
             `job` and `name`.
         """
+        frame = self._frame(frame)
         found = self.read(frame, tuple(self._variables))
         arrays = {name: values[:, None] for name, values in found.items()}
         return self._dataset([frame], {n: (self._variables[n].dims, v) for n, v in arrays.items()})
@@ -145,16 +152,23 @@ class Frames:
             As of `dataset`, with all `frames`.
         """
         study = self.study
-        frames = range(study.omega.size) if frames is None else frames
+        names = arguments.words("names", names)
+        if frames is None:
+            frames = range(study.omega.size)
+        elif not isinstance(frames, Sequence | np.ndarray):
+            raise arguments.refused("frames", "a sequence of whole numbers", frames)
+        frames = [self._frame(frame) for frame in frames]
         kept = [v for v in self._layout.variables if v.name in names]
         axes = {v.name: v.dims for v in kept} | dict.fromkeys(derive or {}, study.run_dims)
         chosen = slice(None)
         if direction is not None:
-            place = study.directions.index(direction)
+            place = study.directions.index(
+                arguments.choice("direction", direction, study.directions)
+            )
             chosen = slice(place, place + 1)
         arrays: dict[str, np.ndarray] = {}
         for place, frame in enumerate(frames):
-            one = self.dataset(int(frame))
+            one = self.dataset(frame)
             found = {v.name: one[v.name].values for v in kept}
             found |= {name: function(one) for name, function in (derive or {}).items()}
             for name, values in found.items():
@@ -163,9 +177,7 @@ class Frames:
                     shape = (values.shape[0], len(frames), *values.shape[2:])
                     arrays[name] = np.empty(shape, values.dtype)
                 arrays[name][:, place] = values[:, 0]
-        return self._dataset(
-            list(map(int, frames)), {n: (axes[n], values) for n, values in arrays.items()}, chosen
-        )
+        return self._dataset(frames, {n: (axes[n], values) for n, values in arrays.items()}, chosen)
 
 
 class Grid:

@@ -11,6 +11,7 @@ import os
 import time
 from pathlib import Path
 
+from hpcsweep.store.create import reason
 from hpcsweep.store.layout import WriteError
 
 WRITE_INTERVAL = 1.0
@@ -62,7 +63,7 @@ class Journal:
                 os.close(descriptor)
         except OSError as error:
             raise WriteError(
-                f"{self.path}: cannot be written: {error.strerror}; what is committed is safe: "
+                f"{self.path}: cannot be written: {reason(error)}; what is committed is safe: "
                 "make room and run again to resume"
             ) from None
 

@@ -20,6 +20,7 @@ import sys
 import time
 from pathlib import Path
 
+from hpcsweep.store.create import reason
 from hpcsweep.store.layout import StoreError
 from hpcsweep.store.offsets import open_above
 
@@ -60,7 +61,7 @@ class Lock:
             try:
                 existed = self._open()
             except OSError as error:
-                raise StoreError(f"{self._results}: cannot be written: {error.strerror}") from None
+                raise StoreError(f"{self._results}: cannot be written: {reason(error)}") from None
             if not self._take(MASTER_BYTE, existed):
                 holder = self._holder()
                 self._forget()
@@ -115,7 +116,7 @@ class Lock:
             os.pwrite(self._descriptor, text.encode(), 0)
         except OSError as error:
             self.release(remove=True)
-            raise StoreError(f"{self.path}: cannot be written: {error.strerror}") from None
+            raise StoreError(f"{self.path}: cannot be written: {reason(error)}") from None
 
     def join(self) -> None:
         """Hold the lock of a rank; after `acquire`, on every rank."""

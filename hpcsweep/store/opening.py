@@ -15,7 +15,9 @@ from pathlib import Path
 import h5py
 
 from hpcsweep.job import JobError, parse_job
+from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
+from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 from hpcsweep.store.offsets import open_for_reading
@@ -71,15 +73,30 @@ def _check_kind(path: Path) -> None:
     except (OSError, ValueError) as error:
         if isinstance(error, StoreError):
             raise
-        # what h5py says of it is long, and may take several lines
-        said = getattr(error, "strerror", None) or str(error)
-        raise StoreError(f"{path}: cannot be read: {said}") from None
+        raise StoreError(f"{path}: cannot be read: {reason(error)}") from None
     if not begin.startswith(SIGNATURE):
         raise StoreError(f"{path}: not an HDF5 file, or damaged; it is left as it is")
     for part in (begin, end):
         for heap in HEAP.finditer(part):
             if int.from_bytes(heap[1], "little") > MOST_HEAP:
                 raise DamagedError(f"{path}: damaged (a heap of strings has no size); {REPAIR}")
+            if _is_endless(part[heap.start() :]):
+                raise DamagedError(f"{path}: damaged (a heap of strings has no end); {REPAIR}")
+
+
+def _is_endless(heap: bytes) -> bool:
+    """Tell whether HDF5 would never come to the end of a heap: free room in it has no size.
+
+    An object is an index, 0 of free room, and at byte 8 a size; that of free room counts its head.
+    """
+    at, end = 16, min(int.from_bytes(heap[8:16], "little"), len(heap))
+    while at + 16 <= end:
+        index = int.from_bytes(heap[at : at + 2], "little")
+        size = int.from_bytes(heap[at + 8 : at + 16], "little")
+        if index == 0 and size == 0:
+            return True
+        at += size if index == 0 else 16 + -(-size // 8) * 8
+    return False
 
 
 def check_place(path: Path) -> None:
@@ -105,8 +122,7 @@ def check_place(path: Path) -> None:
     except (OSError, ValueError) as error:
         if isinstance(error, StoreError):
             raise
-        said = getattr(error, "strerror", None) or str(error)
-        raise StoreError(f"{path}: cannot be used: {said}") from None
+        raise StoreError(f"{path}: cannot be used: {reason(error)}") from None
 
 
 def check_file(path: Path) -> dict:
@@ -144,7 +160,7 @@ def read_layout(path: str | Path) -> Layout:
     StoreError
         If the file is not a campaign file. A `DamagedError` if its job is not the one it says.
     """
-    path = Path(path)
+    path = path_of("path", path)
     attributes = check_file(path)
     try:
         job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
@@ -183,7 +199,7 @@ def open_layout(path: str | Path) -> Layout:
     StoreError
         If it is not a campaign file. A `DamagedError` if it is one, but not as its job says.
     """
-    path = Path(path)
+    path = path_of("path", path)
     layout = read_layout(path)
     refuse_problems(path, layout_problems(path, layout))
     return layout

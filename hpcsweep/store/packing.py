@@ -3,12 +3,12 @@
 import contextlib
 import os
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from hpcsweep.job.paths import path_of
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.create import reason
 from hpcsweep.store.journal import Journal
@@ -17,15 +17,12 @@ from hpcsweep.store.lock import Lock
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 from hpcsweep.store.offsets import is_packed
 from hpcsweep.store.opening import open_layout, reading
+from hpcsweep.store.parts import chunk_shape, parts_of
 
-CHUNK_BYTES = 2**18
-"""Size of a chunk before compression: whole rows, then amplitudes, then frames are gathered."""
 COMPRESSION = 4
 """Level of gzip, which every HDF5 library can read."""
 LIBRARY = ("v110", "v110")
 """Oldest HDF5 that can read a packed file: its chunk indices take less room than those before."""
-COPY_BYTES = 2**25
-"""Most that is held in memory at once."""
 
 
 def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
@@ -51,8 +48,8 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     StoreError
         If there is nothing sound to pack or no place to write to; `path` is as before.
     """
-    path = Path(path)
-    target = path if output is None else Path(output)
+    path = path_of("path", path)
+    target = path if output is None else path_of("output", output)
     layout = open_layout(path)
     if is_packed(path):
         raise StoreError(f"{path}: is packed already")
@@ -124,7 +121,7 @@ def _copy(path: Path, temporary: Path) -> None:
                 name,
                 data.shape,
                 data.dtype,
-                chunks=_chunks(data.shape, data.dtype.itemsize),
+                chunks=chunk_shape(data.shape, data.dtype.itemsize),
                 compression="gzip",
                 compression_opts=COMPRESSION,
                 shuffle=True,
@@ -132,7 +129,7 @@ def _copy(path: Path, temporary: Path) -> None:
             for axis, dim in enumerate(data.dims):
                 packed.dims[axis].attach_scale(copy[dim[0].name])
             _copy_notes(data, packed)
-            for part in _parts(packed):
+            for part in parts_of(packed):
                 packed[part] = data[part]
         for key, value in source.attrs.items():
             copy.attrs[key] = value
@@ -156,34 +153,6 @@ def _copy_notes(data: h5py.Dataset, packed: h5py.Dataset) -> None:
         packed.attrs[key] = data.attrs[key]
 
 
-def _chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
-    """Choose chunks of about `CHUNK_BYTES`: whole later axes first."""
-    room = max(CHUNK_BYTES // itemsize, 1)
-    chunks = []
-    for length in reversed(shape):
-        chunks.append(max(min(length, room), 1))
-        room //= chunks[-1]
-    return tuple(reversed(chunks))
-
-
-def _parts(data: h5py.Dataset) -> Iterator[tuple[slice, ...]]:
-    """Cut a packed dataset into whole chunks, at most about `COPY_BYTES` together."""
-    axes = min(data.ndim, 3)
-    size = [*data.chunks[:axes]]
-    room = COPY_BYTES // CHUNK_BYTES
-    for axis in reversed(range(axes)):
-        most = -(-data.shape[axis] // size[axis])
-        taken = max(min(room, most), 1)
-        size[axis] *= taken
-        room //= taken
-    counts = [-(-data.shape[axis] // size[axis]) for axis in range(axes)]
-    for place in np.ndindex(*counts):
-        yield tuple(
-            slice(i * step, min((i + 1) * step, data.shape[axis]))
-            for axis, (i, step) in enumerate(zip(place, size, strict=True))
-        )
-
-
 def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:
     """Compare the copy with the file.
 
@@ -199,7 +168,7 @@ def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:
             different.append("the attributes")
         for name, data in source.items():
             packed = copy[name]
-            parts = [()] if data.is_scale else _parts(packed)
+            parts = [()] if data.is_scale else parts_of(packed)
             if data.dtype != packed.dtype or any(
                 _bytes(data[part]) != _bytes(packed[part]) for part in parts
             ):

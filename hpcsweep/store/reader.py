@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.job import Job
+from hpcsweep.job.paths import path_of
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.metadata import CHECKSUM
 from hpcsweep.store.opening import open_layout, reading
+from hpcsweep.store.parts import parts_of
 
 
 def job_of(path: str | Path) -> Job:
@@ -42,14 +44,12 @@ def open_results(path: str | Path):
     """
     import xarray
 
-    path = Path(path)
+    path = path_of("path", path)
     layout = open_layout(path)
     arrays = {}
     with reading(path) as file:
         for name, data in file.items():
-            values = data[...]
-            if values.dtype == object:
-                values = np.array(data.asstr()[...], dtype=str)
+            values = _read(data)
             dims = (
                 tuple(dim[0].name.lstrip("/") for dim in data.dims)
                 if not data.is_scale
@@ -60,6 +60,17 @@ def open_results(path: str | Path):
         attributes = {key: value for key, value in file.attrs.items() if key != CHECKSUM}
     with Blocks(path, layout) as blocks:
         missing = ~blocks.valid_runs()
-    for variable in layout.variables:
-        arrays[variable.name][1][missing] = variable.missing
+    for place in map(tuple, np.argwhere(missing.any(axis=2))):  # a frame at a time
+        for variable in layout.variables:
+            arrays[variable.name][1][place][missing[place]] = variable.missing
     return xarray.Dataset(arrays, attrs=attributes)
+
+
+def _read(data) -> np.ndarray:
+    """Read a dataset, in parts: inside a long read of HDF5 no Ctrl-C would be heard."""
+    if data.dtype == object:
+        return np.array(data.asstr()[...], dtype=str)
+    values = np.empty(data.shape, data.dtype)
+    for part in parts_of(data):
+        data.read_direct(values, part, part)
+    return values

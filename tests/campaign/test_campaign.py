@@ -256,6 +256,8 @@ def test_a_second_campaign_on_the_file_is_refused_and_told_who_holds_it(tmp_path
     first = start(0, "run", job, "-o", path)
     try:
         wait_for_commits(first, path, 1)
+        first.send_signal(signal.SIGSTOP)  # it holds its lock for as long as the second needs
+        assert first.poll() is None
         refuse(
             hpcsweep(0, "run", job, "-o", path), "another campaign", f"process {first.pid}", "rank"
         )

@@ -15,6 +15,7 @@ import os
 import random
 import resource
 import shutil
+import signal
 import string
 import subprocess
 import sys
@@ -53,6 +54,9 @@ ALLOWED = (
 OTHERWISE = "otherwise"
 FOLDER = "HPCSWEEP_FUZZ_FOLDER"
 MOST_SECONDS = 20.0
+"""Of processor time: a busy machine is not a hang."""
+LONGEST_WAIT = 180.0
+"""Seconds until a case counts as one that hangs, whatever it does."""
 MOST_BYTES = 2**30
 """Of memory that a case may add."""
 SHARE_RUN = 0.25
@@ -529,10 +533,13 @@ def serve(item: tuple[str, int] | None) -> tuple[str, str] | None:
         _Server.before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return None
     assert _Server.patient is not None
+    begun = time.process_time()
     try:
         outcome = _Server.patient.case(*item)
     except Exception as error:
         return OTHERWISE, f"{type(error).__name__}: {error}"[:400]
+    if (taken := time.process_time() - begun) > MOST_SECONDS:
+        return OTHERWISE, f"no answer in {taken:.3g} s of processor time"
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     grown, _Server.before = 1024 * (peak - _Server.before), peak
     if grown > MOST_BYTES:
@@ -547,16 +554,12 @@ def fuzz(cases: int, seed: int, kinds: list[str]) -> tuple[dict[str, Counter], l
     items = [(kind, seed + n) for n, kind in enumerate(rng.choices(kinds, weights, k=cases))]
     table: dict[str, Counter] = {kind: Counter() for kind in kinds}
     told = []
-
-    def limit(item) -> float:
-        return 120.0 if item[0] == "environment" else MOST_SECONDS
-
     # in memory, where there is a file system of that kind: nobody pulls its plug
     base = Path("/dev/shm") if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(prefix="fuzz", dir=base) as folder:
         os.environ[FOLDER] = folder
         try:
-            for item, answer in watchdog.each(serve, items, limit):
+            for item, answer in watchdog.each(serve, items, lambda item: LONGEST_WAIT):
                 lost = isinstance(answer, watchdog.Lost)
                 outcome, what = (OTHERWISE, answer.reason) if lost else answer
                 table[item[0]][outcome] += 1
@@ -598,4 +601,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    # started in the background, it would not hear Ctrl-C
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     sys.exit(main())

@@ -216,6 +216,8 @@ class Patient:
             named = f"process {frozen}," in errors
             if code != 2 or not named or self.path.read_bytes() != before:
                 self.problem(f"beside an orphan: exit code {code}: {errors[-300:]}")
+        # also where everything was committed before it froze: nobody else wakes it
+        with suppress(ProcessLookupError):
             os.kill(frozen, signal.SIGCONT)
         self.finish(process)
 

@@ -6,6 +6,7 @@ import pytest
 from tools import JOBS, SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.settings import SweepSettings
 
 FIRST_FINGERPRINT = "762b76682a39fa2cd8788ff1a7cdc12fe982b17a50d4755e18c3508ffe025f39"
@@ -45,6 +46,11 @@ def test_every_shipped_job_loads():
         ("from = 0.5, to", "from = 0.0, to", ("sweep.omega", "greater than 0")),
         ("transient_cycles = 30", "transient_cycles = -1", ("sweep.transient_cycles", "-1")),
         ("max_orbit_period = 6", "max_orbit_period = 11", ("max_orbit_period", "11", "1 to 10")),
+        (
+            "sampling_cycles = 20\nmax_orbit_period = 6",
+            "sampling_cycles = 30000\nmax_orbit_period = 10001",
+            ("max_orbit_period", "10001", "1 to 10000"),
+        ),
         ("max_orbit_period = 6", "max_period = 6", ("sweep.max_period", "'max_orbit_period'")),
         ("[output]", "[ouput]", ("'ouput'", "'output'")),
         ("block = 4", "block = 0", ("output.block", "0")),
@@ -111,6 +117,13 @@ OTHER = {
     "stiffness_ratio": 7.0,
     "sharpness": 77.0,
     "damping_ratio": 0.07,
+    "mass": 2.0,
+    "storey_stiffness": (1.0, 2.0, 3.0),
+    "gap": 0.5,
+    "gap_left": 0.7,
+    "rayleigh": (0.1, 0.01),
+    "harmonics": ((1, 1.0, 0.0), (3, 0.2, 0.0)),
+    "matrices": Structure.from_matrices([1, 1, 1], np.eye(3), []).matrices,
     "transient_cycles": 7,
     "sampling_cycles": 70,
     "max_orbit_period": 7,

@@ -11,6 +11,7 @@ from hpcsweep.solvers import bdf
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.reference import OMEGA, reference_points, reference_window
+from hpcsweep.solvers.step_tally import StepTally
 
 IMPACTING = Structure(3, 1000.0, 1e4, 0.05)
 
@@ -67,7 +68,7 @@ def test_poll_is_called_every_period():
 
 @pytest.mark.parametrize(("peak", "contact"), [(1 - 1e-9, 0), (1 + 1e-9, 1)])
 def test_drift_and_contact_come_from_extrema_between_step_ends(peak, contact):
-    tally = bdf._Tally(kernel_model(Structure(2), 1.0), modal_norm=False)
+    tally = StepTally(kernel_model(Structure(2), 1.0), modal_norm=False)
 
     def interpolant(t):
         # the first floor swings, the second mirrors it: drift 2 |u_1| between them

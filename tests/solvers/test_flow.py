@@ -1,5 +1,6 @@
 """The flow map against independent references and closed forms; its parts by themselves."""
 
+import dataclasses
 import math
 
 import numba
@@ -21,10 +22,10 @@ from hpcsweep.solvers.flow import (
     tables,
     tangent,
 )
-from hpcsweep.solvers.flow.flow_map import POLL_PERIODS
 from hpcsweep.solvers.flow.layer import scheme, tableau, visit
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.pieces import POLL_PERIODS
 from hpcsweep.solvers.records import window_growth
 from hpcsweep.solvers.reference import reference_points
 
@@ -501,24 +502,46 @@ def test_floors_that_pass_their_layers_together_do_so_as_the_reference_says():
 
 
 @compiled_only
-def test_polls_come_often_and_change_nothing():
+@pytest.mark.parametrize("size", [1, 7, POLL_PERIODS])
+def test_pieces_of_any_size_change_nothing(size, monkeypatch):
+    """Whatever a piece takes, and however often others are served, results are the same."""
     flow, z = on_the_attractor(Structure(), 0.0987)
     n_periods = 2 * POLL_PERIODS + 17
+    # the first rules are of an orbit that never closes to 0 exactly: the whole way is integrated
+    rules = ((n_periods, 6, -1.0, 1e-6), (n_periods, 16, 1e-8, 1e-6, 1e-2))
+
+    def everything(poll):
+        return (
+            flow.advance(z, 0.0987, n_periods, poll=poll).state,
+            flow.points(z, 0.0987, n_periods, poll=poll)[0],
+            *flow.monodromy(z, 0.0987, 200),
+            *dataclasses.astuple(flow.observe(z, 0.0987, n_periods, True, True, poll)),
+            *(
+                value
+                for rule in rules
+                for start in (z, 0.5 * z)
+                for value in dataclasses.astuple(flow.settle(start, 0.0987, *rule, poll=poll))
+            ),
+        )
+
+    class Whole:
+        def cut(self, n_periods, poll=None):
+            yield 0, n_periods
+
+    class Even:
+        def cut(self, n_periods, poll=None):
+            for first in range(0, n_periods, size):
+                yield first, min(first + size, n_periods)
+
     polls = []
-    one = flow.advance(z, 0.0987, n_periods).state
-    assert np.array_equal(
-        flow.advance(z, 0.0987, n_periods, poll=lambda: polls.append(1)).state, one
-    )
-    assert len(polls) == 3
-    points, _ = flow.points(z, 0.0987, n_periods, poll=lambda: polls.append(1))
-    assert np.array_equal(points, flow.points(z, 0.0987, n_periods)[0])
-    assert len(polls) == 6
-    # an orbit that never closes to 0 exactly: the whole way is polled
-    rules = (n_periods, 6, -1.0, 1e-6)
-    polled = flow.settle(z, 0.0987, *rules, poll=lambda: polls.append(1))
-    assert (polled.n_periods, polled.period) == (n_periods, 0)
-    assert np.array_equal(polled.state, flow.settle(z, 0.0987, *rules).state)
-    assert len(polls) == 9
+    in_time = everything(lambda: polls.append(1))
+    assert len(polls) >= 12
+    monkeypatch.setattr(flow, "_pieces", Whole())
+    whole = everything(None)
+    monkeypatch.setattr(flow, "_pieces", Even())
+    for left, middle, right in zip(in_time, everything(None), whole, strict=True):
+        assert np.array_equal(left, right, equal_nan=True)
+        assert np.array_equal(middle, right, equal_nan=True)
 
 
 @compiled_only

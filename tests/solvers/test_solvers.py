@@ -319,8 +319,8 @@ def test_unknown_solver():
         ({"state": np.full(6, math.nan)}, "state must be finite"),
         ({"amplitude": math.inf}, "amplitude must be finite, is inf"),
         ({"omega": 0.0}, "omega must be finite and positive, is 0.0"),
-        ({"n_periods": -1}, "n_periods must be at least 0, is -1"),
-        ({"rtol": 0.0}, "rtol must lie between 0 and 1, is 0.0"),
+        ({"n_periods": -1}, "n_periods must be a whole number from 0 to 1000000000000, is -1"),
+        ({"rtol": 0.0}, "rtol must be between 0 and 1, is 0.0"),
         ({"solver": "x"}, "solver must be one of flow, bdf, is 'x'"),
     ],
 )

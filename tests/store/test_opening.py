@@ -204,3 +204,13 @@ def test_the_commands_say_it_in_one_line(copy, tmp_path):
     assert shown.returncode == 1
     assert "NOT SOUND" in shown.stdout
     assert np.isfinite(copy.stat().st_size)
+
+
+def test_a_heap_without_an_end_is_refused(copy):
+    """HDF5 goes round in it for ever: free room of no size, where a string was."""
+    data = bytearray(copy.read_bytes())
+    heap = data.index(b"GCOL")
+    data[heap + 16 : heap + 32] = bytes(16)
+    copy.write_bytes(data)
+    with pytest.raises(StoreError, match="a heap of strings has no end"):
+        open_results(copy)

@@ -13,7 +13,7 @@ from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import Lock, StoreError, is_packed, pack, packing
+from hpcsweep.store import Lock, StoreError, is_packed, pack, packing, parts
 
 KEPT = ROOT / "tests" / "data" / "layout1.h5"
 
@@ -118,12 +118,12 @@ def test_what_cannot_be_packed_is_left_as_it_is(copy, tmp_path, monkeypatch):
 def test_chunks_and_parts_cover_a_variable_once(tmp_path):
     with h5py.File(tmp_path / "x.h5", "w") as file:
         for shape in ((2, 3, 1001, 40, 6), (1, 200, 30000), (2, 7, 5), (1, 1, 3, 100, 128), (9,)):
-            chunks = packing._chunks(shape, 8)
-            assert np.prod(chunks) * 8 <= packing.CHUNK_BYTES
+            chunks = parts.chunk_shape(shape, 8)
+            assert np.prod(chunks) * 8 <= parts.CHUNK_BYTES
             data = file.create_dataset(f"x{shape[-1]}", shape, "f8", chunks=chunks)
             seen = np.zeros(shape[:3], int)
-            for part in packing._parts(data):
+            for part in parts.parts_of(data):
                 seen[part] += 1
                 held = np.prod([piece.stop - piece.start for piece in part]) * 8
-                assert held * np.prod(shape[3:]) <= 2 * packing.COPY_BYTES
+                assert held * np.prod(shape[3:]) <= 2 * parts.COPY_BYTES
             assert seen.min() == seen.max() == 1

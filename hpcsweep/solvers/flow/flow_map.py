@@ -1,18 +1,25 @@
 """The solver `flow`: the kernels of this package behind the interface of `solvers.solver`."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.arguments import (
+    closing_arguments,
+    motion,
+    points_array,
+    solver_arguments,
+)
 from hpcsweep.solvers.flow.march import march, march_observed
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, new_shared, new_watch
 from hpcsweep.solvers.flow.tally import empty_tally
 from hpcsweep.solvers.flow.transient import end_of_transient
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.pieces import Pieces
 from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
 
 MAX_STEPS = 2_000_000
@@ -20,20 +27,6 @@ MAX_STEPS = 2_000_000
 LAYER_TOLERANCE = 1e-5
 """Error allowed a step inside a layer, per relative tolerance asked of a period (measured on
 random states: a period has up to some thousand such steps, and passages amplify errors)."""
-POLL_PERIODS = 2000
-"""Forcing periods between two polls, some tens of milliseconds."""
-
-
-def _between_polls(n_periods: int, poll: Callable[[], None] | None) -> Iterator[tuple[int, int]]:
-    """Cut `n_periods` into stretches (first, last), before each of which `poll` is called."""
-    if poll is None:
-        yield 0, n_periods
-        return
-    poll()
-    for first in range(0, n_periods, POLL_PERIODS):
-        if first:
-            poll()
-        yield first, min(first + POLL_PERIODS, n_periods)
 
 
 class FlowMap:
@@ -55,9 +48,7 @@ class FlowMap:
     """
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
-        self.structure = structure
-        self.omega = float(omega)
-        self.rtol = float(rtol)
+        self.structure, self.omega, self.rtol = solver_arguments(structure, omega, rtol)
         model = kernel_model(structure, self.omega)
         self._frame = Frame(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
@@ -66,6 +57,7 @@ class FlowMap:
         self._watch = new_watch(self._frame.size // 2, 1)
         self._packed_watch = WATCH.pack(self._watch)
         self.counts = self._shared.counts
+        self._pieces = Pieces()
 
     @property
     def n_tables(self) -> int:
@@ -88,11 +80,11 @@ class FlowMap:
             A.
         n_periods : int
         poll : callable, optional
-            Called before the work, and every `POLL_PERIODS`.
+            Called before each piece of the work (`pieces`).
         """
-        z = self._frame.into(state)
+        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         done, outcome = 0, int(Outcome.COMPLETE)
-        for first, last in _between_polls(n_periods, poll):
+        for first, last in self._pieces.cut(n_periods, poll):
             more, outcome = self._march(z, amplitude, last - first, self._shared.no_points)
             done += more
             if outcome != Outcome.COMPLETE:
@@ -126,26 +118,23 @@ class FlowMap:
             Distance between points a period apart from which on Newton's method tries to jump to
             the orbit; 0: never.
         poll : callable, optional
-            Called before the work, and every `POLL_PERIODS`.
+            Called before each piece of the work (`pieces`).
         """
-        z = self._frame.into(state)
+        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
+        closing = closing_arguments(max_period, settled, same, near)
         watch = self._watch
-        if watch.close.size != max_period + 1:
-            watch = self._watch = new_watch(z.size // 2, max_period)
+        if watch.close.size != closing[0] + 1:
+            watch = self._watch = new_watch(z.size // 2, closing[0])
             self._packed_watch = WATCH.pack(watch)
         watch.since[0] = 0
         done = newton = period = 0
         multiplier = math.nan
         outcome = int(Outcome.COMPLETE)
-        for first, last in _between_polls(n_periods, poll):
+        for first, last in self._pieces.cut(n_periods, poll):
             more, by_newton, period, multiplier, near, outcome = end_of_transient(
-                self._packed,
-                self._packed_watch,
-                z,
-                float(amplitude) / self._frame.amplitude_unit,
-                last - first,
-                (int(max_period), float(settled), float(same), float(near)),
+                self._packed, self._packed_watch, z, amplitude, last - first, closing
             )
+            closing = (*closing[:3], near)
             done += more
             newton += by_newton
             if period or outcome != Outcome.COMPLETE:
@@ -161,7 +150,8 @@ class FlowMap:
         poll: Callable[[], None] | None = None,
     ) -> tuple[np.ndarray, Outcome]:
         """Return the stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n)."""
-        return self._points(state, amplitude, n_periods, poll)
+        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
+        return self._points(z, amplitude, n_periods, poll)
 
     def observe(
         self,
@@ -176,16 +166,15 @@ class FlowMap:
 
         With `growth` also the growth of a tangent vector, (1, ..., 1) at first.
         """
+        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         n = self.structure.n_floors
         tally = empty_tally(n, modal_norm)
         tangent = logarithms = None
         if growth:
             ones = np.full((2 * n, 1), math.sqrt(0.5 / n)) * self.structure.state_units[:, None]
             tangent = self._frame.tangent_into(ones)
-            logarithms = np.full(n_periods, math.nan)
-        points, outcome = self._points(
-            state, amplitude, n_periods, poll, tally, tangent, logarithms
-        )
+            logarithms = points_array(n_periods, 1).ravel()
+        points, outcome = self._points(z, amplitude, n_periods, poll, tally, tangent, logarithms)
         free = tally.free_time[0]
         norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
         return Observation(
@@ -194,7 +183,7 @@ class FlowMap:
             float(tally.peak_drift[0]) * self.structure.length_unit,
             norms,
             outcome,
-            window_growth(logarithms) if growth else math.nan,
+            window_growth(logarithms) if growth and outcome is Outcome.COMPLETE else math.nan,
         )
 
     def monodromy(
@@ -213,21 +202,27 @@ class FlowMap:
         ArithmeticError
             If the solver fails.
         """
-        z = self._frame.into(state)
+        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         tangent = self._frame.tangent_into(np.eye(2 * self.structure.n_floors))
-        done, outcome = self._march(
-            z, amplitude, n_periods, self._shared.no_points, tangent=tangent
-        )
-        if outcome != Outcome.COMPLETE:
-            raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {done + 1}")
+        for first, last in self._pieces.cut(n_periods):
+            done, outcome = self._march(
+                z, amplitude, last - first, self._shared.no_points, tangent=tangent
+            )
+            if outcome != Outcome.COMPLETE:
+                period = first + done + 1
+                raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {period}")
         return self._frame.out_of(z), self._frame.tangent_out_of(tangent)
 
-    def _points(self, state, amplitude, n_periods, poll, tally=None, tangent=None, growth=None):
-        """Integrate `n_periods`; return the points that were reached, and the outcome."""
-        z = self._frame.into(state)
-        points = np.empty((n_periods, z.size))
+    def _motion(self, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
+        """Take what a motion is integrated from to the units of the kernels."""
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        return self._frame.into(z), amplitude / self._frame.amplitude_unit, n_periods
+
+    def _points(self, z, amplitude, n_periods, poll, tally=None, tangent=None, growth=None):
+        """Integrate `n_periods`, z in place; return the points reached, and the outcome."""
+        points = points_array(n_periods, z.size)
         done, outcome = 0, int(Outcome.COMPLETE)
-        for first, last in _between_polls(n_periods, poll):
+        for first, last in self._pieces.cut(n_periods, poll):
             more, outcome = self._march(
                 z,
                 amplitude,
@@ -243,13 +238,12 @@ class FlowMap:
         return self._frame.out_of(points[:done]), Outcome(outcome)
 
     def _march(self, z, amplitude, n_periods, points, tally=None, tangent=None, growth=None):
-        amplitude = amplitude / self._frame.amplitude_unit
         if tally is None and tangent is None:
-            return march(self._packed, z, float(amplitude), n_periods, points)
+            return march(self._packed, z, amplitude, n_periods, points)
         return march_observed(
             self._packed,
             z,
-            float(amplitude),
+            amplitude,
             n_periods,
             points,
             self._watch.no_tally if tally is None else tally,

@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.solvers.flow.augmented import renew_rows, start
 from hpcsweep.solvers.flow.drift import drift_on_segment
 from hpcsweep.solvers.flow.events import (
     contact_bit,
@@ -85,36 +86,6 @@ class Ending(NamedTuple):
     jerk: float
     """At the stop, see `pass_layer`."""
     promised: np.uint64
-
-
-@kernel
-def _start(x, z, pairs):
-    """Write the augmented state: z, the pairs of the forcing, 1."""
-    size = z.shape[0]
-    for i in range(size):
-        x[i] = z[i]
-    for k in range(pairs.shape[0]):
-        x[size + k] = pairs[k]
-    x[x.shape[0] - 1] = 1.0
-
-
-@kernel
-def _renew_rows(z, tangent, model):
-    """Make the rows beyond n those of the first n, in z and in the columns of `tangent`."""
-    n = model.modal_transform.shape[0]
-    half = z.shape[0] // 2
-    for start in range(0, 2 * half, half):
-        for extra in range(half - n):
-            value = 0.0
-            for j in range(n):
-                value += model.rows[extra, j] * z[start + j]
-            z[start + n + extra] = value
-            if tangent is not None:
-                for column in range(tangent.shape[1]):
-                    value = 0.0
-                    for j in range(n):
-                        value += model.rows[extra, j] * tangent[start + j, column]
-                    tangent[start + n + extra, column] = value
 
 
 @inlined
@@ -257,11 +228,11 @@ def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
             rotate_forcing(x, z.shape[0], tables.rotation, index)
     elif ending.beyond:
         forcing_at(tau, amplitude, model, work.forcing, 0)
-        _start(x, z, work.forcing)
+        start(x, z, work.forcing)
     elif ending.passed:
         key ^= contact_bit(ending.contact)
         index = table_of(key, model, tables)
-        _start(x, z, work.forcing)
+        start(x, z, work.forcing)
     else:
         index = AT_EDGE if model.rho != math.inf else NO_TABLE
     return key, index
@@ -296,7 +267,7 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
     if model.rows.shape[0] > 0:
-        _renew_rows(z, tangent, model)
+        renew_rows(z, tangent, model)
     tau = 0.0
     steps = 0
     index = NO_TABLE
@@ -324,7 +295,7 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
             key = contact_key(tau, z, amplitude, model, work)
             index = table_of(key, model, tables)
             forcing_at(tau, amplitude, model, work.forcing, 0)
-            _start(work.x, z, work.forcing)
+            start(work.x, z, work.forcing)
         segment = Segment(key, index, tables.h[index], tau, end)
         known = False
         if tally is None:

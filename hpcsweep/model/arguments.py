@@ -1,0 +1,215 @@
+"""Checks of what a caller hands over: the value in the form the callee works with, or one line.
+
+A `ValueError` says the argument's name, its limit and its value, which is shortened. Numbers that
+come out of files and arrays are numbers: those of numpy, and arrays without dimensions.
+"""
+
+import math
+import reprlib
+import sys
+from collections.abc import Collection, Sequence
+from numbers import Integral, Real
+from typing import Any, TypeVar
+
+import numpy as np
+
+Kind = TypeVar("Kind")
+
+MAX_COUNT = 10**12
+"""Forcing periods, samples: a million periods a second fill eleven days."""
+LARGEST = sys.float_info.max
+LONGEST = 60
+"""Characters of a value in a message."""
+
+
+def refused(name: str, limit: str, value: object) -> ValueError:
+    """Make the error of an argument: what it must be, and what it is."""
+    return ValueError(f"{name} must be {limit}, is {shown(value)}")
+
+
+def shown(value: object) -> str:
+    """Write a value on one line, shortened; numbers too long to be written by their digits."""
+    if isinstance(value, int) and value.bit_length() > 8 * LONGEST:
+        return f"a whole number of {value.bit_length()} bits"
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"an array of {value.dtype}, shape {value.shape}"
+    try:
+        text = " ".join(reprlib.repr(value).split())
+    except Exception:  # of a foreign class, or of digits that Python does not write
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def real(name: str, value: object) -> float:
+    """Take a real number in double precision, or NaN.
+
+    Raises
+    ------
+    ValueError
+        ``name must be a number, is value``.
+    """
+    if isinstance(value, float):
+        return float(value)
+    found = plain(value)
+    if isinstance(found, bool | np.bool_) or not isinstance(found, Real):
+        raise refused(name, "a number", value)
+    try:
+        return float(found)
+    except OverflowError:
+        raise refused(name, "a number of double precision", value) from None
+
+
+def number(
+    name: str,
+    value: object,
+    limit: str = "a number",
+    least: float = -math.inf,
+    most: float = math.inf,
+) -> float:
+    """Take a real number that is no NaN, from `least` to `most`.
+
+    Raises
+    ------
+    ValueError
+        ``name must be limit, is value``.
+    """
+    result = real(name, value)
+    if math.isnan(result):
+        raise refused(name, "a number", value)
+    if not least <= result <= most:
+        raise refused(name, limit, result)
+    return result
+
+
+def finite(name: str, value: object) -> float:
+    """Take a finite real number."""
+    return number(name, value, "finite", -LARGEST, LARGEST)
+
+
+def positive(name: str, value: object) -> float:
+    """Take a finite real number above 0."""
+    found = finite(name, value)
+    if found <= 0:
+        raise refused(name, "finite and positive", found)
+    return found
+
+
+def count(name: str, value: object, least: int = 0, most: int = MAX_COUNT) -> int:
+    """Take a whole number from `least` to `most`; no fraction, though it be whole.
+
+    Raises
+    ------
+    ValueError
+    """
+    if type(value) is int and least <= value <= most:
+        return value
+    found = plain(value)
+    whole = isinstance(found, Integral) and not isinstance(found, bool | np.bool_)
+    if not whole or not least <= found <= most:
+        raise refused(name, f"a whole number from {least} to {most}", value)
+    return int(found)
+
+
+def vector(name: str, value: object, size: int) -> np.ndarray:
+    """Copy a sequence of `size` real numbers, NaN and inf among them; shape (size,).
+
+    Raises
+    ------
+    ValueError
+    """
+    if type(value) is np.ndarray and value.shape == (size,) and value.dtype == np.float64:
+        return np.array(value)
+    found = array(name, value)
+    if found.shape != (size,):
+        shape = found.shape if found.ndim else shown(value)
+        raise ValueError(f"{name} must have shape ({size},), has shape {shape}")
+    return found
+
+
+def finite_vector(name: str, value: object, size: int) -> np.ndarray:
+    """Copy a sequence of `size` finite numbers.
+
+    Raises
+    ------
+    ValueError
+    """
+    found = vector(name, value, size)
+    if not np.all(np.isfinite(found)):
+        raise refused(name, "finite", value)
+    return found
+
+
+def array(name: str, value: object) -> np.ndarray:
+    """Copy an array of real numbers of any shape.
+
+    Raises
+    ------
+    ValueError
+    """
+    try:
+        found = np.array(value)
+    except Exception:  # rows of different lengths, and what foreign classes raise
+        raise refused(name, "an array of numbers", value) from None
+    if found.dtype.kind == "O" and found.ndim:  # fractions, whole numbers of any size
+        found = np.array([real(name, one) for one in found.flat]).reshape(found.shape)
+    if found.dtype.kind not in "iuf":
+        raise refused(name, "an array of numbers", value)
+    return found.astype(float)
+
+
+def rows(name: str, value: object) -> np.ndarray:
+    """Take an array of real numbers of two dimensions; one in double precision is not copied.
+
+    Raises
+    ------
+    ValueError
+    """
+    if type(value) is np.ndarray and value.ndim == 2 and value.dtype == np.float64:
+        return value
+    found = array(name, value)
+    if found.ndim != 2:
+        raise ValueError(f"{name} must have two dimensions, has shape {found.shape}")
+    return found
+
+
+def words(name: str, value: object) -> tuple[str, ...]:
+    """Take a sequence of texts; one text is none.
+
+    Raises
+    ------
+    ValueError
+    """
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise refused(name, "a sequence of texts", value)
+    if not all(isinstance(one, str) for one in value):
+        raise refused(name, "a sequence of texts", value)
+    return tuple(value)
+
+
+def choice(name: str, value: object, known: Collection[str]) -> str:
+    """Take one of some words.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not isinstance(value, str) or value not in known:
+        raise refused(name, f"one of {', '.join(known)}", value)
+    return value
+
+
+def instance(name: str, value: object, kind: type[Kind]) -> Kind:
+    """Take an object of a class.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not isinstance(value, kind):
+        raise refused(name, f"a {kind.__name__}", value)
+    return value
+
+
+def plain(value: Any) -> Any:
+    """Give what an array without dimensions holds; anything else as it is."""
+    return value.item() if getattr(value, "shape", None) == () else value

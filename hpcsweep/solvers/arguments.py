@@ -1,0 +1,80 @@
+"""Checks of what is handed to a solver; see `hpcsweep.model.arguments`."""
+
+import numpy as np
+
+from hpcsweep.model.arguments import count, instance, number, positive, real, refused, vector
+from hpcsweep.model.structure import Structure
+
+MAX_PERIOD = 10_000
+"""Longest orbit period looked for, in forcing periods: the distances of as many points from one
+another are kept, 0.8 GB."""
+
+
+def solver_arguments(structure, omega, rtol) -> tuple[Structure, float, float]:
+    """Take what a solver is made of.
+
+    Raises
+    ------
+    ValueError
+        One line that names the argument.
+    """
+    instance("structure", structure, Structure)
+    omega = positive("omega", omega)
+    rtol = number("rtol", rtol)
+    if not 0 < rtol < 1:
+        raise refused("rtol", "between 0 and 1", rtol)
+    return structure, omega, rtol
+
+
+def motion(solver, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
+    """Take what a motion is integrated from; the state is a copy.
+
+    State and amplitude may be inf or NaN: the outcome of the motion says so.
+
+    Parameters
+    ----------
+    solver : Solver
+    state : array_like, shape (2n,)
+    amplitude : float
+    n_periods : int
+
+    Raises
+    ------
+    ValueError
+        One line that names the argument.
+    """
+    z = vector("state", state, 2 * solver.structure.n_floors)
+    return z, real("amplitude", amplitude), count("n_periods", n_periods)
+
+
+def points_array(n_periods: int, size: int) -> np.ndarray:
+    """Make room for stroboscopic points, shape (n_periods, size).
+
+    Raises
+    ------
+    ValueError
+        If there is not so much memory.
+    """
+    try:
+        return np.empty((n_periods, size))
+    except (MemoryError, ValueError):
+        need = 8e-9 * n_periods * size
+        raise ValueError(
+            f"n_periods must be less, is {n_periods}: its points need {need:.3g} GB of memory"
+        ) from None
+
+
+def closing_arguments(max_period, settled, same, near) -> tuple[int, float, float, float]:
+    """Take when an orbit counts as closed; see `hpcsweep.solvers.flow.transient.Closing`.
+
+    Raises
+    ------
+    ValueError
+        One line that names the argument.
+    """
+    return (
+        count("max_period", max_period, 1, MAX_PERIOD),
+        real("settled", settled),
+        real("same", same),
+        real("near", near),
+    )

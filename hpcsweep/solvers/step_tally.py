@@ -1,0 +1,101 @@
+"""What the solver `bdf` gathers along its steps: contact set, drift, modal norms."""
+
+import math
+
+import numpy as np
+
+from hpcsweep.model.kernel_model import Model
+
+STEP_NODES = 9
+"""Times at which the interpolant of a step is searched for extrema and crossings."""
+PANEL_NODES, PANEL_WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+class StepTally:
+    """Maxima and means over the steps' interpolants."""
+
+    def __init__(self, model: Model, modal_norm: bool):
+        self.contact = 0
+        self.peak_drift = 0.0
+        self._modal_transform = model.modal_transform
+        self._contacts = model.contacts
+        self._n = model.stiffness.shape[0]
+        # coordinate 0 is at rest: the base
+        self._drifts = np.eye(self._n + 1)[model.drift_rows + 1]
+        self._modal = np.zeros(len(model.modal_transform))
+        self._free_time = 0.0
+        self._modal_norm = modal_norm
+
+    def add(self, interpolant, start: float, end: float) -> None:
+        """Add one step."""
+        n = self._n
+        tau = np.linspace(start, end, STEP_NODES)
+        z = interpolant(tau)
+        drifts = (self._drifts[:, 0] - self._drifts[:, 1])[:, 1:]
+        drift, slope = drifts @ z[:n], drifts @ z[n:]
+        self.peak_drift = max(self.peak_drift, float(np.abs(drift).max()))
+        contacts = self._contacts
+        signs = contacts.sign[:, None]
+        past = signs * z[contacts.row] - contacts.gap[:, None]
+        speed = z[n + contacts.row]
+        highest = past.max(axis=1, initial=-math.inf)
+        for k, left in zip(*np.nonzero(speed[:, :-1] * speed[:, 1:] < 0), strict=True):
+            i, sign = contacts.row[k], contacts.sign[k]
+            top = _extremum(
+                lambda t, i=i, sign=sign: sign * interpolant(t)[[i, n + i]], *tau[left : left + 2]
+            )
+            highest[k] = max(highest[k], top - contacts.gap[k])
+        for i, left in zip(*np.nonzero(slope[:, :-1] * slope[:, 1:] < 0), strict=True):
+
+            def pair(t, i=i):
+                now = interpolant(t)
+                return np.array((drifts[i] @ now[:n], drifts[i] @ now[n:]))
+
+            top = abs(_extremum(pair, *tau[left : left + 2]))
+            self.peak_drift = max(self.peak_drift, float(top))
+        for k in np.flatnonzero(highest >= 0.0):
+            self.contact |= 1 << int(k)
+        if self._modal_norm:
+            self._add_modal(interpolant, tau, -past.max(axis=0, initial=-math.inf))
+
+    def _add_modal(self, interpolant, tau, gap):
+        """Integrate |q_j| / ||q|| over the parts of a step in which nothing touches."""
+        for k in range(STEP_NODES - 1):
+            left, right = tau[k], tau[k + 1]
+            if gap[k] <= 0 and gap[k + 1] <= 0:
+                continue
+            if gap[k] * gap[k + 1] < 0:
+                touch = left + (right - left) * gap[k] / (gap[k] - gap[k + 1])
+                left, right = (left, touch) if gap[k] > 0 else (touch, right)
+            half = 0.5 * (right - left)
+            q = np.abs(
+                self._modal_transform @ interpolant(left + half * (PANEL_NODES + 1))[: self._n]
+            )
+            size = np.linalg.norm(q, axis=0)
+            share = np.divide(q, size, out=np.zeros_like(q), where=size > 0)
+            self._modal += half * (share @ PANEL_WEIGHTS)
+            self._free_time += 2 * half
+
+    def modal_mean(self) -> np.ndarray:
+        """Mean modal norms, shape (n,); NaN where something always touched."""
+        if not self._modal_norm or self._free_time == 0:
+            return np.full(self._modal.size, math.nan)
+        return self._modal / self._free_time
+
+
+def _extremum(value_and_slope, left: float, right: float) -> float:
+    """Value where the slope vanishes between two times with slopes of different sign."""
+    slope_left, slope_right = value_and_slope(left)[1], value_and_slope(right)[1]
+    best = value_and_slope(left)[0]
+    for _ in range(8):
+        middle = right - slope_right * (right - left) / (slope_right - slope_left)
+        best, slope = value_and_slope(middle)
+        if slope == 0 or abs(right - left) < 1e-12:
+            break
+        if slope * slope_right > 0:
+            right, slope_right = middle, slope
+            slope_left *= 0.5
+        else:
+            left, slope_left = middle, slope
+            slope_right *= 0.5
+    return best

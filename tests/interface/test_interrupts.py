@@ -1,0 +1,83 @@
+"""Ctrl-C in a long call is heard soon: the work is done in pieces of bounded time."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import numba
+import pytest
+from tools import environment
+
+SOON = 10.0
+"""Seconds; on an idle machine it takes some hundredths, and a second is what is promised."""
+CALLS = {
+    "stroboscopic_points": "hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 10**8)",
+    "bdf": "hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 10**8, 'bdf', 1e-6)",
+    "advance": "flow.advance(z, 0.0987, 10**9)",
+    "advance, slow periods": "slow.advance([0.0] * 20, 0.3, 10**9)",
+    "observe": "flow.observe(z, 0.0987, 10**8, modal_norm=True, growth=True)",
+    "settle": "flow.settle(z, 0.0987, 10**9, 400, -1.0, 1e-6)",
+    "monodromy": "flow.monodromy(z, 0.0987, 10**9)",
+    "reference": "reference_points(three, 0.06, 0.445, z, 10**8)",
+    "trajectory": "trajectory(three, 1.0, 1e-4, z, 10**6)",
+}
+PROGRAM = """
+import sys
+import hpcsweep
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.reference import reference_points
+from hpcsweep.solvers.trajectory import trajectory
+
+one, three = hpcsweep.Structure(1), hpcsweep.Structure()
+flow, slow, z = FlowMap(three, 0.445), FlowMap(hpcsweep.Structure(10), 0.01), [0.0] * 6
+hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 2)  # compiled, or loaded
+flow.monodromy(z, 0.0987, 1)
+reference_points(three, 0.06, 0.445, z, 1)
+print("started", flush=True)
+try:
+    {call}
+except KeyboardInterrupt:
+    print("heard", flush=True)
+"""
+
+
+def seconds_to_hear(call: str) -> float:
+    """Start a call, interrupt it while it computes, and tell how long it goes on."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM.replace("{call}", call)],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout.readline() == "started\n"
+        before = cpu_seconds(process.pid)
+        while cpu_seconds(process.pid) < before + 0.5:
+            assert process.poll() is None, "the call has ended by itself"
+            time.sleep(0.01)
+        begun = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "heard\n"
+        return time.monotonic() - begun
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def cpu_seconds(pid: int) -> float:
+    """Give the processor time of a process: what says that it is inside the call."""
+    with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
+        fields = file.read().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / 100
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="plain Python hears at once")
+@pytest.mark.parametrize("name", CALLS)
+def test_a_long_call_hears_ctrl_c(name):
+    assert seconds_to_hear(CALLS[name]) < SOON
+
+
+if __name__ == "__main__":  # the real figures
+    for name, call in CALLS.items():
+        print(f"{name}: {max(seconds_to_hear(call) for _ in range(3)):.3f} s", flush=True)

@@ -4,6 +4,7 @@ import math
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
+from hpcsweep.solvers.flow.augmented import renew_rows
 from hpcsweep.solvers.flow.period import march_period
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.tally import TALLY
@@ -52,6 +53,8 @@ def _march(shared, z, amplitude, n_periods, points, tally, tangent, growth):
     for period in range(n_periods):
         for k in range(z.shape[0]):
             previous[k] = z[k]
+        if common.model.rows.shape[0] > 0:
+            renew_rows(z, tangent, common.model)
         outcome = march_period(shared, z, amplitude, common, tally, tangent)
         if outcome != COMPLETE:
             for k in range(z.shape[0]):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.solvers.flow.augmented import renew_rows, start
+from hpcsweep.solvers.flow.augmented import start
 from hpcsweep.solvers.flow.drift import drift_on_segment
 from hpcsweep.solvers.flow.events import (
     contact_bit,
@@ -266,8 +266,6 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
     end = 2.0 * math.pi / model.omega
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    if model.rows.shape[0] > 0:
-        renew_rows(z, tangent, model)
     tau = 0.0
     steps = 0
     index = NO_TABLE

@@ -214,7 +214,7 @@ def altered(**changes):
         ("orbit_period", lambda v: v * 0, "a run that was cut short has an orbit_period"),
         ("n_points", lambda v: v + 1, "n_points is the orbit_period"),
         ("cycles", lambda v: v * 0 - 1, "cycles is at least"),
-        ("contact", lambda v: v | np.uint64(4), "contact has bits of existing floors only"),
+        ("contact", lambda v: v | np.uint64(4), "contact has bits of existing contacts only"),
         ("contact", lambda v: v | np.uint64(1), "contact of a linear run is empty"),
         ("drift", lambda v: -v, "drift is finite and not negative"),
         ("modal_norm", lambda v: v * 1.5, "modal_norm lies between 0 and 1"),

@@ -12,7 +12,7 @@ import math
 import mpmath
 
 mp = mpmath.mp
-STEPS = 400
+STEPS = 150
 """Looks for a contact change in a period of the fastest free motion."""
 
 

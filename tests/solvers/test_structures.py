@@ -106,12 +106,12 @@ def test_what_is_observed_is_what_the_reference_sees(case):
 def test_the_solvers_agree_in_motion_and_tangent(case):
     structure, amplitude, omega, start = case
     exact, tangent = FlowMap(structure, omega).monodromy(start, amplitude, 1)
-    bdf = BdfMap(structure, omega, 1e-9)
+    bdf = BdfMap(structure, omega, 1e-7)
     found, matrix = bdf.monodromy(start, amplitude, 1)
     units = structure.state_units
     growth = max(np.abs(tangent * units / units[:, None]).max(), 1.0)
-    assert np.abs((found - exact) / units).max() < 1e-6 * growth
-    assert np.abs((matrix - tangent) * units / units[:, None]).max() < 1e-4 * growth**2
+    assert np.abs((found - exact) / units).max() < 1e-4 * growth
+    assert np.abs((matrix - tangent) * units / units[:, None]).max() < 1e-2 * growth**2
     seen = bdf.observe(start, amplitude, 1)
     assert seen.contact == FlowMap(structure, omega).observe(start, amplitude, 1).contact
 
@@ -128,10 +128,9 @@ def test_one_mass_follows_its_closed_solution(gap, gap_left, beta):
     assert n_changes > 40
     start = np.array(state)
     for point in exact:
+        # period by period: what 20 add up is amplified by the motion
         found, _ = solver.points(start, amplitude, 1)
-        # one period: what 20 add up is amplified by the motion
-        reference = one_mass_points(structure, amplitude, omega, start, 1)[0]
-        assert np.abs(found - reference).max() < 1e-12
+        assert np.abs(found - point).max() < 1e-12
         start = np.array(point)
 
 

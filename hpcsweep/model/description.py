@@ -43,7 +43,8 @@ def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
 
     Of contacts of that floor alone: where several move, there is no such displacement.
     """
-    right, left = [], []
+    right: list[float] = []
+    left: list[float] = []
     for contact in structure.contacts:
         own = contact.direction[floor]
         if own and sum(1 for d in contact.direction if d) == 1:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify, contact_name
 from hpcsweep.job.paths import path_of
+from hpcsweep.model.description import in_words
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames, read_history
 from hpcsweep.store.records import History
@@ -48,13 +49,14 @@ def summarize(path: str | Path) -> dict:
     done = int(tally.classes[:, MotionClass.NO_CONTACT :].sum())
     size = path.stat()
     structure, settings = study.structure, study.settings
-    n = structure.n_floors
     return {
         "file": str(path),
         "name": frames.job.name,
         "study": study.kind,
-        "n_floors": n,
-        "stiffness_ratio": structure.stiffness_ratio,
+        "structure": _told(structure),
+        "n_floors": structure.n_floors,
+        "stiffness_ratio": None if structure.matrices else structure.stiffness_ratio,
+        "contacts": len(structure.contacts),
         "damping_ratios": structure.damping_ratios.tolist(),
         "frames": int(study.omega.size),
         "amplitudes": int(study.n_amplitudes),
@@ -77,7 +79,7 @@ def summarize(path: str | Path) -> dict:
         },
         "periods": {period: _share(count, done) for period, count in sorted(tally.periods.items())},
         "contact_sets": {
-            contact_name(contact, n): _share(count, done)
+            contact_name(contact, structure.contact_labels): _share(count, done)
             for contact, count in tally.contacts.most_common()
         },
         "failures": {
@@ -86,6 +88,12 @@ def summarize(path: str | Path) -> dict:
             if outcome not in (Outcome.NOT_COMPUTED, Outcome.COMPLETE)
         },
     }
+
+
+def _told(structure) -> str:
+    """Write the structure on one line."""
+    parts = [f"{symbol} = {value}" if symbol else value for symbol, value in in_words(structure)]
+    return ", ".join(parts)
 
 
 class _Tally:

@@ -7,6 +7,7 @@ import numpy as np
 
 from hpcsweep.claims.data import Map, is_chaotic
 from hpcsweep.claims.evidence import RESONANCE, Study, make_sweep
+from hpcsweep.model.description import few
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames, StoreError
 
@@ -72,11 +73,31 @@ def open_frames(path: Path) -> Frames:
     Raises
     ------
     StoreError
-        If it is no campaign file, or about another number of floors.
+        If it is no campaign file, or about another structure than the paper's.
     """
     frames = Frames(path)
     n = frames.study.structure.n_floors
     if n != 3:
         frames.close()
         raise StoreError(f"{path}: structure.n_floors = {n}: the claims are about 3 floors")
+    key = _foreign(frames.study.structure)
+    if key is not None:
+        frames.close()
+        raise StoreError(f"{path}: {key}: the claims are about the building of the paper alone")
     return frames
+
+
+def _foreign(structure) -> str | None:
+    """Name the key of the job that makes a structure another than the paper's, if one does."""
+    if structure.is_the_papers:
+        return None
+    if structure.matrices is not None:
+        return "structure.matrices"
+    usual = {"gap": 1.0, "gap_left": math.inf}
+    for key in ("mass", "storey_stiffness", "gap", "gap_left", "rayleigh"):
+        value = getattr(structure, key)
+        if value != usual.get(key):
+            return f"structure.{key} = {few(value)}"
+    if isinstance(structure.stiffness_ratio, tuple):
+        return f"structure.stiffness_ratio = {few(structure.stiffness_ratio)}"
+    return "forcing.harmonics"

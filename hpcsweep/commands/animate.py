@@ -55,11 +55,21 @@ def add_to(commands) -> None:
         help="what the colours tell (default: %(default)s)",
     )
     animate.add_argument(
+        "--floor",
+        dest="floors",
+        type=int,
+        action="append",
+        default=[],
+        metavar="I",
+        help="floor shown, may be given several times (default: all of up to 5, else first, "
+        "middle, top)",
+    )
+    animate.add_argument(
         "--width",
         type=whole_number(1),
         default=0,
         metavar="PIXELS",
-        help="even (default: 1280, GIF 960); the height follows from the number of floors",
+        help="even (default: 1280, GIF 960); the height follows from the number of floors shown",
     )
     animate.add_argument(
         "--processes",
@@ -105,6 +115,7 @@ def _make(options, comm) -> int:
         direction=options.direction,
         color=options.color,
         width=options.width,
+        floors=tuple(options.floors),
     )
     problem = None
     if comm.rank == 0:

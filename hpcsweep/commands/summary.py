@@ -70,11 +70,8 @@ def _markdown(summaries: list[dict]) -> str:
 
 def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
     """Name and value of every line of a table, for summaries that are shown together."""
-    ratios = summary["damping_ratios"]
-    told = [f"{ratio:.4g}" for ratio in (ratios if len(set(ratios)) > 1 else ratios[:1])]
     rows = {
-        "structure": f"n = {summary['n_floors']}, beta = {summary['stiffness_ratio']:g}, "
-        f"zeta = {', '.join(told)}",
+        "structure": summary["structure"],
         "runs": f"{summary['runs_done']} of {summary['runs_total']} ({summary['frames']} frames x "
         f"{summary['amplitudes']} amplitudes, {' and '.join(summary['directions'])})",
         **_cost_rows(summary),

@@ -17,6 +17,7 @@ What is said is said of the window: chaos may be a transient that would end late
 """
 
 import math
+from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -255,11 +256,51 @@ def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
     }
 
 
-def contact_name(contact: int, n_floors: int) -> str:
-    """Write a contact set as C with the numbers of its floors, e.g. C23; 'none' if empty."""
+def contact_name(contact: int, labels: int | Sequence[str], room: int | None = None) -> str:
+    """Write a contact set as C with its members; 'none' if it is empty.
+
+    C23: floors 2 and 3 at their stops on the right; C23L: at those on the left; C2,3L: one of
+    each. Where there are more than nine, C7-12,15; contacts of matrices by their numbers.
+
+    Parameters
+    ----------
+    contact : int
+        Bit k - 1 is contact k.
+    labels : int or sequence of str
+        `Structure.contact_labels`, or the number of floors with a stop on the right each.
+    room : int, optional
+        Letters of the name: what is longer ends in ",...".
+    """
     contact = count("contact", contact, 0, 2**64 - 1)
-    n_floors = count("n_floors", n_floors, 0, 64)
-    floors = [str(i + 1) for i in range(n_floors) if contact >> i & 1]
-    if not floors:
+    if not isinstance(labels, list | tuple):
+        n_floors = count("n_floors", labels, 0, 64)
+        labels = [str(k + 1) for k in range(n_floors)]
+    members = [label for k, label in enumerate(labels) if label and contact >> k & 1]
+    if not members:
         return "none"
-    return "C" + (",".join(floors) if n_floors > 9 else "".join(floors))
+    many = any(len(label.rstrip("L")) > 1 for label in labels)
+    items = []
+    for side in ("", "L"):
+        own = [int(m.rstrip("L")) for m in members if m.endswith("L") == bool(side)]
+        if many:
+            items += [part + side for part in _ranges(own)]
+        elif own:
+            items.append("".join(map(str, own)) + side)
+    name = "C" + ",".join(items)
+    while room is not None and len(name) > room and len(items) > 1:
+        items.pop()
+        name = f"C{','.join(items)},..."
+    return name
+
+
+def _ranges(numbers: Sequence[int]) -> list[str]:
+    """Write ascending numbers, three and more in a row as a range."""
+    parts: list[str] = []
+    start = 0
+    for end in range(1, len(numbers) + 1):
+        if end < len(numbers) and numbers[end] == numbers[end - 1] + 1:
+            continue
+        row = numbers[start:end]
+        parts += [f"{row[0]}-{row[-1]}"] if len(row) > 2 else [str(number) for number in row]
+        start = end
+    return parts

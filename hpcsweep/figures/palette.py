@@ -113,31 +113,34 @@ def motion_place(kind: MotionClass, period: int) -> int:
 
 
 @lru_cache(maxsize=4096)
-def contact_colour(contact: int, n_floors: int) -> str:
+def contact_colour(contact: int, labels: int | tuple[str, ...]) -> str:
     """Return the colour of a contact set, told by the set alone.
 
-    The more floors touch, the darker; among sets of as many floors the hue goes round once, from
-    the lowest floors to the top ones, and the lightness falls a little. All sets of up to three
-    floors are apart to all eyes, those of four to normal ones; of more floors neighbours in this
-    order look alike.
+    The more contacts, the darker; among sets of as many contacts the hue goes round once, from
+    the first to the last ones, and the lightness falls a little. All sets of up to three contacts
+    are apart to all eyes, those of four to normal ones; of more neighbours in this order look
+    alike.
 
     Parameters
     ----------
     contact : int
-        Bit i - 1 is floor i.
-    n_floors : int
+        Bit k - 1 is contact k.
+    labels : int or tuple of str
+        `Structure.contact_labels`, or their number where all numbers up to it are contacts.
     """
-    if contact == 0:
+    there = range(labels) if isinstance(labels, int) else [k for k, x in enumerate(labels) if x]
+    total = len(there)
+    members = [place for place, k in enumerate(there) if contact >> k & 1]
+    if not members:
         return NO_CONTACT
-    floors = [i for i in range(n_floors) if contact >> i & 1]
-    # place among the sets of as many floors, ascending: the combinatorial number system
-    place = sum(comb(floor, count) for count, floor in enumerate(floors, 1))
-    share = place / comb(n_floors, len(floors)), (place + 0.5) / comb(n_floors, len(floors))
+    # place among the sets of as many contacts, ascending: the combinatorial number system
+    place = sum(comb(member, count) for count, member in enumerate(members, 1))
+    share = place / comb(total, len(members)), (place + 0.5) / comb(total, len(members))
     top, bottom = _CONTACT_LIGHTNESS
     return to_hex(
-        top - (top - bottom) * (len(floors) - 1 + share[1]) / n_floors,
+        top - (top - bottom) * (len(members) - 1 + share[1]) / total,
         _CONTACT_CHROMA,
-        _CONTACT_HUE + _HUE_OF_NUMBER * (len(floors) - 1) + 360 * share[0],
+        _CONTACT_HUE + _HUE_OF_NUMBER * (len(members) - 1) + 360 * share[0],
     )
 
 

@@ -1,5 +1,6 @@
 """Labels, panels and legends the figures share; their colours are `hpcsweep.figures.palette`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +15,20 @@ AMPLITUDE = r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]"
 OMEGA = r"forcing frequency $\Omega$  [$\omega_0$]"
 MARKERS = {UP: "o", DOWN: "v", START: "o"}
 """Of the directions; those of runs on the way down are hollow."""
+LEGEND_ROOM = 24
+"""Letters of a contact set's name in a legend."""
+CAPTION_ROOM = 92
+"""Letters of a line of a caption."""
+SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "zeta_i": r"\zeta_i", "g_L": "g_L"}
 
 
 class PlotError(ValueError):
     """What was asked cannot be drawn; the message is one line for the user."""
 
 
-def set_name(contact: int, n_floors: int) -> str:
+def set_name(contact: int, labels: int | Sequence[str], room: int | None = LEGEND_ROOM) -> str:
     """Write a contact set for a legend, 'no contact' if it is empty."""
-    return contact_name(contact, n_floors) if contact else "no contact"
+    return contact_name(contact, labels, room) if contact else "no contact"
 
 
 def new_figure(n_rows: int, height: float, width: float = 7.2):
@@ -136,6 +142,11 @@ def words_of(results, direction: str | None = None) -> str:
     return str(job_of(results).study.words[name])
 
 
+def structure_of(results):
+    """Read the structure the results were made for."""
+    return job_of(results).structure
+
+
 def classes_of(results) -> np.ndarray:
     """Classify every run of results by the settings of their job (`hpcsweep.dynamics`)."""
     from hpcsweep.dynamics.classify import classify
@@ -145,23 +156,26 @@ def classes_of(results) -> np.ndarray:
 
 
 def caption(results, omega: float | None = None) -> str:
-    """Write the parameters of a campaign, of one frame if `omega` is given, on one line."""
+    """Write the parameters of a campaign, of one frame if `omega` is given."""
     return parameters(job_of(results).structure, omega)
 
 
-def parameters(structure, omega: float | None = None) -> str:
-    """Write the parameters of a structure, and a frequency if it is given, on one line."""
-    ratios = structure.damping_ratios
-    if np.all(ratios == ratios[0]):
-        damping = rf"$\zeta$ = {ratios[0]:.4g}"
-    else:
-        damping = r"$\zeta_i$ = " + ", ".join(f"{value:.4g}" for value in ratios[:4])
-        damping += ", ..." if ratios.size > 4 else ""
-    frame = "" if omega is None else rf",  $\Omega$ = {omega:.6g}"
-    return (
-        rf"$n$ = {structure.n_floors},  $\beta$ = {structure.stiffness_ratio:g},  "
-        rf"$\rho$ = {structure.sharpness:g},  {damping}{frame}"
-    )
+def parameters(structure, omega: float | None = None, room: int | None = CAPTION_ROOM) -> str:
+    """Write the parameters of a structure, and a frequency if it is given, on a line or two."""
+    from hpcsweep.model.description import in_words
+
+    told = in_words(structure)
+    if omega is not None:
+        told.append((r"\Omega", f"{omega:.6g}"))
+    lines, length = [""], 0
+    for symbol, value in told:
+        part = rf"${SYMBOLS.get(symbol, symbol)}$ = {value}" if symbol else value
+        size = len(value) + (6 if symbol else 2)
+        if room is not None and length + size > room:
+            lines, length = [*lines, ""], 0
+        lines[-1] += f",  {part}" if lines[-1] else part
+        length += size
+    return ",\n".join(lines)
 
 
 def percent(share: float) -> str:

@@ -1,8 +1,13 @@
-"""A structure told in plain values, for files that are read without their job."""
+"""A structure told in plain values, for files that are read without their job, and in words."""
 
 import json
+import math
+from collections.abc import Sequence
 
-from hpcsweep.model.structure import Structure
+from hpcsweep.model.structure import ONE_HARMONIC, Structure
+
+MOST_LISTED = 4
+"""Values told one by one."""
 
 
 def describe(structure: Structure) -> dict:
@@ -31,3 +36,73 @@ def describe(structure: Structure) -> dict:
 def as_text(structure: Structure) -> str:
     """Write `describe` as JSON (an infinite sharpness as Infinity)."""
     return json.dumps(describe(structure))
+
+
+def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
+    """List the displacements of a floor (from 0) at its own stops, on the right and on the left.
+
+    Of contacts of that floor alone: where several move, there is no such displacement.
+    """
+    right: list[float] = []
+    left: list[float] = []
+    for contact in structure.contacts:
+        own = contact.direction[floor]
+        if own and sum(1 for d in contact.direction if d) == 1:
+            (right if own > 0 else left).append(contact.gap / own)
+    return right, left
+
+
+def in_words(structure: Structure) -> list[tuple[str, str]]:
+    """Tell what differs from structure to structure: (symbol, value); without symbol in words.
+
+    The symbols are those of the equations: n, beta, m, k, g (gap), g_L (on the left), rho, zeta.
+    """
+    told = [("n", str(structure.n_floors))]
+    if structure.matrices is not None:
+        count = len(structure.contacts)
+        told.append(("", f"{count} contact{'' if count == 1 else 's'}, matrices"))
+    else:
+        told.append(("beta", few(structure.stiffness_ratio)))
+        told += [
+            (symbol, few(value))
+            for symbol, value in (("m", structure.mass), ("k", structure.storey_stiffness))
+            if value is not None
+        ]
+        told += [
+            (symbol, few(value))
+            for symbol, value, usual in (
+                ("g", structure.gap, 1.0),
+                ("g_L", structure.gap_left, math.inf),
+            )
+            if value != usual
+        ]
+    told.append(("rho", f"{structure.sharpness:g}"))
+    if structure.matrices is not None and structure.matrices.damping is not None:
+        told.append(("", "damping matrix"))
+    elif structure.rayleigh is not None:
+        told.append(("", "Rayleigh damping " + few(structure.rayleigh)))
+    else:
+        ratios = structure.damping_ratios.tolist()
+        same = all(value == ratios[0] for value in ratios)
+        told.append(("zeta" if same else "zeta_i", _listed(ratios[:1] if same else ratios)))
+    if structure.harmonics != ONE_HARMONIC:
+        orders = ", ".join(str(order) for order, _, _ in structure.harmonics)
+        told.append(("", f"harmonic{'s' if len(structure.harmonics) > 1 else ''} {orders}"))
+    return told
+
+
+def few(value: float | Sequence[float]) -> str:
+    """Write a number, or several: up to four one by one, more by their range."""
+    numbers = value if isinstance(value, Sequence) else (value,)
+    if len(set(numbers)) == 1:
+        return f"{numbers[0]:g}"
+    if len(numbers) <= MOST_LISTED:
+        return "(" + ", ".join(f"{x:g}" for x in numbers) + ")"
+    finite = [x for x in numbers if math.isfinite(x)]
+    ends = f"{min(finite):g} to {max(finite):g}" if min(finite) < max(finite) else f"{finite[0]:g}"
+    return ends + (" or inf" if len(finite) < len(numbers) else "")
+
+
+def _listed(ratios: Sequence[float]) -> str:
+    more = ", ..." if len(ratios) > MOST_LISTED else ""
+    return ", ".join(f"{ratio:.4g}" for ratio in ratios[:MOST_LISTED]) + more

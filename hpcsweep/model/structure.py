@@ -10,7 +10,7 @@ Impacting a Rigid Stop".
 
 import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from numbers import Real
 from typing import Any
@@ -278,6 +278,21 @@ class Structure(LinearDynamics):
         if self.contact_numbers == tuple(range(1, len(self.contacts) + 1)):
             return key
         return sum(1 << (k - 1) for i, k in enumerate(self.contact_numbers) if key >> i & 1)
+
+    @cached_property
+    def contact_labels(self) -> tuple[str, ...]:
+        """Label of every number a contact can have, e.g. 2 or 2L (left); empty: no such contact."""
+        labels = [""] * max(self.contact_numbers, default=0)
+        for k in self.contact_numbers:
+            left = self.matrices is None and k > self.n_floors
+            labels[k - 1] = f"{k - self.n_floors}L" if left else str(k)
+        return tuple(labels)
+
+    def without_contacts(self) -> "Structure":
+        """Give the same structure, free."""
+        if self.matrices is None:
+            return replace(self, gap=math.inf, gap_left=math.inf)
+        return replace(self, matrices=replace(self.matrices, contacts=()))
 
     @cached_property
     def forcing_vector(self) -> np.ndarray:

@@ -19,13 +19,14 @@ from hpcsweep.figures.style import (
     classes_of,
     direction_index,
     foot,
-    job_of,
     need,
     new_grid,
     percent,
     save,
+    structure_of,
     words_of,
 )
+from hpcsweep.model.modes import trigonometric_maximum
 
 NAME = "benefit"
 HELP = "where impact lowers and raises the drift, for chaos and for period 1"
@@ -82,19 +83,21 @@ def draw(results, path: Path, direction: str | None = None) -> None:
 def free_drift(structure, omega: float) -> float:
     """Return the normalised drift (18) of the steady state without stop, in A/Omega^2.
 
-    Closed form: Omega^2 max_i |U_i - U_(i-1)|, U of `Structure.linear_steady_state`, U_0 = 0; NaN
-    at an undamped resonance.
+    Closed form: Omega^2 max |row . u| over the rows of `Structure.drift_rows`, with u of
+    `Structure.linear_steady_state`; NaN at an undamped resonance.
     """
     try:
-        response = structure.linear_steady_state(omega)
+        orders, responses = structure.steady_harmonics(omega)
     except ZeroDivisionError:
         return np.nan
-    return float(omega**2 * np.abs(np.diff(response, prepend=0.0)).max())
+    rows = structure.drift_rows
+    reach = [trigonometric_maximum(orders, responses @ d) for d in (*rows, *-rows)]
+    return float(omega**2 * max(reach))
 
 
 def drift_ratio(results) -> np.ndarray:
     """Return the drift over the drift without stop at the same A and Omega, shape of the runs."""
-    structure = job_of(results).structure
+    structure = structure_of(results)
     free = np.array([free_drift(structure, float(omega)) for omega in results["omega"].values])
     return results["drift"].values / free[None, :, None]
 
@@ -106,7 +109,7 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
     index[known] = 2 + np.searchsorted(LEVELS, ratio[known], side="left")
     index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
     draw_classes(axis, results, index, [colour for _, colour in SHADES])
-    draw_grazing(axis, results, job_of(results).structure)
+    draw_grazing(axis, results, structure_of(results))
     count = int(known.sum())
     told = "no such run"
     if count:

@@ -88,6 +88,12 @@ OMEGA = Option(
     "omega",
     {"type": float},
 )
+FLOORS = Option(
+    "--floor",
+    "floor shown, may be given several times (default: all of up to 5, else first, middle, top)",
+    "floors",
+    {"type": int, "action": "append", "metavar": "I"},
+)
 DIRECTION = Option(
     "--direction",
     "sweep drawn (default: the first)",

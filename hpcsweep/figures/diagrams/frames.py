@@ -1,14 +1,15 @@
 """Small orbit diagrams of several frames side by side."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures.diagrams.figure import DIRECTION, Option
+from hpcsweep.figures.diagrams.figure import DIRECTION, FLOORS, Option
+from hpcsweep.figures.labels import amplitude, choose_floors, displacement, in_gaps
 from hpcsweep.figures.palette import MOTIONS, motion_index
 from hpcsweep.figures.style import (
-    AMPLITUDE,
     PlotError,
     caption,
     classes_of,
@@ -17,6 +18,7 @@ from hpcsweep.figures.style import (
     need,
     new_grid,
     save,
+    structure_of,
     words_of,
 )
 from hpcsweep.solvers.outcome import Outcome
@@ -32,7 +34,7 @@ HELP = "small orbit diagrams of several frames"
 OPTIONS = (
     DIRECTION,
     Option("--frames", "number of frames", "frames", {"type": int, "metavar": "N"}),
-    Option("--floor", "floor drawn (default: top)", "floor", {"type": int, "metavar": "I"}),
+    FLOORS,
 )
 
 
@@ -52,7 +54,7 @@ def draw(
     path: Path,
     direction: str | None = None,
     frames: int | None = None,
-    floor: int | None = None,
+    floors: Sequence[int] = (),
 ) -> None:
     """Draw frames spread evenly over the frequencies and write them to `path`.
 
@@ -64,8 +66,8 @@ def draw(
         Default the first.
     frames : int, optional
         How many; default all, at most `MOST_FRAMES`.
-    floor : int, optional
-        Whose displacement is drawn, from 1; default the top one.
+    floors : sequence of int, optional
+        Whose displacement is drawn, from 1: one; default the top one.
 
     Raises
     ------
@@ -73,10 +75,10 @@ def draw(
         If the file does not hold what is to be drawn.
     """
     need(results, "poincare")
-    n = results.sizes["state"] // 2
-    floor = n if floor is None else floor
-    if not 1 <= floor <= n:
-        raise PlotError(f"--floor {floor}: must be from 1 to {n}")
+    structure = structure_of(results)
+    if len(floors) > 1:
+        raise PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
+    floor = choose_floors(structure.n_floors, floors)[-1] + 1
     chosen = choose(results["omega"].values, frames)
     count = len(chosen)
     results = results.isel(frame=chosen, direction=[direction_index(results, direction)])
@@ -90,14 +92,15 @@ def draw(
             axis.set_visible(False)
             continue
         _panel(axis, results.isel(frame=place, direction=0), motions[place], floor)
-    figure.supylabel(rf"$u_{{{floor}}}(jT)$  [gaps]", fontsize=10)
+    figure.supylabel(displacement(structure, floor - 1, "(jT)"), fontsize=10)
     for column in range(columns):
         last = max(place for place in range(count) if place % columns == column)
-        axes.flat[last].set_xlabel("$A$" if columns > 1 else AMPLITUDE, fontsize=9)
+        axes.flat[last].set_xlabel("$A$" if columns > 1 else amplitude(structure), fontsize=9)
         axes.flat[last].tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
-    unit = r"$A$ in gaps $\cdot\,\omega_0^2$, $\Omega$ in $\omega_0$"
-    figure.suptitle(f"{caption(results)},  {words_of(results)};  {unit}", fontsize=8.5)
+    unit = r";  $A$ in gaps $\cdot\,\omega_0^2$, $\Omega$ in $\omega_0$"
+    unit = unit if in_gaps(structure) else ""
+    figure.suptitle(f"{caption(results)},  {words_of(results)}{unit}", fontsize=8.5)
     save(figure, path)
 
 

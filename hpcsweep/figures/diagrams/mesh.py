@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures.labels import amplitude as amplitude_label
+from hpcsweep.figures.labels import frequency as frequency_label
 from hpcsweep.figures.palette import GRAZING, NOTHING
-from hpcsweep.figures.style import AMPLITUDE, DPI, OMEGA, PlotError, classes_of
+from hpcsweep.figures.style import DPI, PlotError, classes_of, structure_of
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -99,8 +101,9 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
     matplotlib.collections.QuadMesh or PathCollection
     """
     axis.set_facecolor(NOTHING)
-    axis.set_xlabel(AMPLITUDE)
-    axis.set_ylabel(OMEGA)
+    structure = structure_of(results)
+    axis.set_xlabel(amplitude_label(structure))
+    axis.set_ylabel(frequency_label(structure))
     if SCATTERED in results:
         size = float(np.clip(6e3 / len(values), 3.0, 40.0))
         rim = {"edgecolors": "0.2", "linewidths": 0.3 if size > 10 else 0.0}

@@ -1,7 +1,6 @@
 """Drift and mean modal norms of one frame against the amplitude, with those without a stop."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +8,19 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.diagrams.benefit import free_drift
 from hpcsweep.figures.diagrams.figure import OMEGA, load_frame
+from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, mode_colour, motion_place
 from hpcsweep.figures.style import (
-    AMPLITUDE,
     MARKERS,
     PlotError,
     caption,
     classes_of,
     foot,
-    job_of,
     nearest_frame,
     need,
     new_figure,
     save,
+    structure_of,
 )
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.amplitude_sweep import DOWN
@@ -30,6 +29,8 @@ NAME = "metrics"
 HELP = "drift and mean modal norms against the amplitude, one frame"
 OPTIONS = (OMEGA,)
 load = load_frame
+MOST_MODES = 5
+"""Modes shown, the lowest."""
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 
 
@@ -47,11 +48,11 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     if not (frame["outcome"].values == Outcome.COMPLETE).any():
         raise PlotError("no run of this frame is complete yet")
     classes = classes_of(results)
-    structure, value = job_of(results).structure, float(frame["omega"])
+    structure, value = structure_of(results), float(frame["omega"])
     figure, axes = new_figure(2, 6.6)
     _drift(axes[0], frame, classes[:, 0], free_drift(structure, value))
     _norms(axes[1], frame, free_modal_norms(structure, value))
-    axes[1].set_xlabel(AMPLITUDE)
+    axes[1].set_xlabel(amplitude_label(structure))
     span = frame["amplitude"].values
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     for axis, letter in zip(axes, "ab", strict=True):
@@ -71,11 +72,12 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
     # loads numba and scipy.linalg, which no other figure needs
     from hpcsweep.solvers.linear import LinearOrbit
 
-    orbit = LinearOrbit(replace(structure, stiffness_ratio=0.0), omega)
+    orbit = LinearOrbit(structure.without_contacts(), omega)
     try:
-        small = 1e-3 * structure.grazing_amplitude(omega)
+        structure.steady_harmonics(omega)
     except ZeroDivisionError:
         return np.full(structure.n_floors, np.nan)
+    small = 1e-3 * structure.length_unit * structure.frequency_unit**2
     seen = orbit.steady_window(orbit.state(small), small, 0, 1, math.inf)
     return np.full(structure.n_floors, np.nan) if seen is None else seen.modal_norm
 
@@ -108,8 +110,9 @@ def _drift(axis, frame, classes, free: float) -> None:
 
 def _norms(axis, frame, free: np.ndarray) -> None:
     amplitude = frame["amplitude"].values
-    for mode in range(frame.sizes["mode"]):
-        colour = mode_colour(mode, frame.sizes["mode"])
+    shown = min(frame.sizes["mode"], MOST_MODES)
+    for mode in range(shown):
+        colour = mode_colour(mode, shown)
         for d, direction in enumerate(frame["direction"].values):
             filled = str(direction) != DOWN
             axis.plot(
@@ -131,3 +134,6 @@ def _norms(axis, frame, free: np.ndarray) -> None:
             label=f"mode {mode + 1}, without stop",
         )
     axis.set_ylabel(r"mean modal norm $\eta_j$ free of contact")
+    if shown < frame.sizes["mode"]:
+        title = f"the lowest {shown} of {frame.sizes['mode']} modes"
+        axis.set_title(title, loc="right", fontsize=9)

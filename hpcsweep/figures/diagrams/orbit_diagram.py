@@ -1,15 +1,16 @@
 """Orbit diagram: stroboscopic displacement of each floor against the forcing amplitude."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.figures.diagrams.figure import OMEGA, Option, load_frame
+from hpcsweep.figures.diagrams.figure import FLOORS, OMEGA, Option, load_frame
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
-from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, contact_colour, motion_index
+from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, STOP, contact_colour, motion_index
 from hpcsweep.figures.style import (
-    AMPLITUDE,
     MARKERS,
     PlotError,
     caption,
@@ -22,8 +23,10 @@ from hpcsweep.figures.style import (
     roman,
     save,
     set_name,
+    structure_of,
     words_of,
 )
+from hpcsweep.model.description import stops
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.amplitude_sweep import DOWN
 
@@ -33,6 +36,7 @@ stroboscopic displacement of each floor against the forcing amplitude, one frame
 up and down, contact regions along the top"""
 OPTIONS = (
     OMEGA,
+    FLOORS,
     Option(
         "--color",
         "what the colours tell (default: direction)",
@@ -45,11 +49,16 @@ MOST_SETS = 10
 """Contact sets that the legend names: the commonest."""
 MOST_COLUMNS = 6
 """Columns of the legend."""
+PANEL, PAGE = 1.75, 8.75
+"""Height of a panel, and of all of them where there are many (inches)."""
 FINE, FINE_KEY = 0.1, 3
 """Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
 the legend."""
 LEAST_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
 """Parts of the panel's width: least region whose label names its sets; room the labels take."""
+
+LETTERS, LEAST_LETTERS = 110, 8
+"""Letters of such labels side by side, and room of one for its sets' names."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +79,13 @@ class Group:
     runs: np.ndarray
 
 
-def draw(results, path: Path, omega: float | None = None, color: str = "direction") -> None:
+def draw(
+    results,
+    path: Path,
+    omega: float | None = None,
+    color: str = "direction",
+    floors: Sequence[int] = (),
+) -> None:
     """Draw one frame of a campaign and write it to `path`.
 
     Parameters
@@ -83,6 +98,8 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
         The frame nearest to this frequency; default the first.
     color : {"direction", "contact", "period"}
         What the colours tell; period: the period of orbits, the class of other motions.
+    floors : sequence of int, optional
+        Shown, from 1; see `labels.choose_floors`.
 
     Raises
     ------
@@ -92,29 +109,33 @@ def draw(results, path: Path, omega: float | None = None, color: str = "directio
     need(results, "poincare", *(("contact",) if color == "contact" else ()))
     results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
     frame = results.isel(frame=0)
-    n = results.sizes["state"] // 2
+    structure = structure_of(results)
+    shown = choose_floors(structure.n_floors, floors)
     done = frame["outcome"].values == Outcome.COMPLETE
     if not done.any():
         raise PlotError("no run of this frame is complete yet")
     classes = classes_of(results)
-    figure, axes = new_figure(n, 1.2 + 1.75 * n)
-    groups = _groups(color, results, classes[:, 0], done, n)
-    for floor, axis in zip(range(n)[::-1], axes, strict=True):
+    figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
+    groups = _groups(color, results, classes[:, 0], done, structure.contact_labels)
+    low = PANEL * len(shown) > PAGE
+    for floor, axis in zip(shown[::-1], axes, strict=True):
         for group in groups:
             _scatter(axis, frame, group, floor)
-        axis.set_ylabel(rf"$u_{{{floor + 1}}}(jT)$  [gaps]")
+        axis.set_ylabel(displacement(structure, floor, "" if low else "(jT)"))
         axis.margins(y=0.08)
-    axes[-1].set_xlabel(AMPLITUDE)
+        _mark_stops(axis, structure, floor)
+    axes[-1].set_xlabel(amplitude(structure))
     span = frame["amplitude"].values
     axes[-1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     if "contact" in frame:
-        _mark_regions(axes, frame, done, n, coexistence(frame, classes[:, 0]))
+        apart = coexistence(frame, classes[:, 0], structure.state_units)
+        _mark_regions(axes, frame, done, structure.contact_labels, apart)
     _legend(figure, groups, color, results, classes)
     figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 
 
-def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, n: int) -> list[Group]:
+def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) -> list[Group]:
     """Divide the complete runs of one frame by colour, in the order of the legend."""
     frame = results.isel(frame=0)
     if color == "direction":
@@ -136,8 +157,8 @@ def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, n: int) 
     order = sorted(range(sets.size), key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
     return [
         Group(
-            contact_colour(int(sets[k]), n),
-            set_name(int(sets[k]), n) if k in named else "",
+            contact_colour(int(sets[k]), labels),
+            set_name(int(sets[k]), labels) if k in named else "",
             done & (contact == sets[k]),
         )
         for k in order
@@ -177,7 +198,16 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
                 )
 
 
-def _mark_regions(axes, frame, done, n, coexisting) -> None:
+def _mark_stops(axis, structure, floor: int) -> None:
+    """Draw the floor's stops that lie within the panel, as it is."""
+    limits = axis.get_ylim()
+    for place in (place for side in stops(structure, floor) for place in side):
+        if limits[0] < place < limits[1]:
+            axis.axhline(place, color=STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
+    axis.set_ylim(limits)
+
+
+def _mark_regions(axes, frame, done, labels, coexisting) -> None:
     """Mark the contact regions along the top, as in Figure 3 of the paper."""
     amplitude = frame["amplitude"].values
     least = max(3, amplitude.size // 100)
@@ -193,11 +223,15 @@ def _mark_regions(axes, frame, done, n, coexisting) -> None:
         if region.first > 0:
             for axis in axes:
                 axis.axvline(left, color="0.45", linewidth=0.6, linestyle=(0, (4, 3)), zorder=1)
-        sets = "\n".join(contact_name(c, n).replace("none", "–") for c in region.contacts)
-        wide = total > 0 and (right - left) / total > LEAST_WIDTH
+        share = (right - left) / total if total > 0 else 0.0
+        wide = share > LEAST_WIDTH
+        room = max(int(LETTERS * share), LEAST_LETTERS)
+        names = [contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
+        sets = "\n".join(names)
         label = f"({roman(number)})\n{sets}" if wide else f"({roman(number)})"
         middle = 0.5 * (left + right)
-        half = 0.5 * (WIDE_LABEL if wide else NARROW_LABEL) * total
+        longest = max(map(len, names)) / LETTERS
+        half = 0.5 * (max(WIDE_LABEL, longest) if wide else NARROW_LABEL) * total
         level = 0
         while level < len(taken) and middle - half < taken[level]:
             level += 1

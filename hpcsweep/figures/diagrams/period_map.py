@@ -14,6 +14,7 @@ from hpcsweep.figures.diagrams.mesh import (
     grazing_key,
     open_map,
 )
+from hpcsweep.figures.labels import exponent as exponent_label
 from hpcsweep.figures.palette import (
     MOTION_COLOURS,
     MOTIONS,
@@ -27,12 +28,12 @@ from hpcsweep.figures.style import (
     classes_of,
     direction_index,
     foot,
-    job_of,
     need,
     new_grid,
     percent,
     save,
     set_name,
+    structure_of,
     words_of,
 )
 from hpcsweep.solvers.outcome import Outcome
@@ -54,6 +55,8 @@ ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
 MOST_SETS = 14
 """Contact sets the legend names: the commonest."""
 MAX_COLUMNS = 3
+MOST_PANELS = 9
+"""Modes shown, the lowest."""
 
 
 def load(path: Path, direction: str | None = None, value: str | None = None):
@@ -82,7 +85,7 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
         need(results, value)
     results = by_frequency(results)
     results = results.isel(direction=[direction_index(results, direction)])
-    panels = results.sizes["mode"] if value == "modal_norm" else 1
+    panels = min(results.sizes["mode"], MOST_PANELS) if value == "modal_norm" else 1
     columns = min(panels, MAX_COLUMNS)
     rows = -(-panels // columns)
     size = (7.2, 5.2) if panels == 1 else (3.6 * columns, 3.6 * rows + 0.6)
@@ -97,7 +100,7 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
     if value != "period":
         foot(figure, [grazing_key()], results, classes_of(results))
     for axis in axes.flat[:panels]:
-        draw_grazing(axis, results, job_of(results).structure)
+        draw_grazing(axis, results, structure_of(results))
         axis.label_outer()
     for axis in axes.flat[panels:]:
         axis.set_visible(False)
@@ -123,14 +126,14 @@ def _contact_sets(figure, axes, results) -> None:
     contact = results["contact"].values[0]
     done = results["outcome"].values[0] == Outcome.COMPLETE
     sets = np.union1d(contact[done], np.zeros(1, contact.dtype))
-    n = results.sizes["state"] // 2
+    labels = structure_of(results).contact_labels
     index = np.where(done, np.searchsorted(sets, contact), -1)
     counts = np.bincount(index[done], minlength=sets.size)
-    colours = [contact_colour(int(c), n) for c in sets]
+    colours = [contact_colour(int(c), labels) for c in sets]
     draw_classes(axes[0, 0], results, index, colours)
     named = np.argsort(-counts, kind="stable")[:MOST_SETS]
     entries = [
-        (set_name(int(sets[k]), n), colours[k], counts[k] / done.size)
+        (set_name(int(sets[k]), labels), colours[k], counts[k] / done.size)
         for k in sorted(named, key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
         if counts[k]
     ]
@@ -156,14 +159,13 @@ def _exponent(figure, axes, results) -> None:
     low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
     norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
     mesh = draw_mesh(axes[0, 0], results, exponent, cmap=NUMBERS, norm=norm)
-    figure.colorbar(
-        mesh, ax=axes, extend="both", label=r"largest Lyapunov exponent $\lambda$  [$\omega_0$]"
-    )
+    label = exponent_label(structure_of(results))
+    figure.colorbar(mesh, ax=axes, extend="both", label=label)
 
 
 def _modal_norms(figure, axes, results) -> None:
     norms = np.ma.masked_invalid(results["modal_norm"].values[0])
-    for mode in range(results.sizes["mode"]):
+    for mode in range(min(results.sizes["mode"], MOST_PANELS)):
         axis = axes.flat[mode]
         mesh = draw_mesh(axis, results, norms[..., mode], cmap=NUMBERS, vmin=0, vmax=1)
         axis.set_title(f"mode {mode + 1}", fontsize=9)

@@ -1,4 +1,4 @@
-"""Phase portraits of all floors, with stroboscopic points and the stop."""
+"""Phase portraits of the floors, with stroboscopic points and their stops."""
 
 import argparse
 from collections.abc import Sequence
@@ -8,21 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
-from hpcsweep.figures.diagrams.figure import DIRECTION, OMEGA, Option, load_frame
+from hpcsweep.figures.diagrams.figure import DIRECTION, FLOORS, OMEGA, Option, load_frame
+from hpcsweep.figures.labels import choose_floors, displacement, velocity
 from hpcsweep.figures.palette import MOTIONS, motion_place
 from hpcsweep.figures.style import (
+    LEGEND_ROOM,
     PlotError,
-    caption,
     classes_of,
     contact_name,
     direction_index,
     foot,
-    job_of,
     nearest_frame,
     need,
     new_grid,
+    parameters,
     save,
+    structure_of,
 )
+from hpcsweep.model.description import stops
 from hpcsweep.solvers.outcome import Outcome
 
 
@@ -34,7 +37,7 @@ def _period(text: str) -> int:
 
 
 NAME = "phase"
-HELP = "phase portraits of all floors at --amplitude A ... or of orbit --period P ..."
+HELP = "phase portraits of the floors at --amplitude A ... or of orbit --period P ..."
 OPTIONS = (
     OMEGA,
     Option(
@@ -50,8 +53,13 @@ OPTIONS = (
         {"type": _period, "nargs": "+", "metavar": "P"},
     ),
     DIRECTION,
+    FLOORS,
 )
 load = load_frame
+WIDTH, LEAST_WIDTH, LETTERS = 2.4, 4.8, 13
+"""Width of a panel, the least of the figure (inches), and letters of its title on an inch."""
+NEAR_STOP = 10
+"""A stop is shown where it is not farther from the motion than so many of its widths."""
 MOST_CYCLES = 60
 """Forcing periods drawn of a motion that does not repeat: more would fill the panel."""
 
@@ -71,6 +79,7 @@ def draw(
     amplitudes: Sequence[float] = (),
     periods: Sequence[int] = (),
     direction: str | None = None,
+    floors: Sequence[int] = (),
 ) -> None:
     """Draw motions of one frame, one a row, and write them to `path`.
 
@@ -86,6 +95,8 @@ def draw(
         For each a motion of that orbit period is found; see `find_period`.
     direction : {"up", "down"}, optional
         Of the amplitudes: default the first; of the periods: default any.
+    floors : sequence of int, optional
+        Shown, from 1; see `labels.choose_floors`.
 
     Raises
     ------
@@ -101,15 +112,21 @@ def draw(
     motions = [_at_amplitude(frame, value, direction) for value in amplitudes]
     motions += [find_period(frame, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.amplitude, m.direction))
-    n = results.sizes["state"] // 2
-    figure, axes = new_grid(len(motions), n, (2.4 * n, 1.5 * len(motions) + 1.0), sharex="col")
-    structure = job_of(results).structure
+    structure = structure_of(results)
+    shown = choose_floors(structure.n_floors, floors)
+    columns = len(shown)
+    size = max(WIDTH * columns, LEAST_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
+    figure, axes = new_grid(len(motions), columns, size, sharex="col")
     for row, motion in enumerate(motions):
-        _row(axes[row], frame, motion, classes, structure, row)
-    for floor, axis in enumerate(axes[-1], 1):
-        axis.set_xlabel(rf"$u_{{{floor}}}$  [gaps]", fontsize=9)
+        _row(dict(zip(shown, axes[row], strict=True)), frame, motion, classes, structure, row)
+    for row_axes in axes:
+        for floor, axis in zip(shown, row_axes, strict=True):
+            _stops(axis, structure, floor)
+    for floor, axis in zip(shown, axes[-1], strict=True):
+        axis.set_xlabel(displacement(structure, floor), fontsize=9)
     _legend(figure, results, classes, {_motion(frame, m, classes) for m in motions})
-    figure.suptitle(caption(results, float(frame["omega"])), fontsize=9)
+    title = parameters(structure, float(frame["omega"]), int(LETTERS * size[0]))
+    figure.suptitle(title, fontsize=9)
     save(figure, path)
 
 
@@ -200,7 +217,7 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
     n = structure.n_floors
     colour = MOTIONS[_motion(frame, motion, classes)][1]
     many = len(points) > 16
-    for floor, axis in enumerate(axes):
+    for floor, axis in axes.items():
         for curve in curves:
             axis.plot(
                 curve[:, floor],
@@ -221,16 +238,12 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
             markeredgewidth=0.4 if many else 0.8,
             zorder=4,
         )
-        axis.axvline(1.0, color="black", linewidth=1.2, zorder=3)
-        right = max(axis.get_xlim()[1], 1.08)
-        axis.axvspan(1.0, right + 10, facecolor="0.88", edgecolor="0.5", hatch="////", zorder=0)
-        axis.set_xlim(right=right)
         axis.grid(True, color="0.92", linewidth=0.6)
         axis.set_axisbelow(True)
         axis.tick_params(labelsize=8)
-        axis.set_ylabel(rf"$v_{{{floor + 1}}}$  [gaps $\omega_0$]", fontsize=8)
-    axes[0].annotate(
-        _label(frame, motion, classes, n, row),
+        axis.set_ylabel(velocity(structure, floor), fontsize=8)
+    next(iter(axes.values())).annotate(
+        _label(frame, motion, classes, structure.contact_labels, row),
         (0, 1),
         xycoords="axes fraction",
         xytext=(-48, 4),
@@ -242,19 +255,38 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
     )
 
 
+def _stops(axis, structure, floor: int) -> None:
+    """Draw the nearest stops of one floor, and hatch what lies beyond."""
+    low, high = axis.get_xlim()
+    width = high - low
+    for side, places in zip((1, -1), stops(structure, floor), strict=True):
+        if not places:
+            continue
+        place = min(places, key=lambda x: side * x)
+        if not max(place - high, low - place) <= NEAR_STOP * max(width, abs(place)):
+            continue
+        axis.axvline(place, color="black", linewidth=1.2, zorder=3)
+        room = place + side * max(0.04 * width, 0.08 * abs(place))
+        low, high = min(low, room), max(high, room)
+        beyond = place + side * 10 * (high - low)
+        ends = sorted((place, beyond))
+        axis.axvspan(*ends, facecolor="0.88", edgecolor="0.5", hatch="////", zorder=0)
+    axis.set_xlim(low, high)
+
+
 def _motion(frame, motion: Motion, classes) -> int:
     """Return the place of a run's motion in `MOTIONS`."""
     at = motion.direction, motion.amplitude
     return motion_place(MotionClass(int(classes[at])), int(frame["orbit_period"].values[at]))
 
 
-def _label(frame, motion: Motion, classes, n: int, row: int) -> str:
+def _label(frame, motion: Motion, classes, labels, row: int) -> str:
     at = motion.direction, motion.amplitude
     kind = MotionClass(int(classes[at]))
     period = int(frame["orbit_period"].values[at])
     name = f"P{period}" if period else CLASS_NAMES[kind]
     if "contact" in frame:
-        sets = contact_name(int(frame["contact"].values[at]), n)
+        sets = contact_name(int(frame["contact"].values[at]), labels, LEGEND_ROOM)
         name += ", no contact" if sets == "none" else f", {sets}"
     direction = str(frame["direction"].values[at[0]])
     amplitude = float(frame["amplitude"].values[at[1]])

@@ -11,7 +11,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 
 APART = 0.02
-"""Distance (gaps, gaps omega_0) between the points of two orbits above which they are two."""
+"""Distance (in units of the state) between the points of two orbits above which they are two."""
 LEAST_COEXISTENCE = 0.02
 """Part of the amplitudes over which two solutions of one contact set must last to be a region:
 hysteresis at the ends of a periodic window is shorter and belongs to the window."""
@@ -99,7 +99,7 @@ def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | Non
     return merged
 
 
-def coexistence(frame, classes: np.ndarray) -> np.ndarray:
+def coexistence(frame, classes: np.ndarray, units: np.ndarray | float = 1.0) -> np.ndarray:
     """Find the amplitudes at which the sweeps up and down of one frame are on different solutions.
 
     Two periodic motions differ if their periods do or if a point of one is farther than `APART`
@@ -112,6 +112,8 @@ def coexistence(frame, classes: np.ndarray) -> np.ndarray:
         One frame of a campaign, with ``poincare``.
     classes : ndarray of int, shape (n_directions, n_amplitudes)
         `MotionClass` of its runs.
+    units : ndarray, shape (2n,), optional
+        `Structure.state_units`.
 
     Returns
     -------
@@ -126,7 +128,7 @@ def coexistence(frame, classes: np.ndarray) -> np.ndarray:
     points, counts = frame["poincare"].values, frame["n_points"].values
     period = frame["orbit_period"].values
     for index in np.flatnonzero(repeats.all(axis=0)):
-        up, down = (points[d, index, : counts[d, index]] for d in (0, 1))
+        up, down = (points[d, index, : counts[d, index]] / units for d in (0, 1))
         gaps = np.abs(up[:, None] - down[None]).max(axis=2)
         differ[index] = (
             period[0, index] != period[1, index]

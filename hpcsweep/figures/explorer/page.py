@@ -18,6 +18,7 @@ from hpcsweep.figures.explorer.pack import (
     to_text,
 )
 from hpcsweep.figures.explorer.study import Study
+from hpcsweep.figures.labels import in_gaps
 from hpcsweep.figures.palette import (
     DIRECTIONS,
     LONGEST,
@@ -29,6 +30,8 @@ from hpcsweep.figures.palette import (
     motion_place,
 )
 from hpcsweep.figures.style import set_name
+from hpcsweep.model.description import in_words, stops
+from hpcsweep.model.modes import per_mass
 from hpcsweep.solvers.outcome import Outcome
 
 SCRIPTS = (
@@ -44,6 +47,9 @@ SCRIPTS = (
 DEFAULT_BITS = 12
 VALUE_BITS = {"drift": 16, "lyapunov": 16}
 NORM_BITS = 12
+NAME_ROOM = 40
+"""Letters of a contact set's name."""
+GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
 
 
 class PageTooLarge(ValueError):
@@ -155,7 +161,7 @@ def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
         "motionLegend": [{"name": name, "colour": colour} for name, colour in MOTIONS],
         "longest": LONGEST,
         "outcomes": [o.name.lower().replace("_", " ") for o in Outcome],
-        "contacts": [set_name(s, study.structure.n_floors) for s in sets],
+        "contacts": [set_name(s, study.structure.contact_labels, NAME_ROOM) for s in sets],
         "colours": _colours(study, sets),
     }, texts
 
@@ -232,14 +238,34 @@ def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
 
 
 def _structure(structure) -> dict:
+    """Give what the page needs to integrate and to describe: all divided by the masses."""
+    mass = structure.mass_matrix
+
+    def entries(vector) -> list[list]:
+        return [[i, float(value)] for i, value in enumerate(vector) if value]
+
     finite = math.isfinite(structure.sharpness)
+    own = [stops(structure, floor) for floor in range(structure.n_floors)]
+    told = (f"{GREEK.get(s, s)} = {value}" if s else value for s, value in in_words(structure))
     return {
+        "words": ", ".join(told).replace("inf", "∞"),
+        "gaps": in_gaps(structure),
         "floors": structure.n_floors,
-        "beta": structure.stiffness_ratio,
         "rho": structure.sharpness if finite else None,
-        "zeta": structure.damping_ratios.tolist(),
-        "stiffness": structure.stiffness_matrix.tolist(),
-        "damping": structure.damping_matrix.tolist(),
+        "stiffness": per_mass(mass, structure.stiffness_matrix).tolist(),
+        "damping": per_mass(mass, structure.damping_matrix).tolist(),
+        "forcing": per_mass(mass, structure.forcing_vector).tolist(),
+        "harmonics": [list(harmonic) for harmonic in structure.harmonics],
+        "contacts": [
+            {
+                "direction": entries(contact.direction),
+                "gap": contact.gap,
+                "push": entries(contact.stiffness * per_mass(mass, np.array(contact.direction))),
+            }
+            for contact in structure.contacts
+        ],
+        "stops": [[*right, *left] for right, left in own],
+        "units": structure.state_units[[0, -1]].tolist(),
     }
 
 
@@ -249,7 +275,7 @@ def _colours(study: Study, sets: list[int]) -> dict[str, str | list[str]]:
     from matplotlib.colors import to_hex
 
     return {
-        "contacts": [contact_colour(s, study.structure.n_floors) for s in sets],
+        "contacts": [contact_colour(s, study.structure.contact_labels) for s in sets],
         "directions": [DIRECTIONS[name] for name in study.directions],
         "numbers": [to_hex(c) for c in colormaps[NUMBERS](np.linspace(0, 1, 256))],
         "nothing": NOTHING,

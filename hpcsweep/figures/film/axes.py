@@ -24,8 +24,8 @@ def draw_axes(scene: Scene, layout: Layout) -> np.ndarray:
     dpi = 100 * layout.scale
     figure = Figure(figsize=(layout.width / dpi, layout.height / dpi), dpi=dpi)
     canvas = FigureCanvasAgg(figure)
-    for floor in range(scene.n_floors):
-        _panel(figure, layout, floor)
+    for panel in range(scene.n_panels):
+        _panel(figure, scene, layout, panel)
     _label(figure, layout, layout.left, int(22 * layout.scale), scene.title, fontsize=10)
     for direction, (top, bottom) in zip(scene.directions, layout.bands, strict=False):
         text = f"contact, {direction}"
@@ -38,8 +38,8 @@ def draw_axes(scene: Scene, layout: Layout) -> np.ndarray:
     return np.ascontiguousarray(picture).view("<u4").reshape(layout.height, layout.width).copy()
 
 
-def _panel(figure, layout: Layout, floor: int) -> None:
-    top, bottom, left, right = layout.panels[floor]
+def _panel(figure, scene: Scene, layout: Layout, panel: int) -> None:
+    top, bottom, left, right = layout.panels[panel]
     scale = layout.scale
     axis = figure.add_axes(
         (
@@ -50,15 +50,17 @@ def _panel(figure, layout: Layout, floor: int) -> None:
         )
     )
     axis.set_xlim(*layout.span)
-    axis.set_ylim(*layout.limits(floor))
+    axis.set_ylim(*layout.limits(panel))
     axis.grid(True, color="0.92", linewidth=0.7)
     axis.set_axisbelow(True)
-    axis.tick_params(labelsize=9, labelbottom=floor == 0)
+    axis.tick_params(labelsize=9, labelbottom=panel == 0)
     axis.locator_params(axis="y", nbins=max(2, int((bottom - top) / (42 * scale))))
     low = bottom - top <= LOW_PANEL * scale
-    axis.set_ylabel(rf"$u_{{{floor + 1}}}$" if low else rf"$u_{{{floor + 1}}}(jT)$  [gaps]")
-    if floor == 0:
-        axis.set_xlabel(r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]")
+    amplitude, unit = scene.axes
+    name = rf"u_{{{scene.floor(panel)}}}"
+    axis.set_ylabel(f"${name}$" if low else f"${name}(jT)${unit}")
+    if panel == 0:
+        axis.set_xlabel(amplitude)
 
 
 def _omega_scale(figure, scene: Scene, layout: Layout) -> None:

@@ -19,6 +19,7 @@ from hpcsweep.figures.film import video
 from hpcsweep.figures.film.piece import Film, Found, Request, is_gif
 from hpcsweep.figures.film.scene import WIDTH, Scene
 from hpcsweep.figures.film.workers import Workers
+from hpcsweep.figures.labels import amplitude, choose_floors, in_gaps
 from hpcsweep.figures.style import PlotError, parameters
 from hpcsweep.store import Frames
 
@@ -63,6 +64,7 @@ def check(request: Request) -> None:
                 raise PlotError(
                     f"{request.file}: holds no {name}: set output.{name} = true in the job"
                 )
+        choose_floors(frames.job.structure.n_floors, request.floors)
         directions = frames.job.study.directions
         if request.direction not in ("both", *directions):
             raise PlotError(
@@ -178,7 +180,7 @@ def _scene(film: Film, found: Found) -> Scene:
         if low < w < high
     )
     return Scene(
-        title=parameters(job.structure),
+        title=parameters(job.structure, room=None),
         amplitude=job.study.amplitude,
         omega=(low, high),
         marks=marks,
@@ -190,6 +192,9 @@ def _scene(film: Film, found: Found) -> Scene:
         motions=tuple(sorted(found.motions)),
         contacts=tuple(sorted(found.contacts, key=lambda c: (-found.contacts[c], c))),
         width=request.width or (GIF_WIDTH if is_gif(request) else WIDTH),
+        floors=tuple(film.floors),
+        labels=job.structure.contact_labels,
+        axes=(amplitude(job.structure), "  [gaps]" if in_gaps(job.structure) else ""),
     )
 
 

@@ -18,9 +18,11 @@ from hpcsweep.figures.film.pixels import (
     text_mask,
 )
 from hpcsweep.figures.film.scene import Layout, Scene
-from hpcsweep.figures.palette import DARK_INK, DIRECTIONS, MOTION_COLOURS, contact_colour, ink
-from hpcsweep.figures.style import set_name
+from hpcsweep.figures.palette import DARK_INK, DIRECTIONS, MOTION_COLOURS, ink
 from hpcsweep.solvers.outcome import Outcome
+
+LETTER = 0.62
+"""Width of a letter on a contact band, of its height."""
 
 
 class Painter:
@@ -51,7 +53,7 @@ class Painter:
         ----------
         omega : float
         frame : mapping
-            ``poincare`` (direction, amplitude, point, state), NaN where there is no point;
+            ``poincare`` (direction, amplitude, point, floors shown), NaN where there is no point;
             ``orbit_period``, ``outcome`` and, where the colours need them, ``contact`` and
             ``motion`` (place in `palette.MOTIONS`), all (direction, amplitude).
 
@@ -67,7 +69,7 @@ class Painter:
         return canvas.view(np.uint8).reshape(self.layout.height, self.layout.width, 4)
 
     def _paint_points(self, canvas: np.ndarray, frame: Mapping[str, np.ndarray]) -> None:
-        points = frame["poincare"][..., : self.scene.n_floors]
+        points = frame["poincare"][..., : self.scene.n_panels]
         colours = self._run_colours(frame)
         settled = frame["orbit_period"] > 0
         flat = canvas.reshape(-1)
@@ -76,7 +78,7 @@ class Painter:
             there = np.isfinite(points[d, :, :, 0])
             for few, stamp in ((False, fine_point(self._radius)), (True, disc(self._radius))):
                 run, point = np.nonzero(there & (settled[d] == few)[:, None])
-                for floor in range(self.scene.n_floors if run.size else 0):
+                for floor in range(self.scene.n_panels if run.size else 0):
                     top, bottom, left, right = self.layout.panels[floor]
                     rows = self.layout.row(floor, points[d, run, point, floor])
                     columns, colour = self._column[run], colours[d, run]
@@ -99,14 +101,13 @@ class Painter:
 
     def _contact_colours(self, frame: Mapping[str, np.ndarray]) -> np.ndarray:
         scene = self.scene
-        of = {c: packed_colour(contact_colour(c, scene.n_floors)) for c in scene.contacts}
+        of = {c: packed_colour(scene.contact_colour(c)) for c in scene.contacts}
         return look_up(frame["contact"], of)
 
     def _paint_bands(self, canvas: np.ndarray, frame: Mapping[str, np.ndarray]) -> None:
         """Paint which floors touch, a band for each direction, named where there is room."""
         if not self.layout.bands:
             return
-        n_floors = self.scene.n_floors
         colours = self._contact_colours(frame)
         size = max(9, round(13 * self.layout.scale))
         for d, (top, bottom) in enumerate(self.layout.bands):
@@ -122,11 +123,12 @@ class Painter:
                 if at[start] < 0:
                     continue
                 contact = int(sets[at[start]])
-                mask = text_mask(set_name(contact, n_floors), size)
+                room = int((end - start) / (LETTER * size))
+                mask = text_mask(self.scene.set_name(contact, max(room, 1)), size)
                 if mask.shape[1] + 6 <= end - start:
                     x = self.layout.left + (start + end - mask.shape[1]) // 2
                     y = (top + bottom - mask.shape[0]) // 2
-                    blend(canvas, mask, y, x, ink(contact_colour(contact, n_floors)))
+                    blend(canvas, mask, y, x, ink(self.scene.contact_colour(contact)))
 
     def _paint_omega(self, canvas: np.ndarray, omega: float) -> None:
         s = self.layout.scale

@@ -9,6 +9,7 @@ import numpy as np
 from hpcsweep.figures.film import video
 from hpcsweep.figures.film.frame import Painter
 from hpcsweep.figures.film.scene import Scene
+from hpcsweep.figures.labels import choose_floors
 from hpcsweep.figures.palette import motion_index
 from hpcsweep.figures.style import classes_of
 from hpcsweep.solvers.outcome import Outcome
@@ -34,6 +35,8 @@ class Request:
     color : {"direction", "contact", "period"}
     width : int
         In pixels, even; 0 for the default.
+    floors : tuple of int
+        Shown, from 1; see `labels.choose_floors`.
     """
 
     file: Path
@@ -44,6 +47,7 @@ class Request:
     direction: str = "both"
     color: str = "direction"
     width: int = 0
+    floors: tuple[int, ...] = ()
 
 
 @dataclass
@@ -52,8 +56,8 @@ class Found:
 
     Attributes
     ----------
-    low, high : ndarray, shape (n_floors,), or None
-        Extremes of the points, in gaps.
+    low, high : ndarray, shape (n_panels,), or None
+        Extremes of the points of the floors shown.
     motions, contacts : Counter
         Runs of each motion (where the colours tell it) and contact set.
     richness : dict
@@ -90,13 +94,13 @@ class Film:
         self.rows = [job.study.directions.index(name) for name in wanted]
         self.directions = wanted
         self.order = [int(k) for k in np.argsort(job.study.omega, kind="stable")[:: request.every]]
+        self.floors = choose_floors(job.structure.n_floors, request.floors)
         self.painter: Painter | None = None
 
     def read(self, frame: int) -> dict[str, np.ndarray]:
         """Read one frame, runs that are not complete without points."""
         found = {k: v[self.rows] for k, v in self.frames.read(frame, self.variables).items()}
-        n_floors = self.frames.job.structure.n_floors
-        found["poincare"] = found["poincare"][..., :n_floors]
+        found["poincare"] = found["poincare"][..., self.floors]
         found["poincare"][found["outcome"] != Outcome.COMPLETE] = np.nan
         if self.request.color == "period":
             classes = classes_of(self.frames.dataset(frame))[self.rows, 0]

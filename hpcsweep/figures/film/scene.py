@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, contact_colour
-from hpcsweep.figures.style import set_name
+from hpcsweep.figures.style import AMPLITUDE, LEGEND_ROOM, set_name
 
 WIDTH = 1280
 """Width (pixels) for which the sizes below are meant; other widths scale them."""
@@ -29,8 +29,8 @@ class Scene:
         Smallest and largest frequency.
     marks : tuple of (float, str)
         Frequencies to be marked on the scale of frequencies, and their names.
-    low, high : ndarray, shape (n_floors,)
-        Range of every floor's points, in gaps.
+    low, high : ndarray, shape (n_panels,)
+        Range of the points of every floor shown.
     directions : tuple of str
         Directions that are drawn, in the order of the variables' first axis.
     words : tuple of str
@@ -43,6 +43,12 @@ class Scene:
         Contact sets that occur, commonest first; empty without contact bands.
     width : int
         Width of the pictures in pixels, even.
+    floors : tuple of int
+        Those shown, from 0, ascending; empty: all.
+    labels : tuple of str
+        `Structure.contact_labels`; empty: of a stop on the right of each floor shown.
+    axes : tuple of str
+        Label of the amplitude, and the unit of the displacements.
     """
 
     title: str
@@ -57,11 +63,26 @@ class Scene:
     motions: tuple[int, ...]
     contacts: tuple[int, ...]
     width: int = WIDTH
+    floors: tuple[int, ...] = ()
+    labels: tuple[str, ...] = ()
+    axes: tuple[str, str] = (AMPLITUDE, "  [gaps]")
 
     @property
-    def n_floors(self) -> int:
-        """Number of panels."""
+    def n_panels(self) -> int:
+        """Number of floors shown."""
         return len(self.low)
+
+    def floor(self, panel: int) -> int:
+        """Return the number of the floor in a panel (from 0), from 1."""
+        return (self.floors[panel] if self.floors else panel) + 1
+
+    def contact_colour(self, contact: int) -> str:
+        """Return the colour of a contact set."""
+        return contact_colour(contact, self.labels or self.n_panels)
+
+    def set_name(self, contact: int, room: int | None = LEGEND_ROOM) -> str:
+        """Write a contact set."""
+        return set_name(contact, self.labels or self.n_panels, room)
 
     def point_legend(self) -> list[tuple[str, str]]:
         """Return (colour, label) of every class of points."""
@@ -79,9 +100,7 @@ class Scene:
 
     def contact_legend(self) -> list[tuple[str, str]]:
         """Return (colour, label) of every contact set, commonest first."""
-        return [
-            (contact_colour(c, self.n_floors), set_name(c, self.n_floors)) for c in self.contacts
-        ]
+        return [(self.contact_colour(c), self.set_name(c)) for c in self.contacts]
 
 
 class Layout:
@@ -111,7 +130,7 @@ class Layout:
         self.scale = s = scene.width / WIDTH
         self.width = scene.width
         self.left, self.right = int(LEFT * s), self.width - int(RIGHT * s)
-        panel = int(np.clip(ALL_PANELS / scene.n_floors, LEAST_PANEL, MOST_PANEL) * s)
+        panel = int(np.clip(ALL_PANELS / scene.n_panels, LEAST_PANEL, MOST_PANEL) * s)
         gap = max(2, int(GAP * s))
         band = int(BAND * s)
         top = int(HEADER * s)
@@ -122,7 +141,7 @@ class Layout:
                 top += band + 2
             top += gap // 2
         self.panels: list[tuple[int, int, int, int]] = []
-        for _ in range(scene.n_floors):
+        for _ in range(scene.n_panels):
             self.panels.append((top, top + panel, self.left, self.right))
             top += panel + gap
         self.panels.reverse()

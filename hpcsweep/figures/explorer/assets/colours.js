@@ -21,7 +21,7 @@ function quantities(study) {
   if (study.data.contact) list.push(contactQuantity(study));
   const labels = {
     drift: ["drift δ [A/Ω²]", "drift δ [A/Ω²]"],
-    lyapunov: ["Lyapunov exponent λ [ω₀]", "Lyapunov λ [ω₀]"],
+    lyapunov: ["Lyapunov exponent λ", "Lyapunov λ"].map((text) => text + unit(study, " [ω₀]")),
   };
   for (const name of Object.keys(study.arrays)) {
     const norm = name.match(/^modal_norm_(\d+)$/);

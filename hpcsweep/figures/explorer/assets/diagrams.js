@@ -1,6 +1,9 @@
 // The orbit diagrams of one frame: stroboscopic displacement of some floors against A.
 
-const STOP = 1; // gaps
+// A unit where lengths are in gaps; others have units of their own.
+function unit(study, text) {
+  return study.structure.gaps ? text : "";
+}
 
 function subscript(number) {
   return String(number).replace(/\d/g, (d) => "₀₁₂₃₄₅₆₇₈₉"[d]);
@@ -61,7 +64,7 @@ class OrbitDiagrams {
 
   options(panel, last, count) {
     const size = this.size(last, count);
-    const name = `u${subscript(panel.floor + 1)}(jT) [gaps]`;
+    const name = `u${subscript(panel.floor + 1)}(jT)${unit(this.study, " [gaps]")}`;
     return {
       ...size,
       padding: [5, 12, last ? 0 : 3, 0],
@@ -74,7 +77,7 @@ class OrbitDiagrams {
       },
       axes: [
         last
-          ? { ...AXIS, label: "forcing amplitude A [gaps · ω₀²]", labelSize: 18, labelFont: AXIS.font, size: 24 }
+          ? { ...AXIS, label: `forcing amplitude A${unit(this.study, " [gaps · ω₀²]")}`, labelSize: 18, labelFont: AXIS.font, size: 24 }
           : { ...AXIS, size: 4, values: () => [] },
         { ...AXIS, label: name, labelSize: 18, labelFont: AXIS.font, size: 48, space: 24 },
       ],
@@ -123,7 +126,9 @@ class OrbitDiagrams {
 
   draw(u, panel) {
     const { amplitude, range, study } = this;
-    horizontalLine(u, STOP, study.colours.stop);
+    for (const stop of study.structure.stops[panel.floor]) {
+      horizontalLine(u, stop, study.colours.stop);
+    }
     if (study.data.points) {
       this.paint(u, panel);
       u.ctx.drawImage(panel.canvas, u.bbox.left, u.bbox.top);

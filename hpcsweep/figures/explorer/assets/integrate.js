@@ -1,28 +1,37 @@
 // The equations of motion (equations.py) integrated in the page, by Dormand and Prince's 5(4).
 
-const TOLERANCE = 1e-8; // of a step, gaps and gaps omega_0
+const TOLERANCE = 1e-8; // of a step, in the structure's units of a state
 const CLOSED = 1e-6; // an orbit ends where it began
 const SETTLING_ORBITS = 60;
 const CHAOS_PERIODS = 100;
 const CHAOS_DRAWN = 25;
-const LONGEST_STEP = 1 / 120; // of a forcing period, for a smooth line
+const LONGEST_STEP = 1 / 120; // of the shortest period of the forcing, for a smooth line
 const MOST_STEPS = 200000; // of a forcing period
 
+// A contact is active for x = direction . u - gap > 0 and adds -push S(rho x) x to u''.
 function accelerations(structure, amplitude, omega) {
-  const { floors: n, beta, rho, stiffness, damping } = structure;
+  const { floors: n, rho, stiffness, damping, forcing, harmonics, contacts } = structure;
   return (tau, z, out) => {
-    const ground = amplitude * Math.sin(omega * tau);
+    let ground = 0;
+    for (const [order, size, phase] of harmonics) {
+      ground += amplitude * size * Math.sin(order * omega * tau + phase);
+    }
     for (let i = 0; i < n; i++) {
-      const x = z[i] - 1;
-      let s;
-      if (rho === null) s = x > 0 ? 1 : x < 0 ? 0 : 0.5;
-      else s = 1 / (1 + Math.exp(-rho * x));
-      let a = -ground - beta * s * x;
+      let a = ground * forcing[i];
       const k = stiffness[i];
       const d = damping[i];
       for (let j = 0; j < n; j++) a -= k[j] * z[j] + d[j] * z[n + j];
       out[i] = z[n + i];
       out[n + i] = a;
+    }
+    for (const { direction, gap, push } of contacts) {
+      let x = -gap;
+      for (const [i, d] of direction) x += d * z[i];
+      let s;
+      if (rho === null) s = x > 0 ? 1 : x < 0 ? 0 : 0.5;
+      else s = 1 / (1 + Math.exp(-rho * x));
+      if (s === 0) continue;
+      for (const [i, p] of push) out[n + i] -= p * s * x;
     }
   };
 }
@@ -47,12 +56,15 @@ class Integrator {
     this.period = (2 * Math.PI) / omega;
     this.size = 2 * structure.floors;
     this.k = Array.from({ length: 7 }, () => new Float64Array(this.size));
-    this.step = this.period * LONGEST_STEP;
+    this.units = structure.units;
+    const orders = structure.harmonics.map(([order]) => order);
+    this.longest = (this.period * LONGEST_STEP) / Math.max(...orders);
+    this.step = this.longest;
   }
 
   advance(z, visit) {
-    const { f, k, size, period } = this;
-    const longest = period * LONGEST_STEP;
+    const { f, k, size, period, longest, units } = this;
+    const half = size / 2;
     const next = new Float64Array(size);
     let tau = 0;
     let h = Math.min(this.step, longest);
@@ -72,7 +84,7 @@ class Integrator {
       for (let i = 0; i < size; i++) {
         let e = 0;
         for (let j = 0; j < 7; j++) e += DP_ERROR[j] * k[j][i];
-        const scale = TOLERANCE * (1 + Math.max(Math.abs(z[i]), Math.abs(next[i])));
+        const scale = TOLERANCE * (units[i < half ? 0 : 1] + Math.max(Math.abs(z[i]), Math.abs(next[i])));
         error = Math.max(error, Math.abs(used * e) / scale);
       }
       if (!(error < Infinity)) return false;
@@ -91,9 +103,13 @@ class Integrator {
   }
 }
 
-function distance(a, b) {
+// The largest difference of two states in their units.
+function distance(a, b, units) {
   let most = 0;
-  for (let i = 0; i < a.length; i++) most = Math.max(most, Math.abs(a[i] - b[i]));
+  const half = a.length / 2;
+  for (let i = 0; i < a.length; i++) {
+    most = Math.max(most, Math.abs(a[i] - b[i]) / units[i < half ? 0 : 1]);
+  }
   return most;
 }
 
@@ -134,7 +150,7 @@ async function orbitFrom(structure, amplitude, omega, start, period, cancelled) 
       }
       if (await rest()) return null;
     }
-    result.closed = distance(before, z);
+    result.closed = distance(before, z, structure.units);
     result.settling = orbit * period;
     if (result.closed < CLOSED) break;
   }

@@ -1,6 +1,7 @@
 // The page: what is pointed at, what is selected, and everything that follows from them.
 
 const FLOORS_AT_ONCE = 3;
+const MANY_FLOORS = 5;
 const BIG_STEP = 20;
 
 class Explorer {
@@ -122,10 +123,19 @@ class Explorer {
     });
   }
 
-  setFloors(first) {
+  // Groups of floors to be shown at once; of many the first, the middle and the top come first.
+  floorGroups() {
     const { nFloors } = this.study;
-    const last = Math.min(first + FLOORS_AT_ONCE, nFloors);
-    this.floors = Array.from({ length: last - first }, (_, i) => first + i);
+    const groups = nFloors > MANY_FLOORS ? [[0, (nFloors - 1) >> 1, nFloors - 1]] : [];
+    for (let first = 0; first < nFloors; first += FLOORS_AT_ONCE) {
+      const last = Math.min(first + FLOORS_AT_ONCE, nFloors);
+      groups.push(Array.from({ length: last - first }, (_, i) => first + i));
+    }
+    return groups;
+  }
+
+  setFloors(group) {
+    this.floors = this.floorGroups()[group];
     this.diagrams.layout(this.floors);
     this.portraits.layout(this.floors);
   }
@@ -141,8 +151,8 @@ class Explorer {
     const { study } = this;
     const { frame, amplitude } = this.pin;
     const rows = [
-      ["A [gaps · ω₀²]", shortNumber(study.amplitude[amplitude], 7)],
-      ["Ω [ω₀]", shortNumber(study.omega[frame], 7)],
+      [`A${unit(study, " [gaps · ω₀²]")}`, shortNumber(study.amplitude[amplitude], 7)],
+      [`Ω${unit(study, " [ω₀]")}`, shortNumber(study.omega[frame], 7)],
       ["direction", study.directions[this.direction]],
     ];
     for (const q of this.quantities) {
@@ -210,12 +220,13 @@ class Explorer {
       byId(id).replaceChildren(...entries.map(([value, label]) => new Option(label, value)));
     fill("quantity", this.quantities.map((q) => [q.id, q.label]));
     fill("direction", study.directions.map((d, i) => [i, d]));
-    const groups = [];
-    for (let first = 0; first < study.nFloors; first += FLOORS_AT_ONCE) {
-      const last = Math.min(first + FLOORS_AT_ONCE, study.nFloors);
-      groups.push([first, last - first > 1 ? `${first + 1}–${last}` : String(last)]);
-    }
-    fill("floors", groups);
+    const groups = this.floorGroups();
+    const groupName = (floors) => {
+      const [first, last] = [floors[0], floors[floors.length - 1]];
+      if (last - first >= floors.length) return floors.map((floor) => floor + 1).join(", ");
+      return last > first ? `${first + 1}–${last + 1}` : String(last + 1);
+    };
+    fill("floors", groups.map((floors, i) => [i, groupName(floors)]));
     byId("floors").disabled = groups.length < 2;
     byId("direction").disabled = study.nDirections < 2;
   }

@@ -88,8 +88,8 @@ class RunMap {
       legend: { show: false },
       cursor: { points: { show: false }, drag: { x: true, y: true, uni: 20, setScale: false } },
       axes: [
-        { ...AXIS, label: "forcing amplitude A [gaps · ω₀²]", labelSize: 20, labelFont: AXIS.font, size: 28 },
-        { ...AXIS, label: "forcing frequency Ω [ω₀]", labelSize: 20, labelFont: AXIS.font, size: 48 },
+        { ...AXIS, label: `forcing amplitude A${unit(this.study, " [gaps · ω₀²]")}`, labelSize: 20, labelFont: AXIS.font, size: 28 },
+        { ...AXIS, label: `forcing frequency Ω${unit(this.study, " [ω₀]")}`, labelSize: 20, labelFont: AXIS.font, size: 48 },
       ],
       hooks: {
         drawAxes: [(u) => u.ctx.drawImage(this.canvas, u.bbox.left, u.bbox.top)],

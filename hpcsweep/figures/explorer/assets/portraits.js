@@ -35,8 +35,8 @@ class Portraits {
       legend: { show: false },
       cursor: { show: false },
       axes: [
-        { ...small, label: `u${i} [gaps]`, size: 22, space: 26 },
-        { ...small, label: `v${i} [gaps ω₀]`, size: 50, space: 24 },
+        { ...small, label: `u${i}${unit(this.study, " [gaps]")}`, size: 22, space: 26 },
+        { ...small, label: `v${i}${unit(this.study, " [gaps ω₀]")}`, size: 50, space: 24 },
       ],
       hooks: { draw: [(u) => this.draw(u, panel)] },
     };
@@ -74,8 +74,9 @@ class Portraits {
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
-    if (STOP >= panel.x[0] && STOP <= panel.x[1]) {
-      const at = u.valToPos(STOP, "x", true);
+    for (const stop of this.study.structure.stops[panel.floor]) {
+      if (stop < panel.x[0] || stop > panel.x[1]) continue;
+      const at = u.valToPos(stop, "x", true);
       ctx.strokeStyle = this.study.colours.stop;
       ctx.setLineDash([6, 4]);
       ctx.beginPath();

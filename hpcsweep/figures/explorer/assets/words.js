@@ -9,7 +9,7 @@ function portraitNote(study, orbit, frame, run, period) {
   if (orbit.failed) return `${made}; the integration failed.`;
   if (!period) {
     return `${made}: ${orbit.points.length} periods of the same motion, not the same history ` +
-      `(the stored point is rounded to ${shortNumber(study.resolution.points, 2)} gaps).`;
+      `(the stored point is rounded to ${shortNumber(study.resolution.points, 2)}${unit(study, " gaps")}).`;
   }
   let off = 0;
   const kept = Math.min(study.data.counts[run], period);
@@ -19,11 +19,11 @@ function portraitNote(study, orbit, frame, run, period) {
       off = Math.max(off, Math.abs(stored - orbit.points[j][i]));
     }
   }
-  const warned = off > 3 * study.resolution.points + 1e-4;
+  const warned = off > 3 * study.resolution.points + 1e-4 * study.structure.units[0];
   const settled = orbit.settling ? ` after ${orbit.settling} periods` : "";
   const judged = warned ? " Beware: this is another orbit than the stored one." : "";
   return `${made}${settled}; it closes to ${shortNumber(orbit.closed, 2)} and is at most ` +
-    `${shortNumber(off, 2)} gaps off the stored points ` +
+    `${shortNumber(off, 2)}${unit(study, " gaps")} off the stored points ` +
     `(rounded to ${shortNumber(study.resolution.points, 2)}).${judged}`;
 }
 
@@ -36,7 +36,10 @@ function notes(study) {
       "double click: whole map. A legend entry shows its class alone.",
     "Keys on the map: arrows move the pointed run (with Shift by 20), Enter selects it, " +
       "Escape returns to the selected one, + − 0 zoom, D changes the direction.",
-    "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. The map shows the run " +
+    (study.structure.gaps
+      ? "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. "
+      : "Lengths and times are in the units in which the structure was given. ") +
+      "The map shows the run " +
       "nearest to each pixel; colours of numbers span 1 % to 99 % of them.",
     `Numbers are rounded to: ${Object.entries(study.arrays)
       .filter(([, spec]) => "step" in spec)
@@ -46,8 +49,8 @@ function notes(study) {
   if (study.resolution.points) {
     words.push(
       `Stroboscopic points are rounded to 1/${2 ** study.bits} of their range in the frame, at ` +
-        `worst ${shortNumber(study.resolution.points, 2)} gaps and ` +
-        `${shortNumber(study.resolution.speed, 2)} gaps ω₀; ` +
+        `worst ${shortNumber(study.resolution.points, 2)}${unit(study, " gaps")} and ` +
+        `${shortNumber(study.resolution.speed, 2)}${unit(study, " gaps ω₀")}; ` +
         `at most ${t.points} of the ${t.of_points} of a run are here.`);
   }
   if (t.frame_step > 1 || t.amplitude_step > 1) {
@@ -56,13 +59,15 @@ function notes(study) {
   return words;
 }
 
+function stopWords(structure) {
+  return structure.stops.some((own) => own.length) ? "stop dashed" : "";
+}
+
 function describe(study) {
   const s = study.structure;
-  const zeta = s.zeta.every((z) => z === s.zeta[0]) ? [s.zeta[0]] : s.zeta.slice(0, 5);
   byId("title").textContent = study.name;
   byId("structure").textContent =
-    `n = ${s.floors}, β = ${s.beta}, ρ = ${s.rho === null ? "∞" : s.rho}, ζ = ` +
-    `${zeta.map((z) => shortNumber(z, 3)).join(", ")}${s.zeta.length > 5 ? ", …" : ""}; ` +
+    `${s.words}; ` +
     `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} directions`;
   byId("diagram-legend").replaceChildren(
     ...study.words.map((name, i) => {
@@ -70,7 +75,7 @@ function describe(study) {
       entry.append(chip(study.colours.directions[i]), name);
       return entry;
     }),
-    study.data.points ? "stop dashed" : "the results hold no stroboscopic points");
+    study.data.points ? stopWords(s) : "the results hold no stroboscopic points");
   byId("notes").replaceChildren(
     ...notes(study).map((words) => {
       const p = document.createElement("p");

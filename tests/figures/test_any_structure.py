@@ -1,0 +1,286 @@
+"""Figures, texts and the explorer of structures that are not the paper's building."""
+
+import json
+import math
+import shutil
+import subprocess
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+
+from hpcsweep.checks.recompute import _stiffness
+from hpcsweep.dynamics.classify import contact_name
+from hpcsweep.figures import palette, style
+from hpcsweep.figures.diagrams import (
+    benefit,
+    frames,
+    metrics,
+    orbit_diagram,
+    period_map,
+    phase,
+)
+from hpcsweep.figures.explorer.page import _structure
+from hpcsweep.figures.labels import choose_floors
+from hpcsweep.model.description import in_words, stops
+from hpcsweep.model.matrices import Contact
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.linear import LinearOrbit
+from hpcsweep.solvers.reference import reference_points
+
+SWEEP = """
+[sweep]
+omega = {from = 0.5, to = 0.8, count = 2}
+amplitude = {from = 0.02, to = 0.3, count = 6}
+directions = ["up", "down"]
+transient_cycles = 30
+sampling_cycles = 20
+max_orbit_period = 4
+
+[output]
+poincare = true
+contact = true
+drift = true
+modal_norm = true
+lyapunov = true
+"""
+JOBS = {
+    "two sides": """
+[structure]
+n_floors = 3
+stiffness_ratio = [100.0, 200.0, 300.0]
+sharpness = inf
+mass = [1.0, 1.0, 2.0]
+gap = [inf, 0.3, 0.2]
+gap_left = [inf, inf, 0.2]
+""",
+    "pounding": """
+[structure]
+sharpness = inf
+damping_ratio = 0.03
+[structure.matrices]
+mass = [1.0, 2.0]
+stiffness = [[1.0, 0.0], [0.0, 3.0]]
+[[structure.contact]]
+direction = [1.0, -1.0]
+gap = 0.1
+stiffness = 200.0
+[[structure.contact]]
+direction = [0.0, -2.0]
+gap = 0.4
+stiffness = 200.0
+""",
+    "bilinear": """
+[structure]
+n_floors = 1
+stiffness_ratio = 3.0
+sharpness = inf
+gap = 0.0
+""",
+    "two harmonics": """
+[structure]
+n_floors = 2
+sharpness = inf
+stiffness_ratio = 100.0
+[forcing]
+harmonics = [{order = 1}, {order = 3, amplitude = 0.4, phase = 0.5}]
+""",
+    "no stop": "[structure]\nn_floors = 2\nsharpness = inf\ngap = inf\n",
+}
+CAPTIONS = {
+    "two sides": "n = 3, beta = (100, 200, 300), m = (1, 1, 2), g = (inf, 0.3, 0.2), "
+    "g_L = (inf, inf, 0.2), rho = inf, zeta = 0.05",
+    "pounding": "n = 2, 2 contacts, matrices, rho = inf, zeta = 0.03",
+    "bilinear": "n = 1, beta = 3, g = 0, rho = inf, zeta = 0.05",
+    "two harmonics": "n = 2, beta = 100, rho = inf, zeta = 0.05, harmonics 1, 3",
+    "no stop": "n = 2, beta = 1000, g = inf, rho = inf, zeta = 0.05",
+}
+KEYS = {
+    "two sides": "structure.mass = (1, 1, 2)",
+    "pounding": "structure.n_floors = 2",
+    "bilinear": "structure.n_floors = 1",
+}
+
+
+@pytest.fixture(scope="module", params=JOBS)
+def general(request, tmp_path_factory):
+    """Name and results file of a small study of each structure."""
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.job import parse_job
+    from hpcsweep.parallel.mpi import Serial
+
+    path = tmp_path_factory.mktemp("general") / "general.h5"
+    job = parse_job(JOBS[request.param] + SWEEP, "general", "general")
+    assert campaign.run(job, path, Serial()) == 0
+    return request.param, path
+
+
+def test_every_figure_and_text_of_any_structure(general, tmp_path):
+    from hpcsweep import open_results
+    from hpcsweep.campaign.summary import summarize
+    from hpcsweep.claims.reading import open_frames
+    from hpcsweep.store import StoreError
+
+    name, path = general
+    results = open_results(path)
+    picture = tmp_path / "picture.png"
+    for module, options in (
+        (orbit_diagram, {"color": "contact"}),
+        (phase, {"amplitudes": (0.02, 0.3)}),
+        (frames, {}),
+        (metrics, {}),
+        (benefit, {}),
+        *((period_map, {"value": value}) for value in period_map.VALUES),
+    ):
+        module.draw(results, picture, **options)
+        assert picture.stat().st_size > 10_000
+    found = summarize(path)
+    assert found["structure"] == CAPTIONS[name]
+    json.dumps(found, allow_nan=False)
+    with pytest.raises(StoreError, match="claims are about") as refused:
+        open_frames(path)
+    assert "\n" not in str(refused.value)
+    assert KEYS.get(name, "structure.n_floors = 2") in str(refused.value)
+
+
+def test_drift_without_stop_is_that_of_a_free_run(general):
+    from hpcsweep.job import parse_job
+
+    structure = parse_job(JOBS[general[0]] + SWEEP, "general", "general").structure
+    free, omega = structure.without_contacts(), 0.7
+    assert free.contacts == ()
+    seen = LinearOrbit(free, omega).steady_window(
+        LinearOrbit(free, omega).state(0.3), 0.3, 0, 1, math.inf
+    )
+    assert benefit.free_drift(structure, omega) == pytest.approx(seen.peak_drift * omega**2 / 0.3)
+    assert np.array_equal(metrics.free_modal_norms(structure, omega), seen.modal_norm)
+
+
+def test_names_of_contact_sets():
+    both = Structure(3, gap=(math.inf, 1.0, 1.0), gap_left=(math.inf, 0.5, 0.5)).contact_labels
+    assert both == ("", "2", "3", "", "2L", "3L")
+    names = {0b110: "C23", 0b010000: "C2L", 0b110010: "C2,23L", 0: "none"}
+    assert {key: contact_name(key, both) for key in names} == names
+    many = Structure(20, gap_left=1.0).contact_labels
+    tall = sum(1 << k for k in [*range(6, 12), 14, 16, 18, *range(25, 30)])
+    assert contact_name(tall, 20) == "C7-12,15,17,19"
+    assert contact_name(tall, many) == "C7-12,15,17,19,6-10L"
+    assert contact_name(tall, many, 12) == "C7-12,15,..."
+    assert contact_name((1 << 64) - 1, 64) == "C1-64"
+    matrices = Structure.from_matrices(
+        (1.0, 1.0), np.eye(2), [Contact((1, -1), 0.1, 1.0), Contact((0, 1), 0.1, 1.0)]
+    )
+    assert contact_name(0b11, matrices.contact_labels) == "C12"
+
+
+def test_colours_of_contact_sets_know_all_contacts():
+    assert palette.contact_colour(5, ("1", "2", "3")) == palette.contact_colour(5, 3)
+    labels = Structure(2, gap_left=1.0).contact_labels
+    colours = [palette.contact_colour(key, labels) for key in range(16)]
+    assert len(set(colours)) == 16
+    assert colours == [palette.contact_colour(key, 4) for key in range(16)]
+
+
+def test_floors_are_chosen_and_fit_a_page():
+    assert choose_floors(5) == [0, 1, 2, 3, 4]
+    assert choose_floors(20) == [0, 9, 19]
+    assert choose_floors(20, [7, 2, 7]) == [1, 6]
+    with pytest.raises(style.PlotError, match=r"^--floor 21: must be from 1 to 20$"):
+        choose_floors(20, [21])
+
+
+def test_twenty_floors_fit_a_page(tmp_path, drawn_figure):
+    from hpcsweep import open_results
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.commands.cli import main
+    from hpcsweep.job import parse_job
+    from hpcsweep.parallel.mpi import Serial
+
+    text = SWEEP.replace("0.3, count = 6", "0.04, count = 4").replace("= 30", "= 3")
+    job = parse_job(
+        f"[structure]\nn_floors = 20\nsharpness = inf\n{text.replace('cycles = 20', 'cycles = 8')}",
+        "tall",
+        "tall",
+    )
+    path = tmp_path / "tall.h5"
+    assert campaign.run(job, path, Serial()) == 0
+    results = open_results(path)
+    sizes = {
+        (orbit_diagram, ()): 3,
+        (orbit_diagram, tuple(range(1, 21))): 20,
+        (phase, ()): 3,
+        (phase, (20,)): 1,
+        (metrics, None): 2,
+    }
+    for (module, floors), panels in sizes.items():
+        options = {} if floors is None else {"floors": floors}
+        more = {"amplitudes": (0.03,)} if module is phase else {}
+        figure = drawn_figure(module, results, **options, **more)
+        assert len(figure.axes) == panels
+        assert max(figure.get_size_inches()) <= 12
+    assert main(["plot", str(path), "--kind", "orbit", "--floor", "1", "--floor", "21"]) == 2
+    assert main(["animate", str(path), "--floor", "0"]) == 2
+
+
+def test_stops_of_a_floor():
+    structure = Structure(2, gap=(1.0, math.inf), gap_left=(0.5, -0.2))
+    assert [stops(structure, floor) for floor in (0, 1)] == [([1.0], [-0.5]), ([], [0.2])]
+    contacts = [Contact((0, -2), 0.4, 1.0), Contact((1, -1), 0.1, 1.0)]
+    pounding = Structure.from_matrices((1.0, 1.0), np.eye(2), contacts)
+    assert [stops(pounding, floor) for floor in (0, 1)] == [([], []), ([], [-0.2])]
+
+
+def test_words():
+    tall = Structure(6, mass=(1, 1, 1, 1, 1, 3), gap=(math.inf,) * 5 + (0.5,), rayleigh=(0.1, 0.2))
+    told = dict(in_words(tall))
+    assert (told["m"], told["g"]) == ("1 to 3", "0.5 or inf")
+    assert told[""] == "Rayleigh damping (0.1, 0.2)"
+    assert style.parameters(Structure(), 0.5) == (
+        r"$n$ = 3,  $\beta$ = 1000,  $\rho$ = 10000,  $\zeta$ = 0.05,  $\Omega$ = 0.5"
+    )
+    long = Structure(4, (1, 2, 3, 4), mass=(1, 2, 3, 4), storey_stiffness=(1, 2, 3, 4), gap=2.0)
+    lines = style.parameters(long, 0.5).split("\n")
+    assert len(lines) == 2
+
+
+def test_stiffness_of_recomputing():
+    assert _stiffness(Structure(3, 5000.0)) == 5000.0
+    assert _stiffness(Structure(1, 10.0, gap=math.inf)) == 0.0
+    heavy = Structure.from_matrices((4.0,), [[4.0]], [Contact((2.0,), 0.1, 400.0)])
+    assert _stiffness(heavy) == 400.0
+
+
+def page_structures():
+    stiffness = block_diag(Structure(1).stiffness_matrix, 2 * Structure(2).stiffness_matrix)
+    contacts = [Contact((1, -1, 0), 0.1, 50.0), Contact((0, 0, -2), 0.3, 30.0)]
+    yield Structure(2, 100.0, 50.0)
+    yield Structure(2, 100.0, 50.0, mass=(1.0, 3.0), gap=0.2, gap_left=(0.1, math.inf))
+    yield Structure.from_matrices(
+        [[1, 0.1, 0], [0.1, 2, 0], [0, 0, 2]],
+        stiffness,
+        contacts,
+        damping_ratio=0.03,
+        sharpness=80.0,
+        harmonics=((1, 1.0, 0.0), (3, 0.5, 0.7)),
+    )
+
+
+@pytest.mark.parametrize("structure", list(page_structures()))
+def test_the_page_integrates_any_structure(structure, tmp_path):
+    """Its equations against the reference solution, over one period."""
+    node = shutil.which("node")
+    assert node, "the test needs node"
+    script = (files("hpcsweep.figures.explorer") / "assets" / "integrate.js").read_text()
+    state = 0.05 * np.ones(2 * structure.n_floors)
+    call = (
+        f"const z = Float64Array.from({state.tolist()});"
+        f"new Integrator({json.dumps(_structure(structure))}, 0.4, 0.8).advance(z);"
+        "console.log(JSON.stringify([...z]));"
+    )
+    (tmp_path / "run.js").write_text(f"{script}\n{call}")
+    told = subprocess.run(
+        [node, str(tmp_path / "run.js")], capture_output=True, text=True, check=True, timeout=60
+    )
+    exact = reference_points(structure, 0.4, 0.8, state, 1)[0]
+    assert np.abs(np.array(json.loads(told.stdout)) - exact).max() < 1e-6

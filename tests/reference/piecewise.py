@@ -35,7 +35,9 @@ class OneMass:
     def _motion(self, side, tau, u, v):
         """Give the motion from a state on as a function of the time since, with its speed."""
         stiffness = 1 + (self.beta if side else 0)
-        rest = self.beta * (self.stops[0] if side > 0 else -self.stops[1]) / stiffness if side else 0
+        rest = (
+            self.beta * (self.stops[0] if side > 0 else -self.stops[1]) / stiffness if side else 0
+        )
         w, zeta = self.omega, self.zeta
         response = -self.amplitude / mp.mpc(stiffness - w * w, 2 * zeta * w)
 

@@ -44,8 +44,8 @@ def test_the_cases_are_the_hard_ones(measured):
     for event, share in (
         ("turn in the layer", 0.3),
         ("below 1e-3 in the layer", 0.2),
-        ("two floors in the layer", 0.2),
-        ("three floors in the layer", 0.08),
+        ("two contacts in the layer", 0.2),
+        ("three contacts in the layer", 0.08),
         ("two changes within a step", 0.2),
     ):
         assert happened[event] >= share * N_CASES, event

@@ -35,7 +35,7 @@ SAMPLES = 33
 UNDECIDED = 1e-14
 """Peaks this close to the stop (over the largest |u|) are lost in rounding: either is right."""
 PER_STRUCTURE = 50
-SHORTEST = 20.0
+SHORTEST = 5.0
 """Largest ratio of a natural frequency of a general structure to the forcing's."""
 
 

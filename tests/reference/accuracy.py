@@ -1,8 +1,11 @@
 """Random states, structures and forcing that are hard for the map of one period, and its error.
 
-`python tests/reference/accuracy.py [--cases N] [--seed S] [--worst K] [--certify] [--json FILE]`
-prints the error of `flow` on N cases, by kind, and the worst cases with their parameters;
-`--certify` repeats the worst ones in extended precision.
+`python tests/reference/accuracy.py [--cases N] [--seed S] [--worst K] [--general]
+[--certify] [--json FILE]` prints the error of `flow` on N cases, by kind, and the worst ones with
+their parameters; `--certify` repeats these in extended precision (the uniform building only).
+`--general` takes random structures of any kind (`general`); then the worst ones are those of the
+largest error over the conditioning, and are repeated by the reference with steps half as long.
+Lengths and speeds are in units of the structure.
 
 Two errors are told: the plain one (largest coordinate, over max(1, |z|)), and the same over the
 conditioning of the case,
@@ -22,12 +25,21 @@ from pathlib import Path
 
 import numba
 import numpy as np
+from general import GENERAL_KINDS, highest_frequency, log_uniform, random_general_cases
 from scipy.linalg import expm
 
-from hpcsweep.model.equations import contact_stiffness
+from hpcsweep.model.contact import contact_stiffness
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.reference import NO_RECORD, ORDER, PART_OF_RADIUS, horner, period, system
+from hpcsweep.solvers.reference import (
+    NO_RECORD,
+    ORDER,
+    PART_OF_RADIUS,
+    horner,
+    period,
+    reference_points,
+    system,
+)
 from hpcsweep.solvers.solver import make_solver
 
 KINDS = (
@@ -56,10 +68,6 @@ class Case:
     @property
     def structure(self) -> Structure:
         return Structure(len(self.state) // 2, self.beta, self.rho, self.zeta)
-
-
-def log_uniform(rng, low, high):
-    return float(10 ** rng.uniform(math.log10(low), math.log10(high)))
 
 
 def random_case(rng, kind):
@@ -136,52 +144,70 @@ def random_cases(number, seed=0):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def variational(x, t, h, beta, rho, stiffness, damping, column, out):
-    """Derivative of a tangent vector at time t of a step of length h with the series x."""
-    n = stiffness.shape[0]
-    if rho == math.inf:
-        t = 0.5 * h  # such a step begins and ends where x may be 0
+def variational(x, t, h, system, column, out):
+    """Derivative of a tangent vector at time t of a step of length h with the series u."""
+    n = system.stiffness.shape[0]
+    if system.rho == math.inf:
+        t = 0.5 * h  # such a step begins and ends where a distance may be 0
     for i in range(n):
         out[i] = column[n + i]
-        out[n + i] = -contact_stiffness(horner(x[i], t), beta, rho) * column[i]
+        out[n + i] = 0.0
         for j in range(n):
-            out[n + i] -= stiffness[i, j] * column[j] + damping[i, j] * column[n + j]
+            out[n + i] -= system.stiffness[i, j] * column[j] + system.damping[i, j] * column[n + j]
+    for k in range(system.gap.shape[0]):
+        distance = -system.gap[k]
+        moved = 0.0
+        for i in range(n):
+            if system.reach[k, i] != 0.0:
+                distance += system.reach[k, i] * horner(x[i], t)
+                moved += system.reach[k, i] * column[i]
+        stiff = contact_stiffness(distance, 1.0, system.rho) * moved
+        for i in range(n):
+            out[n + i] -= system.push[k, i] * stiff
 
 
 @numba.njit(cache=True, error_model="numpy")
-def step_tangent(series, h, beta, rho, stiffness, damping):
+def step_tangent(series, h, system, fastest):
     """Tangent map of one step of the reference, by Runge-Kutta steps: three digits."""
-    n = stiffness.shape[0]
+    n = system.stiffness.shape[0]
     matrix = np.eye(2 * n)
     k1, k2, k3, k4 = (np.empty(2 * n), np.empty(2 * n), np.empty(2 * n), np.empty(2 * n))
     x = series[:n]
-    parts = 4 + int(4 * h * math.sqrt(4.0 + beta))
+    parts = 4 + int(4 * h * fastest)
     d = h / parts
     for c in range(2 * n):
         y = matrix[:, c].copy()
         for part in range(parts):
             t = part * d
-            variational(x, t, h, beta, rho, stiffness, damping, y, k1)
-            variational(x, t + d / 2, h, beta, rho, stiffness, damping, y + d / 2 * k1, k2)
-            variational(x, t + d / 2, h, beta, rho, stiffness, damping, y + d / 2 * k2, k3)
-            variational(x, t + d, h, beta, rho, stiffness, damping, y + d * k3, k4)
+            variational(x, t, h, system, y, k1)
+            variational(x, t + d / 2, h, system, y + d / 2 * k1, k2)
+            variational(x, t + d / 2, h, system, y + d / 2 * k2, k3)
+            variational(x, t + d, h, system, y + d * k3, k4)
             y = y + d / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         matrix[:, c] = y
     return matrix
 
 
 @numba.njit(cache=True, error_model="numpy")
-def largest_tangent(sizes, series, beta, rho, stiffness, damping):
-    """max over the starts t of the steps of ||M(T, t)||_F max(1, |z(t)|)."""
-    n = stiffness.shape[0]
+def largest_tangent(sizes, series, system, fastest, units):
+    """max over the starts t of the steps of ||M(T, t)||_F max(1, |z(t)|), in units of the state.
+
+    `fastest` is the highest frequency there is.
+    """
+    n = system.stiffness.shape[0]
     matrix = np.eye(2 * n)
     worst = 1.0
     for k in range(sizes.shape[0] - 1, -1, -1):
-        matrix = matrix @ step_tangent(series[k], sizes[k], beta, rho, stiffness, damping)
+        matrix = matrix @ step_tangent(series[k], sizes[k], system, fastest)
         size = 1.0
+        square = 0.0
         for i in range(n):
-            size = max(size, abs(series[k, i, 0] + 1.0), abs(series[k, n + i, 0]))
-        worst = max(worst, size * math.sqrt((matrix**2).sum()))
+            size = max(size, abs(series[k, i, 0] + system.offset[i]) / units[i])
+            size = max(size, abs(series[k, n + i, 0]) / units[n + i])
+        for i in range(2 * n):
+            for j in range(2 * n):
+                square += (matrix[i, j] * units[j] / units[i]) ** 2
+        worst = max(worst, size * math.sqrt(square))
     return worst
 
 
@@ -205,28 +231,37 @@ def refer(case):
     count = period(z.copy(), *arguments, PART_OF_RADIUS, *NO_RECORD)
     starts, sizes, series = np.empty(count), np.empty(count), np.empty((count, 2 * n, ORDER + 1))
     period(z, *arguments, PART_OF_RADIUS, starts, sizes, series)
-    parts = arguments[2]
-    kappa = largest_tangent(sizes, series, case.beta, parts.rho, parts.stiffness, parts.damping)
-    passages = Counter(_passages(case, starts, series))
-    return Reference(z, kappa / max(1.0, float(np.abs(z).max())), passages)
+    structure, parts = case.structure, arguments[2]
+    units = np.array(structure.state_units)
+    fastest = _fastest(structure)
+    kappa = largest_tangent(sizes, series, parts, fastest, units)
+    passages = Counter(_passages(parts, fastest, units, starts, series))
+    return Reference(z, kappa / max(1.0, float(np.abs(z / units).max())), passages)
 
 
-def _passages(case, starts, series):
+def _fastest(structure):
+    """Highest frequency, with all contacts closed."""
+    if structure.is_the_papers:
+        return math.sqrt(4.0 + structure.stiffness_ratio)
+    return highest_frequency(structure)
+
+
+def _passages(parts, fastest, units, starts, series):
     """Name what happens at the starts of the steps."""
     n = series.shape[1] // 2
-    x, v = series[:, :n, 0], series[:, n:, 0]
-    inside = np.abs(x) * min(case.rho, 1e9) < 20.0
+    x, v = series[:, :n, 0] @ parts.reach.T - parts.gap, series[:, n:, 0] @ parts.reach.T
+    inside = np.abs(x) * min(parts.rho, 1e9 / units[0]) < 20.0
     for number in inside.sum(axis=1):
         if number > 1:
-            yield "two floors in the layer" if number == 2 else "three floors in the layer"
+            yield "two contacts in the layer" if number == 2 else "three contacts in the layer"
     turns = (v[:-1] * v[1:] < 0) & inside[:-1] & inside[1:]
     yield from ["turn in the layer"] * int(turns.sum())
-    yield from ["below 1e-3 in the layer"] * int((inside & (np.abs(v) < 1e-3)).sum())
-    for i in range(n):
-        changes = np.flatnonzero(np.diff((x[:, i] >= 0).astype(int)))
+    yield from ["below 1e-3 in the layer"] * int((inside & (np.abs(v) < 1e-3 * units[-1])).sum())
+    for distance in x.T:
+        changes = np.flatnonzero(np.diff((distance >= 0).astype(int)))
         gaps = np.diff(starts[changes + 1])
         # the shortest time a linear step takes in contact is about this
-        short = gaps < 3.0 / math.sqrt(4.0 + case.beta)
+        short = gaps < 3.0 / fastest
         yield from ["two changes within a step"] * int(short.sum())
 
 
@@ -247,8 +282,9 @@ def measure(case, reference=None, rtol=1e-9, name="flow"):
     points, outcome = solver.points(np.array(case.state), case.amplitude, 1)
     if outcome is not Outcome.COMPLETE:
         return Error(math.inf, math.inf, reference.kappa, outcome.name)
-    size = max(1.0, float(np.abs(reference.end).max()))
-    plain = float(np.abs(points[0] - reference.end).max()) / size
+    units = case.structure.state_units
+    size = max(1.0, float(np.abs(reference.end / units).max()))
+    plain = float(np.abs((points[0] - reference.end) / units).max()) / size
     return Error(plain, plain / reference.kappa, reference.kappa, outcome.name)
 
 
@@ -263,14 +299,17 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--worst", type=int, default=10)
     parser.add_argument("--certify", action="store_true")
+    parser.add_argument("--general", action="store_true", help="random structures of any kind")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
+    make = random_general_cases if options.general else random_cases
     found = []
-    for case in random_cases(options.cases, options.seed):
+    for case in make(options.cases, options.seed):
         reference = refer(case)
         found.append((case, reference, measure(case, reference)))
+    kinds = GENERAL_KINDS if options.general else KINDS
     print(f"{'':20s} cases | plain error: 50 %, 90 %, 99 %, max    | over kappa")
-    for kind in (*KINDS, None):
+    for kind in (*kinds, None):
         errors = [error for case, _, error in found if kind in (None, case.kind)]
         plain = quantiles([error.plain for error in errors])
         scaled = quantiles([error.scaled for error in errors])
@@ -278,19 +317,44 @@ def main():
     for limit in (1e-12, 1e-11, 1e-10):
         above = sum(error.plain > limit for _, _, error in found)
         rounding = sum(error.plain > limit + 100 * EPSILON * error.kappa for _, _, error in found)
-        print(f"above {limit:g}: {above}; beyond 100 roundings amplified by kappa: {rounding}")
+        scaled = sum(error.scaled > limit for _, _, error in found)
+        print(
+            f"above {limit:g}: {above}; beyond 100 roundings amplified by kappa: {rounding}; "
+            f"over kappa: {scaled}"
+        )
     events = sum((Counter(dict.fromkeys(r.passages, 1)) for _, r, _ in found), Counter())
     print("cases with:", dict(events))
-    found.sort(key=lambda item: -item[2].plain)
+    found.sort(key=lambda item: -(item[2].scaled if options.general else item[2].plain))
     rows = []
     for case, reference, error in found[: options.worst]:
-        row = {**asdict(case), **asdict(error), "end": reference.end.tolist()}
+        row = {**vars(case), **asdict(error), "end": reference.end.tolist()}
+        if options.general:
+            row["structure"] = outline(case.structure)
+            row["part_error"] = part_error(case, reference)
         if options.certify:
             row.update(certify(case, reference))
         rows.append(row)
         print({key: value for key, value in row.items() if key != "end"}, flush=True)
         if options.json:
             options.json.write_text(json.dumps(rows, indent=1))
+
+
+def outline(structure):
+    """Write what sort of structure it is."""
+    kind = "chain" if structure.matrices is None else "matrices"
+    return (
+        f"{kind}, n = {structure.n_floors}, {len(structure.contacts)} contacts, rho = "
+        f"{structure.sharpness * structure.length_unit:.3g} / gap"
+    )
+
+
+def part_error(case, reference):
+    """Give by how much the reference changes if its steps are half as long."""
+    arguments = case.structure, case.amplitude, case.omega, case.state, 1
+    units = case.structure.state_units
+    again = reference_points(*arguments, part=0.5 * PART_OF_RADIUS)[0]
+    size = max(1.0, float(np.abs(reference.end / units).max()))
+    return float(np.abs((again - reference.end) / units).max()) / size
 
 
 def certify(case, reference):

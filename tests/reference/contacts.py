@@ -1,9 +1,10 @@
 """A search for contacts that `flow` does not see.
 
-`python tests/reference/contacts.py [--tries N] [--seed S]` starts motions whose floors, one to
-three of them and free or beside floors in contact, come to rest at some time within 1e-3 to 1e-13
-gaps of the stop. The Taylor reference, whose steps are searched for their highest points one by
-one, says whether each floor touched; `flow` has to say the same and to end in the same state.
+`python tests/reference/contacts.py [--tries N] [--seed S] [--general]` starts motions in which one
+to three contacts, free or beside others that are closed, come to rest at some time within 1e-3 to
+1e-13 gaps of the stop. The Taylor reference, whose steps are searched for their highest points one
+by one, says whether each contact touched; `flow` has to say the same and to end in the same state.
+`--general` takes random structures of any kind (`general`), in units of theirs.
 """
 
 import argparse
@@ -13,9 +14,17 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
-from accuracy import Case, backwards, log_uniform
+from accuracy import Case, backwards
+from general import (
+    GeneralCase,
+    earlier,
+    highest_frequency,
+    log_uniform,
+    put,
+    somewhere,
+)
+from general import random_structure as random_general_structure
 
-from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.reference import ORDER, PART_OF_RADIUS, horner, majorant, period, system
 from hpcsweep.solvers.solver import make_solver
@@ -26,18 +35,20 @@ SAMPLES = 33
 UNDECIDED = 1e-14
 """Peaks this close to the stop (over the largest |u|) are lost in rounding: either is right."""
 PER_STRUCTURE = 50
+SHORTEST = 5.0
+"""Largest ratio of a natural frequency of a general structure to the forcing's."""
 
 
 @numba.njit(error_model="numpy")
-def highest(count, sizes, series, peaks):
-    """Highest x of every floor over all steps: samples, and the tops between them."""
+def highest(count, sizes, past, peaks):
+    """Highest x of every contact over all steps: samples, and the tops between them."""
     n = peaks.shape[0]
     peaks[:] = -np.inf
     slope = np.empty(ORDER)
     for k in range(count):
         h = sizes[k]
         for i in range(n):
-            c = series[k, i]
+            c = past[k, i]
             if c[0] + majorant(c, h) < peaks[i]:
                 continue
             for p in range(1, ORDER + 1):
@@ -60,18 +71,18 @@ def highest(count, sizes, series, peaks):
 class Try:
     """One try: distances past the stop by the reference, what `flow` saw, and its error."""
 
-    case: Case
+    case: Case | GeneralCase
     peaks: np.ndarray
     largest: float
     contact: int
     error: float
 
-    def floors_wrong(self) -> list[int]:
-        """Floors on whose contact `flow` is wrong beyond rounding."""
+    def contacts_wrong(self) -> list[int]:
+        """Give the numbers of the contacts on which `flow` is wrong beyond rounding."""
         return [
-            i
-            for i, peak in enumerate(self.peaks)
-            if bool(self.contact >> i & 1) != (peak >= 0)
+            number
+            for number, peak in zip(self.case.structure.contact_numbers, self.peaks, strict=True)
+            if bool(self.contact >> (number - 1) & 1) != (peak >= 0)
             and abs(peak) > UNDECIDED * max(1.0, self.largest)
         ]
 
@@ -106,42 +117,70 @@ def random_try(rng, case):
     return replace(case, state=tuple(start))
 
 
-def tries(number, seed=0):
+def random_general(rng):
+    """Draw a general structure and a frequency, as `random_structure`."""
+    sharpness = math.inf if rng.random() < 0.6 else log_uniform(rng, 1e4, 1e8)
+    structure = random_general_structure(rng, sharpness)
+    omega = log_uniform(rng, 1.0, 6.0) * float(rng.choice(structure.frequencies))
+    omega = max(omega, highest_frequency(structure) / SHORTEST)
+    return GeneralCase("contact", 0, structure, omega, 0.0, ())
+
+
+def random_general_try(rng, case):
+    """Draw a motion of a general case with one to three contacts at rest near their stops."""
+    structure = case.structure
+    _, amplitude, z = somewhere(rng, structure)
+    n_contacts = len(structure.contacts)
+    number = min(n_contacts, int(rng.choice([1, 1, 1, 2, 3])))
+    chosen = rng.choice(n_contacts, size=number, replace=False)
+    near = [log_uniform(rng, 1e-13, 1e-3) * float(rng.choice([1, 1, 1, -1])) for _ in chosen]
+    wanted = [(k, x * structure.length_unit, 0.0) for k, x in zip(chosen, near, strict=True)]
+    z = put(structure, z, wanted)
+    z = earlier(rng, structure, amplitude, case.omega, z, chosen)
+    return replace(case, amplitude=amplitude, state=tuple(z.tolist()))
+
+
+def tries(number, seed=0, general=False):
     """Give `number` tries."""
     rng = np.random.default_rng(seed)
     sizes, starts, series = np.empty(ROOM), np.empty(ROOM), None
     for k in range(number):
         if k % PER_STRUCTURE == 0:
-            case = random_structure(rng)
-            n = len(case.state) // 2
-            structure = Structure(n, case.beta, case.rho, case.zeta)
+            case = random_general(rng) if general else random_structure(rng)
+            structure = case.structure
+            units = np.array(structure.state_units)
             solver = make_solver("flow", structure, case.omega, 1e-9)
-            series = np.empty((ROOM, 2 * n, ORDER + 1))
-            peaks = np.empty(n)
-        one = random_try(rng, case)
+            series = np.empty((ROOM, units.size, ORDER + 1))
+            peaks = np.empty(len(structure.contacts))
+        one = random_general_try(rng, case) if general else random_try(rng, case)
         z = np.array(one.state)
         arguments = system(structure, one.amplitude, one.omega)
         count = period(z, *arguments, PART_OF_RADIUS, starts, sizes, series)
         if count > ROOM:
             raise ArithmeticError(f"the reference needs {count} steps for {one}")
-        highest(count, sizes, series, peaks)
+        parts = arguments[2]
+        u = series[:count, : len(z) // 2]
+        past = np.einsum("ki,sip->skp", parts.reach, u)
+        past[:, :, 0] -= parts.gap
+        highest(count, sizes, past, peaks)
         seen = solver.observe(np.array(one.state), one.amplitude, 1)
         if seen.outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {seen.outcome.name} for {one}")
-        largest = float(np.abs(series[:count, :, 0]).max()) + 1.0
-        error = float(np.abs(seen.points[0] - z).max()) / largest
-        yield Try(one, peaks.copy(), largest, seen.contact, error)
+        size = np.abs(series[:count, :, 0] / units).max(axis=0).max()
+        largest = float(size + np.abs(parts.offset / units[0]).max())
+        error = float(np.abs((seen.points[0] - z) / units).max()) / max(largest, 1.0)
+        yield Try(one, peaks / units[0], largest, seen.contact, error)
 
 
-def summary(number, seed=0):
+def summary(number, seed=0, general=False):
     """Count what was tried, by decade of the smallest peak past the stop; collect the wrong."""
     decades, wrong, worst, undecided = Counter(), [], None, 0
-    for one in tries(number, seed):
+    for one in tries(number, seed, general):
         over = [peak for peak in one.peaks if 0 <= peak < 1e-3]
         for peak in over:
             decades[max(-16, math.floor(math.log10(max(peak, 1e-16))))] += 1
         undecided += any(abs(peak) <= UNDECIDED * max(1.0, one.largest) for peak in one.peaks)
-        if one.floors_wrong():
+        if one.contacts_wrong():
             wrong.append(one)
         if worst is None or one.error > worst.error:
             worst = one
@@ -152,13 +191,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tries", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--general", action="store_true", help="random structures of any kind")
     options = parser.parse_args()
-    decades, wrong, worst, undecided = summary(options.tries, options.seed)
-    print(f"{options.tries} tries; floors that pass the stop by less than 1e-3, by decade:")
+    decades, wrong, worst, undecided = summary(options.tries, options.seed, options.general)
+    print(f"{options.tries} tries; contacts that pass the stop by less than 1e-3, by decade:")
     print("  " + ", ".join(f"1e{decade}: {decades[decade]}" for decade in sorted(decades)))
     print(f"contacts missed or invented: {len(wrong)}; within rounding of the stop: {undecided}")
     for one in wrong[:20]:
-        print("  ", one.floors_wrong(), one.peaks.tolist(), bin(one.contact), one.case)
+        print("  ", one.contacts_wrong(), one.peaks.tolist(), bin(one.contact), one.case)
     print(f"largest error of the end state: {worst.error:.1e} ({worst.case})")
 
 

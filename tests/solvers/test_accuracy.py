@@ -2,7 +2,8 @@
 
 The full sizes of the claims: `ACCURACY_CASES=2000 ACCURACY_TRIES=100000 pytest -m slow
 tests/solvers/test_accuracy.py`, or `python tests/reference/accuracy.py --certify` and
-`python tests/reference/contacts.py`, which print the numbers.
+`python tests/reference/contacts.py`, which print the numbers; with `--general` those of random
+structures of any kind.
 """
 
 import math
@@ -14,6 +15,7 @@ import pytest
 from accuracy import EPSILON, KINDS, Case, certify, measure, random_cases, refer
 from contacts import summary
 from extended import monodromy_mp
+from general import GENERAL_KINDS, random_general_cases
 
 from hpcsweep.checks.tolerance import ALLOWED, FLOOR, regimes
 from hpcsweep.checks.tolerance import measure as measure_tolerance
@@ -27,6 +29,8 @@ N_MATRICES = int(os.environ.get("ACCURACY_MATRICES", "60"))
 LIMIT = 1e-10
 ROUNDINGS = 100
 """Roundings, amplified by the conditioning of a case, that its error may hold besides."""
+GENERAL_LIMIT = 1e-11
+"""Error allowed a period of a general structure, over its conditioning."""
 AMPLIFIED = 4e-12
 """Error allowed in one closed-form passage, which the rest of the period amplifies."""
 
@@ -44,8 +48,8 @@ def test_the_cases_are_the_hard_ones(measured):
     for event, share in (
         ("turn in the layer", 0.3),
         ("below 1e-3 in the layer", 0.2),
-        ("two floors in the layer", 0.2),
-        ("three floors in the layer", 0.08),
+        ("two contacts in the layer", 0.2),
+        ("three contacts in the layer", 0.08),
         ("two changes within a step", 0.2),
     ):
         assert happened[event] >= share * N_CASES, event
@@ -108,6 +112,52 @@ def test_no_contact_is_missed():
     for decade in range(-12, -3):
         assert decades[decade] >= N_TRIES // 100, decade
     assert undecided <= N_TRIES // 100
+    assert wrong == []
+    assert worst.error < 2e-9
+
+
+def check_general(number, seed):
+    """Compare general structures with the reference: errors over the conditioning."""
+    errors = []
+    for case in random_general_cases(number, seed):
+        reference = refer(case)
+        error = measure(case, reference)
+        assert error.scaled <= GENERAL_LIMIT, (seed, case.number, error)
+        errors.append(error.scaled)
+    assert np.quantile(errors, 0.5) < 1e-14
+    assert np.quantile(errors, 0.9) < 1e-12
+
+
+def test_a_few_general_structures():
+    check_general(15, seed=3)
+
+
+@pytest.mark.slow
+def test_general_structures():
+    check_general(N_CASES, seed=4)
+
+
+@pytest.mark.slow
+def test_the_general_cases_are_the_hard_ones():
+    cases = list(random_general_cases(N_CASES // 3, seed=4))
+    happened = sum((Counter(set(refer(case).passages)) for case in cases), Counter())
+    assert {case.kind for case in cases} == set(GENERAL_KINDS)
+    for event, share in (
+        ("turn in the layer", 0.3),
+        ("below 1e-3 in the layer", 0.15),
+        ("two contacts in the layer", 0.15),
+        ("three contacts in the layer", 0.05),
+        ("two changes within a step", 0.2),
+    ):
+        assert happened[event] >= share * len(cases), event
+
+
+@pytest.mark.slow
+def test_no_contact_of_a_general_structure_is_missed():
+    decades, wrong, worst, undecided = summary(N_TRIES // 2, seed=2, general=True)
+    for decade in range(-12, -3):
+        assert decades[decade] >= N_TRIES // 400, decade
+    assert undecided <= N_TRIES // 50
     assert wrong == []
     assert worst.error < 2e-9
 

@@ -23,7 +23,7 @@ from enum import IntEnum
 import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
-from hpcsweep.model.arguments import array, count, number, real, refused, rows
+from hpcsweep.model.arguments import array, count, number, real, refused, rows, words
 from hpcsweep.solvers.outcome import Outcome
 
 CHAOS_GROWTH = 5.0
@@ -272,8 +272,10 @@ def contact_name(contact: int, labels: int | Sequence[str], room: int | None = N
         Letters of the name: what is longer ends in ",...".
     """
     contact = count("contact", contact, 0, 2**64 - 1)
-    if not isinstance(labels, list | tuple):
-        n_floors = count("n_floors", labels, 0, 64)
+    if isinstance(labels, list | tuple):
+        labels = words("labels", labels)
+    else:
+        n_floors = count("labels", labels, 0, 64)
         labels = [str(k + 1) for k in range(n_floors)]
     members = [label for k, label in enumerate(labels) if label and contact >> k & 1]
     if not members:

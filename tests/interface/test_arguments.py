@@ -77,6 +77,7 @@ NO_STATE = {
     "dates": np.zeros(4, "M8[s]"),
 }
 NO_FINITE_STATE = {**NO_STATE, "nan": [math.nan] * 4, "inf": np.array([0.0, 0.0, 0.0, math.inf])}
+NO_LABELS = {k: v for k, v in NO_COUNT.items() if k not in ("empty", "range of texts")}
 NO_PATH = {**{k: v for k, v in ODD.items() if k != "text"}, "nothing": "", "number": 3}
 NO_STRUCTURE = {**ODD, "class": hpcsweep.Structure}
 NO_WORD = {**ODD, "other": "euler"}
@@ -188,8 +189,8 @@ CALLS = {
     "on_closed_curve": Call(classify.on_closed_curve, {"points": POINTS}, {"points": NO_POINTS}),
     "contact_name": Call(
         classify.contact_name,
-        {"contact": 3, "n_floors": 2},
-        {"contact": NO_COUNT, "n_floors": NO_COUNT},
+        {"contact": 3, "labels": 2},
+        {"contact": NO_COUNT, "labels": NO_LABELS},
     ),
 }
 

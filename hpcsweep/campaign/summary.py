@@ -40,7 +40,7 @@ def summarize(path: str | Path) -> dict:
     frames = Frames(path)
     try:
         study = frames.study
-        tally = _Tally(len(study.directions), study.settings)
+        tally = _Tally(len(study.directions), study)
         for frame in range(study.omega.size):
             tally.add(frames.dataset(frame))
     finally:
@@ -98,8 +98,8 @@ def _told(structure) -> str:
 class _Tally:
     """Counts over the runs of frames that are shown one after the other."""
 
-    def __init__(self, n_directions: int, settings):
-        self._settings = settings
+    def __init__(self, n_directions: int, study):
+        self._settings, self._units = study.settings, study.structure.state_units
         self.classes = np.zeros((n_directions, len(MotionClass)), int)
         self.outcomes = np.zeros(len(Outcome), int)
         self.shortcuts = np.zeros(len(Shortcut), int)
@@ -109,7 +109,7 @@ class _Tally:
 
     def add(self, frame) -> None:
         """Count the runs of one frame, an xarray.Dataset."""
-        classes = classify(frame, self._settings)[:, 0]
+        classes = classify(frame, self._settings, self._units)[:, 0]
         for row, kinds in zip(self.classes, classes, strict=True):
             row += np.bincount(kinds, minlength=row.size)
         outcome = frame["outcome"].values[:, 0]

@@ -92,7 +92,7 @@ CLASS_NAMES = {
 }
 
 
-def classify(results, settings) -> np.ndarray:
+def classify(results, settings, units: np.ndarray | float = 1.0) -> np.ndarray:
     """Classify every run of a campaign.
 
     Parameters
@@ -104,6 +104,8 @@ def classify(results, settings) -> np.ndarray:
         of classes told before, those are returned.
     settings : SweepSettings
         Of the runs: their ``sampling_cycles`` and ``period_tolerance``.
+    units : ndarray, shape (2n,), optional
+        `Structure.state_units`, in which the tolerance is meant.
 
     Returns
     -------
@@ -133,7 +135,7 @@ def classify(results, settings) -> np.ndarray:
         points, counts = results["poincare"].values, results["n_points"].values
         for at in map(tuple, open_ones):
             classes[at] = classify_points(
-                points[at][: counts[at]], growth[at], settings.period_tolerance
+                points[at][: counts[at]] / units, growth[at], settings.period_tolerance
             )
     return classes
 

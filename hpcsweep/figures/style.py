@@ -150,7 +150,8 @@ def classes_of(results) -> np.ndarray:
     """Classify every run of results by the settings of their job (`hpcsweep.dynamics`)."""
     from hpcsweep.dynamics.classify import classify
 
-    return classify(results, job_of(results).settings)
+    job = job_of(results)
+    return classify(results, job.settings, job.structure.state_units)
 
 
 def caption(results, omega: float | None = None) -> str:

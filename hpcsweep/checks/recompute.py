@@ -52,7 +52,7 @@ class RunAgain:
     compared : str
         What was compared with it.
     difference, allowed : float or None
-        Largest difference of a point (gaps, gaps omega_0), and what is allowed; None if nothing
+        Largest difference of a point (in units of the state), and what is allowed; None if nothing
         could be compared.
     whole_run : str
         Outcome of the whole run by ``flow``: ``equal`` to the last bit, ``same`` within the
@@ -127,9 +127,15 @@ def _stiffness(structure) -> float:
     return max(added, default=0.0) / structure.frequency_unit**2
 
 
-def _norm(tangent: np.ndarray) -> float:
+def _norm(tangent: np.ndarray, units: np.ndarray) -> float:
     """Give the growth of a tangent map; 1 if it is not known, which allows the least."""
-    return float(np.linalg.norm(tangent, 2)) if np.all(np.isfinite(tangent)) else 1.0
+    scaled = tangent * units / units[:, None]
+    return float(np.linalg.norm(scaled, 2)) if np.all(np.isfinite(scaled)) else 1.0
+
+
+def _apart(study, found: np.ndarray, stored: np.ndarray) -> float:
+    """Give the largest difference of states, in their units."""
+    return float((np.abs(found - stored) / study.structure.state_units).max())
 
 
 def _observe(solver, z, amplitude: float, n_periods: int, name: str):
@@ -149,16 +155,16 @@ def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     for _ in range(period):
         z, step = tangent.monodromy(z, amplitude, 1)
         product = step @ product
-        growth = max(growth, _norm(product))
+        growth = max(growth, _norm(product, study.structure.state_units))
     again.compared = f"{len(stored)} points once round the orbit"
-    again.difference = float(np.abs(seen.points[-len(stored) :] - stored).max())
+    again.difference = _apart(study, seen.points[-len(stored) :], stored)
     again.allowed = _allowed(study, again.solver, growth)
     on_orbit = int(run["shortcut"]) != Shortcut.NONE
     if not on_orbit:
         # all that is promised is that the points repeat within this
         again.allowed += study.settings.period_tolerance * growth
     _judge_points(again)
-    _judge_metrics(again, seen, run, on_orbit)
+    _judge_metrics(study, again, seen, run, on_orbit)
 
 
 def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
@@ -171,12 +177,12 @@ def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
     for place in places:
         seen = _observe(solver, points[place], again.amplitude, 1, again.solver)
         _, step = tangent.monodromy(points[place], again.amplitude, 1)
-        difference = float(np.abs(seen.points[0] - points[place + 1]).max())
-        allowed = _allowed(study, again.solver, _norm(step))
+        difference = _apart(study, seen.points[0], points[place + 1])
+        allowed = _allowed(study, again.solver, _norm(step, study.structure.state_units))
         if difference / allowed > worst:
             worst = difference / allowed
             again.difference, again.allowed = difference, allowed
-        _judge_metrics(again, seen, run, False)
+        _judge_metrics(study, again, seen, run, False)
     again.compared = f"{len(places)} points, each carried to the next"
     if places:
         _judge_points(again)
@@ -193,7 +199,7 @@ def _judge_points(again: RunAgain) -> None:
         )
 
 
-def _judge_metrics(again: RunAgain, seen, run: dict, equal: bool) -> None:
+def _judge_metrics(study, again: RunAgain, seen, run: dict, equal: bool) -> None:
     """Compare contact set, drift and modal norms with those of a part of the stored window."""
     if again.problem:
         return
@@ -204,11 +210,10 @@ def _judge_metrics(again: RunAgain, seen, run: dict, equal: bool) -> None:
     allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
     if "drift" in run and again.amplitude:
         drift = float(run["drift"]) * again.amplitude / again.omega**2
-        excess = seen.peak_drift - drift
+        excess = (seen.peak_drift - drift) / study.structure.length_unit
         if (abs(excess) if equal else excess) > 2 * allowed:
             again.problem = (
-                f"{again.solver} finds a peak drift of {seen.peak_drift:.9g} gaps, stored is "
-                f"{drift:.9g}"
+                f"{again.solver} finds a peak drift of {seen.peak_drift:.9g}, stored is {drift:.9g}"
             )
     if "modal_norm" in run and equal and again.amplitude:
         norms = run["modal_norm"]
@@ -233,7 +238,7 @@ def _compare_whole(
     if own and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"
         return
-    difference = float(np.abs(result["final_state"][0] - run["final_state"]).max())
+    difference = _apart(study, result["final_state"][0], run["final_state"])
     again.whole_run = "other"
     allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
     if int(result["orbit_period"][0]) == again.orbit_period and difference <= 10 * allowed:

@@ -77,7 +77,7 @@ def _describe(report) -> str:
         worst = max(compared, key=lambda run: run.difference / run.allowed)
         lines.append(
             f"  sample    {len(compared)} of {len(report.sample)} runs compared with "
-            f"{worst.solver}: the largest difference is {worst.difference:.2g} gaps, "
+            f"{worst.solver}: the largest difference is {worst.difference:.2g}, "
             f"{worst.allowed:.2g} allowed (Omega = {worst.omega:.6g}, A = {worst.amplitude:.6g}, "
             f"{worst.direction}; {worst.compared})"
         )

@@ -90,7 +90,8 @@ OMEGA = Option(
 )
 FLOORS = Option(
     "--floor",
-    "floor shown, may be given several times (default: all of up to 5, else first, middle, top)",
+    "floor shown, may be given several times (default: all of up to 5, of more the first, the "
+    "middle and the top; frames shows one, the top)",
     "floors",
     {"type": int, "action": "append", "metavar": "I"},
 )

@@ -6,6 +6,7 @@ import pytest
 from tools import JOBS, SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.settings import SweepSettings
 
 FIRST_FINGERPRINT = "762b76682a39fa2cd8788ff1a7cdc12fe982b17a50d4755e18c3508ffe025f39"
@@ -111,6 +112,13 @@ OTHER = {
     "stiffness_ratio": 7.0,
     "sharpness": 77.0,
     "damping_ratio": 0.07,
+    "mass": 7.0,
+    "storey_stiffness": 7.0,
+    "gap": 0.7,
+    "gap_left": 0.7,
+    "rayleigh": (0.07, 0.07),
+    "harmonics": ((7, 0.7, 0.07),),
+    "matrices": Structure.from_matrices((7.0,) * 3, np.eye(3), ()).matrices,
     "transient_cycles": 7,
     "sampling_cycles": 70,
     "max_orbit_period": 7,

@@ -1,18 +1,21 @@
-"""Large parameter studies of base-excited structures impacting a rigid stop.
+"""Large parameter studies of impacting structures.
 
-Units throughout: lengths in gaps, time in 1/omega_0; see `hpcsweep.model.structure`.
+Units: lengths in gaps, time in 1/omega_0, or those in which a structure is given; see
+`hpcsweep.model.structure`.
 """
 
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hpcsweep.model.matrices import Contact
     from hpcsweep.model.structure import Structure
     from hpcsweep.solvers.solver import stroboscopic_points
     from hpcsweep.store import open_results
 
-__all__ = ["Structure", "__version__", "open_results", "stroboscopic_points"]
+__all__ = ["Contact", "Structure", "__version__", "open_results", "stroboscopic_points"]
 
 _HOME = {
+    "Contact": "hpcsweep.model.matrices",
     "Structure": "hpcsweep.model.structure",
     "stroboscopic_points": "hpcsweep.solvers.solver",
     "open_results": "hpcsweep.store",

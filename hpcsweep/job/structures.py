@@ -58,7 +58,8 @@ def read_structure(values: Values) -> Structure:
         table = "forcing" if str(error).startswith("harmonics") else "structure"
         raise JobError(f"{values.source}: {table}.{error}") from None
     if structure.rayleigh is not None and "damping_ratio" in given:
-        raise values.error("structure.rayleigh", given["rayleigh"], "is given beside damping_ratio")
+        shown = values.get("structure.rayleigh")
+        raise values.error("structure.rayleigh", shown, "is given beside damping_ratio")
     _check_sizes(values, structure)
     return structure
 
@@ -113,14 +114,6 @@ def _tuples(value):
 
 def _check_sizes(values: Values, structure: Structure) -> None:
     """Refuse values that no solver can start from."""
-    ratio: Any = structure.stiffness_ratio
-    for key, value, largest in (
-        ("stiffness_ratio", max(ratio) if isinstance(ratio, tuple) else ratio, MAX_STIFFNESS),
-        ("sharpness", structure.sharpness, MAX_SHARPNESS),
-        ("damping_ratio", float(structure.damping_ratios.max()), MAX_DAMPING),
-    ):
-        if largest < value < math.inf:
-            raise values.error(f"structure.{key}", value, f"must be at most {largest:g}")
     sizes = {
         "mass": structure.mass_matrix.ravel().tolist(),
         "stiffness": structure.stiffness_matrix.ravel().tolist(),
@@ -133,6 +126,15 @@ def _check_sizes(values: Values, structure: Structure) -> None:
             if value and not MIN_SIZE <= abs(value) <= MAX_SIZE:
                 limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
                 raise values.error(f"structure.{key}", value, limit)
+    ratio: Any = structure.stiffness_ratio
+    damping = "damping_ratio" if structure.rayleigh is None else "rayleigh"
+    for key, value, largest in (
+        ("stiffness_ratio", max(ratio) if isinstance(ratio, tuple) else ratio, MAX_STIFFNESS),
+        ("sharpness", structure.sharpness, MAX_SHARPNESS),
+        (damping, float(structure.damping_ratios.max()), MAX_DAMPING),
+    ):
+        if largest < value < math.inf:
+            raise values.error(f"structure.{key}", value, f"must be at most {largest:g}")
     for _, size, _ in structure.harmonics:
         if size and not MIN_SIZE <= abs(size) <= MAX_SIZE:
             limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"

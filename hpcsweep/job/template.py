@@ -30,7 +30,14 @@ TEMPLATE = """\
 # Storeys n on a fixed base: a whole number from 1 to 64.
 #n_floors = 3
 
-# beta, stiffness of the stop over that of a storey: at least 0, which is no stop.
+# Distance of the floors at rest from the stops on their right and on their left, of any sign, inf
+# where there is none: one number, or a list of n. Likewise the masses and the stiffnesses of the
+# storeys, above 0: whoever gives them (mass = [2e4, 1e4, 1e4], storey_stiffness = 3e7) gives all in
+# units of one's own.
+#gap = 1.0
+#gap_left = inf
+
+# beta, stiffness of the stop over that of a storey: at least 0, which is no stop; or a list of n.
 #stiffness_ratio = 1000.0
 
 # rho, sharpness of the contact spring in S(u) = 1/(1 + exp(-rho (u - 1))), per gap: at least 0;
@@ -38,8 +45,15 @@ TEMPLATE = """\
 #sharpness = 1e4
 
 # zeta, damping ratio of the free structure's modes: at least 0, one number for all of them, or a
-# list of n, lowest frequency first.
+# list of n, lowest frequency first. Or rayleigh = [alpha, beta], for alpha M + beta K.
 #damping_ratio = 0.05
+
+# In place of a building: [structure.matrices] with mass and stiffness, if wanted damping, forcing and
+# drift, and [[structure.contact]] with direction, gap and stiffness; see docs/job-files.md.
+
+[forcing]
+# A sum of a_h sin(h Omega tau + phi_h): up to 16 orders h from 1 to 1000.
+#harmonics = [{order = 1, amplitude = 1.0, phase = 0.0}]
 
 [sweep]
 # Omega, forcing frequency in omega_0: greater than 0. One number, a list of them, or a range:

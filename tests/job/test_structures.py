@@ -1,0 +1,368 @@
+"""Structures in job files: what is read, what is refused, and what a file tells of them."""
+
+import dataclasses
+import json
+import math
+import tomllib
+
+import h5py
+import numpy as np
+import pytest
+from tools import JOBS
+
+import hpcsweep
+from hpcsweep.commands.cli import main
+from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.job.reading import every_key
+from hpcsweep.job.tree import write
+from hpcsweep.model.description import describe
+from hpcsweep.model.matrices import Contact
+from hpcsweep.model.structure import Structure
+from hpcsweep.store import open_results
+
+SWEEP = "\n[sweep]\nomega = 0.5\namplitude = [0.1, 0.2]\n"
+BUILDING = """
+[structure]
+n_floors = 2
+mass = [1.0, 2]
+storey_stiffness = [3.0, 2.0]
+gap = [0.5, inf]
+gap_left = 0.7
+stiffness_ratio = [100.0, 200.0]
+rayleigh = [0.01, 0.02]
+sharpness = inf
+"""
+MATRICES = """
+[structure]
+sharpness = 1e4
+
+[structure.matrices]
+mass = [1.0, 2.0]
+stiffness = [[2.0, -1.0], [-1.0, 1.0]]
+damping = [[0.2, -0.1], [-0.1, 0.1]]
+forcing = [0.0, 1.0]
+drift = [[1.0, 0.0], [-1.0, 1.0]]
+
+[[structure.contact]]
+direction = [1, -1]
+gap = 0.1
+stiffness = 50
+
+[[structure.contact]]
+direction = [-1.0, 0.0]
+gap = 0.0
+stiffness = 80.0
+
+[forcing]
+harmonics = [{order = 1}, {order = 3, amplitude = 0.5, phase = -1.0}]
+"""
+MADE = Structure.from_matrices(
+    [1.0, 2.0],
+    [[2.0, -1.0], [-1.0, 1.0]],
+    [Contact((1.0, -1.0), 0.1, 50.0), Contact((-1.0, 0.0), 0.0, 80.0)],
+    damping=[[0.2, -0.1], [-0.1, 0.1]],
+    forcing=[0.0, 1.0],
+    drift=[[1.0, 0.0], [-1.0, 1.0]],
+    sharpness=1e4,
+    harmonics=((1, 1.0, 0.0), (3, 0.5, -1.0)),
+)
+
+
+def structure(text: str) -> Structure:
+    return parse_job(text + SWEEP, "x.toml", "x").structure
+
+
+def changed(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def test_a_building_of_unequal_storeys_is_read():
+    assert structure(BUILDING) == Structure(
+        2,
+        (100.0, 200.0),
+        math.inf,
+        mass=(1.0, 2.0),
+        storey_stiffness=(3.0, 2.0),
+        gap=(0.5, math.inf),
+        gap_left=0.7,
+        rayleigh=(0.01, 0.02),
+    )
+
+
+def test_matrices_contacts_and_harmonics_are_read():
+    assert structure(MATRICES) == MADE
+
+
+def test_a_diagonal_of_masses_stands_for_the_matrix():
+    full = changed(MATRICES, "mass = [1.0, 2.0]", "mass = [[1, 0], [0, 2]]")
+    assert structure(full) == MADE
+
+
+def test_damping_by_ratios_goes_with_matrices_too():
+    text = changed(MATRICES, "damping = [[0.2, -0.1], [-0.1, 0.1]]\n", "")
+    found = structure(changed(text, "sharpness", "damping_ratio = [0.1, 0.2]\nsharpness"))
+    assert found.damping_ratios.tolist() == [0.1, 0.2]
+    found = structure(changed(text, "sharpness", "rayleigh = [0.1, 0.2]\nsharpness"))
+    assert np.allclose(found.damping_matrix, 0.1 * np.diag([1, 2]) + 0.2 * found.stiffness_matrix)
+
+
+def test_the_public_names_are_those_of_the_job_file():
+    contacts = [hpcsweep.Contact((1.0, -1.0), 0.1, 50.0), hpcsweep.Contact([-1, 0], 0, 80)]
+    stiffness = [[2.0, -1.0], [-1.0, 1.0]]
+    found = hpcsweep.Structure.from_matrices([1.0, 2.0], stiffness, contacts)
+    assert found.contacts == MADE.contacts
+    assert found.sharpness == math.inf
+    points = hpcsweep.stroboscopic_points(found, 0.1, 0.5, [0.0] * 4, 3)
+    assert points.shape == (3, 4)
+
+
+WRONG = [
+    (BUILDING, "mass = [1.0, 2]", "mass = [1.0]", "structure.mass must have 2 numbers, one per"),
+    (BUILDING, "mass = [1.0, 2]", "mass = [1.0, 0.0]", "structure.mass must be finite and above 0"),
+    (BUILDING, "mass = [1.0, 2]", "mass = -1", "structure.mass must be finite and above 0"),
+    (BUILDING, "mass = [1.0, 2]", "mass = 'heavy'", "structure.mass must be a number"),
+    (BUILDING, "mass = [1.0, 2]", "mass = true", "structure.mass must be a number, is True"),
+    (BUILDING, "mass = [1.0, 2]", "mass = [1.0, 1e17]", "structure.mass has eigenvalues"),
+    (BUILDING, "mass = [1.0, 2]", "mass = {m = 1}", "structure.mass must be"),
+    (BUILDING, "mass = [1.0, 2]", "mass = [1e40, 1e40]", "structure.mass = 1e+40: must be 0 or"),
+    (BUILDING, "mass = [1.0, 2]", "masses = 1.0", "unknown key 'structure.masses'"),
+    (BUILDING, "[3.0, 2.0]", "[3.0, inf]", "structure.storey_stiffness must be finite and above"),
+    (BUILDING, "[3.0, 2.0]", "[3.0, 2.0, 1.0]", "structure.storey_stiffness must have 2 numbers"),
+    (BUILDING, "[3.0, 2.0]", "[[3.0], [2.0]]", "structure.storey_stiffness must be a"),
+    (BUILDING, "[0.5, inf]", "-inf", "structure.gap must not be -inf"),
+    (BUILDING, "[0.5, inf]", "nan", "structure.gap must be a number, is nan"),
+    (BUILDING, "[0.5, inf]", "[]", "structure.gap must have 2 numbers, one per floor, has 0"),
+    (BUILDING, "gap_left = 0.7", "gap_left = [0.7]", "structure.gap_left must have 2 numbers"),
+    (BUILDING, "gap_left = 0.7", "gap_left = 1e-40", "structure.gap = 1e-40: must be 0 or"),
+    (BUILDING, "[100.0, 200.0]", "[1.0, -1.0]", "structure.stiffness_ratio must be finite and"),
+    (BUILDING, "[100.0, 200.0]", "[1.0, 1e13]", "structure.stiffness_ratio = 10000000000000.0"),
+    (BUILDING, "[0.01, 0.02]", "[0.01]", "structure.rayleigh must have 2 numbers: alpha, beta"),
+    (BUILDING, "[0.01, 0.02]", "[0.01, -1.0]", "structure.rayleigh must be at least 0, is -1.0"),
+    (BUILDING, "sharpness", "damping_ratio = 0.1\nsharpness", "structure.rayleigh = [0.01, 0.02]:"),
+    (BUILDING, "n_floors = 2", "n_floors = 40\n", "structure.stiffness_ratio must have 40 numbers"),
+    (BUILDING, "sharpness = inf", "contact = []", "structure.contact = []: goes with"),
+    (BUILDING, "sharpness = inf", "matrices = 3", "does not go with matrices"),
+    (MATRICES, "mass = [1.0, 2.0]", "mass = [[1, 0.1], [0, 1]]", "matrices.mass must be symmetric"),
+    (MATRICES, "mass = [1.0, 2.0]", "mass = [1, -1]", "matrices.mass must be positive definite"),
+    (MATRICES, "mass = [1.0, 2.0]", "mass = [[1, 0]]", "matrices.mass must have"),
+    (MATRICES, "mass = [1.0, 2.0]", "mass = []", "structure.matrices.mass must"),
+    (MATRICES, "mass = [1.0, 2.0]\n", "", "structure.matrices.mass is missing"),
+    (MATRICES, "[2.0, -1.0], [-1.0, 1.0]", "[1, -1], [-1, 1]", "matrices.stiffness must be posit"),
+    (MATRICES, "[2.0, -1.0], [-1.0, 1.0]", "[1, -2], [-1, 9]", "matrices.stiffness must be symm"),
+    (MATRICES, "[2.0, -1.0], [-1.0, 1.0]", "2", "structure.matrices.stiffness must"),
+    (MATRICES, "[0.2, -0.1], [-0.1, 0.1]", "[-1, 0], [0, 1]", "matrices.damping must not feed"),
+    (MATRICES, "[0.2, -0.1], [-0.1, 0.1]", "[1, 0]", "structure.matrices.damping must"),
+    (MATRICES, "forcing = [0.0, 1.0]", "forcing = [1]", "matrices.forcing must have 2 entries"),
+    (MATRICES, "forcing = [0.0, 1.0]", "forcing = [1, inf]", "matrices.forcing must be finite"),
+    (MATRICES, "forcing = [0.0, 1.0]", "force = [1, 1]", "unknown key 'structure.matrices.force'"),
+    (MATRICES, "[[1.0, 0.0], [-1.0, 1.0]]", "[[1.0]]", "matrices.drift must have 2 entries"),
+    (MATRICES, "direction = [1, -1]", "direction = [0, 0]", "contact.direction must not be 0"),
+    (MATRICES, "direction = [1, -1]", "direction = [1]", "structure.contact.direction of contact"),
+    (MATRICES, "direction = [1, -1]", "direction = 1", "structure.contact.direction must be"),
+    (MATRICES, "direction = [1, -1]\n", "", "structure.contact.direction is missing"),
+    (MATRICES, "gap = 0.1", "gap = inf", "structure.contact.gap must be finite, is inf"),
+    (MATRICES, "gap = 0.1", "gap = 'none'", "structure.contact.gap must be a number"),
+    (MATRICES, "gap = 0.1", "gpa = 0.1", "unknown key 'structure.contact.gpa'"),
+    (MATRICES, "stiffness = 50", "stiffness = -50", "structure.contact.stiffness must be at least"),
+    (MATRICES, "stiffness = 50", "stiffness = 1e40", "structure.contact.stiffness = 1e+40"),
+    (MATRICES, "sharpness", "n_floors = 2\nsharpness", "structure.n_floors = 2: does not go with"),
+    (MATRICES, "sharpness", "gap = 1.0\nsharpness", "structure.gap = 1.0: does not go with"),
+    (MATRICES, "sharpness", "damping_ratio = 0.1\nsharpness", "damping_ratio and damping must not"),
+    (MATRICES, "sharpness", "rayleigh = [1, 1]\nsharpness", "damping and rayleigh must not"),
+    (MATRICES, "{order = 1}, ", "{order = 0}, ", "forcing.harmonics.order must be a whole number"),
+    (MATRICES, "{order = 1}, ", "{order = 3}, ", "forcing.harmonics.order must not hold a value"),
+    (MATRICES, "{order = 1}, ", "{phase = 1.0}, ", "forcing.harmonics.order is missing"),
+    (MATRICES, "{order = 1}, ", "1, ", "forcing.harmonics = 1: must be a table"),
+    (MATRICES, "phase = -1.0", "phase = inf", "forcing.harmonics.phase must be finite"),
+    (MATRICES, "phase = -1.0", "fase = 1.0", "unknown key 'forcing.harmonics.fase'"),
+    (MATRICES, "amplitude = 0.5", "amplitude = 1e40", "forcing.harmonics.amplitude = 1e+40"),
+    (MATRICES, "harmonics = [", "harmonics = []\nx = [", "unknown key 'forcing.x'"),
+    (BUILDING, "[structure]", "[forcing]\nharmonics = []\n[structure]", "forcing.harmonics = []"),
+    (BUILDING, "[structure]", "[forcing]\nharmonics = 3\n[structure]", "forcing.harmonics = 3"),
+]
+
+
+@pytest.mark.parametrize(("text", "old", "new", "said"), WRONG)
+def test_a_wrong_structure_is_one_line_that_names_file_key_and_rule(text, old, new, said):
+    with pytest.raises(JobError) as caught:
+        structure(changed(text, old, new))
+    message = str(caught.value)
+    assert message.startswith("x.toml: ")
+    assert said in message
+    assert len(message.splitlines()) == 1
+    assert len(message) < 400
+
+
+@pytest.mark.parametrize("place", range(0, len(WRONG), 8))
+def test_it_ends_with_code_2_and_nothing_written(place, tmp_path, monkeypatch, capsys):
+    text, old, new, said = WRONG[place]
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wrong.toml").write_text(changed(text, old, new) + SWEEP)
+    with pytest.raises(SystemExit) as end:
+        raise SystemExit(main(["run", "wrong.toml"]))
+    assert end.value.code == 2
+    shown = capsys.readouterr().err
+    assert len(shown.splitlines()) == 1
+    assert said in shown
+    assert [path.name for path in tmp_path.iterdir()] == ["wrong.toml"]
+
+
+# --- put together
+
+
+def test_tables_within_tables_are_written_so_that_they_are_read_back_equal():
+    for text in (BUILDING, MATRICES):
+        tree = tomllib.loads(text + SWEEP)
+        written = write(tree, every_key())
+        assert tomllib.loads(written) == tree
+        assert structure(text) == parse_job(written, "", "x").structure
+
+
+def test_what_is_extended_and_set_keeps_matrices_contacts_and_harmonics(tmp_path):
+    (tmp_path / "base.toml").write_text(MATRICES + SWEEP)
+    own = tmp_path / "own.toml"
+    own.write_text('extends = "base.toml"\n[structure]\nsharpness = 1e4\n')
+    assert load_job(own).structure == MADE
+    assert load_job(own).fingerprint == load_job(tmp_path / "base.toml").fingerprint
+    # contacts are one value, replaced whole
+    own.write_text(
+        'extends = "base.toml"\n[[structure.contact]]\ndirection = [0, 1]\ngap = 1\nstiffness = 9\n'
+    )
+    assert load_job(own).structure.contacts == (Contact((0.0, 1.0), 1.0, 9.0),)
+    assert load_job(own).structure.matrices.stiffness == MADE.matrices.stiffness
+    given = ("structure.contact=[{direction = [0, -1], gap = inf, stiffness = 9}]",)
+    with pytest.raises(JobError, match=r"structure\.contact\.gap must be finite"):
+        load_job(own, given)
+    given = (
+        "structure.contact=[{direction = [0, -1], gap = 2, stiffness = 9}]",
+        "forcing.harmonics=[{order = 2, phase = 0.5}]",
+    )
+    found = load_job(own, given).structure
+    assert found.contacts == (Contact((0.0, -1.0), 2.0, 9.0),)
+    assert found.harmonics == ((2, 1.0, 0.5),)
+    assert parse_job(load_job(own, given).text, "", "x").structure == found
+
+
+# --- fingerprints
+
+
+def test_every_new_field_is_part_of_the_fingerprint():
+    job = parse_job(SWEEP, "", "x")
+    other = [
+        {"mass": 2.0},
+        {"mass": 1.0},
+        {"storey_stiffness": 2.0},
+        {"gap": 2.0},
+        {"gap": (1.0, 1.0, 2.0)},
+        {"gap_left": 1.0},
+        {"rayleigh": (0.1, 0.1)},
+        {"harmonics": ((1, 1.0, 0.1),)},
+        {"harmonics": ((1, 1.0, 0.0), (2, 1.0, 0.0))},
+    ]
+    found = {job.fingerprint}
+    for fields in other:
+        changed = dataclasses.replace(job.structure, **fields)
+        study = dataclasses.replace(job.study, structure=changed)
+        found.add(dataclasses.replace(job, study=study).fingerprint)
+    assert len(found) == len(other) + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("mass = [1.0, 2.0]", "mass = [1.0, 2.5]"),
+        ("[2.0, -1.0], [-1.0, 1.0]", "[2.5, -1.0], [-1.0, 1.0]"),
+        ("damping = [[0.2,", "damping = [[0.3,"),
+        ("damping = [[0.2, -0.1], [-0.1, 0.1]]\n", ""),
+        ("forcing = [0.0, 1.0]", "forcing = [0.0, 1.5]"),
+        ("forcing = [0.0, 1.0]\n", ""),
+        ("drift = [[1.0, 0.0],", "drift = [[1.5, 0.0],"),
+        ("direction = [1, -1]", "direction = [1, -1.5]"),
+        ("gap = 0.1", "gap = 0.2"),
+        ("stiffness = 50", "stiffness = 51"),
+        ("phase = -1.0", "phase = -2.0"),
+        ("amplitude = 0.5", "amplitude = 0.6"),
+        ("order = 3", "order = 4"),
+        ("sharpness = 1e4", "sharpness = 1e5"),
+    ],
+)
+def test_every_entry_of_matrices_is_part_of_the_fingerprint(old, new):
+    first = parse_job(MATRICES + SWEEP, "", "x").fingerprint
+    other = parse_job(changed(MATRICES, old, new) + SWEEP, "", "x").fingerprint
+    assert other != first
+
+
+# --- the file
+
+
+@pytest.mark.parametrize("text", [BUILDING, MATRICES], ids=["building", "matrices"])
+def test_the_file_tells_its_structure(text, tmp_path):
+    path = tmp_path / "job.toml"
+    path.write_text(text + SWEEP + "transient_cycles = 3\nsampling_cycles = 4\n")
+    assert main(["run", str(path), "-o", str(tmp_path / "x.h5")]) == 0
+    with h5py.File(tmp_path / "x.h5") as file:
+        told = json.loads(file.attrs["structure"])
+    made = load_job(path).structure
+    assert told == describe(made)
+    assert np.array_equal(told["stiffness"], made.stiffness_matrix)
+    assert [contact["number"] for contact in told["contacts"]] == list(made.contact_numbers)
+    results = open_results(tmp_path / "x.h5")
+    met = np.bitwise_or.reduce(results["contact"].values.ravel())
+    assert int(met) & ~sum(1 << (k - 1) for k in made.contact_numbers) == 0
+    # told again by the file alone
+    again = Structure.from_matrices(
+        told["mass"],
+        told["stiffness"],
+        [
+            Contact(**{key: c[key] for key in ("direction", "gap", "stiffness")})
+            for c in told["contacts"]
+        ],
+        damping=told["damping"],
+        forcing=told["forcing"],
+        sharpness=told["sharpness"],
+        harmonics=told["harmonics"],
+        drift=told["drift"],
+    )
+    assert again.contacts == made.contacts
+    assert np.array_equal(again.damping_matrix, made.damping_matrix)
+
+
+def test_the_papers_building_has_no_such_attribute(tmp_path):
+    path = tmp_path / "job.toml"
+    path.write_text(SWEEP + "transient_cycles = 3\nsampling_cycles = 4\n")
+    assert main(["run", str(path), "-o", str(tmp_path / "x.h5")]) == 0
+    with h5py.File(tmp_path / "x.h5") as file:
+        assert "structure" not in file.attrs
+
+
+@pytest.mark.parametrize("name", ["layout1.h5", "layout1-packed.h5"])
+def test_files_of_before_are_read(name):
+    results = open_results(JOBS.parent / "tests" / "data" / name)
+    assert results.sizes["frame"] >= 1
+    assert (results["outcome"] == 1).any()
+
+
+# --- the shipped ones
+
+
+@pytest.mark.parametrize(
+    ("name", "n", "contacts"),
+    [("pounding", 8, 3), ("clearance", 1, 2), ("two-masses", 2, 1), ("bilinear", 1, 1)],
+)
+def test_the_shipped_jobs_are_what_they_say(name, n, contacts):
+    job = load_job(JOBS / f"{name}.toml")
+    assert job.structure.n_floors == n
+    assert len(job.structure.contacts) == contacts
+    assert not job.structure.is_the_papers
+
+
+def test_pounding_buildings_are_those_of_three_and_five_equal_storeys():
+    found = load_job(JOBS / "pounding.toml").structure
+    stiffness = found.stiffness_matrix
+    assert np.array_equal(stiffness[:3, :3], Structure(3).stiffness_matrix)
+    assert np.array_equal(stiffness[3:, 3:], Structure(5).stiffness_matrix)
+    assert not stiffness[:3, 3:].any()
+    assert np.array_equal(found.drift_rows[3:, 3:], Structure(5).drift_rows)
+    lowest = Structure(5).frequencies[0], Structure(3).frequencies[0]
+    assert np.allclose(found.frequencies[:2], lowest)

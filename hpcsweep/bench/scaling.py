@@ -157,7 +157,7 @@ def reason(error: subprocess.SubprocessError) -> str:
     return lines[-1] if lines else str(error)
 
 
-def floors(numbers=(1, 3, 10, 30), repeats: int = 3, n_periods: int = 100) -> list[dict]:
+def floors(numbers=(1, 3, 10, 20, 30, 64), repeats: int = 3, n_periods: int = 100) -> list[dict]:
     """Measure `flow` against the number of floors, at each structure's first resonance."""
     found = []
     for n in numbers:

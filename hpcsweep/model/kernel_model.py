@@ -103,6 +103,8 @@ class Model(NamedTuple):
     """Likewise of what all contacts add to it."""
     bandwidth: int
     """M^-1 K is 0 at (i, j) where |i - j| is greater."""
+    damping_bandwidth: int
+    """Likewise of M^-1 C."""
     rho: float
     omega: float
     layer: float
@@ -137,6 +139,7 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         stiffness_bound=float(structure.stiffness_bound / rate**2),
         hardest=_hardest(structure),
         bandwidth=_bandwidth(stiffness) if not len(extra) else n + len(extra) - 1,
+        damping_bandwidth=_bandwidth(damping) if not len(extra) else n + len(extra) - 1,
         rho=float(structure.sharpness * length),
         omega=float(omega / rate),
         layer=layer,

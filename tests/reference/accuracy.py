@@ -16,6 +16,7 @@ M(T, t) being the tangent map from t to the end of the period. One rounding some
 path, in any method, becomes an error of kappa 1e-16.
 """
 
+import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
 import argparse
 import json
 import math

@@ -7,6 +7,7 @@ by one, says whether each contact touched; `flow` has to say the same and to end
 `--general` takes random structures of any kind (`general`), in units of theirs.
 """
 
+import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
 import argparse
 import math
 from collections import Counter

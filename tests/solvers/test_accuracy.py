@@ -15,7 +15,7 @@ import pytest
 from accuracy import EPSILON, KINDS, Case, certify, measure, random_cases, refer
 from contacts import summary
 from extended import monodromy_mp
-from general import GENERAL_KINDS, random_general_cases
+from general import GENERAL_KINDS, random_general_case, random_general_cases
 
 from hpcsweep.checks.tolerance import ALLOWED, FLOOR, regimes
 from hpcsweep.checks.tolerance import measure as measure_tolerance
@@ -130,6 +130,14 @@ def check_general(number, seed):
 
 def test_a_few_general_structures():
     check_general(15, seed=3)
+
+
+@pytest.mark.parametrize("number", [3, 74])
+def test_contacts_that_push_each_other_inside_their_layers(number):
+    # the softening of one that is switched on once hid the stiffness of the others
+    kind = GENERAL_KINDS[number % len(GENERAL_KINDS)]
+    case = random_general_case(np.random.default_rng([0, number]), kind, number)
+    assert measure(case).scaled < 5e-13
 
 
 @pytest.mark.slow

@@ -51,9 +51,38 @@ def less_linear(force, i, u, v, model):
     n = u.shape[0]
     for k in range(max(i - model.bandwidth, 0), min(i + model.bandwidth + 1, n)):
         force = fma(-model.stiffness[i, k], load(u, k * N_STAGES), force)
-    for k in range(n):
+    for k in range(max(i - model.damping_bandwidth, 0), min(i + model.damping_bandwidth + 1, n)):
         force = fma(-model.damping[i, k], load(v, k * N_STAGES), force)
     return force
+
+
+@inlined
+def _less_linear_of_four(i, u, v, model, out):
+    """Subtract as `less_linear` from the rows i to i + 3 of `out`.
+
+    Each sum has to wait for its terms one by one; four of them wait together.
+    """
+    n = u.shape[0]
+    stiffness, damping = model.stiffness, model.damping
+    row = i * N_STAGES
+    first, second = load(out, row), load(out, row + N_STAGES)
+    third, fourth = load(out, row + 2 * N_STAGES), load(out, row + 3 * N_STAGES)
+    for k in range(max(i - model.bandwidth, 0), min(i + model.bandwidth + 4, n)):
+        x = load(u, k * N_STAGES)
+        first = fma(-stiffness[i, k], x, first)
+        second = fma(-stiffness[i + 1, k], x, second)
+        third = fma(-stiffness[i + 2, k], x, third)
+        fourth = fma(-stiffness[i + 3, k], x, fourth)
+    for k in range(max(i - model.damping_bandwidth, 0), min(i + model.damping_bandwidth + 4, n)):
+        x = load(v, k * N_STAGES)
+        first = fma(-damping[i, k], x, first)
+        second = fma(-damping[i + 1, k], x, second)
+        third = fma(-damping[i + 2, k], x, third)
+        fourth = fma(-damping[i + 3, k], x, fourth)
+    store(out, row, first)
+    store(out, row + N_STAGES, second)
+    store(out, row + 2 * N_STAGES, third)
+    store(out, row + 3 * N_STAGES, fourth)
 
 
 @inlined
@@ -70,8 +99,17 @@ def _stage_accelerations(u, v, ground, active, model, out):
         evaluated.
     """
     contacts = model.contacts
-    for i in range(u.shape[0]):
-        force = less_linear(load(ground, 0) * model.forcing[i], i, u, v, model)
+    n = u.shape[0]
+    in_fours = n - n % 4
+    for i in range(in_fours):
+        store(out, i * N_STAGES, load(ground, 0) * model.forcing[i])
+    for i in range(0, in_fours, 4):
+        _less_linear_of_four(i, u, v, model, out)
+    for i in range(n):
+        if i < in_fours:
+            force = load(out, i * N_STAGES)
+        else:
+            force = less_linear(load(ground, 0) * model.forcing[i], i, u, v, model)
         k = contacts.solo[i]
         if k >= 0 and active[k] > 0:
             x = distances(k, u, contacts)
@@ -308,13 +346,28 @@ def accelerations(ground, z, model, out):
     """Evaluate u'' at one state into `out`, shape (R,), `ground` being G(tau)."""
     n = out.shape[0]
     contacts = model.contacts
+    stiffness, damping = model.stiffness, model.damping
     for i in range(n):
         force = model.forcing[i] * ground
         k = contacts.solo[i]
         if k >= 0:
             force -= contacts.sign[k] * push_of(k, z, model)
+        out[i] = force
+    in_fours = n - n % 4
+    for i in range(0, in_fours, 4):
+        # sums that wait for their terms together, see `_less_linear_of_four`
+        first, second, third, fourth = out[i], out[i + 1], out[i + 2], out[i + 3]
         for j in range(n):
-            force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
+            x, v = z[j], z[n + j]
+            first -= stiffness[i, j] * x + damping[i, j] * v
+            second -= stiffness[i + 1, j] * x + damping[i + 1, j] * v
+            third -= stiffness[i + 2, j] * x + damping[i + 2, j] * v
+            fourth -= stiffness[i + 3, j] * x + damping[i + 3, j] * v
+        out[i], out[i + 1], out[i + 2], out[i + 3] = first, second, third, fourth
+    for i in range(in_fours, n):
+        force = out[i]
+        for j in range(n):
+            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
         out[i] = force
     for other in range(contacts.others.shape[0]):
         k = contacts.others[other]

@@ -49,7 +49,7 @@ def layer_tangent(h, model, work, tangent):
             stiffest = maximum(stiff)
         else:
             store(spring, k * N_STAGES, stiffest)
-        hardest = hardest + stiffest if contacts.is_oblique else max(hardest, stiffest)
+        hardest = hardest + max(stiffest, 0.0) if contacts.is_oblique else max(hardest, stiffest)
     unchecked, least_ratio = iterations_needed(h * h * (model.stiffness_bound + hardest))
     for column in range(tangent.shape[1]):
         for i in range(n):

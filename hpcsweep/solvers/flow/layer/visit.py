@@ -151,7 +151,8 @@ def step_limit(z, a, model, most):
             stiff = contact_stiffness(nearest, contacts.beta[k], model.rho)
         else:
             continue
-        hardest = hardest + stiff if contacts.is_oblique else max(hardest, stiff)
+        # a contact that is switched on softens at first, which must not hide what others add
+        hardest = hardest + max(stiff, 0.0) if contacts.is_oblique else max(hardest, stiff)
     return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
 
 

@@ -48,8 +48,8 @@ TEMPLATE = """\
 # list of n, lowest frequency first. Or rayleigh = [alpha, beta], for alpha M + beta K.
 #damping_ratio = 0.05
 
-# In place of a building: [structure.matrices] with mass and stiffness, if wanted damping, forcing and
-# drift, and [[structure.contact]] with direction, gap and stiffness; see docs/job-files.md.
+# In place of a building: [structure.matrices] with mass and stiffness, if wanted damping, forcing
+# and drift, and [[structure.contact]] with direction, gap and stiffness; see docs/job-files.md.
 
 [forcing]
 # A sum of a_h sin(h Omega tau + phi_h): up to 16 orders h from 1 to 1000.

@@ -8,7 +8,7 @@ one. It asks five things of the scheme, which is Gauss collocation here and can 
 - step: `scheme.collocate` takes a step of length h from a state and its accelerations and leaves
   its stages in ``work.layer``; it may decline (False), and h is halved;
 - end: `scheme.finish` gives the state at the end of the step from its stages;
-- error: `scheme.quadrature_error` measures the error of that state, relative to max(1, |z|), of a
+- error: `error.quadrature_error` measures the error of that state, relative to max(1, |z|), of a
   known order in h (`visit.shortening`); it is a bound or an estimate from above;
 - highest point: `observation.observe_layer_step` finds the maxima of displacements and drifts over
   the step to its own accuracy (dense output), not only at its ends, and the modal norms;

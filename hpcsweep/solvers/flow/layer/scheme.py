@@ -20,16 +20,9 @@ import math
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, fma, greatest, load, maximum, modulus, store, total
-from hpcsweep.model.contact import FAR, contact_force, contact_forces, less_contact_forces
+from hpcsweep.model.contact import FAR, contact_force, less_contact_forces
 from hpcsweep.solvers.flow.forcing import SHORT_ANGLE
 from hpcsweep.solvers.flow.layer.tableau import (
-    ADDED_SLOPE,
-    CHECK_ADDED,
-    CHECK_GAUSS,
-    CHECK_NODES,
-    CHECK_ROWS,
-    CHECK_START,
-    GAUSS_SLOPE,
     N_STAGES,
     NODES,
     POSITION_ROWS,
@@ -197,7 +190,7 @@ def iterations_needed(square):
 
 
 @inlined
-def _weighted(rows, g, i):
+def weighted(rows, g, i):
     """Sum the rows with the factors g[i]: even and odd ones apart, which takes half as long."""
     even, odd = load(rows, 0) * g[i, 0], load(rows, N_STAGES) * g[i, 1]
     for k in range(2, N_STAGES, 2):
@@ -211,8 +204,8 @@ def stages(h, free, speeds, g, u, v):
     """Write displacements and velocities at the stages from the accelerations g."""
     for i in range(u.shape[0]):
         row = i * N_STAGES
-        store(u, row, fma(_weighted(POSITION_ROWS, g, i), h * h, load(free, row)))
-        store(v, row, fma(_weighted(SPEED_ROWS, g, i), h, load(speeds, row)))
+        store(u, row, fma(weighted(POSITION_ROWS, g, i), h * h, load(free, row)))
+        store(v, row, fma(weighted(SPEED_ROWS, g, i), h, load(speeds, row)))
 
 
 @inlined
@@ -296,32 +289,6 @@ def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
             first = change
         previous = change
     return False
-
-
-@inlined
-def quadrature_error(h, z, model, work):
-    """Measure the velocity error of the step from z that `collocate` has left in `work`.
-
-    See the module. Only the forces of contacts inside their layers count: all others are
-    linear, and resolved far better.
-    """
-    contacts, rho = model.contacts, model.rho
-    n = z.shape[0] // 2
-    worst = 0.0
-    for k in range(contacts.row.shape[0]):
-        if work.active[k] != 2:
-            continue
-        i, sign, beta = contacts.row[k], contacts.sign[k], contacts.beta[k]
-        x0 = sign * z[i] - contacts.gap[k]
-        start = contact_force(x0, beta * CHECK_START, rho)
-        gauss = contact_forces(distances(k, work.u, contacts), beta, rho) * load(CHECK_GAUSS, 0)
-        x = fma(load(CHECK_NODES, 0), h * sign * z[n + i], x0)
-        x = fma(_weighted(CHECK_ROWS, work.g, i), h * h * sign, x)
-        added = contact_forces(x, beta, rho) * load(CHECK_ADDED, 0)
-        mean = start + total(gauss + added)
-        slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
-        worst = max(worst, max(abs(mean), abs(slope)) * contacts.gain[k])
-    return h * worst
 
 
 @inlined

@@ -16,7 +16,7 @@ The step has two limits.
   for damping and forcing.
 
 Both limits are for a motion as uniform as it is at the start. What a step has become is checked by
-`scheme.quadrature_error`. A step whose error is above the tolerance is cut, by what its order
+`error.quadrature_error`. A step whose error is above the tolerance is cut, by what its order
 promises, and taken again.
 """
 
@@ -27,12 +27,12 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
 from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, contact_stiffness
 from hpcsweep.solvers.flow.forcing import forcing_at, later_forcing, total_forcing
+from hpcsweep.solvers.flow.layer.error import quadrature_error
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
     accelerations,
     collocate,
     finish,
-    quadrature_error,
 )
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.variations import layer_tangent

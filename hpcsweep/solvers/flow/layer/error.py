@@ -1,0 +1,41 @@
+"""The error of a collocation step: the Gauss rule against one of higher order (`scheme`)."""
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.vectors import fma, load, total
+from hpcsweep.model.contact import contact_force, contact_forces
+from hpcsweep.solvers.flow.layer.scheme import distances, weighted
+from hpcsweep.solvers.flow.layer.tableau import (
+    ADDED_SLOPE,
+    CHECK_ADDED,
+    CHECK_GAUSS,
+    CHECK_NODES,
+    CHECK_ROWS,
+    CHECK_START,
+    GAUSS_SLOPE,
+)
+
+
+@inlined
+def quadrature_error(h, z, model, work):
+    """Measure the velocity error of the step from z that `collocate` has left in `work`.
+
+    See the module. Only the forces of contacts inside their layers count: all others are
+    linear, and resolved far better.
+    """
+    contacts, rho = model.contacts, model.rho
+    n = z.shape[0] // 2
+    worst = 0.0
+    for k in range(contacts.row.shape[0]):
+        if work.active[k] != 2:
+            continue
+        i, sign, beta = contacts.row[k], contacts.sign[k], contacts.beta[k]
+        x0 = sign * z[i] - contacts.gap[k]
+        start = contact_force(x0, beta * CHECK_START, rho)
+        gauss = contact_forces(distances(k, work.u, contacts), beta, rho) * load(CHECK_GAUSS, 0)
+        x = fma(load(CHECK_NODES, 0), h * sign * z[n + i], x0)
+        x = fma(weighted(CHECK_ROWS, work.g, i), h * h * sign, x)
+        added = contact_forces(x, beta, rho) * load(CHECK_ADDED, 0)
+        mean = start + total(gauss + added)
+        slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
+        worst = max(worst, max(abs(mean), abs(slope)) * contacts.gain[k])
+    return h * worst

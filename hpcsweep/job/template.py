@@ -48,7 +48,7 @@ TEMPLATE = """\
 # list of n, lowest frequency first. Or rayleigh = [alpha, beta], for alpha M + beta K.
 #damping_ratio = 0.05
 
-# In place of a building: [structure.matrices] with mass and stiffness, if wanted damping, forcing and
+# In place of a building: [structure.matrices] with mass, stiffness, if wanted damping, forcing and
 # drift, and [[structure.contact]] with direction, gap and stiffness; see docs/job-files.md.
 
 [forcing]

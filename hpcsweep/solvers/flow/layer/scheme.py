@@ -1,6 +1,6 @@
-r"""Motion while a floor is inside its contact layer: Gauss collocation of order 16.
+r"""Motion while a contact is inside its layer: Gauss collocation of order 16.
 
-The whole smooth equation (19) is integrated, with any number of floors in their layers. On a
+The whole smooth equation (19) is integrated, with any number of contacts in their layers. On a
 step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
 
     V_j = v_0 + h sum_k A_jk G_k,      U_j = u_0 + h c_j v_0 + h^2 sum_k (A^2)_jk G_k,
@@ -9,11 +9,6 @@ step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
 (implicit Runge-Kutta of Gauss type, order 2 N_STAGES; Hairer, Norsett and Wanner, Solving
 Ordinary Differential Equations I, II.7), solved by fixed-point iteration from the
 accelerations at the start.
-
-The error of the velocity is the error of the Gauss rule along the collocation polynomial, and that
-is measured by a rule of 17 points, exact to degree 16, which adds to the Gauss nodes the nodes of
-Kronrod (Laurie, Math. Comp. 66 (1997) 1133) with the start of the step in place of the first. The
-same difference with the weight 2 s - 1 tells of residuals whose mean vanishes.
 """
 
 import math

@@ -262,7 +262,7 @@ def period(z, amplitude, omega, system, part, starts, sizes, series):
                 # beside the event a way through a stop that rounding has hidden from the roots
                 if k == event:
                     closed[k] = is_closed(0.0, x[k, 1].real)
-                elif x[k, 0].real != 0.0:
+                elif x[k, 0].real != 0.0 or x[k, 1].real != 0.0:
                     closed[k] = is_closed(x[k, 0].real, x[k, 1].real)
         tau = end if h >= end - tau else tau + h
         if not np.isfinite(z[0].real) or count > 10_000_000:

@@ -15,7 +15,7 @@ from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.reference import reference_points, reference_window
+from hpcsweep.solvers.reference import reference_monodromy, reference_points, reference_window
 
 
 def pounding(sharpness):
@@ -101,6 +101,15 @@ def test_what_is_observed_is_what_the_reference_sees(case):
     if np.isfinite(norms).any():
         # the free part of a step inside a layer is interpolated
         assert seen.modal_norm == pytest.approx(norms, abs=1e-4)
+
+
+def test_the_tangent_map_is_that_of_the_reference(case):
+    structure, amplitude, omega, start = case
+    exact = reference_monodromy(structure, amplitude, omega, start, 1)[1]
+    found = FlowMap(structure, omega).monodromy(start, amplitude, 1)[1]
+    units = structure.state_units
+    off = np.abs((found - exact) * units / units[:, None]).max()
+    assert off < 1e-7 * max(1.0, np.abs(exact * units / units[:, None]).max())
 
 
 def test_the_solvers_agree_in_motion_and_tangent(case):
@@ -223,3 +232,17 @@ def test_the_linear_state_in_closed_form(damping):
     )
     # nothing is said of an amplitude that reaches the stop
     assert orbit.steady_window(start, 1.01 * structure.grazing_amplitude(omega), 9, 9, 1e9) is None
+
+
+def test_stops_at_the_same_place_close_and_open_together():
+    """A spring on both sides of 0: with equal stiffness it is one that always acts."""
+    contacts = [Contact((1.0,), 0.0, 172.8), Contact((-1.0,), 0.0, 172.8)]
+    both = Structure.from_matrices([1.0], [[1.0]], contacts, damping_ratio=0.0)
+    one = Structure.from_matrices([1.0], [[173.8]], [], damping_ratio=0.0)
+    state, amplitude, omega = np.array([0.1, -0.3]), 0.4, 0.7
+    exact, _ = FlowMap(one, omega).points(state, amplitude, 1)
+    for found in (
+        FlowMap(both, omega).points(state, amplitude, 1)[0],
+        reference_points(both, amplitude, omega, state, 1),
+    ):
+        assert np.abs(found - exact).max() < 1e-12

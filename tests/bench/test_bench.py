@@ -233,4 +233,4 @@ def test_parts_by_name_as_json():
     found = json.loads(done.stdout)
     assert list(found) == ["floors", "skips"]
     assert found["skips"]["points"] == 10
-    assert [row["n_floors"] for row in found["floors"]] == [1, 3, 10, 30]
+    assert [row["n_floors"] for row in found["floors"]] == [1, 3, 10, 20, 30, 64]

@@ -34,6 +34,7 @@ flow, slow, z = FlowMap(three, 0.445), FlowMap(hpcsweep.Structure(10), 0.01), [0
 hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 2)  # compiled, or loaded
 flow.monodromy(z, 0.0987, 1)
 reference_points(three, 0.06, 0.445, z, 1)
+trajectory(three, 0.06, 0.445, z, 2)
 print("started", flush=True)
 try:
     {call}

@@ -4,12 +4,11 @@ import importlib.util
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.packing import Packing
-from hpcsweep.model.equations import jacobian, right_hand_side
+from hpcsweep.model.equations import MODEL, jacobian, right_hand_side
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
@@ -121,11 +120,22 @@ def _ours(name: str, rtol: float) -> Callable:
     return prepare
 
 
-def _problem(regime: Regime) -> tuple[Model, Frame, float]:
-    """Give a regime as the equations want it: model, frame of its states, and A."""
+class Problem(NamedTuple):
+    """A regime as the equations want it."""
+
+    model: Model
+    """Kept: its packed form holds the addresses of its arrays."""
+    packed: Any
+    frame: Frame
+    amplitude: float
+    period: float
+
+
+def _problem(regime: Regime) -> Problem:
     model = kernel_model(regime.structure, regime.omega)
     frame = Frame(regime.structure, model)
-    return model, frame, regime.amplitude / frame.amplitude_unit
+    amplitude = regime.amplitude / frame.amplitude_unit
+    return Problem(model, MODEL.pack(model), frame, amplitude, 2 * math.pi / model.omega)
 
 
 def _by_periods(regime: Regime, frame: Frame, one: Callable) -> Callable:
@@ -143,17 +153,18 @@ def _scipy(method: str, rtol: float) -> Callable:
     from scipy.integrate import solve_ivp
 
     def prepare(regime: Regime):
-        model, frame, amplitude = _problem(regime)
-        size = frame.size
-        period = 2 * math.pi / model.omega
+        problem = _problem(regime)
+        size = problem.frame.size
         options: dict[str, Any] = {"rtol": rtol, "atol": rtol}
         if method in ("BDF", "Radau", "LSODA"):
-            options["jac"] = lambda _t, z: jacobian(z, model, np.empty((size, size)))
+            options["jac"] = lambda _t, z: jacobian(z, problem.packed, np.empty((size, size)))
 
         def one(state):
             found = solve_ivp(
-                lambda t, z: right_hand_side(t, z, amplitude, model, np.empty(size)),
-                (0.0, period),
+                lambda t, z: right_hand_side(
+                    t, z, problem.amplitude, problem.packed, np.empty(size)
+                ),
+                (0.0, problem.period),
                 state,
                 method=method,
                 **options,
@@ -162,7 +173,7 @@ def _scipy(method: str, rtol: float) -> Callable:
                 raise ArithmeticError(found.message)
             return found.y[:, -1]
 
-        return _by_periods(regime, frame, one)
+        return _by_periods(regime, problem.frame, one)
 
     return prepare
 
@@ -173,28 +184,23 @@ def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
         import numbalsoda
     except ImportError:
         return
-    kept: list[Model] = []
 
-    def compiled(regime: Regime):
-        model, frame, amplitude = _problem(regime)
-        packing = Packing(model)
-        packed: Any = packing.pack(model)
-        read, size = packing.read, frame.size
-        kept.append(model)  # the buffer holds its addresses
+    def compiled(problem: Problem):
+        packed, amplitude, size = problem.packed, problem.amplitude, problem.frame.size
 
         @numba.cfunc(numbalsoda.lsoda_sig)
         def derivative(tau, z_, out_, _data):
             z = numba.carray(z_, (size,))
             out = numba.carray(out_, (size,))
-            right_hand_side(tau, z, amplitude, read(packed), out)
+            right_hand_side(tau, z, amplitude, packed, out)
 
         return derivative
 
     def prepare_with(solve, rtol):
         def prepare(regime: Regime):
-            derivative = compiled(regime)
-            model, frame, _ = _problem(regime)
-            times = np.array([0.0, 2 * math.pi / model.omega])
+            problem = _problem(regime)
+            derivative = compiled(problem)
+            times = np.array([0.0, problem.period])
 
             def one(state):
                 found, success = solve(
@@ -204,7 +210,7 @@ def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
                     raise ArithmeticError("the integrator gave up")
                 return found[-1]
 
-            return _by_periods(regime, frame, one)
+            return _by_periods(regime, problem.frame, one)
 
         return prepare
 
@@ -221,23 +227,22 @@ def _cvode() -> Iterator[tuple[str, float, Callable]]:
 
     def prepare_with(rtol):
         def prepare(regime: Regime):
-            model, frame, amplitude = _problem(regime)
-            period = 2 * math.pi / model.omega
+            problem = _problem(regime)
 
             def one(state):
                 solver = CVODE(
-                    lambda t, z, out: right_hand_side(t, z, amplitude, model, out),
+                    lambda t, z, out: right_hand_side(t, z, problem.amplitude, problem.packed, out),
                     method="BDF",
                     rtol=rtol,
                     atol=rtol,
                     max_num_steps=MAX_STEPS,
                 )
-                found = solver.solve([0.0, period], state)
+                found = solver.solve([0.0, problem.period], state)
                 if not found.success:
                     raise ArithmeticError(str(found.message))
                 return found.y[-1]
 
-            return _by_periods(regime, frame, one)
+            return _by_periods(regime, problem.frame, one)
 
         return prepare
 

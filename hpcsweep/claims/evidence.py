@@ -16,7 +16,7 @@ from hpcsweep.claims.data import Sweep, stretches
 from hpcsweep.claims.judgement import Hits, windows
 from hpcsweep.claims.words import C3, C23
 from hpcsweep.dynamics.stability import floquet_multipliers
-from hpcsweep.model.equations import right_hand_side
+from hpcsweep.model.equations import MODEL, right_hand_side
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
@@ -151,9 +151,10 @@ class Study:
         forcing_period = 2 * math.pi / omega
 
         model = kernel_model(s, omega)
+        packed = MODEL.pack(model)
 
         def motion(tau, z):
-            return right_hand_side(tau, z, amplitude, model, np.empty(2 * n))
+            return right_hand_side(tau, z, amplitude, packed, np.empty(2 * n))
 
         def event(floor):
             def height(_tau, z):

@@ -4,13 +4,22 @@ State z = (y_1..y_R, y_1'..y_R'), shape (2R,); rows and units as in `hpcsweep.mo
 """
 
 import math
+from typing import Any
 
 from hpcsweep.kernels.compile import jit
+from hpcsweep.kernels.packing import Packing
 from hpcsweep.model.contact import contact_force, contact_stiffness
+from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.model.structure import Structure
+
+MODEL = Packing(kernel_model(Structure(1), 1.0))
+"""Models, of any structure, are handed over packed (`MODEL.pack`): numba looks into every array of
+a call, which takes longer than the equations, and cannot be interrupted while it does."""
+read_model: Any = MODEL.read
 
 
 @jit
-def right_hand_side(tau, z, amplitude, model, out):
+def right_hand_side(tau, z, amplitude, packed, out):
     """Evaluate z' of (19) into `out`.
 
     Parameters
@@ -21,8 +30,10 @@ def right_hand_side(tau, z, amplitude, model, out):
         State and its derivative.
     amplitude : float
         A of the forcing (10).
-    model : Model
+    packed : ndarray of bytes
+        A packed `Model`, which must be kept.
     """
+    model = read_model(packed)
     n = model.stiffness.shape[0]
     contacts = model.contacts
     ground = 0.0
@@ -46,8 +57,9 @@ def right_hand_side(tau, z, amplitude, model, out):
 
 
 @jit
-def jacobian(z, model, out):
+def jacobian(z, packed, out):
     """Evaluate dz'/dz of (19) into `out`, shape (2R, 2R). Arguments as `right_hand_side`."""
+    model = read_model(packed)
     n = model.stiffness.shape[0]
     contacts = model.contacts
     for i in range(n):

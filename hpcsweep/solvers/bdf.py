@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import BDF
 
-from hpcsweep.model.equations import jacobian, right_hand_side
+from hpcsweep.model.equations import MODEL, jacobian, right_hand_side
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
@@ -65,6 +65,7 @@ class BdfMap:
         self.structure, self.omega, rtol = solver_arguments(structure, omega, rtol)
         self.rtol = max(rtol, SMALLEST_RTOL)
         self._model = model = kernel_model(structure, self.omega)
+        self._packed = MODEL.pack(model)
         self._frame = Frame(structure, model)
         self.period = 2 * math.pi / model.omega
         self._layer = 1.0 / max(model.rho, FLATTEST)
@@ -193,13 +194,13 @@ class BdfMap:
 
     def _equations(self, amplitude, columns):
         """Right-hand side and Jacobian for scipy, of the state with so many tangent columns."""
-        model, size = self._model, self._frame.size
+        packed, size = self._packed, self._frame.size
 
         def derivative(tau, z):
-            return right_hand_side(tau, z, amplitude, model, np.empty(size))
+            return right_hand_side(tau, z, amplitude, packed, np.empty(size))
 
         def matrix(_tau, z):
-            return jacobian(z, model, np.empty((size, size)))
+            return jacobian(z, packed, np.empty((size, size)))
 
         def derivative_with_tangent(tau, z):
             product = matrix(tau, z[:size]) @ z[size:].reshape(size, columns)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
-from hpcsweep.model.equations import right_hand_side
+from hpcsweep.model.equations import MODEL, right_hand_side
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
@@ -50,12 +50,12 @@ def trajectory(
     z = finite_vector("state", state, 2 * structure.n_floors)
     n_samples = count("n_samples", n_samples, 2, MAX_SAMPLES)
     model = kernel_model(structure, omega)
-    frame = Frame(structure, model)
+    packed, frame = MODEL.pack(model), Frame(structure, model)
     period = 2 * math.pi / model.omega
     size = amplitude / frame.amplitude_unit
 
     def derivative(tau, z):
-        return right_hand_side(tau, z, size, model, np.empty_like(z))
+        return right_hand_side(tau, z, size, packed, np.empty_like(z))
 
     done = solve_ivp(
         derivative,

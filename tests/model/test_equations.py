@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpcsweep.model.contact import contact_stiffness, sigmoid, switch
-from hpcsweep.model.equations import jacobian, right_hand_side
+from hpcsweep.model.equations import MODEL, jacobian, right_hand_side
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 
@@ -15,11 +15,13 @@ SHARPNESS = [0.0, 3.0, 1e4, 1e8, math.inf]
 
 def field(structure, tau, z, amplitude=0.0, omega=1.0):
     out = np.empty(z.size)
-    return right_hand_side(tau, z, amplitude, kernel_model(structure, omega), out)
+    model = kernel_model(structure, omega)
+    return right_hand_side(tau, z, amplitude, MODEL.pack(model), out)
 
 
 def matrix(structure, z):
-    return jacobian(z, kernel_model(structure, 1.0), np.empty((z.size, z.size)))
+    model = kernel_model(structure, 1.0)
+    return jacobian(z, MODEL.pack(model), np.empty((z.size, z.size)))
 
 
 @pytest.mark.parametrize("y", [-800.0, -50.0, -1.0, 0.0, 1.0, 50.0, 800.0, -1e308, 1e308])

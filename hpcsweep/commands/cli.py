@@ -119,12 +119,10 @@ def main(arguments: list[str] | None = None) -> int:
     environment.prepare()
     parser = build_parser()
     options = parser.parse_args(arguments)
-    if options.version:
-        return _version()
-    if options.command is None:
+    if options.command is None and not options.version:
         parser.error("a command is needed")
     try:
-        code = options.function(options)
+        code = _version() if options.version else options.function(options)
         sys.stdout.flush()
     except BrokenPipeError:
         # whoever read has enough (``| head``); nothing more is to be said, at exit neither

@@ -111,20 +111,10 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
 
 def _allowed(study, other: str, growth: float) -> float:
     settings = study.settings
-    stiff = max(_stiffness(study.structure) / 1000.0, 1.0) ** ERROR_GROWTH
+    stiff = max(study.structure.stiffest_contact / 1000.0, 1.0) ** ERROR_GROWTH
     own, witness = SOLVERS[settings.solver], SOLVERS[other]
     error = own.period_error * settings.rtol + witness.period_error * witness.tight
     return max(error * stiff, LEAST_ALLOWED) * max(growth, 1.0)
-
-
-def _stiffness(structure) -> float:
-    """Give the largest stiffness a contact adds to M^-1 K, in units of frequency; beta as such."""
-    inverse = np.linalg.inv(structure.mass_matrix)
-    added = [
-        contact.stiffness * float(np.array(contact.direction) @ inverse @ contact.direction)
-        for contact in structure.contacts
-    ]
-    return max(added, default=0.0) / structure.frequency_unit**2
 
 
 def _norm(tangent: np.ndarray, units: np.ndarray) -> float:

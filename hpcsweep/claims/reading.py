@@ -12,6 +12,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames, StoreError
 
 SAME_OMEGA = 5e-4
+WITHOUT_VALUE = {"matrices": "structure.matrices", "harmonics": "forcing.harmonics"}
+"""Keys of a job whose values are too long for a message."""
 LEAST_FRAMES = 10
 """Frames from which on a file is a map."""
 
@@ -50,10 +52,7 @@ def read_map(frames: Frames) -> Map | None:
     period = arrays["orbit_period"].astype(int)
     window = study.settings.sampling_cycles * 2 * math.pi / study.omega[:, None]
     growth = arrays["lyapunov"] * window if exponents else np.full(valid.shape, np.nan)
-    free = [
-        np.abs(np.diff(study.structure.linear_steady_state(omega), prepend=0.0)).max() * omega**2
-        for omega in study.omega
-    ]
+    free = [study.structure.steady_drift(omega) * omega**2 for omega in study.omega]
     return Map(
         stiffness_ratio=study.structure.stiffness_ratio,
         omega=study.omega,
@@ -80,24 +79,8 @@ def open_frames(path: Path) -> Frames:
     if n != 3:
         frames.close()
         raise StoreError(f"{path}: structure.n_floors = {n}: the claims are about 3 floors")
-    key = _foreign(frames.study.structure)
-    if key is not None:
+    for key, value in frames.study.structure.foreign.items():
         frames.close()
-        raise StoreError(f"{path}: {key}: the claims are about the building of the paper alone")
+        name = WITHOUT_VALUE.get(key) or f"structure.{key} = {few(value)}"
+        raise StoreError(f"{path}: {name}: the claims are about the building of the paper alone")
     return frames
-
-
-def _foreign(structure) -> str | None:
-    """Name the key of the job that makes a structure another than the paper's, if one does."""
-    if structure.is_the_papers:
-        return None
-    if structure.matrices is not None:
-        return "structure.matrices"
-    usual = {"gap": 1.0, "gap_left": math.inf}
-    for key in ("mass", "storey_stiffness", "gap", "gap_left", "rayleigh"):
-        value = getattr(structure, key)
-        if value != usual.get(key):
-            return f"structure.{key} = {few(value)}"
-    if isinstance(structure.stiffness_ratio, tuple):
-        return f"structure.stiffness_ratio = {few(structure.stiffness_ratio)}"
-    return "forcing.harmonics"

@@ -115,17 +115,18 @@ def _tuples(value):
 def _check_sizes(values: Values, structure: Structure) -> None:
     """Refuse values that no solver can start from."""
     sizes = {
-        "mass": structure.mass_matrix.ravel().tolist(),
-        "stiffness": structure.stiffness_matrix.ravel().tolist(),
-        "gap": [contact.gap for contact in structure.contacts],
-        "contact.stiffness": [contact.stiffness for contact in structure.contacts],
-        "contact.direction": [x for contact in structure.contacts for x in contact.direction],
+        "structure.mass": structure.mass_matrix.ravel().tolist(),
+        "structure.stiffness": structure.stiffness_matrix.ravel().tolist(),
+        "structure.gap": [contact.gap for contact in structure.contacts],
+        "structure.contact.stiffness": structure.contact_stiffness.tolist(),
+        "structure.contact.direction": structure.directions.ravel().tolist(),
+        "forcing.harmonics.amplitude": [size for _, size, _ in structure.harmonics],
     }
     for key, listed in sizes.items():
         for value in listed:
             if value and not MIN_SIZE <= abs(value) <= MAX_SIZE:
                 limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
-                raise values.error(f"structure.{key}", value, limit)
+                raise values.error(key, value, limit)
     ratio: Any = structure.stiffness_ratio
     damping = "damping_ratio" if structure.rayleigh is None else "rayleigh"
     for key, value, largest in (
@@ -135,7 +136,3 @@ def _check_sizes(values: Values, structure: Structure) -> None:
     ):
         if largest < value < math.inf:
             raise values.error(f"structure.{key}", value, f"must be at most {largest:g}")
-    for _, size, _ in structure.harmonics:
-        if size and not MIN_SIZE <= abs(size) <= MAX_SIZE:
-            limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
-            raise values.error("forcing.harmonics.amplitude", size, limit)

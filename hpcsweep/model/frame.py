@@ -27,14 +27,14 @@ class Frame:
         """Of the state of the kernels: 2 R."""
         return 2 * (self._n + len(self._rows))
 
-    def into(self, state: np.ndarray) -> np.ndarray:
-        """Give the state of the kernels, shape (2R,), a new array, from one of shape (2n,)."""
-        z = np.array(state, dtype=float)
+    def into(self, states: np.ndarray) -> np.ndarray:
+        """Give states of the kernels, (..., 2R), a new array, from those of shape (..., 2n)."""
+        z = np.array(states, dtype=float)
         if self._is_plain:
             return z
-        z = z / self._units
-        u, v = z[: self._n], z[self._n :]
-        return np.concatenate((u, self._rows @ u, v, self._rows @ v))
+        z /= self._units
+        u, v = z[..., : self._n], z[..., self._n :]
+        return np.concatenate((u, u @ self._rows.T, v, v @ self._rows.T), -1)
 
     def out_of(self, z: np.ndarray) -> np.ndarray:
         """Give states of shape (..., 2n) from those of the kernels, (..., 2R)."""
@@ -45,16 +45,8 @@ class Frame:
 
     def tangent_into(self, columns: np.ndarray) -> np.ndarray:
         """Take tangent vectors, columns of shape (2n, m), to those of the kernels, (2R, m)."""
-        if self._is_plain:
-            return np.array(columns, dtype=float)
-        scaled = columns / self._units[:, None]
-        u, v = scaled[: self._n], scaled[self._n :]
-        return np.concatenate((u, self._rows @ u, v, self._rows @ v))
+        return np.ascontiguousarray(self.into(columns.T).T)
 
     def tangent_out_of(self, columns: np.ndarray) -> np.ndarray:
         """Take tangent vectors back."""
-        if self._is_plain:
-            return columns
-        half = len(columns) // 2
-        kept = np.concatenate((columns[: self._n], columns[half : half + self._n]))
-        return kept * self._units[:, None]
+        return np.ascontiguousarray(self.out_of(columns.T).T)

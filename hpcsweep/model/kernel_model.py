@@ -119,64 +119,32 @@ def kernel_model(structure: Structure, omega: float) -> Model:
     stiffness = per_mass(mass, structure.stiffness_matrix) / rate**2
     damping = per_mass(mass, structure.damping_matrix) / rate
     rows = _Rows(n)
-    contacts = _contacts(structure, rows, stiffness, damping)
+    places = [rows.of(direction) for direction in structure.directions]
     drift_rows = np.array([rows.difference(row) for row in structure.drift_rows], np.int64)
     extra = np.array(rows.extra).reshape(-1, n)
     layer = float(structure.layer_half_width / length)
+    energy = _energy(structure)
     masses = np.diag(mass)
     # writable copies, of one order: all structures share the compiled kernels
     return Model(
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
-        forcing=_through(extra, per_mass(mass, structure.forcing_vector)),
+        forcing=_wide(per_mass(mass, structure.forcing_vector), extra),
         harmonics=np.array(structure.harmonics, float).reshape(-1, 3),
         rows=extra,
-        contacts=_finished(contacts, extra, layer),
+        contacts=_contacts(structure, places, extra, (stiffness, damping), layer),
         drift_rows=drift_rows.reshape(-1, 2),
         modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
         balance=np.sqrt(masses.max() / masses),
-        energy=_energy(structure),
+        energy=energy,
         stiffness_bound=float(structure.stiffness_bound / rate**2),
-        hardest=_hardest(structure),
+        hardest=_hardest(energy),
         bandwidth=_bandwidth(stiffness) if not len(extra) else n + len(extra) - 1,
         damping_bandwidth=_bandwidth(damping) if not len(extra) else n + len(extra) - 1,
         rho=float(structure.sharpness * length),
         omega=float(omega / rate),
         layer=layer,
     )
-
-
-def _finished(contacts: Contacts, extra: np.ndarray, layer: float) -> Contacts:
-    """Give what is known of the contacts when all rows are."""
-    n_rows = contacts.kick.shape[1] + len(extra)
-    solo, others = _shares(contacts, n_rows)
-
-    def wide(vectors: np.ndarray) -> np.ndarray:
-        return np.hstack((vectors, vectors @ extra.T))
-
-    edge = contacts.sign * (contacts.gap - layer), contacts.sign * (contacts.gap + layer)
-    return contacts._replace(
-        places=np.stack((contacts.row, contacts.row + n_rows), 1).astype(np.uint64),
-        edges=np.stack((contacts.sign, *edge, contacts.gap), 1),
-        solo=solo,
-        others=others,
-        kick=wide(contacts.kick),
-        damped=wide(contacts.damped),
-        bent=wide(contacts.bent),
-    )
-
-
-def _shares(contacts: Contacts, n_rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Tell which contacts are alone on a row that is all they push, and which are not."""
-    solo = np.full(n_rows, -1, np.int64)
-    others = []
-    for k, row in enumerate(contacts.row):
-        pushed = contacts.push_row[contacts.first[k] : contacts.first[k + 1]]
-        if pushed.tolist() == [row] and solo[row] < 0:
-            solo[row] = k
-        else:
-            others.append(k)
-    return solo, np.array(others, np.int64)
 
 
 class _Rows:
@@ -207,14 +175,14 @@ class _Rows:
         return self.of(direction)[0], -1
 
 
-def _through(extra: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Write a vector of n entries with those of the rows beyond n."""
-    return np.concatenate((values, extra @ values))
+def _wide(vectors: np.ndarray, extra: np.ndarray) -> np.ndarray:
+    """Write vectors of n entries, (..., n), with those of the rows beyond n, (..., R)."""
+    return np.concatenate((vectors, vectors @ extra.T), axis=-1)
 
 
 def _extended(matrix: np.ndarray, extra: np.ndarray) -> np.ndarray:
     """Write a matrix (n, n) as one of all rows, (R, R), whose columns beyond n are 0."""
-    tall = np.vstack((matrix, extra @ matrix))
+    tall = _wide(matrix.T, extra).T
     return np.ascontiguousarray(np.hstack((tall, np.zeros((len(tall), len(extra))))))
 
 
@@ -223,77 +191,84 @@ def _bandwidth(matrix: np.ndarray) -> int:
     return int(np.abs(i - j).max(initial=0))
 
 
-def _contacts(structure: Structure, rows: _Rows, stiffness, damping) -> Contacts:
-    """Make the contacts; vectors of n entries, to be extended."""
-    mass, n, m = structure.mass_matrix, structure.n_floors, len(structure.contacts)
-    places = [rows.of(np.array(contact.direction)) for contact in structure.contacts]
-    reach = np.array([contact.direction for contact in structure.contacts]).reshape(m, n)
-    softness = [float(d @ per_mass(mass, d)) for d in reach]
-    kick = [per_mass(mass, d) / soft for d, soft in zip(reach, softness, strict=True)]
-    damped = [damping @ e for e in kick]
-    bent = [_bent(stiffness, damping, e, de) for e, de in zip(kick, damped, strict=True)]
-    flexibility = np.diag(per_mass(mass, np.eye(n)))
-    wide = [_through(np.array(rows.extra).reshape(-1, n), e) for e in kick]
-    entries = [np.flatnonzero(e) for e in wide]
-    oblique = np.array([[float(d @ e) for e in kick] for d in reach]).reshape(m, m)
+def _contacts(structure: Structure, places, extra: np.ndarray, matrices, layer: float) -> Contacts:
+    """Make the contacts, from the row and the sign of each and all rows beyond n."""
+    mass, softness, reach = structure.mass_matrix, structure.contact_softness, structure.directions
+    stiffness, damping = matrices
+    kick = per_mass(mass, reach.T).T / softness[:, None]
+    damped = kick @ damping.T
+    pushed = _wide(kick, extra)
+    entries = [np.flatnonzero(e) for e in pushed]
+    first = np.cumsum([0, *(entry.size for entry in entries)]).astype(np.int64)
+    push_row = np.concatenate([np.zeros(0, np.int64), *entries]).astype(np.int64)
+    row = np.array([row for row, _ in places], np.int64)
+    sign = np.array([sign for _, sign in places], float)
+    gap = np.array([contact.gap for contact in structure.contacts], float) / structure.length_unit
+    solo, others = _shares(row, entries, pushed.shape[1])
+    oblique = reach @ kick.T
     oblique[np.abs(oblique) < 1e-14] = 0.0
     np.fill_diagonal(oblique, 0.0)
-    kappa = [contact.stiffness for contact in structure.contacts]
-    scale = structure.frequency_unit**2
+    flexibility = np.diag(per_mass(mass, np.eye(len(mass))))
     return Contacts(
-        row=np.array([row for row, _ in places], np.int64),
-        places=np.zeros((m, 2), np.uint64),
-        edges=np.zeros((m, 4)),
-        sign=np.array([sign for _, sign in places], float),
-        gap=np.array([contact.gap for contact in structure.contacts], float)
-        / structure.length_unit,
-        solo=np.zeros(0, np.int64),
-        others=np.zeros(0, np.int64),
-        beta=np.array(kappa, float) * np.array(softness, float) / scale,
-        first=np.cumsum([0, *(entry.size for entry in entries)]).astype(np.int64),
-        push_row=np.concatenate([np.zeros(0, np.int64), *entries]).astype(np.int64),
-        push=np.concatenate([np.zeros(0), *(e[i] for e, i in zip(wide, entries, strict=True))]),
-        reach=reach,
-        kick=np.array(kick).reshape(m, n),
-        damped=np.array(damped).reshape(m, n),
-        bent=np.array(bent).reshape(m, n),
-        gain=np.sqrt(np.maximum(flexibility.max() / np.array(softness), 1.0)).reshape(m),
+        row=row,
+        places=np.stack((row, row + pushed.shape[1]), 1).astype(np.uint64),
+        edges=np.stack((sign, sign * (gap - layer), sign * (gap + layer), gap), 1),
+        sign=sign,
+        gap=gap,
+        beta=structure.contact_stiffness * softness / structure.frequency_unit**2,
+        first=first,
+        push_row=push_row,
+        push=np.concatenate([np.zeros(0), *(e[i] for e, i in zip(pushed, entries, strict=True))]),
+        solo=solo,
+        others=others,
+        reach=np.array(reach),
+        kick=pushed,
+        damped=_wide(damped, extra),
+        bent=_wide(_bent(stiffness, damping, kick, damped), extra),
+        gain=np.sqrt(np.maximum(flexibility.max() / softness, 1.0)),
         oblique=oblique,
         is_oblique=bool(oblique.any()),
     )
 
 
-def _bent(stiffness, damping, e, de) -> np.ndarray:
-    """Give -K e + D (D e), summed in the order of the columns."""
-    found = -(stiffness @ e)
-    for j in range(len(e)):
-        found = found + damping[:, j] * de[j]
+def _shares(row: np.ndarray, pushed: list[np.ndarray], n_rows: int) -> tuple[np.ndarray, ...]:
+    """Tell which contacts are alone on a row that is all they push, and which are not."""
+    solo = np.full(n_rows, -1, np.int64)
+    others = []
+    for k, (own, rows) in enumerate(zip(row, pushed, strict=True)):
+        if rows.tolist() == [own] and solo[own] < 0:
+            solo[own] = k
+        else:
+            others.append(k)
+    return solo, np.array(others, np.int64)
+
+
+def _bent(stiffness, damping, kick, damped) -> np.ndarray:
+    """Give -K e + D (D e) of each contact, summed in the order of the columns."""
+    found = -(kick @ stiffness.T)
+    for j in range(len(damping)):
+        found = found + damping[:, j] * damped[:, j, None]
     return found
 
 
-def _symmetric(mass: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Give L^-1 X L^-T of a symmetric X, M = L L^T; of vectors as rows L^-1 d."""
-    root = np.linalg.cholesky(mass)
-    left = np.linalg.solve(root, matrix)
-    return np.linalg.solve(root, left.T).T
-
-
 def _energy(structure: Structure) -> Energy:
-    mass, scale = structure.mass_matrix, structure.frequency_unit
-    m, n = len(structure.contacts), structure.n_floors
-    reach = np.array([contact.direction for contact in structure.contacts]).reshape(m, n)
-    drag = _symmetric(mass, structure.damping_matrix) / scale
+    scale = structure.frequency_unit
+    root = np.linalg.cholesky(structure.mass_matrix)
+
+    def symmetric(matrix: np.ndarray) -> np.ndarray:
+        return np.linalg.solve(root, np.linalg.solve(root, matrix).T).T
+
+    drag = symmetric(structure.damping_matrix) / scale
     return Energy(
-        stiffness=np.ascontiguousarray(_symmetric(mass, structure.stiffness_matrix) / scale**2),
-        reach=np.ascontiguousarray(np.linalg.solve(np.linalg.cholesky(mass), reach.T).T),
-        kappa=np.array([contact.stiffness for contact in structure.contacts], float) / scale**2,
+        stiffness=np.ascontiguousarray(symmetric(structure.stiffness_matrix) / scale**2),
+        reach=np.ascontiguousarray(np.linalg.solve(root, structure.directions.T).T),
+        kappa=structure.contact_stiffness / scale**2,
         drag=float(np.linalg.eigvalsh(drag)[-1]),
     )
 
 
-def _hardest(structure: Structure) -> float:
+def _hardest(energy: Energy) -> float:
     """Give the largest eigenvalue of what all contacts together add to M^-1 K."""
-    energy = _energy(structure)
     if not energy.kappa.size:
         return 0.0
     together = np.einsum("k,ki,kj->ij", energy.kappa, energy.reach, energy.reach)

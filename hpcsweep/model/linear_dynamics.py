@@ -13,7 +13,7 @@ from hpcsweep.model.modes import (
     natural_modes,
     per_mass,
     power_of_two,
-    trigonometric_maximum,
+    trigonometric_maxima,
 )
 
 if TYPE_CHECKING:
@@ -65,6 +65,11 @@ class LinearDynamics:
         """All contacts."""
         raise NotImplementedError
 
+    @property
+    def drift_rows(self) -> np.ndarray:
+        """Rows whose |row . u| are the drifts, shape (any, n)."""
+        raise NotImplementedError
+
     @cached_property
     def length_unit(self) -> float:
         """Length that results are measured by where a tolerance is meant: a gap, up to a factor."""
@@ -92,20 +97,21 @@ class LinearDynamics:
             alpha, beta = self.rayleigh
             return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
         if self.matrices is not None and self.matrices.damping is not None:
-            phi = self.mode_shapes
-            modal = np.einsum("ij,ik,kj->j", phi, np.array(self.matrices.damping), phi)
-            return 0.5 * modal / self.frequencies
+            return 0.5 * np.diag(self.modal_damping) / self.frequencies
         return np.array(self._ratios)
+
+    @cached_property
+    def modal_damping(self) -> np.ndarray:
+        """Phi^T C Phi, shape (n, n)."""
+        return frozen(self.mode_shapes.T @ self.damping_matrix @ self.mode_shapes)
 
     @cached_property
     def is_modal(self) -> bool:
         """Whether damping leaves the modes uncoupled."""
         if self.matrices is None or self.matrices.damping is None:
             return True
-        phi = self.mode_shapes
-        modal = phi.T @ self.damping_matrix @ phi
-        off = modal - np.diag(np.diag(modal))
-        return bool(np.abs(off).max() <= 1e-13 * np.abs(modal).max())
+        off = self.modal_damping - np.diag(np.diag(self.modal_damping))
+        return bool(np.abs(off).max() <= 1e-13 * np.abs(self.modal_damping).max())
 
     @property
     def stiffness_bound(self) -> float:
@@ -118,17 +124,36 @@ class LinearDynamics:
         return float(self.frequencies[-1] ** 2) * (1.0 + 1e-12)
 
     @cached_property
+    def directions(self) -> np.ndarray:
+        """d_k of every contact, shape (m, n)."""
+        listed = [contact.direction for contact in self.contacts]
+        return frozen(np.array(listed, float).reshape(-1, self.n_floors))
+
+    @cached_property
+    def contact_stiffness(self) -> np.ndarray:
+        """kappa_k of every contact, shape (m,)."""
+        return frozen(np.array([contact.stiffness for contact in self.contacts], float))
+
+    @cached_property
+    def contact_softness(self) -> np.ndarray:
+        """d_k . M^-1 d_k of every contact: what a unit of force adds to x_k'', shape (m,)."""
+        mass = self.mass_matrix
+        return frozen(np.array([d @ per_mass(mass, d) for d in self.directions], float))
+
+    @property
+    def stiffest_contact(self) -> float:
+        """Largest stiffness that the distance of a contact feels, in units of frequency: beta."""
+        felt = self.contact_stiffness * self.contact_softness / self.frequency_unit**2
+        return float(felt.max(initial=0.0))
+
+    @cached_property
     def layer_half_width(self) -> float:
         """Half-width of the contact layer, a length; see `contact.layer_half_width`."""
         # with the law come its kernels, and numba: who only reads results waits for neither
         from hpcsweep.model.contact import layer_half_width
 
-        stiffest = 0.0
-        for contact in self.contacts:
-            d = np.array(contact.direction)
-            softness = float(d @ per_mass(self.mass_matrix, d))
-            stiffest = max(stiffest, contact.stiffness * softness / self.frequency_unit**2)
-        return self.length_unit * layer_half_width(stiffest, self.sharpness * self.length_unit)
+        rho = self.sharpness * self.length_unit
+        return self.length_unit * layer_half_width(self.stiffest_contact, rho)
 
     @cached_property
     def _modes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -214,11 +239,21 @@ class LinearDynamics:
 
         For stops without layer; 0 if the structure rests at one, inf if there is none.
         """
-        orders, responses = self.steady_harmonics(omega)
+        reach = trigonometric_maxima(*self.steady_harmonics(omega), self.directions)
         lowest = math.inf
-        for contact in self.contacts:
-            reach = trigonometric_maximum(orders, responses @ np.array(contact.direction))
+        for contact, most in zip(self.contacts, reach.tolist(), strict=True):
             if contact.gap <= 0:
                 return 0.0
-            lowest = min(lowest, contact.gap / reach if reach > 0 else math.inf)
+            lowest = min(lowest, contact.gap / most if most > 0 else math.inf)
         return lowest
+
+    def steady_drift(self, omega: float) -> float:
+        """Return the largest drift of the linear steady state at unit amplitude.
+
+        Raises
+        ------
+        ZeroDivisionError
+            At an undamped resonance, where there is no steady state.
+        """
+        rows = np.concatenate((self.drift_rows, -self.drift_rows))
+        return float(trigonometric_maxima(*self.steady_harmonics(omega), rows).max())

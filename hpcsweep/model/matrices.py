@@ -8,12 +8,12 @@ right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound w
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, number, shown
+from hpcsweep.model.arguments import finite, number, refused, shown
 
 MAX_FLOORS = 64
 MAX_CONTACTS = 64
@@ -146,8 +146,6 @@ def read_matrices(
     )
     for value in found.forcing or ():
         finite("matrices.forcing", value)
-    check_definite("matrices.mass", np.array(found.mass))
-    check_symmetric("matrices.stiffness", np.array(found.stiffness))
     if found.damping is not None:
         _check_damping(np.array(found.damping))
     return found
@@ -195,17 +193,17 @@ def _check_damping(array: np.ndarray) -> None:
 def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
     """Validate the harmonics (order, amplitude, phase) of the forcing, one row each."""
     if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
-        raise ValueError(f"harmonics must be a list of (order, amplitude, phase), is {given!r}")
+        raise ValueError(
+            f"harmonics must be a list of (order, amplitude, phase), is {shown(given)}"
+        )
     if not 1 <= len(given) <= MAX_HARMONICS:
         raise ValueError(f"harmonics must be 1 to {MAX_HARMONICS}, are {len(given)}")
     found = []
     for entry in given:
         order, amplitude, phase = vector("harmonics", entry, 3, "numbers each")
-        whole = isinstance(entry[0], Integral) or order == int(order)
-        if not whole or not 1 <= order <= MAX_ORDER:
-            raise ValueError(
-                f"harmonics.order must be a whole number from 1 to {MAX_ORDER}, is {entry[0]!r}"
-            )
+        if not order.is_integer() or not 1 <= order <= MAX_ORDER:
+            limit = f"a whole number from 1 to {MAX_ORDER}"
+            raise refused("harmonics.order", limit, entry[0])
         found.append(
             (int(order), finite("harmonics.amplitude", amplitude), finite("harmonics.phase", phase))
         )

@@ -86,6 +86,11 @@ def trigonometric_maximum(orders: np.ndarray, amplitudes: np.ndarray) -> float:
     return float(highest)
 
 
+def trigonometric_maxima(orders: np.ndarray, responses: np.ndarray, rows) -> np.ndarray:
+    """Find `trigonometric_maximum` of row . u for each of some rows, u of responses (H, n)."""
+    return np.array([trigonometric_maximum(orders, responses @ row) for row in rows])
+
+
 def trigonometric_zeros(orders: np.ndarray, amplitudes: np.ndarray) -> list[float]:
     """List the sign changes of sum_h Im(a_h exp(i h theta)) over a period of theta."""
     from scipy.optimize import brentq

@@ -10,7 +10,7 @@ Impacting a Rigid Stop".
 
 import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cached_property
 from numbers import Real
 from typing import Any
@@ -32,6 +32,11 @@ from hpcsweep.model.matrices import (
 
 ONE_HARMONIC = ((1, 1.0, 0.0),)
 PerFloor = float | tuple[float, ...]
+FOREIGN = (
+    *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh"),
+    *("stiffness_ratio", "harmonics"),
+)
+"""Parameters that the building of the paper leaves at their defaults."""
 
 
 @dataclass(frozen=True)
@@ -310,15 +315,18 @@ class Structure(LinearDynamics):
         return frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))
 
     @property
-    def is_the_papers(self) -> bool:
-        """Whether it is a uniform building with one stop a floor at gap 1 and one harmonic."""
-        return (
-            self.is_uniform
-            and isinstance(self.stiffness_ratio, float)
-            and (self.gap, self.gap_left) == (1.0, math.inf)
-            and self.harmonics == ONE_HARMONIC
-            and self.rayleigh is None
-        )
+    def foreign(self) -> dict[str, Any]:
+        """What makes it another structure than the paper's, by name.
+
+        That is a uniform building with one stop a floor at gap 1, one stiffness ratio and one
+        harmonic.
+        """
+        usual = {part.name: part.default for part in fields(self)}
+        if not isinstance(self.stiffness_ratio, tuple):
+            # the paper varies it
+            usual["stiffness_ratio"] = self.stiffness_ratio
+        given = {name: getattr(self, name) for name in FOREIGN}
+        return {name: value for name, value in given.items() if value != usual[name]}
 
     def meaning(self) -> list:
         """Write out the parameters that the first version knew, in its order."""

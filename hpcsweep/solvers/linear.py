@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import expm
 
-from hpcsweep.model.modes import trigonometric_maximum, trigonometric_zeros
+from hpcsweep.model.modes import trigonometric_maxima, trigonometric_zeros
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
@@ -44,9 +44,7 @@ class LinearOrbit:
     def __init__(self, structure: Structure, omega: float):
         self._structure = structure
         self._omega = omega
-        self._directions = np.array([c.direction for c in structure.contacts]).reshape(
-            -1, structure.n_floors
-        )
+        directions = structure.directions
         gaps = np.array([contact.gap for contact in structure.contacts])
         self._levels = gaps - structure.layer_half_width
         try:
@@ -56,26 +54,20 @@ class LinearOrbit:
             return
         self.lyapunov_exponent = _slowest_decay(structure)
         """Of every linear motion: the largest real part of the eigenvalues of the free modes."""
-        self._largest = self._maxima(self._directions), self._maxima(-self._directions)
-        rows = structure.drift_rows
-        self._drift = max(self._maxima(rows).max(), self._maxima(-rows).max())
+        steady = self._orders, self._responses
+        self._largest = [trigonometric_maxima(*steady, sign * directions) for sign in (1.0, -1.0)]
+        self._drift = structure.steady_drift(omega)
         self._modal_norm = _mean_modal_norm(
             self._orders, self._responses @ structure.modal_transform.T
         )
         self._decay = _period_maps(structure, 2 * math.pi / omega)
-        self._reach = _reach(structure, self._directions)
+        self._reach = _reach(structure)
         self._powers: dict[tuple[int, int], tuple[np.ndarray, ...]] = {}
 
     def state(self, amplitude: float) -> np.ndarray:
         """Give the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
         speeds = self._omega * (self._orders @ self._responses.real)
         return amplitude * np.concatenate((self._responses.imag.sum(axis=0), speeds))
-
-    def _maxima(self, directions: np.ndarray) -> np.ndarray:
-        """Give the largest d . u of the steady state at unit amplitude for each row d."""
-        return np.array(
-            [trigonometric_maximum(self._orders, self._responses @ d) for d in directions]
-        )
 
     def steady_window(
         self, state: np.ndarray, amplitude: float, transient: int, sampling: int, same: float
@@ -147,14 +139,13 @@ def _period_maps(structure: Structure, period: float) -> np.ndarray:
                 for w, zeta in zip(w, zeta, strict=True)
             ]
         )
-    phi, zero = structure.mode_shapes, np.zeros((w.size, w.size))
-    modal = phi.T @ structure.damping_matrix @ phi
-    return expm(period * np.block([[zero, np.eye(w.size)], [-np.diag(w**2), -modal]]))
+    zero, drag = np.zeros((w.size, w.size)), structure.modal_damping
+    return expm(period * np.block([[zero, np.eye(w.size)], [-np.diag(w**2), -drag]]))
 
 
-def _reach(structure: Structure, directions: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the bound of d . u, for each row d, from the modal amplitudes a_j; see the module."""
-    modal = directions @ structure.mode_shapes
+def _reach(structure: Structure) -> Callable[[np.ndarray], np.ndarray]:
+    """Make the bound of d . u, for each contact, from the modal amplitudes a_j; see the module."""
+    modal = structure.directions @ structure.mode_shapes
     if structure.is_modal:
         return lambda size: np.abs(modal) @ size
     w = structure.frequencies

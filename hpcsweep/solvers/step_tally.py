@@ -20,8 +20,9 @@ class StepTally:
         self._modal_transform = model.modal_transform
         self._contacts = model.contacts
         self._n = model.stiffness.shape[0]
-        # coordinate 0 is at rest: the base
-        self._drifts = np.eye(self._n + 1)[model.drift_rows + 1]
+        unit = np.vstack((np.eye(self._n), np.zeros(self._n)))  # row -1 is at rest: the base
+        upper, lower = model.drift_rows.T
+        self._drifts = unit[upper] - unit[lower]
         self._modal = np.zeros(len(model.modal_transform))
         self._free_time = 0.0
         self._modal_norm = modal_norm
@@ -31,7 +32,7 @@ class StepTally:
         n = self._n
         tau = np.linspace(start, end, STEP_NODES)
         z = interpolant(tau)
-        drifts = (self._drifts[:, 0] - self._drifts[:, 1])[:, 1:]
+        drifts = self._drifts
         drift, slope = drifts @ z[:n], drifts @ z[n:]
         self.peak_drift = max(self.peak_drift, float(np.abs(drift).max()))
         contacts = self._contacts

@@ -105,7 +105,7 @@ class Layout:
     def attributes(self) -> dict[str, object]:
         """Attributes by which a reader knows the job."""
         settings, structure = self.study.settings, self.study.structure
-        told = {} if structure.is_the_papers else {"structure": description.as_text(structure)}
+        told = {"structure": description.as_text(structure)} if structure.foreign else {}
         return {
             "format": FORMAT,
             "layout_version": LAYOUT_VERSION,

@@ -354,7 +354,7 @@ def test_the_shipped_jobs_are_what_they_say(name, n, contacts):
     job = load_job(JOBS / f"{name}.toml")
     assert job.structure.n_floors == n
     assert len(job.structure.contacts) == contacts
-    assert not job.structure.is_the_papers
+    assert job.structure.foreign
 
 
 def test_pounding_buildings_are_those_of_three_and_five_equal_storeys():

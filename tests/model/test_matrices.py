@@ -42,8 +42,8 @@ def test_ones_are_the_uniform_building():
     for name in ("frequencies", "mode_shapes", "damping_matrix"):
         assert np.allclose(getattr(plain, name), getattr(told, name), atol=1e-13)
     assert plain.contacts == told.contacts
-    assert plain.is_the_papers
-    assert not told.is_the_papers
+    assert not plain.foreign
+    assert list(told.foreign) == ["mass", "storey_stiffness"]
 
 
 def test_stops_on_both_sides_and_their_numbers():

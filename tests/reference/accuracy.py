@@ -242,7 +242,7 @@ def refer(case):
 
 def _fastest(structure):
     """Highest frequency, with all contacts closed."""
-    if structure.is_the_papers:
+    if not structure.foreign:
         return math.sqrt(4.0 + structure.stiffness_ratio)
     return highest_frequency(structure)
 

@@ -246,3 +246,27 @@ def test_stops_at_the_same_place_close_and_open_together():
         reference_points(both, amplitude, omega, state, 1),
     ):
         assert np.abs(found - exact).max() < 1e-12
+
+
+@pytest.mark.parametrize("sharpness", [math.inf, 200.0])
+def test_drifts_along_any_rows_feel_the_contacts(sharpness):
+    contacts = [Contact((1.0, 0.0), 0.3, 300.0), Contact((1.0, -1.0), 0.2, 100.0)]
+    structure = Structure.from_matrices(
+        (1.0, 2.0),
+        [[2.0, -1.0], [-1.0, 1.5]],
+        contacts,
+        damping_ratio=0.03,
+        sharpness=sharpness,
+        drift=[[1.0, 0.5], [0.3, -1.0]],
+    )
+    state, amplitude, omega = np.array([0.1, -0.2, 0.3, 0.4]), 0.4, 0.5
+    contact, drift, _ = reference_window(structure, amplitude, omega, state, 2)
+    assert contact == 3
+    for solver, allowed in ((FlowMap(structure, omega), 1e-9), (BdfMap(structure, omega), 1e-4)):
+        assert solver.observe(state, amplitude, 2).peak_drift == pytest.approx(drift, rel=allowed)
+
+
+def test_harmonics_of_no_order_are_refused():
+    for order in (math.inf, -math.inf, 10**400):
+        with pytest.raises(ValueError, match=r"^harmonics"):
+            Structure(2, harmonics=((order, 1.0, 0.0),))

@@ -26,7 +26,6 @@ from hpcsweep.figures.style import (
     structure_of,
     words_of,
 )
-from hpcsweep.model.modes import trigonometric_maximum
 
 NAME = "benefit"
 HELP = "where impact lowers and raises the drift, for chaos and for period 1"
@@ -83,16 +82,12 @@ def draw(results, path: Path, direction: str | None = None) -> None:
 def free_drift(structure, omega: float) -> float:
     """Return the normalised drift (18) of the steady state without stop, in A/Omega^2.
 
-    Closed form: Omega^2 max |row . u| over the rows of `Structure.drift_rows`, with u of
-    `Structure.linear_steady_state`; NaN at an undamped resonance.
+    Closed form, `Structure.steady_drift`; NaN at an undamped resonance.
     """
     try:
-        orders, responses = structure.steady_harmonics(omega)
+        return float(omega**2 * structure.steady_drift(omega))
     except ZeroDivisionError:
         return np.nan
-    rows = structure.drift_rows
-    reach = [trigonometric_maximum(orders, responses @ d) for d in (*rows, *-rows)]
-    return float(omega**2 * max(reach))
 
 
 def drift_ratio(results) -> np.ndarray:

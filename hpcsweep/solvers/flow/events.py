@@ -7,6 +7,7 @@ layer are those of the motion at hand.
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.solvers.flow.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.forcing import forcing_at, total_forcing
 from hpcsweep.solvers.flow.layer.scheme import accelerations
 from hpcsweep.solvers.flow.polynomials import expand_row, value_and_slope
@@ -21,24 +22,6 @@ from hpcsweep.solvers.flow.search import (
     may_reach,
     rising_root,
 )
-
-
-@kernel
-def contact_bit(k):
-    """Give the bit of a contact in a contact set."""
-    return np.uint64(1) << np.uint64(k)
-
-
-@inlined
-def distance(k, z, contacts):
-    """Give how far contact k is past its stop."""
-    return contacts.edges[k, 0] * z[contacts.places[k, 0]] - contacts.edges[k, 3]
-
-
-@inlined
-def approach_speed(k, z, contacts):
-    """Give the speed of that distance."""
-    return contacts.edges[k, 0] * z[contacts.places[k, 1]]
 
 
 @kernel

@@ -31,9 +31,9 @@ def rotate_forcing(x, first, rotation, index):
         x[first + at + 1] = fma(c, cosine, -s * sine)
 
 
-@kernel
+@inlined
 def short_turn(s):
-    """Give sine and cosine of an angle of `SHORT_ANGLE` at most."""
+    """Give sine and cosine of an angle, or of Lanes of them, of `SHORT_ANGLE` at most."""
     q = s * s
     sine = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
     cosine = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)

@@ -10,8 +10,8 @@ import numpy as np
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.model.contact import FULL_POTENTIAL
+from hpcsweep.solvers.flow.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.crossing import NEGLECTED, add_kick, moments, passage_is_fast
-from hpcsweep.solvers.flow.events import contact_bit, distance
 from hpcsweep.solvers.flow.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.polynomials import value_and_slope
 

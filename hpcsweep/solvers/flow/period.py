@@ -17,9 +17,9 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.solvers.flow.augmented import start
+from hpcsweep.solvers.flow.contacts import contact_bit
 from hpcsweep.solvers.flow.drift import drift_on_segment
 from hpcsweep.solvers.flow.events import (
-    contact_bit,
     contact_key,
     first_event,
     is_clear,

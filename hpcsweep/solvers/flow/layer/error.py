@@ -9,6 +9,7 @@ same difference with the weight 2 s - 1 tells of residuals whose mean vanishes.
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.vectors import fma, load, total
 from hpcsweep.model.contact import contact_force, contact_forces
+from hpcsweep.solvers.flow.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.layer.scheme import distances, weighted
 from hpcsweep.solvers.flow.layer.tableau import (
     ADDED_SLOPE,
@@ -29,17 +30,16 @@ def quadrature_error(h, z, model, work):
     linear, and resolved far better.
     """
     contacts, rho = model.contacts, model.rho
-    n = z.shape[0] // 2
     worst = 0.0
     for k in range(contacts.row.shape[0]):
         if work.active[k] != 2:
             continue
-        i, sign, beta = contacts.row[k], contacts.sign[k], contacts.beta[k]
-        x0 = sign * z[i] - contacts.gap[k]
+        sign, beta = contacts.sign[k], contacts.beta[k]
+        x0 = distance(k, z, contacts)
         start = contact_force(x0, beta * CHECK_START, rho)
         gauss = contact_forces(distances(k, work.u, contacts), beta, rho) * load(CHECK_GAUSS, 0)
-        x = fma(load(CHECK_NODES, 0), h * sign * z[n + i], x0)
-        x = fma(weighted(CHECK_ROWS, work.g, i), h * h * sign, x)
+        x = fma(load(CHECK_NODES, 0), h * approach_speed(k, z, contacts), x0)
+        x = fma(weighted(CHECK_ROWS, work.g, contacts.row[k]), h * h * sign, x)
         added = contact_forces(x, beta, rho) * load(CHECK_ADDED, 0)
         mean = start + total(gauss + added)
         slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start

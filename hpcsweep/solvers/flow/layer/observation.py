@@ -4,6 +4,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, combine, fma, load, maximum, modulus, root, total
+from hpcsweep.solvers.flow.contacts import distance
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.modal_norm import TINY
 from hpcsweep.solvers.flow.tables import ZERO
@@ -82,8 +83,7 @@ def _free_share(z0, z1, contacts):
     """Share of a step in which nothing touches, where a contact begins or ends touching in it."""
     share = 1.0
     for k in range(contacts.row.shape[0]):
-        x0 = contacts.sign[k] * z0[contacts.row[k]] - contacts.gap[k]
-        x1 = contacts.sign[k] * z1[contacts.row[k]] - contacts.gap[k]
+        x0, x1 = distance(k, z0, contacts), distance(k, z1, contacts)
         if x0 >= 0.0 and x1 >= 0.0:
             return 0.0
         if x0 < 0.0 <= x1:

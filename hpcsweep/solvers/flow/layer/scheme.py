@@ -16,7 +16,9 @@ import math
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, fma, greatest, load, maximum, modulus, store, total
 from hpcsweep.model.contact import FAR, contact_force, less_contact_forces
-from hpcsweep.solvers.flow.forcing import SHORT_ANGLE
+from hpcsweep.solvers.flow.contacts import approach_speed, distance
+from hpcsweep.solvers.flow.forcing import SHORT_ANGLE, short_turn
+from hpcsweep.solvers.flow.layer.linear_forces import less_linear, less_linear_of_four
 from hpcsweep.solvers.flow.layer.tableau import (
     N_STAGES,
     NODES,
@@ -31,46 +33,6 @@ UNCHECKED = 1e-9
 """Relative error from which on the iteration is looked at."""
 CONVERGED = 2e-15
 """Error left by the iteration, of the accelerations or of the velocity over h, relative."""
-
-
-@inlined
-def less_linear(force, i, u, v, model):
-    """Subtract the linear forces on floor i at all stages from `force` (Lanes)."""
-    n = u.shape[0]
-    for k in range(max(i - model.bandwidth, 0), min(i + model.bandwidth + 1, n)):
-        force = fma(-model.stiffness[i, k], load(u, k * N_STAGES), force)
-    for k in range(max(i - model.damping_bandwidth, 0), min(i + model.damping_bandwidth + 1, n)):
-        force = fma(-model.damping[i, k], load(v, k * N_STAGES), force)
-    return force
-
-
-@inlined
-def _less_linear_of_four(i, u, v, model, out):
-    """Subtract as `less_linear` from the rows i to i + 3 of `out`.
-
-    Each sum has to wait for its terms one by one; four of them wait together.
-    """
-    n = u.shape[0]
-    stiffness, damping = model.stiffness, model.damping
-    row = i * N_STAGES
-    first, second = load(out, row), load(out, row + N_STAGES)
-    third, fourth = load(out, row + 2 * N_STAGES), load(out, row + 3 * N_STAGES)
-    for k in range(max(i - model.bandwidth, 0), min(i + model.bandwidth + 4, n)):
-        x = load(u, k * N_STAGES)
-        first = fma(-stiffness[i, k], x, first)
-        second = fma(-stiffness[i + 1, k], x, second)
-        third = fma(-stiffness[i + 2, k], x, third)
-        fourth = fma(-stiffness[i + 3, k], x, fourth)
-    for k in range(max(i - model.damping_bandwidth, 0), min(i + model.damping_bandwidth + 4, n)):
-        x = load(v, k * N_STAGES)
-        first = fma(-damping[i, k], x, first)
-        second = fma(-damping[i + 1, k], x, second)
-        third = fma(-damping[i + 2, k], x, third)
-        fourth = fma(-damping[i + 3, k], x, fourth)
-    store(out, row, first)
-    store(out, row + N_STAGES, second)
-    store(out, row + 2 * N_STAGES, third)
-    store(out, row + 3 * N_STAGES, fourth)
 
 
 @inlined
@@ -92,7 +54,7 @@ def _stage_accelerations(u, v, ground, active, model, out):
     for i in range(in_fours):
         store(out, i * N_STAGES, load(ground, 0) * model.forcing[i])
     for i in range(0, in_fours, 4):
-        _less_linear_of_four(i, u, v, model, out)
+        less_linear_of_four(i, u, v, model, out)
     for i in range(n):
         if i < in_fours:
             force = load(out, i * N_STAGES)
@@ -140,10 +102,7 @@ def _forcing_at_stages(tau, h, amplitude, pairs, model, out):
                 value = size * math.sin(rate * (tau + NODES[j] * h) + phase)
                 out[j] = value if k == 0 else out[j] + value
             continue
-        s = load(NODES, 0) * angle
-        q = s * s
-        s = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
-        c = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+        s, c = short_turn(load(NODES, 0) * angle)
         values = fma(s, pairs[2 * k + 1], c * pairs[2 * k])
         store(out, 0, values if k == 0 else load(out, 0) + values)
 
@@ -151,12 +110,10 @@ def _forcing_at_stages(tau, h, amplitude, pairs, model, out):
 @inlined
 def _find_active(h, z, a, model, active):
     """Tell for each contact whether its sigmoid is 0, 1 or neither within twice its way."""
-    n = a.shape[0]
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
-        row = contacts.row[k]
-        x = contacts.sign[k] * z[row] - contacts.gap[k]
-        way = 2.0 * h * (abs(z[n + row]) + abs(a[row]) * h)
+        x, v = distance(k, z, contacts), approach_speed(k, z, contacts)
+        way = 2.0 * h * (abs(v) + abs(a[contacts.row[k]]) * h)
         if model.rho * (abs(x) - way) > FAR:
             active[k] = 1 if x > 0.0 else 0
         else:
@@ -317,7 +274,7 @@ def accelerations(ground, z, model, out):
         out[i] = force
     in_fours = n - n % 4
     for i in range(0, in_fours, 4):
-        # sums that wait for their terms together, see `_less_linear_of_four`
+        # sums that wait for their terms together, see `less_linear_of_four`
         first, second, third, fourth = out[i], out[i + 1], out[i + 2], out[i + 3]
         for j in range(n):
             x, v = z[j], z[n + j]
@@ -342,7 +299,7 @@ def accelerations(ground, z, model, out):
 def push_of(k, z, model):
     """Evaluate the force of contact k, on its distance, at one state."""
     contacts = model.contacts
-    x = contacts.sign[k] * z[contacts.row[k]] - contacts.gap[k]
+    x = distance(k, z, contacts)
     if not model.rho * abs(x) > FAR:
         return contact_force(x, contacts.beta[k], model.rho)
     return contacts.beta[k] * x if x > 0.0 else 0.0

@@ -5,12 +5,12 @@ import math
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.vectors import fma, load, maximum, store
 from hpcsweep.model.contact import contact_stiffnesses
+from hpcsweep.solvers.flow.layer.linear_forces import less_linear
 from hpcsweep.solvers.flow.layer.scheme import (
     MAX_ITERATIONS,
     distances,
     integrals,
     iterations_needed,
-    less_linear,
     replace,
     stages,
 )

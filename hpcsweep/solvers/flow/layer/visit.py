@@ -26,6 +26,7 @@ from typing import NamedTuple
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
 from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, contact_stiffness
+from hpcsweep.solvers.flow.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.forcing import forcing_at, later_forcing, total_forcing
 from hpcsweep.solvers.flow.layer.error import quadrature_error
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
@@ -81,7 +82,7 @@ def inside_layer(z, model):
     """Tell whether any contact is within its layer (never, if that has no width)."""
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
-        if abs(contacts.sign[k] * z[contacts.row[k]] - contacts.gap[k]) < model.layer:
+        if abs(distance(k, z, contacts)) < model.layer:
             return True
     return False
 
@@ -119,16 +120,13 @@ def step_limit(z, a, model, most):
     stiffness : float
         Largest stiffness expected on the step.
     """
-    n = a.shape[0]
     stiffness = model.stiffness_bound
     contacts = model.contacts
     hardest = 0.0
     h = min(most, CONTRACTION / math.sqrt(stiffness))
     for k in range(contacts.row.shape[0] - 1, -1, -1):
-        i, sign = contacts.row[k], contacts.sign[k]
-        x = sign * z[i] - contacts.gap[k]
-        v = sign * z[n + i]
-        pushed = sign * a[i]
+        x, v = distance(k, z, contacts), approach_speed(k, z, contacts)
+        pushed = contacts.sign[k] * a[contacts.row[k]]
         if model.rho * abs(x) > DISTANT and (abs(v) + abs(pushed) * h) * h < 0.5 * abs(x):
             # its reach is longer than 0.53 |x|
             nearest = x

@@ -1,0 +1,23 @@
+"""Contacts of a state: their bits in a contact set, how far past their stops, how fast."""
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+
+
+@kernel
+def contact_bit(k):
+    """Give the bit of a contact in a contact set."""
+    return np.uint64(1) << np.uint64(k)
+
+
+@inlined
+def distance(k, z, contacts):
+    """Give how far contact k is past its stop."""
+    return contacts.edges[k, 0] * z[contacts.places[k, 0]] - contacts.edges[k, 3]
+
+
+@inlined
+def approach_speed(k, z, contacts):
+    """Give the speed of that distance."""
+    return contacts.edges[k, 0] * z[contacts.places[k, 1]]

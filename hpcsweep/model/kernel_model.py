@@ -125,8 +125,7 @@ def kernel_model(structure: Structure, omega: float) -> Model:
     layer = float(structure.layer_half_width / length)
     energy = _energy(structure)
     masses = np.diag(mass)
-    # writable copies, of one order: all structures share the compiled kernels
-    return Model(
+    model = Model(
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
         forcing=_wide(per_mass(mass, structure.forcing_vector), extra),
@@ -145,6 +144,14 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         omega=float(omega / rate),
         layer=layer,
     )
+    return _of_one_kind(model)
+
+
+def _of_one_kind(value):
+    """Copy all arrays, writable and row by row: all structures share the compiled kernels."""
+    if isinstance(value, tuple):
+        return type(value)(*(_of_one_kind(field) for field in value))
+    return np.array(value, order="C") if isinstance(value, np.ndarray) else value
 
 
 class _Rows:
@@ -183,7 +190,7 @@ def _wide(vectors: np.ndarray, extra: np.ndarray) -> np.ndarray:
 def _extended(matrix: np.ndarray, extra: np.ndarray) -> np.ndarray:
     """Write a matrix (n, n) as one of all rows, (R, R), whose columns beyond n are 0."""
     tall = _wide(matrix.T, extra).T
-    return np.ascontiguousarray(np.hstack((tall, np.zeros((len(tall), len(extra))))))
+    return np.hstack((tall, np.zeros((len(tall), len(extra)))))
 
 
 def _bandwidth(matrix: np.ndarray) -> int:
@@ -221,7 +228,7 @@ def _contacts(structure: Structure, places, extra: np.ndarray, matrices, layer: 
         push=np.concatenate([np.zeros(0), *(e[i] for e, i in zip(pushed, entries, strict=True))]),
         solo=solo,
         others=others,
-        reach=np.array(reach),
+        reach=reach,
         kick=pushed,
         damped=_wide(damped, extra),
         bent=_wide(_bent(stiffness, damping, kick, damped), extra),

@@ -234,9 +234,10 @@ def period(z, amplitude, omega, system, part, starts, sizes, series):
     event = -1
     while tau < end:
         expand(z, tau, closed, amplitude, omega, system, u, v, x)
-        if event >= 0:
-            # at the stop, whatever rounding says
-            x[event, 0] -= x[event, 0].real
+        for k in range(m if event >= 0 else 0):
+            if system.together[event, k]:
+                # at the stop, whatever rounding says
+                x[k, 0] -= x[k, 0].real
         h = step_size(u, v, x, rho, part, end - tau)
         event = -1
         if rho == np.inf:
@@ -260,7 +261,7 @@ def period(z, amplitude, omega, system, part, starts, sizes, series):
             _look(z, system, u, x)
             for k in range(m):
                 # beside the event a way through a stop that rounding has hidden from the roots
-                if k == event:
+                if event >= 0 and system.together[event, k]:
                     closed[k] = is_closed(0.0, x[k, 1].real)
                 elif x[k, 0].real != 0.0 or x[k, 1].real != 0.0:
                     closed[k] = is_closed(x[k, 0].real, x[k, 1].real)
@@ -316,6 +317,8 @@ class System(NamedTuple):
     """(m,): of u measured so."""
     push: np.ndarray
     """(m, n): kappa_k M^-1 d_k."""
+    together: np.ndarray
+    """(m, m) bool: contacts whose stops are at one place, so that both are reached at once."""
 
 
 def system(structure, amplitude, omega):
@@ -355,8 +358,17 @@ def system(structure, amplitude, omega):
         reach,
         np.array([gap for _, gap, _ in stops], float) - reach @ offset,
         np.array([k * (inverse @ d) for d, _, k in stops], float).reshape(-1, n),
+        np.array([[_at_one_place(a, b) for b in stops] for a in stops], bool).reshape(
+            -1, len(stops)
+        ),
     )
     return float(amplitude), float(omega), parts
+
+
+def _at_one_place(one, other):
+    """Tell whether d . u = g of two stops (d, g, kappa) are one condition."""
+    conditions = np.array([[*d, gap] for d, gap, _ in (one, other)])
+    return np.linalg.matrix_rank(conditions) == 1
 
 
 def _damping(structure, mass, stiffness):

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from hpcsweep.checks.recompute import _stiffness
 from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import (
@@ -242,13 +241,6 @@ def test_words():
     long = Structure(4, (1, 2, 3, 4), mass=(1, 2, 3, 4), storey_stiffness=(1, 2, 3, 4), gap=2.0)
     lines = style.parameters(long, 0.5).split("\n")
     assert len(lines) == 2
-
-
-def test_stiffness_of_recomputing():
-    assert _stiffness(Structure(3, 5000.0)) == 5000.0
-    assert _stiffness(Structure(1, 10.0, gap=math.inf)) == 0.0
-    heavy = Structure.from_matrices((4.0,), [[4.0]], [Contact((2.0,), 0.1, 400.0)])
-    assert _stiffness(heavy) == 400.0
 
 
 def find_node() -> str:

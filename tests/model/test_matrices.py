@@ -202,3 +202,40 @@ def test_a_wrong_structure_is_refused_in_one_line(make, said):
     with pytest.raises(ValueError, match=said) as caught:
         make()
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_stiffest_contact():
+    assert Structure(3, 5000.0).stiffest_contact == 5000.0
+    assert Structure(1, 10.0, gap=math.inf).stiffest_contact == 0.0
+    heavy = of((4.0,), [[4.0]], [Contact((2.0,), 0.1, 400.0)])
+    assert heavy.stiffest_contact == 400.0
+
+
+FULL = [[2.0, 0.3, 0.1], [0.3, 1.0, 0.2], [0.1, 0.2, 3.0]]
+ALONE, OTHER = Contact((0, -1, 0), 0.1, 10.0), Contact((1, 0, 0), 0.3, 10.0)
+BETWEEN = Contact((1, 0, -1), 0.2, 20.0)
+
+
+@pytest.mark.parametrize(
+    "structure",
+    [
+        Structure(),
+        Structure(2, gap=math.inf),
+        Structure(4, mass=(1.0, 2.0, 3.0, 4.0), rayleigh=(0.1, 0.1)),
+        *(
+            of(mass, stiffness, contacts)
+            for mass in (np.eye(3), FULL, np.array(FULL, order="F"))
+            for stiffness in (np.diag((1.0, 2.0, 3.0)), FULL)
+            for contacts in ([], [ALONE], [ALONE, BETWEEN], [ALONE, OTHER], [OTHER, BETWEEN])
+        ),
+    ],
+)
+def test_all_structures_share_the_compiled_kernels(structure):
+    def kinds(value):
+        if isinstance(value, tuple):
+            return [kinds(field) for field in value]
+        if isinstance(value, np.ndarray):
+            return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
+        return type(value)
+
+    assert kinds(kernel_model(structure, 0.5)) == kinds(kernel_model(Structure(), 0.5))

@@ -162,13 +162,10 @@ def test_the_general_cases_are_the_hard_ones():
 
 @pytest.mark.slow
 def test_no_contact_of_a_general_structure_is_missed():
-    # of more tries there is one on which the reference does not end: two contacts whose stops
-    # lie at one place, infinitely sharp, close and open in turn within rounding
-    n_tries = 3000
-    decades, wrong, worst, undecided = summary(n_tries, seed=2, general=True)
+    decades, wrong, worst, undecided = summary(N_TRIES // 2, seed=2, general=True)
     for decade in range(-12, -3):
-        assert decades[decade] > 0, decade
-    assert undecided <= n_tries // 50
+        assert decades[decade] >= N_TRIES // 400, decade
+    assert undecided <= N_TRIES // 50
     assert wrong == []
     assert worst.error < 2e-9
 

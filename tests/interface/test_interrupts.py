@@ -23,7 +23,7 @@ CALLS = {
     "trajectory": "trajectory(three, 1.0, 1e-4, z, 10**6)",
 }
 PROGRAM = """
-import sys
+import signal
 import hpcsweep
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.reference import reference_points
@@ -35,6 +35,8 @@ hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 2)  # compiled, or load
 flow.monodromy(z, 0.0987, 1)
 reference_points(three, 0.06, 0.445, z, 1)
 trajectory(three, 0.06, 0.445, z, 2)
+# a shell that starts something in the background has it ignore Ctrl-C
+signal.signal(signal.SIGINT, signal.default_int_handler)
 print("started", flush=True)
 try:
     {call}

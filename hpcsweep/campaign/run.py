@@ -21,6 +21,7 @@ from hpcsweep.store import (
 )
 from hpcsweep.store.commit import check_writable
 from hpcsweep.store.opening import (
+    as_begun,
     check_file,
     check_place,
     layout_problems,
@@ -76,6 +77,7 @@ def run(
         On one rank, if the disk does not take the results; what is committed is intact.
     """
     begun = time.time()
+    job = comm.bcast(as_begun(job, output) if comm.rank == 0 else None)
     layout = Layout(job)
     with contextlib.nullcontext(flag) if flag else StopFlag(launched=comm.size > 1) as flag:
         if max_hours is not None:

@@ -31,6 +31,9 @@ def summarize(path: str | Path) -> dict:
         the class periodic. ``by_direction`` has the shares of each sweep. ``cost`` is None where
         the file has no journal: its wall time is that of all sessions, from their starts to the
         last they are heard of; its core seconds are those of the blocks in the file, each once.
+    ``plain_test`` is None where motions were not decided; of the ``runs`` of which a whole window
+    was integrated it counts the periods that the points of the window claim and that are ``wrong``,
+    and those ``missed``.
 
     Raises
     ------
@@ -78,6 +81,7 @@ def summarize(path: str | Path) -> dict:
             for direction, counts in zip(study.directions, tally.classes, strict=True)
         },
         "periods": {period: _share(count, done) for period, count in sorted(tally.periods.items())},
+        "plain_test": tally.plain if settings.decide_cycles else None,
         "contact_sets": {
             contact_name(contact, structure.contact_labels): _share(count, done)
             for contact, count in tally.contacts.most_common()
@@ -106,6 +110,7 @@ class _Tally:
         self.shortcuts = np.zeros(len(Shortcut), int)
         self.periods: Counter[int] = Counter()
         self.contacts: Counter[int] = Counter()
+        self.plain = {"runs": 0, "wrong": 0, "missed": 0}
         self.cycles = 0
 
     def add(self, frame) -> None:
@@ -119,10 +124,20 @@ class _Tally:
         shortcut = frame["shortcut"].values[:, 0][there]
         self.shortcuts += np.bincount(shortcut, minlength=self.shortcuts.size)
         self.cycles += int(frame["cycles"].values[:, 0][there].sum())
+        if "motion" in frame:
+            self._compare(frame)
         periodic = classes == MotionClass.PERIODIC
         _count(self.periods, frame["orbit_period"].values[:, 0][periodic])
         if "contact" in frame:
             _count(self.contacts, frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
+
+    def _compare(self, frame) -> None:
+        """Compare what the plain test said with what was decided, where it saw a whole window."""
+        plain, period = frame["plain_period"].values, frame["orbit_period"].values
+        tested = (plain >= 0) & (frame["outcome"].values == Outcome.COMPLETE)
+        self.plain["runs"] += int(tested.sum())
+        self.plain["wrong"] += int((tested & (plain > 0) & (plain != period)).sum())
+        self.plain["missed"] += int((tested & (plain == 0) & (period > 0)).sum())
 
 
 def _count(counter: Counter[int], values: np.ndarray) -> None:

@@ -138,8 +138,12 @@ def _observe(solver, z, amplitude: float, n_periods: int, name: str):
 def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Carry the last point of a periodic run once round its orbit."""
     period, amplitude = again.orbit_period, again.amplitude
-    last = run["final_state"]
-    stored = run["poincare"][:period] if "poincare" in run else last[None]
+    off_path = int(run.get("decided_cycles", 0)) > 0
+    if off_path and "poincare" not in run:
+        again.compared = "nothing: the file holds no point of the motion that was decided"
+        return
+    stored = run["poincare"][:period] if "poincare" in run else run["final_state"][None]
+    last = stored[-1] if off_path else run["final_state"]
     seen = _observe(solver, last, amplitude, period, again.solver)
     growth, product, z = 1.0, np.eye(last.size), last
     for _ in range(period):
@@ -149,7 +153,7 @@ def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     again.compared = f"{len(stored)} points once round the orbit"
     again.difference = _apart(study, seen.points[-len(stored) :], stored)
     again.allowed = _allowed(study, again.solver, growth)
-    on_orbit = int(run["shortcut"]) != Shortcut.NONE
+    on_orbit = int(run["shortcut"]) != Shortcut.NONE or off_path
     if not on_orbit:
         # all that is promised is that the points repeat within this
         again.allowed += study.settings.period_tolerance * growth

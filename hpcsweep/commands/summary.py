@@ -96,6 +96,12 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
             rows[name] += f": {', '.join(parts)}"
     if not summary["has_exponents"]:
         rows["chaotic"] = "not told: the file holds no lyapunov"
+    plain = summary["plain_test"]
+    if plain and plain["runs"]:
+        rows["plain test"] = (
+            f"of {plain['runs']} windows it claims {plain['wrong']} wrong periods and misses "
+            f"{plain['missed']}"
+        )
     for key, label in (("periods", "P{}"), ("contact_sets", "contact {}")):
         for name in _listed(key, together):
             entry = summary[key].get(name)

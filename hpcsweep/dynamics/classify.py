@@ -122,10 +122,10 @@ def classify(results, settings, units: np.ndarray | float = 1.0) -> np.ndarray:
         raise refused("results", "a dataset of open_results", results)
     if not hasattr(settings, "sampling_cycles"):
         raise refused("settings", "the settings of a job's runs", settings)
-    if MOTION in results:
-        return results[MOTION].values
-    period = results["orbit_period"].values
     outcome = results["outcome"].values
+    if MOTION in results:
+        return _with_failures(results[MOTION].values, outcome)
+    period = results["orbit_period"].values
     cycles = np.where(period > 0, period, settings.sampling_cycles)
     time = cycles * (2 * math.pi / results["omega"].values)[None, :, None]
     if "lyapunov" in results:
@@ -138,8 +138,7 @@ def classify(results, settings, units: np.ndarray | float = 1.0) -> np.ndarray:
     classes[(period > 0) & ~(growth > UNSTABLE)] = MotionClass.PERIODIC
     if "contact" in results:
         classes[results["contact"].values == 0] = MotionClass.NO_CONTACT
-    classes[outcome != Outcome.COMPLETE] = MotionClass.FAILED
-    classes[outcome == Outcome.NOT_COMPUTED] = MotionClass.NOT_COMPUTED
+    classes = _with_failures(classes, outcome)
     if "poincare" in results:
         open_ones = np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0))
         points, counts = results["poincare"].values, results["n_points"].values
@@ -148,6 +147,12 @@ def classify(results, settings, units: np.ndarray | float = 1.0) -> np.ndarray:
                 points[at][: counts[at]] / units, growth[at], settings.period_tolerance
             )
     return classes
+
+
+def _with_failures(classes: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+    classes = np.where(outcome == Outcome.COMPLETE, classes, MotionClass.FAILED)
+    classes[outcome == Outcome.NOT_COMPUTED] = MotionClass.NOT_COMPUTED
+    return classes.astype(np.int8)
 
 
 def classify_points(points: np.ndarray, growth: float, tolerance: float) -> MotionClass:

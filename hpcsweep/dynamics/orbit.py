@@ -1,8 +1,28 @@
-"""Orbit period from stroboscopic points."""
+"""Orbit period from stroboscopic points.
+
+`orbit_period` is the plain test of published studies: points that repeat within a tolerance. It
+takes an approach for an orbit. With multiplier mu an orbit of period 1 is approached as z_k = z + a
+mu^k, so that points q apart differ by e_k(q) = |a| |mu|^k |1 - mu^q|: with mu = -1 + s those 2
+apart are 2 / s times closer than neighbours, and are the same when those are not: an orbit of twice
+the period is claimed. `closed_period` claims an orbit of p only where
+
+- what is still to go, e r / (1 - r) with e = e_k(p) at the end and r the ratio by which it has
+  fallen over the last p periods, is within the tolerance, and it has not grown beyond it before;
+- the distance e(q) for every q < p tends to a limit that is not 0: with e_0, e_1, e_2 at the
+  begin, the middle and the end of the points, and e_2 < e_1 < e_0, the limit of a geometric
+  approach (Aitken) is e_2 - (e_2 - e_1)^2 / (e_2 - 2 e_1 + e_0), and must be half of e_2 at least.
+"""
+
+import math
 
 import numpy as np
 
 from hpcsweep.model.arguments import count, number, rows
+
+FLOOR = 1e-12
+"""Distance below which points differ by rounding."""
+KEPT = 0.5
+"""Share of a distance that must be left in the limit."""
 
 
 def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
@@ -29,7 +49,112 @@ def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
     points, max_period = rows("points", points), count("max_period", max_period, 1)
     tolerance = number("tolerance", tolerance)
     points = points[-2 * max_period :]
-    for p in range(1, min(max_period, len(points) // 2) + 1):
+    longest = min(max_period, len(points) // 2)
+    # p back from the last point, before all others are compared
+    back = np.abs(points[-2 : -longest - 2 : -1] - points[-1:]).max(axis=1)
+    for p in (1 + np.flatnonzero(back <= tolerance)).tolist():
         if np.abs(points[p:] - points[:-p]).max() <= tolerance:
             return p
     return 0
+
+
+def closed_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
+    """Find the smallest p for which the points have closed and stay closed.
+
+    Parameters
+    ----------
+    points, max_period, tolerance
+        As of `orbit_period`.
+
+    Returns
+    -------
+    int
+        p, or 0 if there is none, or the points still approach something.
+    """
+    points, max_period = rows("points", points), count("max_period", max_period, 1)
+    tolerance = number("tolerance", tolerance)
+    period = orbit_period(points, max_period, tolerance)
+    if not period:
+        return 0
+    points = points[-2 * max_period :]
+    apart = _apart(points, period)
+    last = apart[-period:].max()
+    before = apart[-2 * period : -period]
+    if before.size and last > FLOOR:
+        ratio = last / before.max() if before.max() > 0 else math.inf
+        if ratio < 1 and last * ratio > tolerance * (1 - ratio):
+            return 0
+    if any(_vanishes(_apart(points, shorter)) for shorter in range(1, period)):
+        return 0
+    return period
+
+
+def approached_period(points: np.ndarray, max_period: int, near: float) -> int:
+    """Find the smallest p for which points p apart are near and come nearer.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2n)
+        Consecutive stroboscopic points.
+    max_period : int
+        Longest p that is looked for; only p <= k / 6 can be seen.
+    near : float
+        Largest difference of a coordinate over the last third of the points.
+
+    Returns
+    -------
+    int
+        p, or 0 if there is none.
+    """
+    points, max_period = rows("points", points), count("max_period", max_period, 1)
+    near = number("near", near)
+    third = len(points) // 3
+    for period in range(1, min(max_period, third // 2) + 1):
+        if np.abs(points[-1] - points[-1 - period]).max() > near:
+            continue
+        apart = _apart(points, period)
+        if apart[-third:].max() <= min(near, apart[-2 * third : -third].max()):
+            return period
+    return 0
+
+
+def _apart(points: np.ndarray, period: int) -> np.ndarray:
+    return np.abs(points[period:] - points[:-period]).max(axis=1)
+
+
+def _vanishes(apart: np.ndarray) -> bool:
+    """Tell whether distances fall towards 0, from their largest in three stretches."""
+    third = len(apart) // 3
+    if third == 0:
+        return False
+    first, middle, last = (apart[k * third : (k + 1) * third].max() for k in range(3))
+    if not last < middle < first:
+        return False
+    bend = first - 2 * middle + last
+    limit = last - (middle - last) ** 2 / bend if bend > 0 else last - (middle - last) * third
+    return bool(limit < KEPT * last)
+
+
+def smallest_period(points: np.ndarray, same: float) -> int:
+    """Give the smallest period of the points of an orbit.
+
+    Parameters
+    ----------
+    points : ndarray, shape (p, 2n)
+        The whole orbit.
+    same : float
+        Points that differ by no more than this are one.
+
+    Returns
+    -------
+    int
+        A divisor of p.
+    """
+    points, same = rows("points", points), number("same", same)
+    period = len(points)
+    for divisor in range(1, period):
+        if period % divisor == 0:
+            turned = np.concatenate((points[divisor:], points[:divisor]))
+            if np.abs(points - turned).max() <= same:
+                return divisor
+    return period

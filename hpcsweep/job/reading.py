@@ -31,6 +31,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "sampling_cycles",
         "max_orbit_period",
         "period_tolerance",
+        "decide_cycles",
         "initial_state",
     ),
     "solver": ("method", "rtol", "skip"),
@@ -71,8 +72,11 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     return parse_job(text, source, path.stem)
 
 
-def parse_job(text: str, source: str, default_name: str) -> Job:
+def parse_job(text: str, source: str, default_name: str, plain: bool = False) -> Job:
     """Validate the text of a job; `source` is named in errors.
+
+    With `plain` a job that does not say for how long its motions are to be decided is one of the
+    plain procedure, as all were before there was `sweep.decide_cycles`.
 
     Raises
     ------
@@ -94,7 +98,7 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
         values,
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
-        settings=_settings(values),
+        settings=_settings(values, plain),
         block_size=values.whole("output.block", study.default_block, 1, MAX_VALUES),
     )
     _check_extent(values, found)
@@ -176,7 +180,7 @@ def _initial_state(values: Values, n: int) -> np.ndarray:
     return state
 
 
-def _settings(values: Values) -> SweepSettings:
+def _settings(values: Values, plain: bool) -> SweepSettings:
     default = SweepSettings()
     sampling = values.whole("sweep.sampling_cycles", default.sampling_cycles, 1, MAX_CYCLES)
     longest = max(min(sampling // 2, MAX_PERIOD), 1)
@@ -207,7 +211,14 @@ def _settings(values: Values) -> SweepSettings:
         skip=_skip(values),
         metrics=_metrics(values, default),
         max_points=_max_points(values, sampling, longest),
+        decide_cycles=_decide_cycles(values, method, plain),
     )
+
+
+def _decide_cycles(values: Values, method: str, plain: bool) -> int | None:
+    if plain and not values.has("sweep.decide_cycles"):
+        return None
+    return values.whole("sweep.decide_cycles", SOLVERS[method].decide_cycles, 0, MAX_CYCLES)
 
 
 def _max_points(values: Values, sampling: int, longest: int) -> int | None:

@@ -134,9 +134,10 @@ class BdfMap:
         """
         tally = StepTally(self._model, modal_norm)
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
-        total = math.nan
+        total, logarithms = math.nan, np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
-            total = self._growth(state, amplitude, n_periods, poll)
+            logarithms = self._growth(state, amplitude, n_periods, poll)
+            total = window_growth(logarithms)
         return Observation(
             points,
             self.structure.contact_bits(tally.contact),
@@ -144,10 +145,11 @@ class BdfMap:
             tally.modal_mean(),
             outcome,
             total,
+            logarithms,
         )
 
     def _growth(self, state, amplitude, n_periods, poll):
-        """Logarithm of the growth of a tangent vector; NaN if the solver fails."""
+        """Logarithm of the growth of a tangent vector in each period; none if the solver fails."""
         n = self.structure.n_floors
         ones = np.full((2 * n, 1), (2 * n) ** -0.5) * self.structure.state_units[:, None]
         start = self._frame.into(state)
@@ -157,11 +159,11 @@ class BdfMap:
         for period in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, columns=1)
             if outcome is not Outcome.COMPLETE:
-                return math.nan
+                return np.empty(0)
             length = np.linalg.norm(z[size:])
             logarithms[period] = math.log(length) if length > 0 else -math.inf
             z[size:] /= length or 1.0
-        return window_growth(logarithms)
+        return logarithms
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int

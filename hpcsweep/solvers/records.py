@@ -1,7 +1,7 @@
 """What a solver returns of a stretch of forcing periods."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -75,6 +75,8 @@ class Observation:
     growth : float
         Natural logarithm of the factor by which a tangent vector grows over the window
         (`window_growth`); NaN unless it was asked for.
+    logarithms : ndarray, shape (k,)
+        Natural logarithm of that factor in each forcing period; empty unless it was asked for.
     """
 
     points: np.ndarray
@@ -83,6 +85,7 @@ class Observation:
     modal_norm: np.ndarray
     outcome: Outcome
     growth: float = math.nan
+    logarithms: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 def window_growth(logarithms: np.ndarray) -> float:

@@ -34,6 +34,10 @@ class SolverKind:
         map of norm 1: some three times the largest measured.
     polls_each_period : bool
         Whether ``poll`` is called in each forcing period, not only between runs.
+    decide_cycles : int
+        Forcing periods after which the motion of a run counts as undecided, of a job that says
+        nothing of it. A solver that takes a second for what takes `flow` a millisecond decides only
+        where it is asked to.
     """
 
     module: str
@@ -42,6 +46,7 @@ class SolverKind:
     tight: float
     period_error: float
     polls_each_period: bool = False
+    decide_cycles: int = 0
 
     def load(self) -> Callable[[Structure, float, float], "Solver"]:
         """Import it, which takes longer than most commands do that compute nothing."""
@@ -49,7 +54,9 @@ class SolverKind:
 
 
 SOLVERS = {
-    "flow": SolverKind("flow", "FlowMap", rtol=1e-9, tight=1e-11, period_error=1e3),
+    "flow": SolverKind(
+        "flow", "FlowMap", rtol=1e-9, tight=1e-11, period_error=1e3, decide_cycles=50_000
+    ),
     "bdf": SolverKind(
         "bdf", "BdfMap", rtol=1e-6, tight=1e-10, period_error=3e3, polls_each_period=True
     ),

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import h5py
 
-from hpcsweep.job import JobError, parse_job
+from hpcsweep.job import Job, JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
 from hpcsweep.store.create import reason
@@ -163,13 +163,36 @@ def read_layout(path: str | Path) -> Layout:
     path = path_of("path", path)
     attributes = check_file(path)
     try:
-        job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
+        job = _job_of(attributes, f"{path} (job)")
     except (KeyError, TypeError, JobError) as error:
         what = "it is missing" if isinstance(error, KeyError | TypeError) else error
         raise DamagedError(f"{path}: its job cannot be read: {what}") from None
     if job.fingerprint != attributes.get("fingerprint"):
         raise DamagedError(f"{path}: its job and its fingerprint do not agree; {REPAIR}")
     return Layout(job)
+
+
+def _job_of(attributes: dict, source: str) -> Job:
+    """Read the job of a file, as it was meant when the file was made."""
+    text, name = attributes["job"], attributes["name"]
+    job = parse_job(text, source, name)
+    if job.fingerprint == attributes.get("fingerprint"):
+        return job
+    before = parse_job(text, source, name, plain=True)
+    return before if before.fingerprint == attributes.get("fingerprint") else job
+
+
+def as_begun(job: Job, path: Path) -> Job:
+    """Give a job the meaning with which its file was begun, if that is there.
+
+    A campaign that an earlier version began goes on as it began.
+    """
+    try:
+        begun = check_file(path).get("fingerprint") if path.is_file() else None
+    except StoreError:  # said by whoever checks the file
+        return job
+    before = parse_job(job.text, "job", job.name, plain=True)
+    return before if before.fingerprint == begun else job
 
 
 def layout_problems(path: Path, layout: Layout) -> list[str]:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from hpcsweep.dynamics.orbit import orbit_period
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.shortcut import Shortcut
 
@@ -43,6 +44,8 @@ def broken_invariants(
         with np.errstate(invalid="ignore"):
             good = ((norm >= 0) & (norm <= 1 + ROUNDING)).all(axis=1)
         broken["modal_norm lies between 0 and 1"] = complete & ~(good | np.isnan(norm).all(axis=1))
+    if "motion" in rows:
+        broken.update(_of_motion(rows))
     if "lyapunov" in rows:
         broken["lyapunov is not +inf"] = rows["lyapunov"] == np.inf
     return sorted(
@@ -56,6 +59,8 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
     outcome, shortcut = rows["outcome"], rows["shortcut"]
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
+    # whatever was decided off the path is no longer what the path's end is
+    off = rows["decided_cycles"] > 0 if "decided_cycles" in rows else np.zeros(len(period), bool)
     known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
     used = [Shortcut.NONE, *(Shortcut[rule.upper()] for rule in settings.skip)]
     plain = settings.transient_cycles + settings.sampling_cycles
@@ -66,6 +71,7 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
         "orbit_period is at most max_orbit_period": (period < 0)
         | (period > settings.max_orbit_period),
         "a run that was cut short has an orbit_period": complete
+        & ~off
         & (shortcut != Shortcut.NONE)
         & (period == 0),
         "a linear run has orbit_period 1 and no cycles": linear & ((period != 1) | (cycles != 0)),
@@ -75,6 +81,29 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
     }
 
 
+def _of_motion(rows: dict) -> dict[str, np.ndarray]:
+    motion, period, cycles = rows["motion"], rows["orbit_period"], rows["decided_cycles"]
+    complete = rows["outcome"] == Outcome.COMPLETE
+    failed = motion == MotionClass.FAILED
+    orbit = (motion == MotionClass.PERIODIC) | (motion == MotionClass.NO_CONTACT)
+    broken = {
+        "motion is one of 1 to 7": (motion < 1) | (motion > max(MotionClass)),
+        "motion of a failed run is failed, of no other": complete == failed,
+        "motion with an orbit_period is periodic or free of contact": complete
+        & (period > 0)
+        & ~orbit,
+        "motion is periodic only with an orbit_period": (motion == MotionClass.PERIODIC)
+        & (period == 0),
+        "decided_cycles is not negative": cycles < 0,
+    }
+    if "contact" in rows:
+        free = (rows["contact"] == 0) & complete
+        broken["motion is free of contact where contact is empty"] = free != (
+            motion == MotionClass.NO_CONTACT
+        )
+    return broken
+
+
 def _of_failures(rows: dict) -> dict[str, np.ndarray]:
     """See to it that a failed run has no results but the state it reached."""
     failed = rows["outcome"] != Outcome.COMPLETE
@@ -82,7 +111,7 @@ def _of_failures(rows: dict) -> dict[str, np.ndarray]:
     for name in ("orbit_period", "n_points", "contact"):
         if name in rows:
             broken[f"{name} of a failed run is 0"] = failed & (rows[name] != 0)
-    for name in ("poincare", "drift", "modal_norm", "lyapunov"):
+    for name in ("poincare", "drift", "modal_norm", "lyapunov", "lyapunov_low", "lyapunov_high"):
         if name in rows:
             kept = ~np.isnan(rows[name]).reshape(failed.size, -1).all(axis=1)
             broken[f"{name} of a failed run is NaN"] = failed & kept
@@ -96,11 +125,14 @@ def _of_points(structure, settings, rows: dict) -> dict[str, np.ndarray]:
     expected = np.where(period > 0, period, window)
     stored = np.arange(window)[None, :] < np.clip(n_points, 0, window)[:, None]
     finite, missing = np.isfinite(points).all(axis=2), np.isnan(points).all(axis=2)
+    on_path = rows["decided_cycles"] == 0 if "decided_cycles" in rows else complete
+    closes = orbit_period if settings.decide_cycles is None else closed_period
+    judged_so = complete & (period == 0) & (n_points == window) & ("motion" not in rows)
     last = points[np.arange(len(points)), np.clip(n_points, 1, window) - 1]
     hidden = np.zeros(complete.size, bool)
-    for row in np.flatnonzero(complete & (period == 0) & (n_points == window)):
+    for row in np.flatnonzero(judged_so):
         hidden[row] = (
-            orbit_period(
+            closes(
                 points[row] / structure.state_units,
                 settings.max_orbit_period,
                 settings.period_tolerance,
@@ -113,6 +145,7 @@ def _of_points(structure, settings, rows: dict) -> dict[str, np.ndarray]:
         "poincare is finite in n_points points and NaN after": complete
         & (np.where(stored, finite, missing) == 0).any(axis=1),
         "final_state is the last point of poincare": complete
+        & on_path
         & (last != rows["final_state"]).any(axis=1),
         "orbit_period is 0 only where the points do not repeat": hidden,
     }

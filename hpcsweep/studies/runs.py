@@ -17,6 +17,8 @@ steady-state window. Rules that spare periods whose result is known (`skip`):
     Orbits whose multipliers are close to the unit circle, which the plain procedure leaves
     unsettled, are then decided.
 
+What the window leaves open may be decided after it (`decided`).
+
 A run that fails is data: its results are NaN, its outcome says why, and its final state is the
 last one that was reached.
 """
@@ -28,12 +30,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from hpcsweep.dynamics.orbit import orbit_period
-from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.exponent import UNKNOWN, Interval
+from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
+from hpcsweep.studies.decided import Told, tell_orbit, tell_window
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes
@@ -124,21 +128,22 @@ class FrameRuns:
                 settings.period_tolerance,
             )
             if closed is not None:
-                self._store(result, row, index, amplitude, closed, 1, 0)
+                exponent = Interval(*(self._linear.lyapunov_exponent,) * 3)
+                told = Told(closed, 1, exponent, MotionClass.NO_CONTACT)
+                self._store(result, row, index, amplitude, told, 0)
                 result["shortcut"][index] = Shortcut.LINEAR
-                if "lyapunov" in result:
-                    result["lyapunov"][index] = self._linear.lyapunov_exponent
+                row["final_state"][:] = closed.points[-1]
                 return closed.points[-1].copy()
         end = self._transient(z, amplitude, poll)
         z, period = end.state, end.period
         cycles = end.n_periods + end.n_newton
-        jumped = not math.isnan(end.multiplier)
         if period:
+            jumped = not math.isnan(end.multiplier)
             result["shortcut"][index] = Shortcut.NEWTON if jumped else Shortcut.CONVERGED
         if end.outcome is not Outcome.COMPLETE:
             return self._store_failure(result, row, index, z, cycles, end.outcome)
         window = period or settings.sampling_cycles
-        growth = "lyapunov" in result and not period
+        growth = not period and bool("lyapunov" in result or settings.decide_cycles)
         seen = self.solver.observe(
             z, amplitude, window, "modal_norm" in settings.metrics, growth, poll
         )
@@ -148,19 +153,13 @@ class FrameRuns:
             return self._store_failure(result, row, index, z, cycles, seen.outcome)
         if period:
             seen, period = self._as_the_plain_end(seen, end.n_periods, settings.period_tolerance)
+            told = Told(seen, period, UNKNOWN)
+            if "lyapunov" in result or settings.decide_cycles:
+                told = tell_orbit(self.solver, amplitude, seen, period, end.multiplier)
         else:
-            points = seen.points / self.structure.state_units
-            period = orbit_period(points, settings.max_orbit_period, settings.period_tolerance)
-        self._store(result, row, index, amplitude, seen, period, cycles)
-        if "lyapunov" in result:
-            time = window * 2 * math.pi / self.solver.omega
-            if jumped:
-                exponent = exponent_of_multiplier(end.multiplier, time)
-            elif period:
-                exponent = self._orbit_exponent(seen.points[-1], amplitude, period)
-            else:
-                exponent = seen.growth / time
-            result["lyapunov"][index] = exponent
+            told = tell_window(self.solver, amplitude, seen, settings, poll)
+        self._store(result, row, index, amplitude, told, cycles)
+        row["final_state"][:] = seen.points[-1]
         return seen.points[-1].copy()
 
     def _transient(self, z, amplitude, poll) -> Approach:
@@ -192,33 +191,19 @@ class FrameRuns:
         period : int
             The smallest period of the points.
         """
-        points = seen.points
-        period = len(points)
+        period = len(seen.points)
         if period == 1:
             return seen, 1
-        for divisor in range(1, period):
-            if period % divisor:
-                continue
-            apart = np.abs(points - _turned(points, divisor)) / self.structure.state_units
-            if apart.max() <= same:
-                period = divisor
-                break
+        smallest = smallest_period(seen.points / self.structure.state_units, same)
         plain = self.settings.transient_cycles + self.settings.sampling_cycles
-        shift = (plain - phase - len(points)) % len(points)
-        return replace(seen, points=_turned(points, shift)), period
+        shift = (plain - phase - period) % period
+        return replace(seen, points=np.roll(seen.points, -shift, axis=0)), smallest
 
-    def _orbit_exponent(self, z, amplitude, period):
-        """Largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
-        try:
-            return orbit_exponent(self.solver, z, amplitude, period)
-        except (ArithmeticError, np.linalg.LinAlgError):
-            return math.nan
-
-    def _store(self, result, row, index, amplitude, seen: Observation, period, cycles):
+    def _store(self, result, row, index, amplitude, told: Told, cycles):
+        seen, period = told.seen, told.period
         result["orbit_period"][index] = period
         result["cycles"][index] = cycles
         result["outcome"][index] = seen.outcome
-        row["final_state"][:] = seen.points[-1]
         if "poincare" in result:
             n_points = min(period or len(seen.points), row["poincare"].shape[0])
             row["poincare"][:n_points] = seen.points[-n_points:]
@@ -230,17 +215,24 @@ class FrameRuns:
             result["drift"][index] = seen.peak_drift * scale
         if "modal_norm" in result:
             row["modal_norm"][:] = seen.modal_norm
+        if "lyapunov" in result:
+            result["lyapunov"][index] = told.exponent.mean
+        if "lyapunov_low" in result:
+            result["lyapunov_low"][index] = told.exponent.low
+            result["lyapunov_high"][index] = told.exponent.high
+        if "plain_period" in result:
+            result["plain_period"][index] = told.plain_period
+        if "motion" in result:
+            result["motion"][index] = told.kind
+            result["decided_cycles"][index] = told.cycles
 
     def _store_failure(self, result, row, index, z, cycles, outcome):
         result["cycles"][index] = cycles
         result["outcome"][index] = outcome
+        if "motion" in result:
+            result["motion"][index] = MotionClass.FAILED
         row["final_state"][:] = z
         return z
-
-
-def _turned(points: np.ndarray, by: int) -> np.ndarray:
-    """Let the points of an orbit begin with number `by`."""
-    return np.concatenate((points[by:], points[:by]))
 
 
 def empty_rows(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:
@@ -270,6 +262,14 @@ def empty_rows(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.nda
         arrays["modal_norm"] = np.full((n_runs, n), nan)
     if "lyapunov" in settings.metrics:
         arrays["lyapunov"] = np.full(n_runs, nan)
+        if settings.decide_cycles is not None:
+            arrays["lyapunov_low"] = np.full(n_runs, nan)
+            arrays["lyapunov_high"] = np.full(n_runs, nan)
+    if settings.decide_cycles is not None:
+        arrays["plain_period"] = np.zeros(n_runs, np.int32)
+    if settings.decide_cycles:
+        arrays["motion"] = np.zeros(n_runs, np.int8)
+        arrays["decided_cycles"] = np.zeros(n_runs, np.int32)
     return arrays
 
 

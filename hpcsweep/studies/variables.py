@@ -17,6 +17,27 @@ RUN_VARIABLES = (
     Variable("drift", RUN, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*RUN, "mode"), "<f8", "1", "mean modal norm free of contact"),
     Variable("lyapunov", RUN, "<f8", "omega_0", "largest Lyapunov exponent"),
+    Variable("lyapunov_low", RUN, "<f8", "omega_0", "its 95 % confidence interval, lower end"),
+    Variable("lyapunov_high", RUN, "<f8", "omega_0", "its 95 % confidence interval, upper end"),
+    Variable(
+        "motion",
+        RUN,
+        "<i1",
+        "1",
+        "motion: 1 no contact, 2 periodic, 3 long period, 4 quasi-periodic, 5 chaotic, "
+        "6 undecided, 7 failed",
+    ),
+    Variable(
+        "plain_period",
+        RUN,
+        "<i4",
+        "forcing periods",
+        "period after which the points of the window repeat, 0 if they do not, -1 if no whole "
+        "window was integrated",
+    ),
+    Variable(
+        "decided_cycles", RUN, "<i4", "forcing periods", "forcing periods until it was decided"
+    ),
     Variable(
         "final_state", (*RUN, "state"), "<f8", "gaps; " + SPEED, "state after the last period"
     ),
@@ -44,6 +65,12 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
     wanted = set(ALWAYS) | set(settings.metrics)
     if "poincare" in wanted:
         wanted.add("n_points")
+    if settings.decide_cycles is not None:
+        wanted.add("plain_period")
+        if "lyapunov" in wanted:
+            wanted |= {"lyapunov_low", "lyapunov_high"}
+    if settings.decide_cycles:
+        wanted |= {"motion", "decided_cycles"}
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
 
 

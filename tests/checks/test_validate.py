@@ -20,6 +20,8 @@ from hpcsweep.studies.runs import frame_runs
 
 JOB = SMALL.replace("count = 4", "count = 2").replace("to = 0.3", "to = 0.15")
 
+UNDECIDED = JOB.replace("[output]", "decide_cycles = 0\n[output]")
+
 
 def journal_blocks(path: Path) -> int:
     return Path(f"{path}.journal").read_text().count('"kind": "block"')
@@ -69,7 +71,7 @@ def test_one_flipped_byte_is_found_in_every_variable_and_named(copy):
     with h5py.File(copy, "r") as file:
         names = [name for name, data in file.items() if data.shape[:2] == (2, 2) and data.ndim > 2]
         places = {name: (file[name].id.get_offset(), file[name].nbytes) for name in names}
-    assert len(names) == 11
+    assert len(names) == 14
     for name, (first, size) in places.items():
         offset = first + int(rng.integers(size))
         bit = 1 << int(rng.integers(8))
@@ -225,16 +227,34 @@ def altered(**changes):
 )
 def test_a_broken_promise_is_found_under_a_checksum_that_holds(tmp_path, name, change, promise):
     path = tmp_path / "altered.h5"
-    make(path, study=altered(**{name: change}))
+    make(path, UNDECIDED, altered(**{name: change}))
     report = validate(path, samples=0)
     assert not report.sound
     assert any(promise in problem for problem in report.problems), report.problems
     assert not any("checksum" in problem for problem in report.problems)
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "promise"),
+    [
+        ("motion", lambda v: v * 0, "motion is one of 1 to 7"),
+        ("motion", lambda v: v * 0 + 7, "motion of a failed run is failed, of no other"),
+        ("motion", lambda v: v * 0 + 5, "an orbit_period is periodic or free of contact"),
+        ("orbit_period", lambda v: v * 0, "motion is periodic only with an orbit_period"),
+        ("contact", lambda v: v | np.uint64(1), "motion is free of contact where contact is empty"),
+        ("decided_cycles", lambda v: v - 1, "decided_cycles is not negative"),
+    ],
+)
+def test_a_broken_promise_of_a_decided_motion_is_found(tmp_path, name, change, promise):
+    path = tmp_path / "altered.h5"
+    make(path, study=altered(**{name: change}))
+    report = validate(path, samples=0)
+    assert any(promise in problem for problem in report.problems), report.problems
+
+
 def test_a_window_that_repeats_has_a_period(tmp_path):
     path = tmp_path / "altered.h5"
-    plain = JOB.replace("[output]", '[solver]\nskip = "none"\n[output]')
+    plain = UNDECIDED.replace("[output]", '[solver]\nskip = "none"\n[output]')
 
     class Forgetful(AmplitudeSweep):
         def rows(self, *arguments):

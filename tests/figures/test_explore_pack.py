@@ -105,9 +105,9 @@ def test_a_study_too_large_keeps_fewer_points_of_each_run(results_file, monkeypa
     from hpcsweep.figures.explorer import study as module
 
     whole = gather(results_file)
-    monkeypatch.setattr(module, "POINT_BUDGET", whole.points.size // 2)
+    monkeypatch.setattr(module, "POINT_BUDGET", 3 * whole.points.size // 4)
     less = gather(results_file)
-    assert less.points.size <= whole.points.size // 2
+    assert less.points.size <= 3 * whole.points.size // 4
     limit = less.thinned["points"]
     assert np.array_equal(less.counts, np.minimum(whole.counts, limit))
     same = np.repeat(np.cumsum(whole.counts) - whole.counts.ravel(), less.counts.ravel())

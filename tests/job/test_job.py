@@ -133,6 +133,7 @@ OTHER = {
     "skip": frozenset({"linear"}),
     "metrics": frozenset({"poincare"}),
     "max_points": 40,
+    "decide_cycles": 7,
     "omega": np.array([0.7]),
     "amplitude": np.array([0.07]),
     "directions": ("up",),
@@ -170,7 +171,7 @@ class Later(SweepSettings):
 
 
 def test_a_new_field_counts_only_where_it_is_not_its_default():
-    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
+    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name", plain=True)
 
     def of(later):
         study = dataclasses.replace(job.study, settings=later)
@@ -190,8 +191,25 @@ def test_a_field_that_cannot_be_hashed_is_refused():
 
 
 def test_the_fingerprint_of_the_first_version_stays():
-    job = parse_job("[sweep]\nomega = 0.5\namplitude = 0.1\n", "", "name")
-    assert job.fingerprint == FIRST_FINGERPRINT
+    text = "[sweep]\nomega = 0.5\namplitude = 0.1\n"
+    assert parse_job(text, "", "name", plain=True).fingerprint == FIRST_FINGERPRINT
+    assert parse_job(text, "", "name").fingerprint != FIRST_FINGERPRINT
+
+
+def test_motions_are_decided_unless_the_job_or_its_age_says_otherwise():
+    def cycles(extra: str = "", end: str = "", plain: bool = False):
+        text = f"[sweep]\nomega = 0.5\namplitude = 0.1\n{extra}\n{end}"
+        return parse_job(text, "", "name", plain).settings.decide_cycles
+
+    assert cycles() == 50_000
+    assert cycles(end="[solver]\nmethod = 'bdf'") == 0
+    assert cycles(plain=True) is None
+    for given in (0, 7, 10_000_000):
+        assert cycles(f"decide_cycles = {given}") == given
+        assert cycles(f"decide_cycles = {given}", plain=True) == given
+    for wrong in ("-1", "10_000_001", "1.5", "true", '"all"'):
+        with pytest.raises(JobError, match=r"sweep\.decide_cycles = .*whole number from 0 to"):
+            cycles(f"decide_cycles = {wrong}")
 
 
 def test_the_kind_of_study_is_part_of_the_fingerprint():

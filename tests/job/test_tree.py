@@ -321,7 +321,12 @@ def test_the_text_depends_on_the_tree_not_on_the_order_of_known_keys(tree):
 
 
 def test_every_shipped_job_has_its_fingerprint_from_when_it_was_written_out():
-    found = {path.name: load_job(path).fingerprint for path in sorted(JOBS.glob("*.toml"))}
+    jobs = [load_job(path) for path in sorted(JOBS.glob("*.toml"))]
+    # what was written out did not say yet for how long motions are to be decided
+    found = {
+        f"{job.name}.toml": parse_job(job.text, "", job.name, plain=True).fingerprint
+        for job in jobs
+    }
     assert {name: found.get(name) for name in FINGERPRINTS} == FINGERPRINTS
 
 

@@ -10,11 +10,14 @@ import pytest
 from tools import JOBS, hpcsweep
 
 from hpcsweep import open_results
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.orbit import orbit_period
 from hpcsweep.figures.style import contact_name
 from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.reference import reference_points
+from hpcsweep.solvers.solver import stroboscopic_points
 from hpcsweep.studies.amplitude_sweep import sweep_block
 from hpcsweep.studies.settings import SweepSettings
 
@@ -59,12 +62,12 @@ DESCRIBED = {
 }
 
 
-def labels(results, direction: str) -> list[str]:
+def labels(results, direction: str, period: str) -> list[str]:
     runs = results.sel(direction=direction).isel(frame=0)
     n = results.sizes["mode"]
     return [
         f"P{p} {contact_name(int(c), n)}"
-        for p, c in zip(runs["orbit_period"].values, runs["contact"].values, strict=True)
+        for p, c in zip(runs[period].values, runs["contact"].values, strict=True)
     ]
 
 
@@ -79,7 +82,8 @@ def test_figure_3_has_its_regions_from_the_command_line(tmp_path, name, expected
     amplitude = results["amplitude"].values
     near = 2.01 * np.diff(amplitude).min()
     for direction, regions in expected.items():
-        found = np.array(labels(results, direction))
+        # by the paper's test: it claims P2 on the way down where an orbit of P1 is approached
+        found = np.array(labels(results, direction, "plain_period"))
         for label, first, last in regions:
             low, high = min(first, last), max(first, last)
             inside = (amplitude >= low + near) & (amplitude <= high - near)
@@ -226,3 +230,55 @@ def test_the_warm_up_leaves_nothing_to_compile(metrics):
     )
     before, after = done.stdout.split()
     assert before == after
+
+
+def test_what_the_paper_calls_p2_on_the_way_down_of_figure_3_is_p1():
+    study = load_job(JOBS / "figure3.toml").study
+    start = stroboscopic_points(study.structure, 0.2488, 0.445, np.zeros(6), 300)[-1]
+    amplitudes = study.amplitude[(study.amplitude > 0.212) & (study.amplitude < 0.249)][::-1]
+    found = sweep_block(study.structure, 0.445, amplitudes, start, study.settings)
+    claimed = found["plain_period"] == 2
+    assert claimed.sum() == 3
+    assert (found["orbit_period"] == 1).all()
+    # the orbit at the middle of the three, by the independent reference
+    at = int(np.flatnonzero(claimed)[1])
+    orbit = found["poincare"][at, 0]
+    again = reference_points(study.structure, float(amplitudes[at]), 0.445, orbit, 1)[0]
+    assert np.abs(again - orbit).max() < 1e-10
+
+
+def test_the_path_is_that_of_the_plain_procedure_whatever_is_decided():
+    study = load_job(JOBS / "figure3-described.toml").study
+    amplitudes = study.amplitude[::12]
+    rows = [
+        sweep_block(
+            study.structure,
+            0.445,
+            amplitudes,
+            study.initial_state,
+            replace(study.settings, decide_cycles=cycles),
+        )
+        for cycles in (None, 0, 50_000)
+    ]
+    for name in ("final_state", "outcome", "shortcut", "cycles"):
+        np.testing.assert_array_equal(rows[0][name], rows[1][name])
+        np.testing.assert_array_equal(rows[0][name], rows[2][name])
+    np.testing.assert_array_equal(rows[0]["orbit_period"], rows[2]["plain_period"])
+    motion, period = rows[2]["motion"], rows[2]["orbit_period"]
+    assert not (motion == MotionClass.UNDECIDED).any()
+    assert ((period > 0) == np.isin(motion, (MotionClass.PERIODIC, MotionClass.NO_CONTACT))).all()
+    assert (rows[0]["orbit_period"] != period).sum() > 3
+    low, mean, high = (rows[2][name] for name in ("lyapunov_low", "lyapunov", "lyapunov_high"))
+    assert (low <= mean).all()
+    assert (mean <= high).all()
+    assert (low[motion == MotionClass.CHAOTIC] > 0).all()
+
+
+def test_metrics_are_those_of_the_decided_motion():
+    # Figure 3 as described, up: P8 with a multiplier of modulus 0.52, not settled in the window
+    study = load_job(JOBS / "figure3-described.toml").study
+    amplitudes = study.amplitude[study.amplitude < 0.0681]
+    found = sweep_block(study.structure, 0.445, amplitudes, study.initial_state, study.settings)
+    assert amplitudes[-1] == pytest.approx(0.068)
+    assert found["orbit_period"][-1] == 8
+    assert found["drift"][-1] == pytest.approx(2.391483, abs=1e-6)

@@ -183,7 +183,7 @@ class FlowMap:
             float(tally.peak_drift[0]) * self.structure.length_unit,
             norms,
             outcome,
-            window_growth(logarithms) if growth and outcome is Outcome.COMPLETE else math.nan,
+            *_growth_of(logarithms if outcome is Outcome.COMPLETE else None),
         )
 
     def monodromy(
@@ -250,3 +250,10 @@ class FlowMap:
             np.empty((z.size, 0)) if tangent is None else tangent,
             self._watch.no_growth if growth is None else growth,
         )
+
+
+def _growth_of(logarithms: np.ndarray | None) -> tuple[float, np.ndarray]:
+    """Give the growth over a window and in each of its periods; NaN and none if not known."""
+    if logarithms is None:
+        return math.nan, np.empty(0)
+    return window_growth(logarithms), logarithms

@@ -1,0 +1,48 @@
+"""Whether averages over a motion settle: fast on a torus, slowly in chaos.
+
+The mean of a function along a motion over N periods comes near its limit as 1/N on a torus and as
+1/sqrt(N) in chaos. Weighted by a bump that vanishes with all its derivatives at both ends,
+
+    w_k ~ exp(-1 / (t (1 - t))),   t = k / (N + 1),   k = 1 ... N,
+
+it comes near faster than any power of 1/N on a torus whose rotation numbers are Diophantine and
+whose functions are smooth, and in chaos no faster than before (Das, Saiki, Sander, Yorke,
+Nonlinearity 30 (2017) 4111; Sander, Meiss, Physica D 411 (2020) 132569). The means over the two
+halves of a stretch then agree to many digits, or to a few. They do not agree on an approach: it is
+another motion in the second half.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.model.arguments import rows
+
+
+def agreeing_digits(points: np.ndarray) -> float:
+    """Give the decimal digits to which the weighted means over both halves of a stretch agree.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2n)
+        Consecutive stroboscopic points, k >= 4.
+
+    Returns
+    -------
+    float
+        The least over all coordinates and their squares, in units of their largest distance from
+        the mean; inf where they agree to the last bit.
+    """
+    points = rows("points", points)
+    half = len(points) // 2
+    if half < 2:
+        raise ValueError(f"points must be at least 4, are {len(points)}")
+    centred = points[: 2 * half] - points.mean(axis=0)
+    size = np.abs(centred).max(axis=0)
+    scaled = centred / np.where(size > 0, size, 1.0)
+    functions = np.concatenate((scaled, scaled**2), axis=1)
+    t = np.arange(1, half + 1) / (half + 1)
+    weights = np.exp(-1.0 / (t * (1.0 - t)))
+    weights /= weights.sum()
+    apart = float(np.abs(weights @ functions[:half] - weights @ functions[half:]).max())
+    return -math.log10(apart) if apart > 0 else math.inf

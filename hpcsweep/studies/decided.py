@@ -1,0 +1,144 @@
+"""What is stored of a run: the motion of its window, or the one it is decided to end in.
+
+The plain procedure takes a window for the motion. What the window leaves open is integrated on from
+its end, off the path, for `decide_cycles` forcing periods at most (`dynamics.decide`); points,
+contact set, drift, modal norms and exponent are then those of the motion that was found. The state
+from which the next run starts stays that of the plain procedure.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.decide import Motion, decide
+from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
+from hpcsweep.dynamics.orbit import closed_period, orbit_period
+from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.records import Observation
+from hpcsweep.studies.settings import SweepSettings
+
+NOT_TESTED = -1
+"""Plain period of a run without a window of its own."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is stored of the motion that a run ended in.
+
+    Attributes
+    ----------
+    seen : Observation
+        Of an orbit that is not longer than the job looks for once round it; else of a window.
+    period : int
+        Orbit period, 0 if there is none, or it is longer than the job looks for.
+    exponent : Interval
+        Largest Lyapunov exponent per unit of time.
+    kind : MotionClass
+    plain_period : int
+        What the plain test finds in the window; `NOT_TESTED` if there is none.
+    cycles : int
+        Forcing periods integrated to decide.
+    """
+
+    seen: Observation
+    period: int
+    exponent: Interval
+    kind: MotionClass = MotionClass.UNDECIDED
+    plain_period: int = NOT_TESTED
+    cycles: int = 0
+
+
+def tell_orbit(solver, amplitude: float, seen: Observation, period: int, multiplier: float) -> Told:
+    """Tell an orbit that a rule has found; `multiplier` is NaN if it was not proved to attract."""
+    time = len(seen.points) * 2 * math.pi / solver.omega
+    if math.isnan(multiplier):
+        exponent = _orbit_exponent(solver, seen.points[-1], amplitude, period)
+    else:
+        exponent = exponent_of_multiplier(multiplier, time)
+    return Told(seen, period, _sharp(exponent), _kind(MotionClass.PERIODIC, seen))
+
+
+def tell_window(
+    solver,
+    amplitude: float,
+    seen: Observation,
+    settings: SweepSettings,
+    poll: Callable[[], None] | None = None,
+) -> Told:
+    """Tell the motion of a window, or of what follows it.
+
+    Parameters
+    ----------
+    solver : Solver
+    amplitude : float
+    seen : Observation
+        Of the window; with the growth of a tangent vector if exponents are asked for or motions
+        decided.
+    settings : SweepSettings
+    poll : callable, optional
+        Called within long work; may raise to leave.
+    """
+    points = seen.points / solver.structure.state_units
+    longest, same = settings.max_orbit_period, settings.period_tolerance
+    plain = orbit_period(points, longest, same)
+    period = plain if settings.decide_cycles is None else closed_period(points, longest, same)
+    if settings.decide_cycles:
+        motion = decide(
+            solver, seen.points[-1], amplitude, settings, settings.decide_cycles, poll, seen
+        )
+        if motion.kind not in (MotionClass.UNDECIDED, MotionClass.FAILED):
+            told = _tell_motion(solver, amplitude, settings, motion, poll)
+            if told is not None:
+                return replace(told, plain_period=plain)
+        exponent = Interval(motion.exponent, motion.exponent_low, motion.exponent_high)
+        cycles = motion.cycles
+        # an orbit is claimed only where it is proved
+        return Told(seen, 0, exponent, _kind(MotionClass.UNDECIDED, seen), plain, cycles)
+    exponent = UNKNOWN
+    if "lyapunov" in settings.metrics:
+        if period:
+            exponent = _sharp(_orbit_exponent(solver, seen.points[-1], amplitude, period))
+        else:
+            time = 2 * math.pi / solver.omega
+            within = growth_interval(aligned(seen.logarithms)).times(1.0 / time)
+            exponent = within._replace(mean=seen.growth / (len(seen.points) * time))
+    return Told(seen, period, exponent, plain_period=plain)
+
+
+def _tell_motion(
+    solver, amplitude: float, settings: SweepSettings, motion: Motion, poll
+) -> Told | None:
+    """Observe the motion that was decided; None if the solver fails on it."""
+    period = motion.period if motion.period <= settings.max_orbit_period else 0
+    kind = MotionClass.LONG_PERIOD if motion.period > period else motion.kind
+    cycles = motion.cycles
+    length = period or settings.sampling_cycles
+    seen = motion.seen
+    if seen is None or len(seen.points) != length:
+        asked = "modal_norm" in settings.metrics
+        seen = solver.observe(motion.points[-1], amplitude, length, asked, poll=poll)
+        cycles += len(seen.points)
+        if seen.outcome is not Outcome.COMPLETE:
+            return None
+    exponent = Interval(motion.exponent, motion.exponent_low, motion.exponent_high)
+    return Told(seen, period, exponent, _kind(kind, seen), cycles=cycles)
+
+
+def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
+    return kind if seen.contact else MotionClass.NO_CONTACT
+
+
+def _sharp(exponent: float) -> Interval:
+    return Interval(exponent, exponent, exponent)
+
+
+def _orbit_exponent(solver, z: np.ndarray, amplitude: float, period: int) -> float:
+    """Largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
+    try:
+        return orbit_exponent(solver, z, amplitude, period)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return math.nan

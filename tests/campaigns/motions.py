@@ -32,8 +32,8 @@ from hpcsweep.studies.runs import FrameRuns
 
 TRANSIENT, WINDOW = 600, 800
 LONGEST = 250
-CLOSED = 1e-6
-"""After so many periods orbits with multipliers up to 0.98 are there; `SLOW` decides on others."""
+CLOSED = 1e-10
+"""After so many periods orbits with multipliers up to 0.96 are there; `SLOW` decides on others."""
 SLOW = 0.9
 """Ratio of the return distances of both halves of the window below which an orbit is approached."""
 BESIDE = 1e-7

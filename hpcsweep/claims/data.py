@@ -5,6 +5,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from hpcsweep.dynamics.classify import MotionClass
+
 CHAOS_GROWTH = 5.0
 """Least ln of the growth of a small difference over the steady window of a chaotic motion; the
 finite window leaves an error of the order of 1."""
@@ -62,6 +64,8 @@ class Sweep:
         Stroboscopic points, NaN where there are no more.
     valid : ndarray of bool, shape (d, k)
         Runs that are there and did not fail.
+    motion : ndarray of int, shape (d, k), optional
+        `MotionClass` where motions were decided.
     """
 
     omega: float
@@ -75,11 +79,12 @@ class Sweep:
     state: np.ndarray
     points: np.ndarray
     valid: np.ndarray
+    motion: np.ndarray | None = None
 
     @property
     def chaotic(self) -> np.ndarray:
-        """Runs that are chaotic, by the exponent; shape (d, k)."""
-        return is_chaotic(self.period, self.growth) & self.valid
+        """Runs that are chaotic, as decided or by the exponent; shape (d, k)."""
+        return is_chaotic(self.period, self.growth, self.motion) & self.valid
 
     @property
     def n_floors(self) -> int:
@@ -118,8 +123,12 @@ class Map:
     exponents: bool
 
 
-def is_chaotic(period: np.ndarray, growth: np.ndarray) -> np.ndarray:
-    """Tell chaos by the largest exponent: no period, and differences grow."""
+def is_chaotic(
+    period: np.ndarray, growth: np.ndarray, motion: np.ndarray | None = None
+) -> np.ndarray:
+    """Tell chaos as decided, or by the largest exponent: no period, and differences grow."""
+    if motion is not None:
+        return np.asarray(motion) == MotionClass.CHAOTIC
     return (np.asarray(period) == 0) & (np.asarray(growth) > CHAOS_GROWTH)
 
 

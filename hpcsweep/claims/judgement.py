@@ -62,11 +62,11 @@ def first_grazing(sweep: Sweep, fine: Sweep | None) -> Claim:
     then = f"P1 C3 from A = {at(sweep, first)} to {at(sweep, last)}"
     touching = fine.contact[0] != 0
     if not chaos.size:
-        undecided = int((touching & (fine.period[0] == 0)).sum())
+        others = int((touching & (fine.period[0] == 0)).sum())
         periods = sorted(set(fine.period[0][touching].tolist()) - {0})
         finding = (
             f"none of {touching.sum()} runs after grazing is chaotic: "
-            f"{', '.join(f'P{p}' for p in periods)}, {undecided} undecided; {then}"
+            f"{', '.join(f'P{p}' for p in periods)}, {others} without; {then}"
         )
         return Claim("1", text, Verdict.NO, finding)
     where = f"A = {chaos[0]:.5g}" + (f" to {chaos[-1]:.5g}" if chaos.size > 1 else "")
@@ -167,7 +167,7 @@ def chaotic_probe(probe: Sweep) -> Claim:
     told = []
     for d, name in enumerate(probe.directions):
         period = int(probe.period[d, 0])
-        kind = f"P{period}" if period else ("chaotic" if probe.chaotic[d, 0] else "undecided")
+        kind = f"P{period}" if period else ("chaotic" if probe.chaotic[d, 0] else "no period")
         told.append(f"{name}: {kind}, growth of differences e^{probe.growth[d, 0]:.3g}")
     return Claim("3", text, yes(bool(probe.chaotic[0, 0])), "; ".join(told))
 

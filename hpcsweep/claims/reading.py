@@ -14,6 +14,7 @@ from hpcsweep.store import Frames, StoreError
 SAME_OMEGA = 5e-4
 WITHOUT_VALUE = {"matrices": "structure.matrices", "harmonics": "forcing.harmonics"}
 """Keys of a job whose values are too long for a message."""
+OPTIONAL = ("lyapunov", "modal_norm", "motion", "decided_cycles", "n_points")
 LEAST_FRAMES = 10
 """Frames from which on a file is a map."""
 
@@ -27,7 +28,7 @@ def read_study(frames: Frames) -> Study | None:
     needed = ("orbit_period", "contact", "drift", "final_state", "outcome", "poincare")
     if study.omega.size >= LEAST_FRAMES and any(name not in frames for name in needed):
         return None  # a map, kept small
-    optional = [name for name in ("lyapunov", "modal_norm") if name in frames]
+    optional = [name for name in OPTIONAL if name in frames]
     arrays = frames.read(place, (*needed, *optional))
     omega = float(study.omega[place])
     sweep = make_sweep(omega, study.amplitude, study.directions, arrays, study.settings)
@@ -41,8 +42,7 @@ def read_map(frames: Frames) -> Map | None:
         return None
     names = ["orbit_period", "contact", "drift", "outcome"]
     exponents = "lyapunov" in frames
-    if exponents:
-        names.append("lyapunov")
+    names += [name for name in ("lyapunov", "motion") if name in frames]
     rows: dict[str, list] = {name: [] for name in names}
     for place in range(study.omega.size):
         for name, values in frames.read(place, tuple(names)).items():
@@ -58,7 +58,7 @@ def read_map(frames: Frames) -> Map | None:
         omega=study.omega,
         period=period,
         contact=arrays["contact"].astype(int),
-        chaotic=is_chaotic(period, growth) & valid,
+        chaotic=is_chaotic(period, growth, arrays.get("motion")) & valid,
         valid=valid,
         drift=arrays["drift"],
         free_drift=np.array(free),

@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
-from accuracy import Case, backwards
+from accuracy import Case
 from general import (
     GeneralCase,
+    backwards,
     earlier,
     highest_frequency,
     log_uniform,
@@ -114,8 +115,9 @@ def random_try(rng, case):
     case = replace(case, amplitude=log_uniform(rng, 1e-2, 1.0))
     limit = min(2 * math.pi / case.omega, 1.0 / math.sqrt(case.beta) if closed else 3.0)
     tau = float(rng.uniform(0.0, limit))
-    start = backwards(case, np.concatenate((u, v)), tau, closed)
-    return replace(case, state=tuple(start))
+    z = np.concatenate((u, v))
+    start = backwards(case.structure, case.amplitude, case.omega, z, tau, closed)
+    return replace(case, state=tuple(start.tolist()))
 
 
 def random_general(rng):

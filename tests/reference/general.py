@@ -162,7 +162,7 @@ def distances(structure, u):
     return np.array([np.dot(c.direction, u) - c.gap for c in structure.contacts])
 
 
-def backwards(structure, amplitude, omega, z, tau, closed):
+def backwards(structure, amplitude, omega, z, tau, closed=()):
     """State at time 0 from which the linear motion reaches z at time tau."""
     pairs = []
     for order, _, phase in structure.harmonics:

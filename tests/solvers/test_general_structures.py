@@ -248,6 +248,25 @@ def test_stops_at_the_same_place_close_and_open_together():
         assert np.abs(found - exact).max() < 1e-12
 
 
+def test_stops_at_the_same_place_in_directions_of_different_length():
+    """Each has a row of its own, and rounding parts their distances: they once opened in turn."""
+    springs = [(1.39, 2.1), (-0.08, 12.2), (-0.64, 202.0), (-0.91, 1666.5)]
+    contacts = [Contact((d,), 0.0, kappa) for d, kappa in springs]
+    joined = [
+        Contact((side,), 0.0, sum(kappa * d * d for d, kappa in springs if side * d > 0))
+        for side in (1.0, -1.0)
+    ]
+    many, two = (
+        FlowMap(Structure.from_matrices([1.0], [[1.0]], one, damping_ratio=0.02), 0.7)
+        for one in (contacts, joined)
+    )
+    for j in range(30):
+        state = np.array([0.1, -0.3]) * (1 + j / 30)
+        found, outcome = many.points(state, 0.4, 1)
+        assert outcome is Outcome.COMPLETE
+        assert np.abs(found - two.points(state, 0.4, 1)[0]).max() < 1e-11
+
+
 @pytest.mark.parametrize("sharpness", [math.inf, 200.0])
 def test_drifts_along_any_rows_feel_the_contacts(sharpness):
     contacts = [Contact((1.0, 0.0), 0.3, 300.0), Contact((1.0, -1.0), 0.2, 100.0)]

@@ -432,3 +432,21 @@ def test_jobs_as_described_differ_from_those_as_printed_by_the_damping_alone():
         assert np.array_equal(described.study.omega, printed.study.omega)
         assert np.array_equal(described.study.amplitude, printed.study.amplitude)
         assert described.settings == printed.settings
+
+
+def test_resolution_of_a_picture(file, tmp_path, capsys):
+    from PIL import Image
+
+    from hpcsweep.commands.cli import main
+
+    sizes = {}
+    for dpi in ("200", "100"):
+        output = tmp_path / f"{dpi}.png"
+        assert main(["plot", str(file), "-o", str(output), "--dpi", dpi]) == 0
+        with Image.open(output) as picture:
+            sizes[dpi] = np.array(picture.size)
+    assert np.abs(sizes["200"] - 2 * sizes["100"]).max() <= 2
+    with pytest.raises(SystemExit) as ended:
+        main(["plot", str(file), "--dpi", "20"])
+    assert ended.value.code == 2
+    assert "--dpi: must be from 50 to 1200, is 20" in capsys.readouterr().err

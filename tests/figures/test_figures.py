@@ -36,6 +36,20 @@ def test_contact_regions_are_maximal_and_short_ones_are_absorbed():
     assert contact_regions(contact, valid)[-1] == Region(17, 20, (6,))
 
 
+def test_contacts_that_set_in_one_after_the_other_are_not_free_of_contact():
+    sets = np.array([0] * 6 + [8] * 2 + [12] * 2 + [14] * 5)
+    contact = np.array([sets, sets])
+    valid = np.ones_like(contact, bool)
+    assert contact_regions(contact, valid) == [
+        Region(0, 5, (0,)),
+        Region(6, 9, (8,)),
+        Region(10, 14, (14,)),
+    ]
+    # lost again at once: a single run
+    contact[:, 8:] = 0
+    assert contact_regions(contact, valid) == [Region(0, 14, (0,))]
+
+
 def test_two_solutions_of_one_contact_set_are_a_region_if_they_last():
     contact = np.full((2, 100), 7)
     valid = np.ones_like(contact, bool)

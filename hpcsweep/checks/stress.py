@@ -16,7 +16,13 @@ from typing import Any
 import numpy as np
 from scipy.special import spence
 
-from hpcsweep.checks.stress_cases import Case, cases
+from hpcsweep.checks.random_runs import (
+    any_run,
+    any_structure,
+    random_run,
+    uniform_building,
+)
+from hpcsweep.checks.stress_cases import Case, cases, made
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.watchdog import Lost, each
 from hpcsweep.solvers.flow import flow_map
@@ -34,6 +40,8 @@ WORST_ERROR = {"flow": 1e-7, "bdf": 1e-2}
 """Error of one period (over max(1, |z|)) from which on a case counts as wrong."""
 ENERGY_DRIFT = 1e-8
 """Relative change of the energy allowed over all periods of an energy case."""
+DRAWN = {"random": (uniform_building, random_run), "random, any": (any_structure, any_run)}
+"""Of random runs, by kind: draws of a structure with a frequency, of an amplitude and a state."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +54,15 @@ class Answer:
 
 
 def energy(structure: Structure, z: np.ndarray) -> float:
-    """Energy of the undamped structure and its stop, in units of k gap^2.
+    """Energy of an undamped structure and its stops.
 
-    The contact force beta S(x) x, x = u - 1, has the potential beta (max(x, 0)^2 / 2 - P(x)), with
-    P(x) = int_-inf^x |s| / (1 + exp(rho |s|)) ds, by the dilogarithm.
+    A contact at the distance x past its stop pushes with kappa S(rho x) x, which has the potential
+    kappa (max(x, 0)^2 / 2 - P(x)), with P(x) = int_-inf^x |s| / (1 + exp(rho |s|)) ds by the
+    dilogarithm.
     """
     n = structure.n_floors
     u, v = z[:n], z[n:]
-    x = u - 1.0
+    x = structure.directions @ u - np.array([contact.gap for contact in structure.contacts])
     potential = 0.5 * np.maximum(x, 0.0) ** 2
     rho = structure.sharpness
     if rho == 0.0:
@@ -62,8 +71,9 @@ def energy(structure: Structure, z: np.ndarray) -> float:
         y = rho * np.abs(x)
         tail = y * np.log1p(np.exp(-y)) - spence(1.0 + np.exp(-y))
         potential = potential - np.where(x < 0, tail, math.pi**2 / 6 - tail) / rho**2
-    contact = structure.stiffness_ratio * potential.sum()
-    return float(0.5 * (v @ v + u @ structure.stiffness_matrix @ u) + contact)
+    contact = structure.contact_stiffness @ potential
+    moving = v @ structure.mass_matrix @ v
+    return float(0.5 * (moving + u @ structure.stiffness_matrix @ u) + contact)
 
 
 def answer(case: Case | None) -> Answer | None:
@@ -72,9 +82,9 @@ def answer(case: Case | None) -> Answer | None:
         make_solver("flow", Structure(1), 1.0, 1e-9).observe(np.array([0.9, 1.0]), 0.1, 1, True)
         reference_points(Structure(1), 0.1, 1.0, np.array([0.9, 1.0]), 1)
         return None
-    if case.kind == "random":
+    if case.kind in DRAWN:
         return _random_runs(case)
-    structure = Structure(**case.structure)
+    structure = made(case.structure)
     state = np.array(case.state) if case.state else np.zeros(2 * structure.n_floors)
     solver = make_solver(case.solver, structure, case.omega, SOLVERS[case.solver].rtol)
     seen = solver.observe(state, case.amplitude, case.n_periods, modal_norm=True)
@@ -88,7 +98,7 @@ def answer(case: Case | None) -> Answer | None:
     if case.kind in check:
         remark, passed = check[case.kind](case, structure, state, seen)
         return Answer(seen.outcome.name, remark, passed)
-    size = float(np.abs(seen.points).max()) if seen.points.size else 0.0
+    size = float(np.abs(seen.points / structure.state_units).max(initial=0.0))
     return Answer(seen.outcome.name, f"max |z| {size:.3g}, contact {seen.contact:b}", True)
 
 
@@ -102,8 +112,8 @@ def _inconsistent(structure, seen, n_periods):
         return f"complete, but {len(seen.points)} of {n_periods} periods are there"
     if not math.isfinite(seen.peak_drift) or seen.peak_drift < 0:
         return f"drift is {seen.peak_drift}"
-    if seen.contact >> structure.n_floors:
-        return f"contact bits {seen.contact:b} beyond the last floor"
+    if seen.contact >> len(structure.contact_labels):
+        return f"contact bits {seen.contact:b} beyond the last contact"
     norms = seen.modal_norm
     if np.any(norms < 0) or np.any(norms > 1 + 1e-9) or len(np.unique(np.isnan(norms))) > 1:
         return f"modal norms {norms.tolist()}"
@@ -114,7 +124,9 @@ def _against_reference(case, structure, state, seen):
     exact = reference_points(structure, case.amplitude, case.omega, state, 1)[0]
     if not np.all(np.isfinite(exact)):
         return "the reference gave up", True
-    error = float(np.abs(seen.points[0] - exact).max()) / max(1.0, float(np.abs(exact).max()))
+    units = structure.state_units
+    size = max(1.0, float(np.abs(exact / units).max()))
+    error = float(np.abs((seen.points[0] - exact) / units).max()) / size
     return f"error of one period {error:.1e}", error <= WORST_ERROR[case.solver]
 
 
@@ -132,36 +144,6 @@ def _still_linear(case, structure, state, seen):
     return remark, away <= 1e-10 and seen.contact == 0
 
 
-def _log_uniform(rng, low, high):
-    return float(10.0 ** rng.uniform(math.log10(low), math.log10(high)))
-
-
-def random_structure(rng) -> tuple[Structure, float]:
-    """Draw a structure and a frequency from all that the model defines, ends included."""
-    n = int(rng.integers(1, 7)) if rng.random() < 0.97 else int(rng.integers(7, 51))
-    beta = rng.choice([0.0, _log_uniform(rng, 1e-3, 1e7)], p=[0.02, 0.98])
-    sharp = [0.0, _log_uniform(rng, 1e-3, 1e2), _log_uniform(rng, 1e2, 1e8), math.inf]
-    rho = rng.choice(sharp, p=[0.02, 0.03, 0.65, 0.3])
-    zeta = rng.choice([0.0, 2.0, _log_uniform(rng, 1e-4, 2.0)], p=[0.05, 0.05, 0.9])
-    slow = rng.random() < 0.01
-    omega = _log_uniform(rng, 1e-3, 0.1) if slow else _log_uniform(rng, 0.1, 50.0)
-    return Structure(n, float(beta), float(rho), float(zeta)), omega
-
-
-def random_state(rng, structure: Structure) -> np.ndarray:
-    """Draw a state: anywhere, resting, or with floors at the stop; at times a huge one."""
-    n = structure.n_floors
-    z = rng.normal(0.0, 0.7, 2 * n)
-    if rng.random() < 0.4:
-        near = rng.random(n) < 0.5
-        size = 10.0 ** rng.uniform(-17, 0, n) * rng.choice([-1.0, 0.0, 1.0], n)
-        z[:n] = np.where(near, 1.0 + size, z[:n])
-        z[n:] = np.where(near, 10.0 ** rng.uniform(-17, 0, n) * rng.choice([-1, 0, 1], n), z[n:])
-    if rng.random() < 0.02:
-        z *= 10.0 ** rng.uniform(0, 120)
-    return z
-
-
 def steps_taken(solver: flow_map.FlowMap) -> int:
     """Count the linear steps, and the steps in layers, of all periods not observed so far."""
     counts = solver.counts
@@ -171,17 +153,17 @@ def steps_taken(solver: flow_map.FlowMap) -> int:
 def _random_runs(case: Case) -> Answer:
     """Run a batch of one-period runs under a cap of steps and count their outcomes."""
     rng = np.random.default_rng(case.seed)
+    draw_structure, draw_run = DRAWN[case.kind]
     found: Counter[str] = Counter()
     wrong: list[str] = []
     own_cap, flow_map.MAX_STEPS = flow_map.MAX_STEPS, CAP
     try:
         for k in range(case.n_periods):
             if k % PER_STRUCTURE == 0:
-                structure, omega = random_structure(rng)
+                structure, omega = draw_structure(rng)
                 solver: Any = make_solver("flow", structure, omega, SOLVERS["flow"].rtol)
                 taken = steps_taken(solver)
-            amplitude = float(rng.choice([0.0, _log_uniform(rng, 1e-12, 1e3)], p=[0.02, 0.98]))
-            z = random_state(rng, structure)
+            amplitude, z = draw_run(rng, structure)
             problem = ""
             if k % 4 == 0:
                 seen = solver.observe(z, amplitude, 1, modal_norm=k % 8 == 0)
@@ -192,7 +174,8 @@ def _random_runs(case: Case) -> Answer:
                     problem = f"{outcome.name} with points {points.tolist()}"
             found[outcome.name] += 1
             now = steps_taken(solver)
-            if outcome is Outcome.SOLVER_FAILED and np.abs(z).max() < HUGE_STATE:
+            size = np.abs(z / structure.state_units).max()
+            if outcome is Outcome.SOLVER_FAILED and size < HUGE_STATE:
                 problem = "the solver gave up a state of ordinary size"
             if now - taken > CAP + 1:
                 problem = f"{now - taken} steps under a cap of {CAP}"
@@ -226,23 +209,25 @@ def stress(quick: bool, seed: int, say: Callable = lambda text: None) -> list[di
 
 
 def merged(rows: list[dict]) -> list[dict]:
-    """Put all batches of random runs that passed into one row."""
-    random = [row for row in rows if row["kind"] == "random" and row["passed"]]
-    if len(random) < 2:
-        return rows
-    total: Counter = Counter()
-    for row in random:
-        for part in row["outcome"].split(", "):
-            name, count = part.split(" ")
-            total[name] += int(count)
-    runs = sum(row["n_periods"] for row in random)
-    one = dict(
-        random[0],
-        asked=f"{runs} runs of one period",
-        outcome=", ".join(f"{name} {count}" for name, count in total.most_common()),
-        took=sum(row["took"] for row in random),
-    )
-    return [row for row in rows if row not in random] + [one]
+    """Put all batches of random runs of a kind that passed into one row."""
+    for kind in DRAWN:
+        random = [row for row in rows if row["kind"] == kind and row["passed"]]
+        if len(random) < 2:
+            continue
+        total: Counter = Counter()
+        for row in random:
+            for part in row["outcome"].split(", "):
+                name, count = part.split(" ")
+                total[name] += int(count)
+        runs = sum(row["n_periods"] for row in random)
+        one = dict(
+            random[0],
+            asked=f"{runs} runs of one period",
+            outcome=", ".join(f"{name} {count}" for name, count in total.most_common()),
+            took=sum(row["took"] for row in random),
+        )
+        rows = [row for row in rows if row not in random] + [one]
+    return rows
 
 
 def row_text(row: dict) -> str:

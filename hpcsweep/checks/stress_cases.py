@@ -6,8 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hpcsweep.checks.random_structures import highest_frequency
+from hpcsweep.checks.stress_structures import hard_structures, made
 from hpcsweep.model.structure import Structure
 
+LEAST = 100.0
+"""Largest ratio of a natural frequency, all contacts closed, to that of the forcing."""
+REACH = 3.0
+"""Displacement that the forcing of a structure of any kind gives without stops, in its units."""
 BATCH = 1000
 BATCH_SECONDS = 900.0
 """For a batch: each step of each run of one structure may ask for a new table, up to 10 ms for 50
@@ -21,11 +27,12 @@ class Case:
     Attributes
     ----------
     kind : str
-        ``"run"``, ``"reference"``, ``"energy"``, ``"linear"`` or ``"random"``; see `answer`.
+        ``"run"``, ``"reference"``, ``"energy"``, ``"linear"``, ``"random"`` or ``"random, any"``;
+        see `answer`.
     group, asked : str
         For the reader.
     structure : dict
-        Arguments of `Structure`.
+        Arguments of `made`.
     state : tuple of 2n floats
         Empty: at rest.
     n_periods : int
@@ -57,9 +64,12 @@ def cases(quick: bool, seed: int) -> Iterator[Case]:
     long = 1000 if quick else 10_000
     yield from _grazing(long)
     yield from _energy(long)
+    yield from _any_structure(long)
     for k in range(3 if quick else 1000):
+        # the last of three has structures of any kind
+        kind, group = ("random, any", "any structure") if k % 3 == 2 else ("random", "random runs")
         yield Case(
-            "random", "random runs", f"{BATCH} runs, seed {seed}.{k}", n_periods=BATCH,
+            kind, group, f"{BATCH} runs, seed {seed}.{k}", n_periods=BATCH,
             seed=seed * 1_000_000 + k, seconds=BATCH_SECONDS,
         )  # fmt: skip
 
@@ -138,3 +148,30 @@ def _energy(n_periods):
         state = (*np.linspace(0.5, 0.9, n).tolist(), *np.linspace(1.0, 0.3, n).tolist())
         asked = f"n = {n}, beta = {beta:g}, rho = {rho:g}, {n_periods} periods"
         yield Case("energy", "energy", asked, structure, 1.0, 0.0, state, n_periods)
+
+
+def _any_structure(n_periods):
+    for rho in (1e4, math.inf):
+        for name, given in hard_structures(rho):
+            structure = made(given)
+            omega = max(0.7 * float(structure.frequencies[0]), highest_frequency(structure) / LEAST)
+            length = structure.length_unit
+            response = np.abs(sum(structure.steady_harmonics(omega)[1])).max()
+            amplitude = REACH * length / float(response)
+            n = structure.n_floors
+            state = 0.8 * length * np.cos(np.arange(2.0 * n))
+            state[n:] *= omega
+            yield Case(
+                "reference", "any structure", f"{name}, sharpness = {rho:g}", given, omega,
+                amplitude, tuple(state.tolist()), 1, complete=True,
+            )  # fmt: skip
+    # two masses that pound, undamped
+    for rho in (1e4, math.inf):
+        contacts = [((1.0, -1.0), 0.1, 500.0), ((-1.0, 0.3), 0.3, 50.0), ((0.0, -1.0), 0.0, 3.0)]
+        given = {
+            "mass": [[2.0, 0.3], [0.3, 1.0]], "stiffness": [[2.0, -0.5], [-0.5, 1.0]],
+            "contacts": contacts, "sharpness": rho,
+        }  # fmt: skip
+        asked = f"energy of two that pound, rho = {rho:g}, {n_periods} periods"
+        state = (0.5, -0.2, 0.3, 0.4)
+        yield Case("energy", "any structure", asked, given, 1.0, 0.0, state, n_periods)

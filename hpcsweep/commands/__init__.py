@@ -20,13 +20,14 @@ def complain(message: str, rank: int | None = None) -> None:
         say_line(f"hpcsweep: error: {message}")
 
 
-def whole_number(least: int):
-    """Make the conversion of an argument that must be a whole number of at least `least`."""
+def whole_number(least: int, most: int | None = None):
+    """Make the conversion of an argument that must be a whole number from `least` to `most`."""
 
     def convert(text: str) -> int:
         value = int(text)
-        if value < least:
-            raise argparse.ArgumentTypeError(f"must be at least {least}, is {text}")
+        if value < least or (most is not None and value > most):
+            limit = f"at least {least}" if most is None else f"from {least} to {most}"
+            raise argparse.ArgumentTypeError(f"must be {limit}, is {text}")
         return value
 
     convert.__name__ = "whole number"

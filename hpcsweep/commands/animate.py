@@ -7,6 +7,7 @@ import traceback
 from pathlib import Path
 
 from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, file_name, positive, whole_number
+from hpcsweep.figures.diagrams.figure import FLOORS
 
 HELP = """\
 Make a film of the orbit diagrams, one frame a forcing frequency, with fixed axes: MP4 or, by the
@@ -55,14 +56,7 @@ def add_to(commands) -> None:
         help="what the colours tell (default: %(default)s)",
     )
     animate.add_argument(
-        "--floor",
-        dest="floors",
-        type=int,
-        action="append",
-        default=[],
-        metavar="I",
-        help="floor shown, may be given several times (default: all of up to 5, else first, "
-        "middle, top)",
+        FLOORS.flag, dest=FLOORS.keyword, help=FLOORS.help, default=[], **FLOORS.arguments
     )
     animate.add_argument(
         "--width",

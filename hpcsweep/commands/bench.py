@@ -12,8 +12,8 @@ Measure, everything that is compared in one run and in turn:
 
   work-precision  run time against error, for our solvers, scipy's and, where installed, CVODE
                   (extra 'bench') and numbalsoda (built from source), in several regimes
-  ratio           flow against scipy's BDF and a compiled DOP853 on two attractors, and against
-                  bdf over the first frame of JOB
+  ratio           flow against scipy's BDF and DOP853 and a compiled DOP853 on attractors of a
+                  building and of two that pound, and against bdf over the first frame of JOB
   floors          flow against the number of floors
   ranks           strong scaling of a small job over the cores of this machine (needs mpirun)
   startup         seconds of a tiny job, cold and warm

@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from hpcsweep.commands import RAW, USER_ERROR, complain, file_name
+from hpcsweep.commands import RAW, USER_ERROR, complain, file_name, whole_number
 
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
@@ -20,6 +20,8 @@ FIGURES = (
 )
 """Modules of `hpcsweep.figures.diagrams`, each a `figure.Figure`; the first is the default."""
 NAME_WIDTH = 8
+RESOLUTIONS = 50, 1200
+"""Pixels an inch, least and most."""
 
 
 def figures() -> dict[str, "Figure"]:
@@ -49,6 +51,13 @@ def _complete(plot: argparse.ArgumentParser) -> None:
     plot.add_argument(
         "--kind", choices=tuple(known), default=default, help="figure (default: %(default)s)"
     )
+    plot.add_argument(
+        "--dpi",
+        type=whole_number(*RESOLUTIONS),
+        default=200,
+        metavar="N",
+        help="pixels an inch (default: %(default)s)",
+    )
     options = dict.fromkeys(option for f in known.values() for option in f.OPTIONS)
     for option in options:
         kinds = ", ".join(f.NAME for f in known.values() if option in f.OPTIONS)
@@ -77,12 +86,13 @@ def _plot(options) -> int:
             complain(f"{option.flag} does not go with --kind {options.kind}, only with: {kinds}")
             return USER_ERROR
         given[option.keyword] = value
-    from hpcsweep.figures.style import PlotError
+    from hpcsweep.figures.style import PlotError, resolution
     from hpcsweep.store import StoreError
 
     output = options.output or options.file.with_suffix(".png")
     try:
-        figure.draw(figure.load(options.file, **given), output, **given)
+        with resolution(options.dpi):
+            figure.draw(figure.load(options.file, **given), output, **given)
     except (StoreError, PlotError) as error:
         complain(str(error))
         return USER_ERROR

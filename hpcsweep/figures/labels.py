@@ -8,6 +8,10 @@ MOST_FLOORS = 5
 """Floors that are all shown where none are asked for; of more the top, the middle and the first."""
 
 
+MOST_MODES = 5
+"""Modes that are shown: the lowest."""
+
+
 def in_gaps(structure) -> bool:
     """Tell whether lengths are in gaps and times in 1/omega_0: equal storeys, all stops at 1."""
     return structure.is_uniform and all(contact.gap == 1.0 for contact in structure.contacts)

@@ -1,6 +1,8 @@
 """Labels, panels and legends the figures share; their colours are `hpcsweep.figures.palette`."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,8 @@ from hpcsweep.studies.amplitude_sweep import DOWN, UP
 from hpcsweep.studies.points import START
 
 DPI = 200
+"""Pixels an inch, unless `resolution` says other."""
+_dpi: ContextVar[int] = ContextVar("dpi", default=DPI)
 AMPLITUDE = r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]"
 OMEGA = r"forcing frequency $\Omega$  [$\omega_0$]"
 MARKERS = {UP: "o", DOWN: "v", START: "o"}
@@ -74,12 +78,27 @@ def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
     )
 
 
+@contextmanager
+def resolution(dpi: int) -> Iterator[None]:
+    """Write the figures of a block with `dpi` pixels an inch."""
+    before = _dpi.set(dpi)
+    try:
+        yield
+    finally:
+        _dpi.reset(before)
+
+
+def pixels(figure) -> np.ndarray:
+    """Give the width and the height of a figure's picture, shape (2,)."""
+    return figure.get_size_inches() * _dpi.get()
+
+
 def save(figure, path: Path) -> None:
     """Write a figure to disk and free it."""
     from matplotlib import pyplot
 
     try:
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=_dpi.get())
     except ValueError as error:
         raise PlotError(f"{path}: {error}") from None
     finally:

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from tools import hpcsweep
+from tools import JOBS, hpcsweep
 
 from hpcsweep.bench import peers, ratios, scaling, skips, startup, work_precision
 from hpcsweep.figures.diagrams import work_precision as figure
+from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.studies import amplitude_sweep as sweep
@@ -145,11 +146,25 @@ def test_methods_that_fail_or_are_absent_are_said(monkeypatch):
 
 
 def test_ratio_on_an_attractor():
-    rows = ratios.motion_ratios(amplitudes=(0.06,), against=(("bdf", 1e-6),), turns=1)
-    assert [(row.method, row.rtol) for row in rows] == [("bdf", 1e-6)]
-    assert rows[0].ratio == pytest.approx(rows[0].microseconds / rows[0].flow_microseconds)
-    assert rows[0].ratio > 100
-    assert rows[0].flow_error < 1e-10 < rows[0].error < 1e-3
+    compared = [ratios.motions()[0], ratios.motions()[2]]
+    rows = ratios.motion_ratios(compared, against=(("bdf", 1e-6),), turns=1)
+    assert [row.motion for row in rows] == ["building", "pounding"]
+    for row in rows:
+        assert (row.method, row.rtol) == ("bdf", 1e-6)
+        assert row.ratio == pytest.approx(row.microseconds / row.flow_microseconds)
+        assert row.ratio > 100
+        assert row.flow_error < 1e-10 < row.error < 1e-3
+
+
+def test_the_motions_of_the_ratios_are_those_they_say():
+    assert ratios.pounding() == load_job(JOBS / "pounding.toml").structure
+    touched = []
+    for regime in ratios.motions():
+        flow = FlowMap(regime.structure, regime.omega)
+        rest = np.zeros(2 * regime.structure.n_floors)
+        state = flow.advance(rest, regime.amplitude, 300).state
+        touched.append(flow.observe(state, regime.amplitude, 20).contact)
+    assert touched == [0b100, 0b110, 0b110, 0b111]
 
 
 def test_numbers_of_ranks():

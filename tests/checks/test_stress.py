@@ -10,7 +10,10 @@ import pytest
 from tools import hpcsweep
 
 from hpcsweep.checks.stress import _inconsistent, answer, as_json, energy
-from hpcsweep.checks.stress_cases import Case
+from hpcsweep.checks.stress_cases import Case, made
+from hpcsweep.checks.stress_structures import hard_structures
+from hpcsweep.model.contact import contact_force
+from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.watchdog import Lost, each
 from hpcsweep.solvers.outcome import Outcome
@@ -50,6 +53,44 @@ def test_energy_is_the_potential_of_the_contact_force(rho):
         assert (up - down) / (2 * d) == pytest.approx(u + 40.0 * switch * x, abs=1e-3)
 
 
+@pytest.mark.parametrize("rho", [0.0, 5.0, 300.0, math.inf])
+def test_energy_of_any_structure_is_that_of_its_forces(rho):
+    """K u and the pushes of the contacts, by the law, are the gradient of the energy."""
+    contacts = [Contact((1.0, -1.0), 0.1, 30.0), Contact((-0.5, 0.2), -0.2, 7.0)]
+    stiffness = np.array([[2.0, -0.5], [-0.5, 1.0]])
+    structure = Structure.from_matrices([2.0, 3.0], stiffness, contacts, sharpness=rho)
+    u, v = np.array([0.3, 0.15]), np.array([0.4, -0.7])
+    force = stiffness @ u
+    for contact in contacts:
+        d = np.array(contact.direction)
+        x = float(d @ u - contact.gap)
+        force += d * contact_force(x, contact.stiffness, rho)
+    step = 1e-6 * np.eye(4)
+    z = np.concatenate((u, v))
+    slope = [(energy(structure, z + e) - energy(structure, z - e)) / 2e-6 for e in step]
+    assert slope == pytest.approx([*force, 2.0 * v[0], 3.0 * v[1]], abs=1e-7)
+
+
+def test_hard_structures_are_what_they_say():
+    for rho in (1e4, math.inf):
+        every = list(hard_structures(rho))
+        found = dict(every)
+        assert len(found) == len(every)
+        structures = {name: made(given) for name, given in found.items()}
+        assert all(structure.contacts for structure in structures.values())
+        assert len(structures["64 contacts on a row"].contacts) == 64
+        assert len(structures["16 harmonics"].harmonics) == 16
+        masses = np.diag(structures["both from 1e-6 to 1e6"].mass_matrix)
+        assert masses.max() / masses.min() == pytest.approx(1e12)
+        assert structures["directions of length 1e-08"].length_unit < 1e-8
+
+
+def test_a_contact_set_may_be_larger_than_the_floors_are_many():
+    one = Structure(1, gap=0.5, gap_left=0.5)
+    assert _inconsistent(one, seen(points=np.zeros((2, 2)), contact=3), 2) == ""
+    assert "beyond" in _inconsistent(one, seen(points=np.zeros((2, 2)), contact=4), 2)
+
+
 def seen(**changes):
     good = {
         "points": np.zeros((2, 4)), "contact": 1, "peak_drift": 0.1,
@@ -66,7 +107,7 @@ def seen(**changes):
         ({"points": np.zeros((1, 4))}, "complete, but 1 of 2"),
         ({"points": np.zeros((1, 4)), "outcome": Outcome.STEP_LIMIT}, ""),
         ({"outcome": Outcome.NON_FINITE}, "failed, but all"),
-        ({"contact": 4}, "beyond the last floor"),
+        ({"contact": 4}, "beyond the last contact"),
         ({"peak_drift": math.nan}, "drift"),
         ({"modal_norm": np.array([0.5, math.nan])}, "modal norms"),
     ],
@@ -104,7 +145,7 @@ def test_a_solver_may_give_up_huge_states_only(monkeypatch):
     assert not found.passed
     assert "gave up" in found.remark
     monkeypatch.setattr(
-        "hpcsweep.checks.stress.random_state", lambda rng, s: np.full(2 * s.n_floors, 1e9)
+        "hpcsweep.checks.random_runs.random_state", lambda rng, s: np.full(2 * s.n_floors, 1e9)
     )
     assert answer(case).passed
 
@@ -122,5 +163,6 @@ def test_the_bounded_run():
     report = json.loads(done.stdout)
     assert report["failed"] == 0
     groups = {row["group"] for row in report["cases"]}
-    assert groups >= {"structure", "forcing", "at rest", "grazing orbit", "energy", "random runs"}
+    plain = {"structure", "forcing", "at rest", "grazing orbit", "energy", "random runs"}
+    assert groups >= plain | {"any structure"}
     assert any("bdf" in row["asked"] for row in report["cases"])

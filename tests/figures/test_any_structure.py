@@ -15,13 +15,14 @@ from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import (
     benefit,
     frames,
+    mesh,
     metrics,
     orbit_diagram,
     period_map,
     phase,
 )
 from hpcsweep.figures.explorer.page import _structure
-from hpcsweep.figures.labels import choose_floors
+from hpcsweep.figures.labels import MOST_MODES, choose_floors
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
@@ -141,6 +142,29 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path):
         open_frames(path)
     assert "\n" not in str(refused.value)
     assert KEYS.get(name, "structure.n_floors = 2") in str(refused.value)
+
+
+def test_the_key_of_grazing_is_there_where_the_curve_is(general):
+    from hpcsweep import open_results
+
+    name, path = general
+    assert bool(mesh.grazing_keys(open_results(path))) == (name not in ("bilinear", "no stop"))
+
+
+def test_a_page_tells_the_modal_norms_of_the_lowest_modes(tmp_path):
+    from hpcsweep.campaign import run as campaign
+    from hpcsweep.figures.explorer.study import gather
+    from hpcsweep.job import parse_job
+    from hpcsweep.parallel.mpi import Serial
+
+    found = {}
+    for n in (2, 8):
+        path = tmp_path / f"{n}.h5"
+        job = parse_job(f"[structure]\nn_floors = {n}\n{SWEEP}", "modes", "modes")
+        assert campaign.run(job, path, Serial()) == 0
+        found[n] = [name for name in gather(path).values if name.startswith("modal_norm")]
+    assert found[2] == ["modal_norm_1", "modal_norm_2"]
+    assert found[8] == [f"modal_norm_{mode}" for mode in range(1, MOST_MODES + 1)]
 
 
 def test_drift_without_stop_is_that_of_a_free_run(general):

@@ -36,6 +36,20 @@ def test_contact_regions_are_maximal_and_short_ones_are_absorbed():
     assert contact_regions(contact, valid)[-1] == Region(17, 20, (6,))
 
 
+def test_contacts_that_set_in_one_after_the_other_are_not_free_of_contact():
+    sets = np.array([0] * 6 + [8] * 2 + [12] * 2 + [14] * 5)
+    contact = np.array([sets, sets])
+    valid = np.ones_like(contact, bool)
+    assert contact_regions(contact, valid) == [
+        Region(0, 5, (0,)),
+        Region(6, 9, (8,)),
+        Region(10, 14, (14,)),
+    ]
+    # lost again at once: a single run
+    contact[:, 8:] = 0
+    assert contact_regions(contact, valid) == [Region(0, 14, (0,))]
+
+
 def test_two_solutions_of_one_contact_set_are_a_region_if_they_last():
     contact = np.full((2, 100), 7)
     valid = np.ones_like(contact, bool)
@@ -432,3 +446,21 @@ def test_jobs_as_described_differ_from_those_as_printed_by_the_damping_alone():
         assert np.array_equal(described.study.omega, printed.study.omega)
         assert np.array_equal(described.study.amplitude, printed.study.amplitude)
         assert described.settings == printed.settings
+
+
+def test_resolution_of_a_picture(file, tmp_path, capsys):
+    from PIL import Image
+
+    from hpcsweep.commands.cli import main
+
+    sizes = {}
+    for dpi in ("200", "100"):
+        output = tmp_path / f"{dpi}.png"
+        assert main(["plot", str(file), "-o", str(output), "--dpi", dpi]) == 0
+        with Image.open(output) as picture:
+            sizes[dpi] = np.array(picture.size)
+    assert np.abs(sizes["200"] - 2 * sizes["100"]).max() <= 2
+    with pytest.raises(SystemExit) as ended:
+        main(["plot", str(file), "--dpi", "20"])
+    assert ended.value.code == 2
+    assert "--dpi: must be from 50 to 1200, is 20" in capsys.readouterr().err

@@ -26,8 +26,13 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from general import GENERAL_KINDS, highest_frequency, log_uniform, random_general_cases
-from scipy.linalg import expm
+from general import (
+    GENERAL_KINDS,
+    backwards,
+    highest_frequency,
+    log_uniform,
+    random_general_cases,
+)
 
 from hpcsweep.model.contact import contact_stiffness
 from hpcsweep.model.structure import Structure
@@ -111,31 +116,8 @@ def random_case(rng, kind):
     z = np.concatenate((u, v))
     if rng.random() < 0.3 and kind != "bounce":
         return replace(case, state=tuple(z.tolist()))
-    return replace(case, state=tuple(backwards(case, z, tau)))
-
-
-def linear_field(case, closed):
-    """Matrix of x' = M x, x = (u, v, A sin, A cos, 1), with the floors `closed` in contact."""
-    structure = case.structure
-    n = structure.n_floors
-    field = np.zeros((2 * n + 3, 2 * n + 3))
-    field[:n, n : 2 * n] = np.eye(n)
-    field[n : 2 * n, :n] = -structure.stiffness_matrix
-    field[n : 2 * n, n : 2 * n] = -structure.damping_matrix
-    field[n : 2 * n, 2 * n] = -1.0
-    for floor in closed:
-        field[n + floor, floor] -= case.beta
-        field[n + floor, -1] += case.beta
-    field[2 * n, 2 * n + 1] = case.omega
-    field[2 * n + 1, 2 * n] = -case.omega
-    return field
-
-
-def backwards(case, z, tau, closed=()):
-    """State at tau = 0 from which the linear motion reaches z at time tau."""
-    forcing = case.amplitude * np.array([math.sin(case.omega * tau), math.cos(case.omega * tau)])
-    x = np.concatenate((z, forcing, [1.0]))
-    return (expm(-tau * linear_field(case, closed)) @ x)[: len(z)].tolist()
+    start = backwards(case.structure, case.amplitude, case.omega, z, tau)
+    return replace(case, state=tuple(start.tolist()))
 
 
 def random_cases(number, seed=0):

@@ -17,6 +17,8 @@ from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.reference import reference_monodromy, reference_points, reference_window
 
+EXAMPLES = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
 
 def pounding(sharpness):
     """Two buildings of two and three storeys, whose two lower floors pound."""
@@ -143,31 +145,66 @@ def test_one_mass_follows_its_closed_solution(gap, gap_left, beta):
         start = np.array(point)
 
 
-def test_mirrored_motions_under_odd_harmonics():
+@pytest.mark.parametrize(
+    ("gap", "gap_left", "zeta", "omega", "least"),
+    # with both gaps 0 one stop opens as the other closes: one change
+    [(0.3, 0.4, 0.1, 0.2, 500), (0.0, math.inf, 0.1, 0.37, 200), (0.0, 0.0, 0.02, 0.37, 130)],
+)
+def test_hundreds_of_contacts_of_one_mass_in_closed_form(gap, gap_left, zeta, omega, least):
+    structure = Structure(1, 20.0, math.inf, zeta, gap=gap, gap_left=gap_left)
+    exact, n_changes = one_mass_points(structure, 0.9, omega, (0.1, 0.2), 20)
+    assert n_changes > least
+    found, _ = FlowMap(structure, omega).points(np.array([0.1, 0.2]), 0.9, 20)
+    assert np.abs(found - np.array(exact)).max() < 1e-12
+
+
+@EXAMPLES
+@given(st.integers(0, 10**6), st.sampled_from([1, 2, 3]), st.sampled_from([math.inf, 1e3]))
+def test_mirrored_motions_under_odd_harmonics(seed, n, sharpness):
     """z(tau) -> -z(tau + T/2): the map of two half periods apart commutes with the mirror."""
-    harmonics = ((1, 1.0, 0.0), (3, 0.4, 0.7))
+    rng = np.random.default_rng(seed)
+    harmonics = tuple((h, rng.uniform(0.1, 1.0), rng.uniform(-3, 3)) for h in (1, 3, 5))
     shifted = tuple((h, size, phase + h * math.pi) for h, size, phase in harmonics)
-    given = dict(gap=0.4, gap_left=0.4, mass=(1.0, 2.0))
-    here = FlowMap(Structure(2, harmonics=harmonics, **given), 0.5)
-    there = FlowMap(Structure(2, harmonics=shifted, **given), 0.5)
-    z = np.array([0.1, -0.3, 0.2, 0.4])
-    for _ in range(5):
-        mirrored, _ = there.points(-z, 0.3, 1)
-        z, _ = here.points(z, 0.3, 1)
-        z = z[0]
-        assert np.abs(mirrored[0] + z).max() < 1e-11
+    gaps = tuple(rng.choice([0.0, 0.2, 0.4, math.inf], size=n).tolist())
+    given = dict(
+        gap=gaps,
+        gap_left=gaps,
+        mass=tuple(rng.uniform(0.5, 3.0, n)),
+        stiffness_ratio=tuple(rng.uniform(10.0, 500.0, n)),
+        sharpness=sharpness,
+    )
+    here = FlowMap(Structure(n, harmonics=harmonics, **given), 0.5)
+    there = FlowMap(Structure(n, harmonics=shifted, **given), 0.5)
+    z = rng.uniform(-0.4, 0.4, 2 * n)
+    mirrored, outcome = there.points(-z, 0.3, 1)
+    assert outcome is Outcome.COMPLETE
+    found, _ = here.points(z, 0.3, 1)
+    growth = max(1.0, np.abs(here.monodromy(z, 0.3, 1)[1]).max())
+    assert np.abs(mirrored + found).max() < 1e-11 * growth
 
 
-def test_equal_buildings_in_phase_never_touch():
-    stiffness = block_diag(Structure(2).stiffness_matrix, Structure(2).stiffness_matrix)
-    contacts = [Contact((1, 0, -1, 0), 1e-6, 500.0), Contact((0, 1, 0, -1), 1e-6, 500.0)]
-    structure = Structure.from_matrices((1.0,) * 4, stiffness, contacts, damping_ratio=0.05)
-    seen = FlowMap(structure, 0.6).observe(np.zeros(8), 10.0, 50)
+@EXAMPLES
+@given(
+    st.integers(1, 4),
+    st.floats(1e-9, 1.0),
+    st.floats(0.1, 20.0),
+    st.floats(0.2, 2.0),
+    st.sampled_from([math.inf, 1e14]),
+)
+def test_equal_buildings_in_phase_never_touch(n, gap, amplitude, omega, sharpness):
+    stiffness = block_diag(Structure(n).stiffness_matrix, Structure(n).stiffness_matrix)
+    rows = np.hstack((np.eye(n), -np.eye(n)))
+    contacts = [Contact(tuple(row), gap, 500.0) for row in rows]
+    structure = Structure.from_matrices(
+        (1.0,) * (2 * n), stiffness, contacts, damping_ratio=0.05, sharpness=sharpness
+    )
+    seen = FlowMap(structure, omega).observe(np.zeros(4 * n), amplitude, 20)
     assert seen.contact == 0
-    assert np.array_equal(seen.points[:, :2], seen.points[:, 2:4])
+    apart = np.abs(seen.points[:, :n] - seen.points[:, n : 2 * n]).max()
+    assert apart < 1e-13 * np.abs(seen.points).max()
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@EXAMPLES
 @given(st.integers(0, 10**6), st.sampled_from([2, 3, 4]), st.sampled_from([math.inf, 1e3]))
 def test_units_and_order_of_the_floors_mean_nothing(seed, n, sharpness):
     structure = random_structure(seed, sharpness, n, 3)
@@ -246,6 +283,25 @@ def test_stops_at_the_same_place_close_and_open_together():
         reference_points(both, amplitude, omega, state, 1),
     ):
         assert np.abs(found - exact).max() < 1e-12
+
+
+def test_stops_at_the_same_place_in_directions_of_different_length():
+    """Each has a row of its own, and rounding parts their distances: they once opened in turn."""
+    springs = [(1.39, 2.1), (-0.08, 12.2), (-0.64, 202.0), (-0.91, 1666.5)]
+    contacts = [Contact((d,), 0.0, kappa) for d, kappa in springs]
+    joined = [
+        Contact((side,), 0.0, sum(kappa * d * d for d, kappa in springs if side * d > 0))
+        for side in (1.0, -1.0)
+    ]
+    many, two = (
+        FlowMap(Structure.from_matrices([1.0], [[1.0]], one, damping_ratio=0.02), 0.7)
+        for one in (contacts, joined)
+    )
+    for j in range(30):
+        state = np.array([0.1, -0.3]) * (1 + j / 30)
+        found, outcome = many.points(state, 0.4, 1)
+        assert outcome is Outcome.COMPLETE
+        assert np.abs(found - two.points(state, 0.4, 1)[0]).max() < 1e-11
 
 
 @pytest.mark.parametrize("sharpness", [math.inf, 200.0])

@@ -10,7 +10,7 @@ from hpcsweep.figures.diagrams.mesh import (
     by_frequency,
     draw_classes,
     draw_grazing,
-    grazing_key,
+    grazing_keys,
     open_map,
 )
 from hpcsweep.figures.palette import NO_CONTACT, OTHER_MOTION, RATIOS
@@ -120,5 +120,5 @@ def _legend(figure, results, classes) -> None:
         Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=name)
         for name, colour in (*SHADES[2:], *SHADES[:2])
     ]
-    handles.append(grazing_key())
+    handles += grazing_keys(results)
     foot(figure, handles, results, classes, 4)

@@ -91,7 +91,7 @@ OMEGA = Option(
 FLOORS = Option(
     "--floor",
     "floor shown, may be given several times (default: all of up to 5, of more the first, the "
-    "middle and the top; frames shows one, the top)",
+    "middle and the top)",
     "floors",
     {"type": int, "action": "append", "metavar": "I"},
 )

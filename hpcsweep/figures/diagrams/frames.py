@@ -30,7 +30,7 @@ ORBIT = 2.5
 MOST_COLUMNS = 7
 """Columns of the legend."""
 NAME = "frames"
-HELP = "small orbit diagrams of several frames"
+HELP = "small orbit diagrams of several frames, of one floor (default: the top)"
 OPTIONS = (
     DIRECTION,
     Option("--frames", "number of frames", "frames", {"type": int, "metavar": "N"}),

@@ -8,7 +8,7 @@ from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.labels import frequency as frequency_label
 from hpcsweep.figures.palette import GRAZING, NOTHING
-from hpcsweep.figures.style import DPI, PlotError, classes_of, structure_of
+from hpcsweep.figures.style import PlotError, classes_of, pixels, structure_of
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -111,7 +111,7 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
         return axis.scatter(*where, s=size, c=values[:, 0], plotnonfinite=False, **rim, **options)
     if np.ma.getmaskarray(values).any():
         axis.patch.set(hatch="xxxx", edgecolor="0.55")
-    width, height = axis.get_figure().get_size_inches() * DPI
+    width, height = pixels(axis.get_figure())
     rows = _thinned(values.shape[0], height)
     columns = _thinned(values.shape[1], width)
     return axis.pcolormesh(
@@ -136,29 +136,36 @@ def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> No
     )
 
 
-def _thinned(cells: int, pixels: float) -> np.ndarray:
-    """Choose cells spread evenly, the first and the last among them, at most one a pixel."""
-    count = min(cells, max(int(pixels), 2))
+def _thinned(cells: int, most: float) -> np.ndarray:
+    """Choose cells spread evenly, the first and the last among them, as many as pixels at most."""
+    count = min(cells, max(int(most), 2))
     return np.linspace(0, cells - 1, count).round().astype(int)
 
 
 def draw_grazing(axis, results, structure) -> None:
     """Draw the amplitude at which the free steady state touches the stop, in closed form."""
-    low, high = axis.get_ylim()
-    omega = np.linspace(low, high, 800)
-    with np.errstate(divide="ignore"):
-        amplitude = [_grazing(structure, value) for value in omega]
     limits = axis.get_xlim(), axis.get_ylim()
+    amplitude, omega = _curve(structure, *limits[1])
     axis.plot(amplitude, omega, color="white", linewidth=1.6)
     axis.plot(amplitude, omega, color=GRAZING, linewidth=0.9)
     axis.set(xlim=limits[0], ylim=limits[1])
 
 
-def grazing_key():
-    """Make the legend's key of that curve."""
+def grazing_keys(results) -> list:
+    """Make the legend's key of that curve; none where it does not cross the map."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")
+    omega, across = results["omega"].values, amplitudes(results)
+    reached, _ = _curve(structure_of(results), omega.min(), omega.max())
+    if not ((across.min() <= reached) & (reached <= across.max())).any():
+        return []
+    return [Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")]
+
+
+def _curve(structure, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    omega = np.linspace(low, high, 800)
+    with np.errstate(divide="ignore"):
+        return np.array([_grazing(structure, value) for value in omega]), omega
 
 
 def _grazing(structure, omega: float) -> float:

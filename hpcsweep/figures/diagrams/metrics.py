@@ -8,6 +8,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.diagrams.benefit import free_drift
 from hpcsweep.figures.diagrams.figure import OMEGA, load_frame
+from hpcsweep.figures.labels import MOST_MODES
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, mode_colour, motion_place
 from hpcsweep.figures.style import (
@@ -29,8 +30,6 @@ NAME = "metrics"
 HELP = "drift and mean modal norms against the amplitude, one frame"
 OPTIONS = (OMEGA,)
 load = load_frame
-MOST_MODES = 5
-"""Modes shown, the lowest."""
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 
 

@@ -57,8 +57,8 @@ the legend."""
 LEAST_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
 """Parts of the panel's width: least region whose label names its sets; room the labels take."""
 
-LETTERS, LEAST_LETTERS = 110, 8
-"""Letters of such labels side by side, and room of one for its sets' names."""
+LETTERS, LEAST_LETTERS, APART = 110, 8, 1
+"""Letters of such labels side by side, room of one for its sets' names, and between two."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,7 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> None:
         sets = "\n".join(names)
         label = f"({roman(number)})\n{sets}" if wide else f"({roman(number)})"
         middle = 0.5 * (left + right)
-        longest = max(map(len, names)) / LETTERS
+        longest = (max(map(len, names)) + APART) / LETTERS
         half = 0.5 * (max(WIDE_LABEL, longest) if wide else NARROW_LABEL) * total
         level = 0
         while level < len(taken) and middle - half < taken[level]:

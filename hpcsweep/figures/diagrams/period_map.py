@@ -1,5 +1,6 @@
 """Map over amplitude and frequency of the motion of each run, or of one of its numbers."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from hpcsweep.figures.diagrams.mesh import (
     draw_classes,
     draw_grazing,
     draw_mesh,
-    grazing_key,
+    grazing_keys,
     open_map,
 )
 from hpcsweep.figures.labels import exponent as exponent_label
@@ -98,7 +99,7 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
         "modal_norm": _modal_norms,
     }[value](figure, axes, results)
     if value != "period":
-        foot(figure, [grazing_key()], results, classes_of(results))
+        foot(figure, grazing_keys(results), results, classes_of(results))
     for axis in axes.flat[:panels]:
         draw_grazing(axis, results, structure_of(results))
         axis.label_outer()
@@ -119,7 +120,7 @@ def _classes(figure, axes, results) -> None:
         for place, (name, colour) in enumerate(MOTIONS)
         if name in ALWAYS or (index == place).any()
     ]
-    _legend(figure, entries, float(missing.mean()), "not computed", grazing=True)
+    _legend(figure, entries, float(missing.mean()), "not computed", grazing_keys(results))
 
 
 def _contact_sets(figure, axes, results) -> None:
@@ -177,7 +178,7 @@ def _legend(
     entries: list[tuple[str, str, float]],
     blank: float,
     blank_name: str,
-    grazing: bool = False,
+    more: Sequence = (),
 ) -> None:
     from matplotlib.patches import Patch
 
@@ -195,8 +196,7 @@ def _legend(
                 label=f"{blank_name}  {percent(blank)}",
             )
         )
-    if grazing:
-        handles.append(grazing_key())
+    handles += more
     figure.legend(
         handles=handles,
         loc="outside right center",

@@ -12,6 +12,8 @@ from hpcsweep.dynamics.classify import MotionClass
 
 APART = 0.02
 """Distance (in units of the state) between the points of two orbits above which they are two."""
+FREE = (0,)
+"""Sets seen where both sweeps are free of contact."""
 LEAST_COEXISTENCE = 0.02
 """Part of the amplitudes over which two solutions of one contact set must last to be a region:
 hysteresis at the ends of a periodic window is shorter and belongs to the window."""
@@ -48,7 +50,8 @@ def contact_regions(
     valid : ndarray of bool, same shape
         Runs that are there and did not fail.
     least : int
-        A shorter stretch (a single run in a chaotic band, say) belongs to the one before it.
+        A shorter stretch (a single run in a chaotic band, say) belongs to the one before it, but
+        contacts that set in one after the other do not belong to the stretch without.
     coexisting : ndarray of bool, shape (n_amplitudes,), optional
         Where up and down are on different solutions; see `coexistence`.
 
@@ -79,7 +82,8 @@ def contact_regions(
 def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | None = None):
     """Join equal neighbours into (first, last, value), short stretches to the one before.
 
-    A short stretch at the beginning counts as `start`, if that is given.
+    The first contact on the way from none is a region of its own, however short, unless it is lost
+    again. A short stretch at the beginning counts as `start`, if that is given.
     """
     groups: list[list] = []
     for index, value in enumerate(seen):
@@ -90,8 +94,11 @@ def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | Non
     if start is not None and groups[0][1] - groups[0][0] + 1 < least:
         groups[0][2] = start
     merged: list[tuple[int, int, tuple[int, ...]]] = []
-    for first, last, value in groups:
+    for place, (first, last, value) in enumerate(groups):
         short = last - first + 1 < least
+        if merged and merged[-1][2] == FREE and value and 0 not in value:
+            # a row of short stretches with contact is not free of it
+            short &= place + 1 == len(groups) or 0 in groups[place + 1][2]
         if merged and (short or merged[-1][2] == value):
             merged[-1] = (merged[-1][0], last, merged[-1][2])
         else:

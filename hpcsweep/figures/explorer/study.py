@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures.labels import MOST_MODES
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.model.structure import Structure
 
@@ -32,7 +33,8 @@ class Study:
     codes : dict of str to ndarray of unsigned int, shape (n_frames, n_directions, n_amplitudes)
         `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it.
     values : dict of str to ndarray of float32, same shape
-        `drift`, `lyapunov`, `modal_norm_1`, ...: what of them the file has.
+        `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MOST_MODES` modes: what of them the
+        file has.
     counts : ndarray of int, same shape
         Stroboscopic points kept of each run, 0 everywhere if the file has none.
     points : ndarray of float32, shape (sum of counts, n)
@@ -156,7 +158,8 @@ def _values(frame) -> dict[str, np.ndarray]:
     }
     if "modal_norm" in frame:
         norms = frame["modal_norm"].values[:, 0].astype(np.float32)
-        values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(norms.shape[-1])}
+        shown = min(norms.shape[-1], MOST_MODES)
+        values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(shown)}
     return values
 
 

@@ -83,6 +83,10 @@ class Ending(NamedTuple):
     ``work.rows``, the forcing is in ``work.forcing``."""
     beyond: bool
     """The stop is reached after this step: try again from the edge of the layer."""
+    rounded: bool
+    """It is on its way through a stop without layer, past it by rounding already: the contact set
+    changes, the state does not. Looking at distances again would change those of all contacts that
+    have their stops at the same place."""
     jerk: float
     """At the stop, see `pass_layer`."""
     promised: np.uint64
@@ -177,11 +181,12 @@ def _end_at_event(segment, contact, bracket, promised, z, amplitude, shared):
         arrival = Arrival(contact, segment.key, tau + at_stop, work.forcing)
         passed, jerk, promised = pass_layer(arrival, z, work.a, promised, amplitude, model)
     if passed:
-        return Ending(at_stop, contact, True, False, jerk, promised)
+        return Ending(at_stop, contact, True, False, False, jerk, promised)
     span = rising_root(curve, bracket, edge)
     beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
+    rounded = model.rho == math.inf and at_stop < bracket.a
     evaluate_rows(rows, h, span, work.z_end)
-    return Ending(span, contact, False, beyond, jerk, promised)
+    return Ending(span, contact, False, beyond, rounded, jerk, promised)
 
 
 @inlined
@@ -229,7 +234,9 @@ def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
     elif ending.beyond:
         forcing_at(tau, amplitude, model, work.forcing, 0)
         start(x, z, work.forcing)
-    elif ending.passed:
+    elif ending.passed or ending.rounded:
+        if ending.rounded:
+            forcing_at(tau, amplitude, model, work.forcing, 0)
         key ^= contact_bit(ending.contact)
         index = table_of(key, model, tables)
         start(x, z, work.forcing)
@@ -307,7 +314,7 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
         contact, bracket = first_event(segment, span, model, tables.poly, work)
         if contact == UNDECIDED:
             return SOLVER_FAILED
-        ending = Ending(span, contact, False, False, 0.0, promised)
+        ending = Ending(span, contact, False, False, False, 0.0, promised)
         if contact >= 0:
             ending = _end_at_event(segment, contact, bracket, promised, z, amplitude, shared)
             promised = ending.promised

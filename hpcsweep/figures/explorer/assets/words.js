@@ -53,6 +53,10 @@ function notes(study) {
         `${shortNumber(study.resolution.speed, 2)}${unit(study, " gaps ω₀")}; ` +
         `at most ${t.points} of the ${t.of_points} of a run are here.`);
   }
+  const modes = Object.keys(study.arrays).filter((name) => name.startsWith("modal_norm_")).length;
+  if (modes && modes < study.nFloors) {
+    words.push(`Modal norms are those of the lowest ${modes} of ${study.nFloors} modes.`);
+  }
   if (t.frame_step > 1 || t.amplitude_step > 1) {
     words.push(`Thinned: one frame in ${t.frame_step}, one amplitude in ${t.amplitude_step}.`);
   }

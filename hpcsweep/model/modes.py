@@ -31,7 +31,7 @@ def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, 
         One a column; the first entry that is not negligible is positive.
     """
     # who only reads results does not wait for scipy
-    from scipy.linalg import eigh
+    from hpcsweep.model.linalg import eigh
 
     squares, shapes = eigh(stiffness, mass)
     for shape in shapes.T:

@@ -16,8 +16,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import expm
 
+from hpcsweep.model.linalg import expm
 from hpcsweep.model.modes import trigonometric_maxima, trigonometric_zeros
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome

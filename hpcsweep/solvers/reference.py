@@ -21,9 +21,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh
 
 from hpcsweep.kernels.compile import jit
+from hpcsweep.model.linalg import eigh
 
 ORDER = 26
 PART_OF_RADIUS = 0.3

@@ -302,6 +302,7 @@ def warm_up(
     jobs : int, optional
         Processes that compile; default one for each processor at hand.
     """
+    import hpcsweep.model.linalg  # noqa: F401  before a kernel loads scipy, and all of numpy
     from hpcsweep.kernels.warm import load_all, processors
     from hpcsweep.studies.compilation import Report
 

@@ -9,6 +9,9 @@ from tools import JOBS, ROOT, environment
 
 COMPUTES = {"numba", "llvmlite", "scipy.integrate", "hpcsweep.solvers.flow", "hpcsweep.solvers.bdf"}
 DRAWS = {"matplotlib", "xarray"}
+COMPILES = {"numba.np.random.generator_methods", "numba.np.polynomial.polynomial_core"}
+"""Of all that numba loads before it compiles."""
+UNUSED = {"numpy.f2py", "numpy.testing", "unittest"}
 LAYOUT1 = ROOT / "tests" / "data" / "layout1.h5"
 
 LOADED = """
@@ -52,6 +55,28 @@ def test_a_command_that_computes_nothing_loads_nothing_that_computes(tmp_path, a
     code, modules = loaded(*arguments, cwd=tmp_path)
     assert code == 0
     assert not modules & (COMPUTES | DRAWS)
+
+
+def test_a_run_loads_kernels_without_what_would_compile_them(tmp_path, small_job):
+    arguments = ("run", small_job, "-o", tmp_path / "out.h5")
+    assert loaded(*arguments)[0] == 0  # compiles them where they are not yet
+    (tmp_path / "out.h5").unlink()
+    code, modules = loaded(*arguments)
+    assert code == 0
+    assert not modules & (COMPILES | UNUSED)
+
+
+def test_numpy_has_all_its_names_after_scipy_is_loaded():
+    code = (
+        "import hpcsweep.model.linalg as found, numpy, scipy\n"
+        "assert callable(found.eigh) and callable(found.expm)\n"
+        "assert type(numpy.f2py).__name__ == type(numpy.testing).__name__ == 'module'\n"
+        "numpy.testing.assert_array_equal(numpy.ma.array([1]), [1])\n"
+        "from scipy._lib.array_api_compat import numpy as taken\n"
+        "assert taken.testing.assert_array_equal is numpy.testing.assert_array_equal\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from hpcsweep.kernels.compile import inlined, jit, kernel
 from hpcsweep.kernels.separate import INT, KEY, separate, type_of
@@ -62,13 +61,24 @@ ZERO = np.zeros(LANES)
 
 
 def _economisation() -> np.ndarray:
-    """Map TAYLOR + 1 monomial coefficients on [-1, 1] to the DEGREE + 1 that remain."""
-    matrix = np.empty((N_COEFFICIENTS, TAYLOR + 1))
+    """Map TAYLOR + 1 monomial coefficients on [-1, 1] to the DEGREE + 1 that remain.
+
+    x^k = 2^(1-k) sum_j binomial(k, j) T_(k-2j)(x), the term T_0 halved; what is above T_DEGREE is
+    left out. All numbers are integers over 2^(TAYLOR-1) that a double holds.
+    """
+    chebyshev = np.zeros((N_COEFFICIENTS, N_COEFFICIENTS))
+    """Column d: coefficients of T_d."""
+    chebyshev[0, 0] = chebyshev[1, 1] = 1.0
+    for d in range(2, N_COEFFICIENTS):
+        chebyshev[1:, d] = 2.0 * chebyshev[:-1, d - 1]
+        chebyshev[:, d] -= chebyshev[:, d - 2]
+    parts = np.zeros((N_COEFFICIENTS, TAYLOR + 1))
     for k in range(TAYLOR + 1):
-        series = chebyshev.poly2cheb(np.eye(TAYLOR + 1)[k])[:N_COEFFICIENTS]
-        kept = chebyshev.cheb2poly(np.pad(series, (0, N_COEFFICIENTS - len(series))))
-        matrix[:, k] = np.pad(kept, (0, N_COEFFICIENTS - len(kept)))
-    return matrix
+        for j in range(k // 2 + 1):
+            if k - 2 * j <= DEGREE:
+                half = 0.5 if k == 2 * j else 1.0
+                parts[k - 2 * j, k] = half * math.comb(k, j) * 2.0 ** (1 - k)
+    return chebyshev @ parts
 
 
 ECONOMISATION = np.ascontiguousarray(_economisation().T)

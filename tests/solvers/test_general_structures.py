@@ -115,7 +115,7 @@ def test_the_tangent_map_is_that_of_the_reference(case):
 def test_the_solvers_agree_in_motion_and_tangent(case):
     structure, amplitude, omega, start = case
     exact, tangent = FlowMap(structure, omega).monodromy(start, amplitude, 1)
-    bdf = BdfMap(structure, omega, 1e-6)
+    bdf = BdfMap(structure, omega, 1e-7)
     found, matrix = bdf.monodromy(start, amplitude, 1)
     units = structure.state_units
     growth = max(np.abs(tangent * units / units[:, None]).max(), 1.0)

@@ -44,6 +44,7 @@ from hpcsweep.kernels.vectors import (
 )
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.economisation import economisation
 
 DEGREE = 15
 N_COEFFICIENTS = DEGREE + 1
@@ -60,28 +61,7 @@ N_MODAL = MODAL_NODES.shape[0]
 ZERO = np.zeros(LANES)
 
 
-def _economisation() -> np.ndarray:
-    """Map TAYLOR + 1 monomial coefficients on [-1, 1] to the DEGREE + 1 that remain.
-
-    x^k = 2^(1-k) sum_j binomial(k, j) T_(k-2j)(x), the term T_0 halved; what is above T_DEGREE is
-    left out. All numbers are integers over 2^(TAYLOR-1) that a double holds.
-    """
-    chebyshev = np.zeros((N_COEFFICIENTS, N_COEFFICIENTS))
-    """Column d: coefficients of T_d."""
-    chebyshev[0, 0] = chebyshev[1, 1] = 1.0
-    for d in range(2, N_COEFFICIENTS):
-        chebyshev[1:, d] = 2.0 * chebyshev[:-1, d - 1]
-        chebyshev[:, d] -= chebyshev[:, d - 2]
-    parts = np.zeros((N_COEFFICIENTS, TAYLOR + 1))
-    for k in range(TAYLOR + 1):
-        for j in range(k // 2 + 1):
-            if k - 2 * j <= DEGREE:
-                half = 0.5 if k == 2 * j else 1.0
-                parts[k - 2 * j, k] = half * math.comb(k, j) * 2.0 ** (1 - k)
-    return chebyshev @ parts
-
-
-ECONOMISATION = np.ascontiguousarray(_economisation().T)
+ECONOMISATION = economisation(TAYLOR, DEGREE)
 """(TAYLOR + 1, N_COEFFICIENTS)"""
 
 

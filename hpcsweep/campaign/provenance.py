@@ -1,5 +1,6 @@
 """Where results come from: versions, machine, time."""
 
+import functools
 import platform
 import shlex
 import socket
@@ -20,6 +21,7 @@ def version() -> str:
         return "unknown (not installed)"
 
 
+@functools.cache
 def library_versions() -> str:
     """Return the versions of Python and of the libraries the results depend on."""
     versions = [f"python {platform.python_version()}"]
@@ -31,6 +33,7 @@ def library_versions() -> str:
     return ", ".join(versions)
 
 
+@functools.cache
 def git_commit() -> str:
     """Return the commit of a source checkout, with ``+`` if it was changed; else ''."""
     folder = Path(__file__).resolve().parent.parent

@@ -32,6 +32,7 @@ import numpy as np
 from numba.core import serialize
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
 
 from hpcsweep.kernels.folders import cache_root, own_folder, say_unwritable, write_whole
 
@@ -162,7 +163,8 @@ class KernelCache(FunctionCache):
 
     def load_overload(self, sig, target_context):
         """Load a compiled kernel; None if it is not there, or cannot be read."""
-        target_context.refresh()
+        # all of numba's registries, which `refresh` would load, are for compiling
+        rtsys.initialize(target_context)
         place = self._path(sig, target_context.codegen())
         for root in (cache_root(), own_folder()):
             if root is None:

@@ -5,12 +5,11 @@ A kernel that calls another takes it as a part of itself (`parts`), or through i
 """
 
 import functools
-from pathlib import Path
 
 import numba
 
 from hpcsweep.kernels.cache import PACKAGE, KernelCache
-from hpcsweep.kernels.parts import KernelDispatcher
+from hpcsweep.kernels.parts import KeptDispatcher, KernelDispatcher
 from hpcsweep.kernels.twins import plain
 
 
@@ -23,10 +22,10 @@ def _compile(function=None, **options):
         return functools.partial(_compile, **options)
     if numba.config.DISABLE_JIT:
         return plain(function)
-    dispatcher = KernelDispatcher(function, {"error_model": "numpy", **options})
-    if Path(function.__code__.co_filename).resolve().is_relative_to(PACKAGE):
-        dispatcher._cache = KernelCache(function)
-    return dispatcher
+    options = {"error_model": "numpy", **options}
+    if function.__module__.partition(".")[0] == PACKAGE.name:
+        return KeptDispatcher(function, options, KernelCache)
+    return KernelDispatcher(function, options)
 
 
 jit = functools.partial(_compile, _nrt=True)

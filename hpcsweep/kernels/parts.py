@@ -6,6 +6,9 @@ is only brought to the intermediate form of LLVM; optimisation and code generati
 each kernel that is called from Python or through its address (`separate`), over all of its parts.
 """
 
+from functools import cached_property
+
+from llvmlite import binding, ir
 from llvmlite.binding import Linkage
 from numba.core import compiler, typed_passes
 from numba.core.codegen import JITCodeLibrary
@@ -41,7 +44,7 @@ class _PartLibrary(JITCodeLibrary):
 
 
 class _WholeLibrary(JITCodeLibrary):
-    """A library with all its parts, those of its parts too."""
+    """A library with all its parts, those of its parts too; no other is linked with it."""
 
     def finalize(self):
         """Link, optimise and generate code."""
@@ -51,6 +54,20 @@ class _WholeLibrary(JITCodeLibrary):
                 library.link_into(self._final_module)
         self._linking_libraries = [one for one in called if not isinstance(one, _PartLibrary)]
         super().finalize()
+
+    def _get_module_for_linking(self):
+        """Give its names alone, which numba wants to know when it loads the machine code.
+
+        The functions themselves would be kept beside their machine code, and be parsed again by
+        everybody who loads it.
+        """
+        names = ir.Module(self.name)
+        nothing = ir.FunctionType(ir.VoidType(), ())
+        for function in self._final_module.functions:
+            if not function.is_declaration:
+                entry = ir.Function(names, nothing, function.name).append_basic_block()
+                ir.IRBuilder(entry).ret_void()
+        return binding.parse_assembly(str(names))
 
 
 def _all_that_is_called(library):
@@ -129,10 +146,14 @@ class KernelDispatcher(CPUDispatcher):
     """Compiles a kernel for calls from Python; kernels that call it take it as a part."""
 
     def __init__(self, function, options):
-        options = {"nopython": True, "boundscheck": None, **options}
+        # no kernel is called through a pointer of C
+        options = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, **options}
         super().__init__(function, targetoptions=options, pipeline_class=_WHOLE)
-        bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        self._part = _PartDispatcher(function, targetoptions=options | bare, pipeline_class=_PART)
+
+    @cached_property
+    def _part(self) -> _PartDispatcher:
+        options = self.targetoptions | {"no_cpython_wrapper": True}
+        return _PartDispatcher(self.py_func, targetoptions=options, pipeline_class=_PART)
 
     def get_call_template(self, args, kws):
         """Give numba the signature of a call by a kernel."""
@@ -145,3 +166,24 @@ class KernelDispatcher(CPUDispatcher):
     def get_overload(self, sig):
         """Give numba what a kernel calls."""
         return self._part.get_overload(sig)
+
+
+class KeptDispatcher(KernelDispatcher):
+    """The same, with a cache, which is made when it is asked: most kernels are only parts.
+
+    Parameters
+    ----------
+    function : callable
+    options : dict
+    cache : callable (function)
+        Makes the cache.
+    """
+
+    def __init__(self, function, options, cache):
+        super().__init__(function, options)
+        self._make_cache = cache
+        del self.__dict__["_cache"]  # numba's, which keeps nothing
+
+    @cached_property
+    def _cache(self):
+        return self._make_cache(self.py_func)

@@ -6,6 +6,7 @@ first. What a kernel took is kept beside the cache, and the next time foretells 
 """
 
 import contextlib
+import gc
 import importlib
 import json
 import math
@@ -14,7 +15,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import NamedTuple
 
@@ -23,6 +24,9 @@ from hpcsweep.kernels.separate import Separate
 
 SECONDS = "seconds.json"
 """Beside the cache: process time that each kernel took when it was last compiled (s)."""
+
+COLLECTED_AFTER = 20_000
+"""Objects that are made between two searches for garbage while a kernel is compiled."""
 
 
 class Progress(NamedTuple):
@@ -99,31 +103,66 @@ def _compile(
     lost: list[Separate], learnt: dict[str, float], jobs: int
 ) -> Iterator[tuple[Separate, float]]:
     """Compile kernels, the costliest first; yield each with the process time it took."""
-    order = sorted(lost, key=lambda one: -learnt.get(one.name, math.inf))
-    if min(jobs, len(order)) > 1:
-        waiting = {}
-        context = multiprocessing.get_context("spawn")
+    left = sorted(lost, key=lambda one: -learnt.get(one.name, math.inf))
+    groups = _groups(lost, learnt)
+    if min(jobs, len(groups)) > 1:
         # where processes cannot be had, or one is killed for want of memory, this one goes on alone
-        with (
-            contextlib.suppress(BrokenProcessPool, OSError, NotImplementedError),
-            ProcessPoolExecutor(min(jobs, len(order)), context, _start_worker) as pool,
-        ):
-            future: Future
-            for one in order:
-                future = pool.submit(_compile_named, one.__module__, one.__name__)
-                waiting[future] = one
-            for future in as_completed(waiting):
+        with contextlib.suppress(BrokenProcessPool, OSError, NotImplementedError):
+            for one, seconds in _compile_side_by_side(groups, min(jobs, len(groups))):
+                left.remove(one)
+                yield one, seconds
+    for one in list(left):
+        yield one, _timed(one)
+
+
+def _groups(lost: list[Separate], learnt: dict[str, float]) -> list[list[Separate]]:
+    """Put the kernels of a module together, the costliest first.
+
+    They share most of their parts, which a process types and lowers once. Where nothing is known,
+    the largest groups come first, and callers before what they call.
+    """
+    found: dict[str, list[Separate]] = {}
+    for one in reversed(lost):
+        found.setdefault(one.__module__, []).append(one)
+
+    def cost(group: list[Separate]) -> tuple[float, int]:
+        return sum(learnt.get(one.name, math.inf) for one in group), len(group)
+
+    return sorted(found.values(), key=cost, reverse=True)
+
+
+def _compile_side_by_side(
+    groups: list[list[Separate]], jobs: int
+) -> Iterator[tuple[Separate, float]]:
+    """Compile groups of kernels, each in one process; a process that is done takes the next."""
+    context = multiprocessing.get_context("spawn")
+    with contextlib.ExitStack() as stack:
+        pools = [
+            stack.enter_context(ProcessPoolExecutor(1, context, _start_worker)) for _ in range(jobs)
+        ]
+        queue = list(groups)
+        waiting: dict[Future, tuple[Separate, ProcessPoolExecutor]] = {}
+
+        def hand_out(pool: ProcessPoolExecutor) -> None:
+            for one in queue.pop(0) if queue else ():
+                waiting[pool.submit(_compile_named, one.__module__, one.__name__)] = one, pool
+
+        for pool in pools:
+            hand_out(pool)
+        while waiting:
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                one, pool = waiting.pop(future)
                 seconds, said = future.result()
                 for text in said:
                     folders.say_once(text)
-                if not waiting[future].is_kept:
+                if not one.is_kept:
                     # the disk is full: what another process compiles cannot be handed over
-                    pool.shutdown(cancel_futures=True)
-                    break
-                order.remove(waiting[future])
-                yield waiting[future], seconds
-    for one in list(order):
-        yield one, _timed(one)
+                    for each in pools:
+                        each.shutdown(cancel_futures=True)
+                    return
+                yield one, seconds
+                if all(owner is not pool for _, owner in waiting.values()):
+                    hand_out(pool)
 
 
 def _start_worker() -> None:
@@ -142,8 +181,20 @@ def _compile_named(module: str, name: str) -> tuple[float, list[str]]:
 
 def _timed(one: Separate) -> float:
     begun = time.process_time()
-    one.load()
+    with _rarely_collecting():
+        one.load()
     return time.process_time() - begun
+
+
+@contextlib.contextmanager
+def _rarely_collecting() -> Iterator[None]:
+    """Let Python look for garbage less often: numba makes many objects and drops few of them."""
+    thresholds = gc.get_threshold()
+    gc.set_threshold(COLLECTED_AFTER, *thresholds[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
 
 
 def _learnt_seconds() -> dict[str, float]:

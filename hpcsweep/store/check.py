@@ -1,11 +1,13 @@
 """Whether a file keeps what the layout promises, apart from what is in its blocks."""
 
 import itertools
+from collections.abc import Mapping
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from hpcsweep.store.contents import Contents, Dataset
 from hpcsweep.store.layout import Layout
 from hpcsweep.store.metadata import CHECKSUM
 
@@ -18,14 +20,14 @@ OPTIONAL = ("command", "processor", CHECKSUM)
 """Attributes that not every file has."""
 
 
-def file_problems(file: h5py.File, layout: Layout, size: int) -> list[str]:
+def file_problems(contents: Contents, layout: Layout, size: int) -> list[str]:
     """Compare attributes, coordinates and the variables' form with the layout of the job's file.
 
     Nothing is read before its size is known to be the layout's.
 
     Parameters
     ----------
-    file : h5py.File
+    contents : Contents
     layout : Layout
     size : int
         Bytes of the file.
@@ -35,42 +37,44 @@ def file_problems(file: h5py.File, layout: Layout, size: int) -> list[str]:
     list of str
         What is not as promised, one line each; empty for a sound file.
     """
-    problems = _attribute_problems(file, layout)
+    problems = _attribute_problems(contents.attributes, layout)
     for name, (values, units, _) in layout.coordinates.items():
-        problems += _coordinate_problems(file, name, values, units)
-    if any(name not in file for name in layout.coordinates):
+        problems += _coordinate_problems(contents, name, values, units)
+    if any(name not in contents for name in layout.coordinates):
         return problems  # the variables' scales lead nowhere
     for variable in layout.datasets:
-        problems += _variable_problems(file, variable, layout)
+        problems += _variable_problems(contents, variable, layout)
     known = set(layout.coordinates) | {variable.name for variable in layout.datasets}
-    problems += [f"{name!s:.60}: not part of the layout" for name in file if name not in known]
+    problems += [
+        f"{name!s:.60}: not part of the layout" for name in contents.names if name not in known
+    ]
     if not problems:
         problems += [
             f"{variable.name}: its values are not those of the job"
             for variable, values in layout.given
-            if not np.array_equal(file[variable.name][...], values)
+            if not np.array_equal(contents[variable.name].values, values)
         ]
         names = [variable.name for variable in (*layout.variables, layout.commit)]
-        problems += _storage_problems(file, names, size)
+        problems += _storage_problems([(name, contents[name]) for name in names], size)
     return problems
 
 
-def _attribute_problems(file: h5py.File, layout: Layout) -> list[str]:
-    problems = [f"attribute {key}: missing" for key in PROVENANCE if key not in file.attrs]
+def _attribute_problems(found: Mapping[str, object], layout: Layout) -> list[str]:
+    problems = [f"attribute {key}: missing" for key in PROVENANCE if key not in found]
     for key in ("solver", "rtol"):
         value = layout.attributes[key]
-        if file.attrs.get(key) != value:
-            problems.append(f"attribute {key}: is {file.attrs.get(key)!r}, the job says {value!r}")
+        if found.get(key) != value:
+            problems.append(f"attribute {key}: is {found.get(key)!r}, the job says {value!r}")
     known = {*layout.attributes, *PROVENANCE, *OPTIONAL}
-    problems += [f"attribute {key!s:.60}: not known" for key in file.attrs if key not in known]
+    problems += [f"attribute {key!s:.60}: not known" for key in found if key not in known]
     return problems
 
 
-def _coordinate_problems(file, name: str, values: np.ndarray, units: str) -> list[str]:
-    if name not in file:
+def _coordinate_problems(contents, name: str, values: np.ndarray, units: str) -> list[str]:
+    if name not in contents:
         return [f"{name}: missing"]
-    scale = file[name]
-    if not isinstance(scale, h5py.Dataset) or not scale.is_scale:
+    scale = contents.find(name)
+    if scale is None or not scale.is_scale:
         return [f"{name}: not a dimension scale"]
     if scale.shape != values.shape:
         return [f"{name}: its shape is {scale.shape}, not {values.shape}"]
@@ -78,13 +82,14 @@ def _coordinate_problems(file, name: str, values: np.ndarray, units: str) -> lis
     if values.dtype == object:
         if h5py.check_string_dtype(scale.dtype) is None:
             return [*problems, f"{name}: its type is {scale.dtype}, not string"]
-        if not _lengths_are_sane(scale):
+        if not _lengths_are_sane(scale.data):
             return [*problems, f"{name}: its values have no length"]
-        stored = scale.asstr()[...]
+        stored = np.array([value.decode() for value in scale.values.flat], object)
+        stored = stored.reshape(scale.shape)
     else:
         if scale.dtype != values.dtype:
             return [*problems, f"{name}: its type is {scale.dtype}, not {values.dtype}"]
-        stored = scale[...]
+        stored = scale.values
     if not _same(stored, values):
         problems.append(f"{name}: its values are not those of the job")
     return problems
@@ -110,12 +115,12 @@ def _same(stored: np.ndarray, values: np.ndarray) -> bool:
     return stored.shape == values.shape and stored.tobytes() == values.tobytes()
 
 
-def _variable_problems(file, variable, layout: Layout) -> list[str]:
+def _variable_problems(contents, variable, layout: Layout) -> list[str]:
     name = variable.name
-    if name not in file:
+    if name not in contents:
         return [f"{name}: missing"]
-    data = file[name]
-    if not isinstance(data, h5py.Dataset):
+    data = contents.find(name)
+    if data is None:
         return [f"{name}: not a variable"]
     problems = _note_problems(data, name, variable.units)
     if data.dtype != np.dtype(variable.dtype):
@@ -123,8 +128,7 @@ def _variable_problems(file, variable, layout: Layout) -> list[str]:
     shape = layout.shape(variable)
     if data.shape != shape:
         return [*problems, f"{name}: its shape is {data.shape}, not {shape}"]
-    for axis, dim in enumerate(variable.dims):
-        attached = [scale.name.lstrip("/") for scale in data.dims[axis].values()]
+    for axis, (dim, attached) in enumerate(zip(variable.dims, data.scales, strict=True)):
         if attached != [dim]:
             problems.append(f"{name}: axis {axis} has the scales {attached}, not {dim}")
     return problems
@@ -132,26 +136,24 @@ def _variable_problems(file, variable, layout: Layout) -> list[str]:
 
 def _note_problems(data, name: str, units: str) -> list[str]:
     problems = []
-    if data.attrs.get("units") != units:
-        problems.append(f"{name}: its units are {data.attrs.get('units')!r}, not {units!r}")
-    if not data.attrs.get("long_name"):
+    if data.notes.get("units") != units:
+        problems.append(f"{name}: its units are {data.notes.get('units')!r}, not {units!r}")
+    if not data.notes.get("long_name"):
         problems.append(f"{name}: has no long_name")
     return problems
 
 
-def _storage_problems(file, names: list[str], size: int) -> list[str]:
+def _storage_problems(datasets: list[tuple[str, Dataset]], size: int) -> list[str]:
     """Plain: every variable one run of bytes inside the file, none over another. Packed: chunks."""
-    chunked = [name for name in names if file[name].chunks is not None]
-    if chunked:
+    if any(data.is_chunked for _, data in datasets):
         return [
-            f"{name}: contiguous in a packed file" for name in names if file[name].chunks is None
+            f"{name}: contiguous in a packed file" for name, data in datasets if not data.is_chunked
         ]
     places = []
-    for name in names:
-        offset = file[name].id.get_offset()
-        if offset is None:
+    for name, data in datasets:
+        if data.place is None:
             return [f"{name}: has no place in the file"]
-        places.append((offset, offset + file[name].nbytes, name))
+        places.append((data.place, data.place + data.data.nbytes, name))
     places.sort()
     problems = [
         f"{left[2]}, {right[2]}: overlap in the file"

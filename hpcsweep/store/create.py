@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from hpcsweep.store.contents import Contents
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 
@@ -93,7 +94,7 @@ def fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> N
     file[layout.commit.name][...] = 0
     for key, value in {**layout.attributes, **provenance}.items():
         file.attrs[key] = value
-    file.attrs[CHECKSUM] = metadata_checksum(file)
+    file.attrs[CHECKSUM] = metadata_checksum(Contents(file))
 
 
 def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:

@@ -8,19 +8,19 @@ of before it have none: they are compared with what their job says (`hpcsweep.st
 import hashlib
 from collections.abc import Mapping
 
-import h5py
 import numpy as np
 
+from hpcsweep.store.contents import NOTES, Contents
+
 CHECKSUM = "metadata_checksum"
-NOTES = ("units", "long_name")
 
 
-def metadata_checksum(file: h5py.File, attributes: Mapping[str, object] | None = None) -> str:
-    """Hash all that an open campaign file says beside its results.
+def metadata_checksum(contents: Contents, attributes: Mapping[str, object] | None = None) -> str:
+    """Hash all that a campaign file says beside its results.
 
     Parameters
     ----------
-    file : h5py.File
+    contents : Contents
         Its datasets must have the sizes its job gives: coordinates are read whole.
     attributes : mapping, optional
         In place of those of the file.
@@ -30,20 +30,20 @@ def metadata_checksum(file: h5py.File, attributes: Mapping[str, object] | None =
     def add(*values: object) -> None:
         digest.update((repr(values) + "\n").encode(errors="surrogateescape"))
 
-    attributes = dict(file.attrs) if attributes is None else attributes
+    attributes = contents.attributes if attributes is None else attributes
     for key in sorted(attributes):
         if key != CHECKSUM:
             add(key, _plain(attributes[key]))
-    for name in sorted(file):
-        data = file[name]
-        place = data.id.get_offset() if data.chunks is None else None
-        add(name, str(data.dtype), data.shape, place, *(_plain(data.attrs[key]) for key in NOTES))
-        if data.is_scale or data.ndim == 1:
-            values = data[...]
+    for name in sorted(contents.names):
+        data = contents[name]
+        notes = (_plain(data.notes[key]) for key in NOTES)
+        add(name, str(data.dtype), data.shape, data.place, *notes)
+        if data.is_scale or len(data.shape) == 1:
+            values = data.values
             is_text = values.dtype == object
             digest.update(b"\0".join(values) if is_text else values.tobytes())
         if not data.is_scale:
-            add(*([scale.name for scale in dim.values()] for dim in data.dims))
+            add(*data.scales)
     return digest.hexdigest()
 
 

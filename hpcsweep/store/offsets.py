@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from hpcsweep.store.contents import Contents
 from hpcsweep.store.layout import DamagedError, StoreError
 
 LAST_STREAM = 2
@@ -47,13 +48,14 @@ class Offsets:
     def __init__(self, path: Path):
         self._of: dict[str, tuple[int, tuple[int, ...], np.dtype]] = {}
         with open_for_reading(path) as file:
-            for name, data in file.items():
+            contents = Contents(file)
+            for name in contents.names:
+                data = contents[name]
                 if data.is_scale:
                     continue
-                offset = data.id.get_offset()
-                if offset is None:
+                if data.place is None:
                     raise StoreError(f"{path}: variable {name} has no place in the file")
-                self._of[name] = (offset, data.shape, data.dtype)
+                self._of[name] = (data.place, data.shape, data.dtype)
 
     def extents(self, names: Iterable[str]) -> list[tuple[int, int]]:
         """List the first byte of each variable and the one after its last."""

@@ -17,6 +17,7 @@ import h5py
 from hpcsweep.job import Job, JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
+from hpcsweep.store.contents import Contents, attributes_of
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
@@ -136,7 +137,7 @@ def check_file(path: Path) -> dict:
         so that nothing of the rest could be believed.
     """
     with reading(path) as file:
-        attributes = dict(file.attrs)
+        attributes = attributes_of(file)
     if not _equal(attributes.get("format"), FORMAT):
         raise StoreError(f"{path}: an HDF5 file, but no results of hpcsweep; it is left as it is")
     version = attributes.get("layout_version", -1)
@@ -204,13 +205,14 @@ def layout_problems(path: Path, layout: Layout) -> list[str]:
         What is not as promised, one line each; empty for a sound file.
     """
     with reading(path) as file:
-        problems = file_problems(file, layout, path.stat().st_size)
-        if not problems and CHECKSUM in file.attrs:
-            found, stored = metadata_checksum(file), file.attrs[CHECKSUM]
-            if found != stored:
-                problems.append(
-                    "attributes, coordinates or names: the checksum over them does not hold"
-                )
+        contents = Contents(file)
+        problems = file_problems(contents, layout, path.stat().st_size)
+        if problems or CHECKSUM not in contents.attributes:
+            return problems
+        if metadata_checksum(contents) != contents.attributes[CHECKSUM]:
+            problems.append(
+                "attributes, coordinates or names: the checksum over them does not hold"
+            )
     return problems
 
 

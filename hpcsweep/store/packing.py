@@ -10,6 +10,7 @@ import numpy as np
 
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.commit import Blocks
+from hpcsweep.store.contents import Contents
 from hpcsweep.store.create import reason
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import Layout, StoreError
@@ -135,7 +136,7 @@ def _copy(path: Path, temporary: Path) -> None:
             copy.attrs[key] = value
         if CHECKSUM in copy.attrs:
             # it covers the places of the datasets, which are others here
-            copy.attrs[CHECKSUM] = metadata_checksum(copy)
+            copy.attrs[CHECKSUM] = metadata_checksum(Contents(copy))
     _sync(temporary)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from hpcsweep.job import Job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.commit import Blocks
+from hpcsweep.store.contents import NOTES, Contents
 from hpcsweep.store.metadata import CHECKSUM
 from hpcsweep.store.opening import open_layout, reading
 from hpcsweep.store.parts import parts_of
@@ -48,16 +49,13 @@ def open_results(path: str | Path):
     layout = open_layout(path)
     arrays = {}
     with reading(path) as file:
-        for name, data in file.items():
-            values = _read(data)
-            dims = (
-                tuple(dim[0].name.lstrip("/") for dim in data.dims)
-                if not data.is_scale
-                else (name,)
-            )
-            notes = {key: data.attrs[key] for key in ("units", "long_name")}
-            arrays[name] = (dims, values, notes)
-        attributes = {key: value for key, value in file.attrs.items() if key != CHECKSUM}
+        contents = Contents(file)
+        for name in contents.names:
+            data = contents[name]
+            dims = (name,) if data.is_scale else tuple(names[0] for names in data.scales)
+            notes = {key: data.notes[key] for key in NOTES}
+            arrays[name] = (dims, _read(data.data), notes)
+        attributes = {key: value for key, value in contents.attributes.items() if key != CHECKSUM}
     with Blocks(path, layout) as blocks:
         missing = ~blocks.valid_runs()
     for place in map(tuple, np.argwhere(missing.any(axis=2))):  # a frame at a time

@@ -286,7 +286,7 @@ def test_orbits_off_the_path_are_found_out(tmp_path):
     path = tmp_path / "off.h5"
     text = job_of(ROOT / "tests" / "data" / "layout1.h5").text
     make(path, text.replace("[0.55, 0.7]", "[0.55]"), NotFollowing)
-    report = validate(path, samples=14)
+    report = validate(path, samples=6)
     assert any("from the state stored before it" in problem for problem in report.problems)
     assert not any("bdf finds" in problem for problem in report.problems)
 

@@ -9,6 +9,8 @@ from tools import JOBS, ROOT, environment
 
 COMPUTES = {"numba", "llvmlite", "scipy.integrate", "hpcsweep.solvers.flow", "hpcsweep.solvers.bdf"}
 DRAWS = {"matplotlib", "xarray"}
+COMPILES = {"numba.np.random.generator_methods", "numba.np.polynomial.polynomial_core"}
+"""Of all that numba loads before it compiles."""
 LAYOUT1 = ROOT / "tests" / "data" / "layout1.h5"
 
 LOADED = """
@@ -52,6 +54,15 @@ def test_a_command_that_computes_nothing_loads_nothing_that_computes(tmp_path, a
     code, modules = loaded(*arguments, cwd=tmp_path)
     assert code == 0
     assert not modules & (COMPUTES | DRAWS)
+
+
+def test_a_run_loads_kernels_without_what_would_compile_them(tmp_path, small_job):
+    arguments = ("run", small_job, "-o", tmp_path / "out.h5")
+    assert loaded(*arguments)[0] == 0  # compiles them where they are not yet
+    (tmp_path / "out.h5").unlink()
+    code, modules = loaded(*arguments)
+    assert code == 0
+    assert not modules & COMPILES
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Compiling before it is needed: progress, what is learnt, processes, caches that are read only."""
 
+import gc
 import io
 import json
 import math
@@ -32,7 +33,7 @@ class Fake:
 
     def __init__(self, name, takes, clock, kept=False):
         self.name = self.__name__ = name
-        self.__module__ = __name__
+        self.__module__ = f"{__name__}.{name.partition('.')[0]}"
         self.takes, self.clock, self.is_kept, self.is_loaded = takes, clock, kept, False
 
     def load(self):
@@ -71,6 +72,24 @@ def test_the_time_left_is_learnt_and_scaled(told, tmp_path):
     assert [one.name for one in second] == ["", "b", "a", "c"]
     assert [one.left for one in second] == [8.0, 6.0, 2.0, 0.0]
     assert json.loads((tmp_path / warm.SECONDS).read_text())["b"] == 10.0
+
+
+def test_kernels_of_a_module_are_compiled_together(told):
+    """They share parts. The costliest group first; nothing known, callers before what they call."""
+    takes = {"leaf.a": 1.0, "other.a": 5.0, "root.a": 2.0, "root.b": 2.5, "leaf.b": 1.0}
+    fakes = [Fake(name, 0.0, [0.0]) for name in takes]
+
+    def order(learnt):
+        return [one.name for group in warm._groups(fakes, learnt) for one in group]
+
+    assert order({}) == ["leaf.b", "leaf.a", "root.b", "root.a", "other.a"]
+    assert order(takes) == ["other.a", "root.b", "root.a", "leaf.b", "leaf.a"]
+
+
+def test_the_garbage_collector_is_as_it_was_before(told):
+    before = gc.get_threshold()
+    told({"a": 2.0})
+    assert gc.get_threshold() == before
 
 
 def test_a_new_kernel_is_expected_to_take_as_long_as_the_others(told):

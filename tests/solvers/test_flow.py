@@ -6,6 +6,7 @@ import math
 import numba
 import numpy as np
 import pytest
+from numpy.polynomial import chebyshev
 
 from hpcsweep.kernels import vectors
 from hpcsweep.kernels.compile import kernel
@@ -22,6 +23,7 @@ from hpcsweep.solvers.flow import (
     tables,
     tangent,
 )
+from hpcsweep.solvers.flow.economisation import economisation
 from hpcsweep.solvers.flow.layer import error, scheme, tableau, visit
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
@@ -665,3 +667,11 @@ def test_bound_of_the_stiffness_is_the_one_that_the_structure_tells(sharpness):
     limits = [visit.step_limit(z, a, flow._shared.model, 1.0) for flow in (plain, cautious)]
     assert limits[1][1] == pytest.approx(limits[0][1] + 2.0)
     assert limits[1][0] <= limits[0][0]
+
+
+def test_economisation_is_that_of_chebyshev_series_to_the_last_bit():
+    found = economisation(30, 15)
+    for k in range(31):
+        series = chebyshev.poly2cheb(np.eye(31)[k])[:16]
+        kept = chebyshev.cheb2poly(np.pad(series, (0, 16 - len(series))))
+        assert found[k].tolist() == np.pad(kept, (0, 16 - len(kept))).tolist()

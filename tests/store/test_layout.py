@@ -63,12 +63,12 @@ def test_the_packed_file_of_version_1_holds_the_same():
     assert open_results(PLAIN).identical(open_results(PACKED))
 
 
-@pytest.mark.parametrize("path", [PLAIN, PACKED])
-def test_a_file_of_version_1_is_sound_and_the_other_solver_agrees(path):
-    report = validate(path, samples=4, seed=2)
+@pytest.mark.parametrize(("path", "samples"), [(PLAIN, 4), (PACKED, 1)])
+def test_a_file_of_version_1_is_sound_and_the_other_solver_agrees(path, samples):
+    report = validate(path, samples=samples, seed=2)
     assert report.problems == []
     assert report.committed == report.blocks == 12
-    assert len(report.sample) == 4
+    assert len(report.sample) == samples
     assert all(run.difference <= run.allowed for run in report.sample)
 
 

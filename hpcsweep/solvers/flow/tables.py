@@ -27,7 +27,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from hpcsweep.kernels.compile import inlined, jit, kernel
 from hpcsweep.kernels.separate import INT, KEY, separate, type_of
@@ -45,6 +44,7 @@ from hpcsweep.kernels.vectors import (
 )
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.economisation import economisation
 
 DEGREE = 15
 N_COEFFICIENTS = DEGREE + 1
@@ -61,17 +61,7 @@ N_MODAL = MODAL_NODES.shape[0]
 ZERO = np.zeros(LANES)
 
 
-def _economisation() -> np.ndarray:
-    """Map TAYLOR + 1 monomial coefficients on [-1, 1] to the DEGREE + 1 that remain."""
-    matrix = np.empty((N_COEFFICIENTS, TAYLOR + 1))
-    for k in range(TAYLOR + 1):
-        series = chebyshev.poly2cheb(np.eye(TAYLOR + 1)[k])[:N_COEFFICIENTS]
-        kept = chebyshev.cheb2poly(np.pad(series, (0, N_COEFFICIENTS - len(series))))
-        matrix[:, k] = np.pad(kept, (0, N_COEFFICIENTS - len(kept)))
-    return matrix
-
-
-ECONOMISATION = np.ascontiguousarray(_economisation().T)
+ECONOMISATION = economisation(TAYLOR, DEGREE)
 """(TAYLOR + 1, N_COEFFICIENTS)"""
 
 

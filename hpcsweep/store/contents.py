@@ -1,0 +1,141 @@
+"""What an open campaign file says beside its results, each thing read once.
+
+The check against the job and the checksum ask for the same things, and every call into HDF5 costs
+more than what it answers; so it is called without the layers of h5py above it where many things are
+asked for.
+"""
+
+from functools import cached_property
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5ds, h5i, h5o
+
+NOTES = ("units", "long_name")
+
+
+def attribute(owner: h5py.File | h5py.Dataset, name: str) -> object:
+    """Read an attribute as h5py does; most of ours are single texts, which are read at once."""
+    found = h5a.open(owner.id, name.encode(errors="surrogateescape"))
+    kind = h5py.check_string_dtype(found.dtype) if found.shape == () else None
+    if kind is None or kind.length is not None:
+        return owner.attrs[name]
+    value: np.ndarray = np.empty(1, object)
+    found.read(value)
+    return value[0].decode(errors="surrogateescape")
+
+
+class Dataset:
+    """One dataset; what is asked of it is read then, and kept.
+
+    Parameters
+    ----------
+    data : h5py.Dataset
+    scale_names : dict of int to str
+        Names of the file's dimension scales by their addresses; those of others are added.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    dtype : dtype
+    is_scale : bool
+    """
+
+    def __init__(self, data: h5py.Dataset, scale_names: dict[int, str]):
+        self.data = data
+        self._scale_names = scale_names
+        self.shape: tuple[int, ...] = data.id.shape
+        self.dtype: np.dtype = data.id.dtype
+        self.is_scale: bool = h5ds.is_scale(data.id)
+
+    @cached_property
+    def is_chunked(self) -> bool:
+        """Whether it is stored in chunks, as in a packed file."""
+        return self.data.chunks is not None
+
+    @cached_property
+    def place(self) -> int | None:
+        """Its first byte; None if it is chunked, or has none."""
+        return None if self.is_chunked else self.data.id.get_offset()
+
+    @cached_property
+    def notes(self) -> dict[str, object]:
+        """Those of its attributes ``units`` and ``long_name`` that are there."""
+        there = [name for name in NOTES if h5a.exists(self.data.id, name.encode())]
+        return {name: attribute(self.data, name) for name in there}
+
+    @cached_property
+    def scales(self) -> list[list[str]]:
+        """Names of the scales of each axis."""
+        found: list[list[str]] = []
+        for axis in range(len(self.shape)):
+            names: list[str] = []
+            # without a scale at an axis the iteration would end in an error
+            if h5ds.get_num_scales(self.data.id, axis):
+                h5ds.iterate(self.data.id, axis, lambda scale, names=names: self._add(scale, names))
+            found.append(names)
+        return found
+
+    def _add(self, scale: h5d.DatasetID, names: list[str]) -> None:
+        # to find the name of an object HDF5 searches the file; its address is at hand
+        address = h5o.get_info(scale).addr
+        if address not in self._scale_names:
+            self._scale_names[address] = (h5i.get_name(scale) or b"").decode(errors="replace")
+        names.append(self._scale_names[address].lstrip("/"))
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """All its values; text as bytes."""
+        return self.data[...]
+
+
+class Contents:
+    """Attributes and datasets of an open file.
+
+    Parameters
+    ----------
+    file : h5py.File
+
+    Attributes
+    ----------
+    names : list of str
+        Of all it holds.
+    """
+
+    def __init__(self, file: h5py.File):
+        self._file = file
+        self._found: dict[str, Dataset | None] = {}
+        self._scale_names: dict[int, str] = {}
+        self.names: list[str] = list(file)
+
+    @cached_property
+    def attributes(self) -> dict[str, object]:
+        """Attributes of the file."""
+        return attributes_of(self._file)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.names
+
+    def __getitem__(self, name: str) -> Dataset:
+        found = self.find(name)
+        if found is None:
+            raise TypeError(f"{name} is no dataset")
+        return found
+
+    def find(self, name: str) -> Dataset | None:
+        """Give a dataset; None if the name is of something else."""
+        if name not in self._found:
+            opened = h5o.open(self._file.id, name.encode(errors="surrogateescape"))
+            if not isinstance(opened, h5d.DatasetID):
+                self._found[name] = None
+            else:
+                data = h5py.Dataset(opened, readonly=True)
+                found = self._found[name] = Dataset(data, self._scale_names)
+                if found.is_scale:
+                    self._scale_names.setdefault(h5o.get_info(opened).addr, name)
+        return self._found[name]
+
+
+def attributes_of(file: h5py.File) -> dict[str, object]:
+    """Read all attributes of a file."""
+    return {name: attribute(file, name) for name in file.attrs}

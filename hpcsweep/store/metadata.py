@@ -43,7 +43,7 @@ def metadata_checksum(contents: Contents, attributes: Mapping[str, object] | Non
             is_text = values.dtype == object
             digest.update(b"\0".join(values) if is_text else values.tobytes())
         if not data.is_scale:
-            add(*data.scales)
+            add(*([f"/{name}" for name in names] for names in data.scales))
     return digest.hexdigest()
 
 

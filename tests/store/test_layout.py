@@ -5,12 +5,17 @@ import shutil
 import h5py
 import numpy as np
 import pytest
-from tools import ROOT, assert_same_datasets, hpcsweep
+from tools import ROOT, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
+from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
+from hpcsweep.job import parse_job
+from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import StoreError, is_packed, job_of
+from hpcsweep.store.contents import Contents
+from hpcsweep.store.metadata import metadata_checksum
 
 DATA = ROOT / "tests" / "data"
 PLAIN, PACKED = DATA / "layout1.h5", DATA / "layout1-packed.h5"
@@ -107,3 +112,31 @@ def test_the_job_written_back_out_of_the_file_gives_equal_data(tmp_path, small_j
     both = hpcsweep(0, "status", first, "--job", "--json")
     assert both.returncode == 2
     assert "not allowed with" in both.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "checksum"),
+    [
+        ("layout1.h5", "b0251586641fdc322b3a0e00685bbed9"),
+        ("layout1-packed.h5", "58b209d693693b14da9e75adcd3a0356"),
+    ],
+)
+def test_the_checksum_of_metadata_stays_what_files_were_written_with(name, checksum):
+    with h5py.File(DATA / name, "r") as file:
+        assert metadata_checksum(Contents(file)) == checksum
+
+
+def test_a_campaign_begun_before_motions_were_decided_goes_on_as_it_began(tmp_path):
+    path, whole = tmp_path / "begun.h5", tmp_path / "whole.h5"
+    before = parse_job(SMALL, "small", "small", plain=True)
+    for one in (path, whole):
+        assert campaign.run(before, one, Serial()) == 0
+    assert job_of(path).settings.decide_cycles is None
+    with h5py.File(path, "r+") as file:
+        file["commit"][1, 1] = 0  # what was not done yet
+    assert campaign.run(parse_job(SMALL, "small", "small"), path, Serial()) == 0
+    assert_same_datasets(path, whole)
+    assert job_of(path).fingerprint == before.fingerprint
+    named = SMALL.replace("[output]", "decide_cycles = 50000\n[output]")
+    with pytest.raises(StoreError, match="results of another job"):
+        campaign.run(parse_job(named, "small", "small"), path, Serial())

@@ -57,6 +57,9 @@ TORUS_GROWTH = 0.5
 """Largest growth over such a round, either sign. An orbit of long period that a torus is locked to
 is approached along it: P50 and P90 (Figure 3 as described, A = 0.1015 and 0.1005) by -1.8 and
 -2.2."""
+LONG_TORUS = 3200
+"""Periods from which on `NEUTRAL_GROWTH` is allowed: slow drift along a torus makes the growth
+swing by 2 and more. Orbits approached by less than 1e-3 a period count as a torus then."""
 TORUS_DIGITS = 5.0
 """Of tori drawn from the map of Figure 6 as described weighted means agree to 4.7 to 11.2 digits
 after 800 periods and to more after more; those of chaos beside a torus (Figure 3 as described, A =
@@ -230,7 +233,8 @@ class _Search:
         neutral = abs(seen.growth) <= NEUTRAL_GROWTH
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
         self.likely_torus = digits >= HINT_DIGITS
-        still = abs(seen.growth) <= TORUS_GROWTH and growth.high >= 0
+        most = NEUTRAL_GROWTH if size >= LONG_TORUS else TORUS_GROWTH
+        still = abs(seen.growth) <= most and growth.high >= 0
         if size >= LEAST_TORUS and digits >= TORUS_DIGITS and still:
             return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=seen)
         return None

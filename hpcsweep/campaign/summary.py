@@ -33,7 +33,7 @@ def summarize(path: str | Path) -> dict:
         If it is not a campaign file.
     """
     path = path_of("path", path)
-    frames = Frames(path)
+    frames = Frames(path, None)
     try:
         study = frames.study
         tally = study.tally()

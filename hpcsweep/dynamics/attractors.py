@@ -17,10 +17,11 @@ that the starts that resemble it are counted as undecided at the cost of a windo
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Portrait
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.decide import Motion, decide
 from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
@@ -40,89 +41,10 @@ WINDOW, RECORD = 64, 2000
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
 again, and at last decided: it may be on its slow way to one of them."""
+MOST_WATCHED = 100
+"""Longest orbit period for which a motion is watched to settle."""
 SETTLED, NEAR = 1e-10, 1e-3
 """Distances by which a chaotic motion that settles is noticed; as `hpcsweep.studies.runs`."""
-UNDECIDED, FAILED = -1, -2
-"""In place of an attractor's number."""
-
-
-@dataclass(frozen=True)
-class Attractor:
-    """One attractor.
-
-    Attributes
-    ----------
-    kind : MotionClass
-        PERIODIC, QUASI_PERIODIC or CHAOTIC.
-    points : ndarray, shape (k, 2n)
-        Stroboscopic points (gaps, gaps omega_0): of an orbit its p points in order, else those of
-        a record of `RECORD` periods.
-    orbit_period : int
-        p in forcing periods; 0 if it is no orbit.
-    multiplier : float
-        Modulus of the orbit's largest Floquet multiplier, else NaN.
-    lyapunov, lyapunov_low, lyapunov_high : float
-        Largest Lyapunov exponent (omega_0), and its confidence interval.
-    contact : int
-        Contact set, bit k - 1 for contact k.
-    drift : float
-        Peak interstorey drift (18) in A / Omega^2; NaN without forcing.
-    modal_norm : ndarray, shape (n,)
-        Mean modal norms free of contact (17).
-    hits : int
-        Starts that reached it.
-    share, share_low, share_high : float
-        Share of all starts, and its Clopper-Pearson interval.
-    outcome : Outcome
-        COMPLETE.
-    """
-
-    kind: MotionClass
-    points: np.ndarray
-    orbit_period: int
-    multiplier: float
-    lyapunov: float
-    lyapunov_low: float
-    lyapunov_high: float
-    contact: int
-    drift: float
-    modal_norm: np.ndarray
-    hits: int = 0
-    share: float = 0.0
-    share_low: float = 0.0
-    share_high: float = 1.0
-
-
-@dataclass(frozen=True)
-class Portrait:
-    """What is found at one point.
-
-    Attributes
-    ----------
-    attractors : list of Attractor
-        In the order in which they were found.
-    labels : ndarray of int, shape (starts,)
-        Place in `attractors` of what each start reached, or `UNDECIDED` or `FAILED`.
-    cycles : int
-        Forcing periods integrated for starts and seeds, without the tests of neighbourhoods.
-    outcome : Outcome
-        COMPLETE if any start ended well, else how most of them failed.
-    """
-
-    attractors: list[Attractor]
-    labels: np.ndarray
-    cycles: int
-    outcome: Outcome
-
-    @property
-    def n_undecided(self) -> int:
-        """Starts that were not decided."""
-        return int((self.labels == UNDECIDED).sum())
-
-    @property
-    def n_failed(self) -> int:
-        """Starts whose integration failed."""
-        return int((self.labels == FAILED).sum())
 
 
 def portrait(
@@ -240,11 +162,15 @@ class _Search:
         if there is not None:
             return there
         state = window[-1]
-        for factor in LADDER if self._signatures else ():
+        long = self._longest > self._settings.max_orbit_period
+        for factor in LADDER if self._signatures or long else ():
             end = self._settle(state, factor * self._settings.transient_cycles)
             if end.outcome is not Outcome.COMPLETE:
                 return self._failed(end.outcome)
             state = end.state
+            there = self._near(state)
+            if there is not None:
+                return there
             if end.period:
                 break
             points, outcome = self._solver.points(state, self._amplitude, WINDOW, self._poll)
@@ -257,6 +183,23 @@ class _Search:
             state = points[-1]
         return self.decide(state)
 
+    @property
+    def _longest(self) -> int:
+        """Longest period that is known or looked for."""
+        known = (one.orbit_period for one in self.attractors)
+        return max(self._settings.max_orbit_period, min(max(known, default=0), MOST_WATCHED))
+
+    def _near(self, state: np.ndarray) -> int | None:
+        """Find the place of the orbit in whose neighbourhood, or on which, a state is."""
+        there = int(inside(state[None], self._neighbourhoods)[0])
+        if there >= 0:
+            return there
+        same = self._settings.period_tolerance * self._units
+        for place, one in enumerate(self.attractors):
+            if one.orbit_period and np.any(np.all(np.abs(one.points - state) <= same, axis=1)):
+                return place
+        return None
+
     def _settle(self, state: np.ndarray, cycles: int) -> Approach:
         """Follow a motion until it settles on an orbit, for a number of forcing periods at most."""
         settings = self._settings
@@ -264,7 +207,7 @@ class _Search:
             state,
             self._amplitude,
             cycles,
-            settings.max_orbit_period,
+            self._longest,
             SETTLED,
             settings.period_tolerance,
             NEAR,

@@ -103,8 +103,11 @@ def decide(
     kind = MotionClass.UNDECIDED
     period = orbit_period(points[-1] / units, window // 2, same)
     if period:
-        return _orbit(solver, z, amplitude, period, same, cycles)
-    if mean - half > 0:
+        end = solver.settle(z, amplitude, 40 * period, period, SETTLED, same, NEAR, poll)
+        cycles += end.n_periods + end.n_newton
+        if end.period:
+            return _orbit(solver, end.state, amplitude, end.period, same, cycles)
+    elif mean - half > 0:
         kind = MotionClass.CHAOTIC
     elif abs(mean) <= half:
         kind = classify_points(points[-1] / units, 0.0, same)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpcsweep.dynamics.attractors import Attractor, Portrait, portrait
+from hpcsweep.dynamics.attractor import Attractor, Portrait
+from hpcsweep.dynamics.attractors import portrait
 from hpcsweep.dynamics.resemblance import matched
 from hpcsweep.dynamics.starts import box_of, starting_states
 from hpcsweep.model import arguments
@@ -256,7 +257,7 @@ def attractors(
     Returns
     -------
     list of Attractor
-        By falling share; see `hpcsweep.dynamics.attractors.Attractor` for ``points``,
+        By falling share; see `hpcsweep.dynamics.attractor.Attractor` for ``points``,
         ``orbit_period``, ``share``, ``share_low``, ``share_high``, ``contact``, ``lyapunov``,
         ``kind``, ``multiplier``, ``drift``. Shares are of all starts: they add up to less than 1
         where starts were not decided or failed.

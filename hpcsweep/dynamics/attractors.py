@@ -38,6 +38,8 @@ PATIENCE = 48
 """Forcing periods after which a start is decided where all that is known are orbits."""
 WINDOW, RECORD = 64, 2000
 """Forcing periods of the window of a start, and of the record of a motion that is no orbit."""
+MOST_RECORDS = 16
+"""Records kept of motions that are no orbit."""
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
 again, and at last decided: it may be on its slow way to one of them."""
@@ -164,7 +166,8 @@ class _Search:
         state = window[-1]
         long = self._longest > self._settings.max_orbit_period
         for factor in LADDER if self._signatures or long else ():
-            end = self._settle(state, factor * self._settings.transient_cycles)
+            cycles = min(factor * self._settings.transient_cycles, self._max_cycles)
+            end = self._settle(state, cycles)
             if end.outcome is not Outcome.COMPLETE:
                 return self._failed(end.outcome)
             state = end.state
@@ -243,6 +246,7 @@ class _Search:
         """Place what is decided to be no orbit, or not decided, if it stays so."""
         there = self._resembling(motion.points)
         if there is not None:
+            self._remember(motion.points, there)
             return there
         end = self._settle(motion.points[-1], max(self._max_cycles - motion.cycles, 0))
         if end.outcome is not Outcome.COMPLETE:
@@ -257,13 +261,20 @@ class _Search:
             return self._failed(seen.outcome)
         scaled = seen.points / self._units
         own = Signature(scaled)
-        for signature, points, place in self._signatures:
+        for signature, points, there in self._signatures:
             if signature.holds(scaled) or own.holds(points):
-                return place
+                self._remember(seen.points, there)
+                return there
         decided = motion.kind is not MotionClass.UNDECIDED
         place = self._add(motion, seen.points, seen, None) if decided else UNDECIDED
         self._signatures.append((own, scaled, place))
         return place
+
+    def _remember(self, points: np.ndarray, place: int) -> None:
+        """Keep a further record of a known motion: one that its record alone did not tell."""
+        if len(points) >= 2 * WINDOW and len(self._signatures) < MOST_RECORDS:
+            scaled = points / self._units
+            self._signatures.append((Signature(scaled), scaled, place))
 
     def _add(self, motion: Motion, points: np.ndarray, seen, near: Neighbourhood | None) -> int:
         """Note a new attractor; give its place."""

@@ -163,7 +163,7 @@ def count_colour(place: int, n_places: int) -> str:
     from matplotlib import colormaps
     from matplotlib.colors import to_hex as hex_of
 
-    return hex_of(colormaps[NUMBERS](1.0 - place / max(n_places - 1, 1)))
+    return hex_of(colormaps[NUMBERS](0.85 * (1.0 - place / max(n_places - 1, 1))))
 
 
 def ink(colour: str) -> str:

@@ -257,19 +257,19 @@ def attractors(
     Returns
     -------
     list of Attractor
-        By falling share; see `hpcsweep.dynamics.attractor.Attractor` for ``points``,
-        ``orbit_period``, ``share``, ``share_low``, ``share_high``, ``contact``, ``lyapunov``,
-        ``kind``, ``multiplier``, ``drift``. Shares are of all starts: they add up to less than 1
-        where starts were not decided or failed.
+        By falling share; see `hpcsweep.dynamics.attractor.Attractor`. Shares are of all starts:
+        they add up to less than 1 where starts were not decided or failed.
 
     Raises
     ------
     ValueError
         If an argument is of the wrong kind or outside its range; one line names it.
+    ArithmeticError
+        If the solver fails from every start.
     """
     arguments.instance("structure", structure, Structure)
     units = structure.state_units
-    seeds = arguments.array("states", states).reshape(-1, units.size) if len(states) else None
+    seeds = [arguments.finite_vector("states", state, units.size) for state in states]
     name = arguments.choice("solver", solver, SOLVERS)
     settings = SweepSettings(
         max_orbit_period=arguments.count("max_orbit_period", max_orbit_period, 1, 1000),
@@ -287,10 +287,8 @@ def attractors(
         math.inf,
     )
     runs = AttractorRuns(structure, arguments.positive("omega", omega), settings, limits)
-    found = runs.at(
-        arguments.finite("amplitude", amplitude),
-        np.zeros((0, units.size)) if seeds is None else seeds,
-    )
+    amplitude = arguments.finite("amplitude", amplitude)
+    found = runs.at(amplitude, np.array(seeds).reshape(-1, units.size))
     if found.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{name}: {found.outcome.name} from every start")
     return sorted(found.attractors, key=lambda one: -one.hits)

@@ -63,6 +63,7 @@ def draw(results, path: Path, sweep: Path | None = None) -> None:
     results = by_frequency(results)
     done = results["outcome"].values[0] > 0
     number = np.where(done, results["n_attractors"].values[0], -1)
+    number = np.where(number == 0, -1, number)
     counts = [("number of attractors", number, 1)]
     if MISSED in results:
         counts.append(("attractors that no sweep ends on", results[MISSED].values, 0))
@@ -86,26 +87,23 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
     from matplotlib.patches import Patch
 
     top = least + MOST - 1
-    colours = [count_colour(place, MOST) for place in range(MOST)]
-    if least == 0:
-        colours[0] = OTHER_MOTION
+    colours = [OTHER_MOTION, *(count_colour(place, MOST - 1) for place in range(MOST - 1))]
     index = np.where(values < 0, -1, np.clip(values, least, top) - least)
     draw_classes(axis, results, index, colours)
-    known = max(int((index >= 0).sum()), 1)
     handles = [
         Patch(
             facecolor=colour,
             edgecolor="0.3",
             linewidth=0.5,
             label=f"{least + place}{' or more' if place == MOST - 1 else ''}  "
-            f"{percent(int((index == place).sum()) / known)}",
+            f"{percent(int((index == place).sum()) / index.size)}",
         )
         for place, colour in enumerate(colours)
         if (index == place).any() or place < 2
     ]
     if (index < 0).any():
         blank = Patch(facecolor=NOTHING, edgecolor="0.55", hatch="xxxx", linewidth=0.5)
-        blank.set_label(f"not computed  {percent(float((index < 0).mean()))}")
+        blank.set_label(f"none, or not computed  {percent(float((index < 0).mean()))}")
         handles.append(blank)
     handles.append(grazing_key())
     axis.set_title(name, fontsize=9)

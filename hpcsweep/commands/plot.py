@@ -53,7 +53,7 @@ def _complete(plot: argparse.ArgumentParser) -> None:
     plot.add_argument(
         "--kind",
         choices=tuple(known),
-        help=f"figure (default: {', '.join(f'{name} of a {h}' for h, name in default.items())})",
+        help=f"figure (default: {', '.join(f'{name} of {h}' for h, name in default.items())})",
     )
     options = dict.fromkeys(option for f in known.values() for option in f.OPTIONS)
     for option in options:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from hpcsweep.dynamics.classify import MotionClass, classify_points
+from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass, classify_points
 from hpcsweep.dynamics.orbit import orbit_period
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.solvers.outcome import Outcome
@@ -107,7 +107,7 @@ def decide(
         cycles += end.n_periods + end.n_newton
         if end.period:
             return _orbit(solver, end.state, amplitude, end.period, same, cycles)
-    elif mean - half > 0:
+    elif mean - half > 0 and mean * WINDOWS * time > CHAOS_GROWTH:
         kind = MotionClass.CHAOTIC
     elif abs(mean) <= half:
         kind = classify_points(points[-1] / units, 0.0, same)

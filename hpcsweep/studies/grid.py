@@ -73,7 +73,7 @@ class RunGrid:
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
-    holds: ClassVar[str] = "motion"
+    holds: ClassVar[str] = "motions"
     point_dim: ClassVar[str] = "point"
     """Dimension of the stroboscopic points."""
     status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "shortcut")

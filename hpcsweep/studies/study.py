@@ -169,7 +169,7 @@ class Study(Protocol):
     carried: tuple[str, ...]
     """Variables that tell what the run after a run starts from."""
     holds: str
-    """What a run holds: a ``motion``, or ``attractors``."""
+    """What is held: ``motions``, one a run, or ``attractors``, several."""
     status_variables: tuple[str, ...]
     """Variables of `count`."""
     n_tasks: int

@@ -125,8 +125,8 @@ def starts_text(results, frame) -> str:
     return ", ".join(parts)
 
 
-def legend(figure, frame, index: np.ndarray, title: str, columns: int) -> None:
-    """Put the motions, and a title, below the panels."""
+def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=()) -> None:
+    """Put the motions, further keys, and a title, below the panels."""
     from matplotlib.lines import Line2D
 
     handles = [
@@ -138,6 +138,7 @@ def legend(figure, frame, index: np.ndarray, title: str, columns: int) -> None:
         fine = Line2D([], [], linestyle="none", marker=".", color="0.3", label="no orbit")
         fine.set_markersize(FINE_KEY)
         handles.append(fine)
+    handles += further
     figure.legend(
         handles=handles,
         loc="outside lower center",

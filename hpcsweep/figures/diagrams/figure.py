@@ -41,7 +41,7 @@ class Figure(Protocol):
     NAME : str
         Of ``--kind``.
     DRAWS : str
-        What runs hold that it draws (`Study.holds`).
+        What a file must hold (`Study.holds`).
     HELP : str
         What it shows: one or more lines of the command's help.
     OPTIONS : tuple of Option

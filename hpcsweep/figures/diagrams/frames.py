@@ -30,7 +30,7 @@ ORBIT = 2.5
 MOST_COLUMNS = 7
 """Columns of the legend."""
 NAME = "frames"
-DRAWS = "motion"
+DRAWS = "motions"
 HELP = "small orbit diagrams of several frames"
 OPTIONS = (
     DIRECTION,

@@ -37,6 +37,8 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     PlotError
         If nothing is there to be drawn.
     """
+    from matplotlib.patches import Patch
+
     frame = one_frame(results, omega)
     index = motions_of(frame)
     structure, study = structure_of(results), job_of(results).study
@@ -54,7 +56,9 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     limit_amplitudes(axes[1], frame)
     for axis, letter in zip(axes, "ab", strict=True):
         axis.set_title(f"({letter})", loc="left", fontsize=9)
-    legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS)
+    rest = [Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5)]
+    rest[0].set_label("reached none of them")
+    legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS, rest)
     figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 

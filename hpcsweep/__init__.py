@@ -11,14 +11,23 @@ if TYPE_CHECKING:
     from hpcsweep.model.structure import Structure
     from hpcsweep.solvers.solver import stroboscopic_points
     from hpcsweep.store import open_results
+    from hpcsweep.studies.attractor_runs import attractors
 
-__all__ = ["Contact", "Structure", "__version__", "open_results", "stroboscopic_points"]
+__all__ = [
+    "Contact",
+    "Structure",
+    "__version__",
+    "attractors",
+    "open_results",
+    "stroboscopic_points",
+]
 
 _HOME = {
     "Contact": "hpcsweep.model.matrices",
     "Structure": "hpcsweep.model.structure",
     "stroboscopic_points": "hpcsweep.solvers.solver",
     "open_results": "hpcsweep.store",
+    "attractors": "hpcsweep.studies.attractor_runs",
 }
 
 

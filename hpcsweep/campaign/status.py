@@ -16,7 +16,6 @@ from hpcsweep.store import Layout, open_layout, read_history
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.opening import check_file
 from hpcsweep.store.records import History, Session
-from hpcsweep.studies.shortcut import Shortcut
 
 RECENT = 60.0
 """Seconds over which the present rate is taken."""
@@ -53,8 +52,8 @@ def status(path: str | Path) -> dict:
     session = history.sessions[-1] if history.sessions else None
     with Blocks(path, layout) as blocks:
         committed = blocks.have_checksum()
-        runs = {name: blocks.whole(name) for name in ("outcome", "cycles", "orbit_period")}
-        runs["shortcut"] = blocks.whole("shortcut")
+        names = ("outcome", "cycles", *layout.study.status_variables)
+        runs = {name: blocks.whole(name) for name in names}
     state = _runs(layout, committed, runs)
     now = session.last if session and session.ended else time.time()
     work, remaining = None, None
@@ -84,25 +83,17 @@ def _runs(layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray]) ->
     n_done = int(done.sum())
     failed = np.argwhere(done & (outcome != Outcome.COMPLETE))
     frames = done.all(axis=(0, 2))
-    settings = study.settings
-    complete = done & (outcome == Outcome.COMPLETE)
     return {
         "name": layout.name,
         "study": study.kind,
-        "solver": settings.solver,
+        "solver": study.settings.solver,
         "runs_done": n_done,
         "runs_total": study.n_runs,
         "frames_done": int(frames.sum()),
         "frames_total": int(frames.size),
         "complete": n_done == study.n_runs,
         "periods_per_run": float(runs["cycles"][done].mean()) if n_done else None,
-        "periods_per_run_plain": settings.transient_cycles + settings.sampling_cycles,
-        "runs_spared": {
-            rule.name.lower(): int((done & (runs["shortcut"] == rule)).sum())
-            for rule in Shortcut
-            if rule is not Shortcut.NONE
-        },
-        "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
+        **study.count(done, runs),
         "n_failed": len(failed),
         "failures": [
             {

@@ -92,12 +92,31 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     RunAgain
     """
     other = witness_of(study.settings.solver)
-    period = int(run["orbit_period"])
-    again = RunAgain(**study.describe(block.run(row)), orbit_period=period, solver=other)
-    solver = make_solver(other, study.structure, again.omega, SOLVERS[other].tight)
-    tangent = make_solver("flow", study.structure, again.omega, SOLVERS["flow"].tight)
+    told = study.describe(block.run(row))
+    solver = make_solver(other, study.structure, told["omega"], SOLVERS[other].tight)
+    tangent = make_solver("flow", study.structure, told["omega"], SOLVERS["flow"].tight)
+    compared = []
+    for motion in study.motions(run):
+        again = RunAgain(**told, orbit_period=int(motion["orbit_period"]), solver=other)
+        _compare_motion(study, again, solver, tangent, motion)
+        compared.append(again)
+    nothing = RunAgain(**told, orbit_period=0, solver=other, compared="nothing: no motion is held")
+    again = max(compared, key=_badness, default=nothing)
+    _compare_whole(study, block, row, again, run, start)
+    return again
+
+
+def _badness(again: RunAgain) -> tuple[bool, float]:
+    """Order the motions of a run: those with a problem last, then by their difference."""
+    if again.difference is None or not again.allowed:
+        return bool(again.problem), -1.0
+    return bool(again.problem), again.difference / again.allowed
+
+
+def _compare_motion(study, again: RunAgain, solver, tangent, run: dict) -> None:
+    """Compute a motion again with the other solver."""
     try:
-        if period:
+        if again.orbit_period:
             _compare_orbit(study, again, solver, tangent, run)
         elif "poincare" in run:
             _compare_steps(study, again, solver, tangent, run)
@@ -105,8 +124,6 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
             again.compared = "nothing: the file holds no points of an aperiodic run"
     except ArithmeticError as error:
         again.compared, again.difference = f"nothing: {error}", None
-    _compare_whole(study, block, row, again, run, start)
-    return again
 
 
 def _allowed(study, other: str, growth: float) -> float:
@@ -232,13 +249,23 @@ def _compare_whole(
     if own and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"
         return
-    difference = _apart(study, result["final_state"][0], run["final_state"])
     again.whole_run = "other"
+    stored = study.motions(run)
+    found = study.motions({name: values[0] for name, values in result.items()})
+    if len(stored) != len(found):
+        if own and not again.problem:
+            again.problem = f"computed again it holds {len(found)} motions, stored {len(stored)}"
+        return
     allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
-    if int(result["orbit_period"][0]) == again.orbit_period and difference <= 10 * allowed:
+    ends = [
+        (_apart(study, new["final_state"], old["final_state"]), new["orbit_period"], old)
+        for new, old in zip(found, stored, strict=True)
+    ]
+    if all(far <= 10 * allowed and period == old["orbit_period"] for far, period, old in ends):
         again.whole_run = "same"
     elif own and again.orbit_period and not again.problem:
+        difference, period, old = max(ends, key=lambda end: end[0])
         again.problem = (
             f"from the state stored before it, the run ends {difference:.2g} away from the stored "
-            f"end, with period {int(result['orbit_period'][0])} in place of {again.orbit_period}"
+            f"end, with period {int(period)} in place of {int(old['orbit_period'])}"
         )

@@ -140,7 +140,9 @@ class _Checker:
                 rows, good = self._check_block(block, start)
                 if good:
                     valid.append(block)
-                start = np.array(rows["final_state"][block.end])
+                start = np.full_like(start, np.nan)
+                if rows:
+                    start = np.array(self._study.end_state(rows, block.end))
         return valid
 
     def _check_block(self, block: Block, start: np.ndarray) -> tuple[dict, bool]:
@@ -151,7 +153,7 @@ class _Checker:
             rows = self._blocks.read(block)
         except DamagedError as error:
             self._report.add(f"{place}, block {block.place[-1]}: {error}")
-            return {"final_state": np.full((block.n_runs, start.size), np.nan)}, False
+            return {}, False
         stored = self._blocks.committed(block)
         if not stored:
             return rows, False

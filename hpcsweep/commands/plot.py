@@ -17,9 +17,13 @@ FIGURES = (
     "period_map",
     "metrics",
     "benefit",
+    "attractor_diagram",
+    "shares",
+    "attractor_map",
 )
-"""Modules of `hpcsweep.figures.diagrams`, each a `figure.Figure`; the first is the default."""
-NAME_WIDTH = 8
+"""Modules of `hpcsweep.figures.diagrams`, each a `figure.Figure`; the first one that draws what a
+file holds is the default."""
+NAME_WIDTH = 10
 RESOLUTIONS = 50, 1200
 """Pixels an inch, least and most."""
 
@@ -40,16 +44,18 @@ def add_to(commands) -> None:
 def _complete(plot: argparse.ArgumentParser) -> None:
     """Add the description and the options, once it is known that this command is wanted."""
     known = figures()
-    default = next(iter(known))
+    default = _defaults(known)
     plot.description = "\n".join(
-        ["Draw a results file.", "", *(_describe(f, default == f.NAME) for f in known.values())]
+        ["Draw a results file.", "", *(_describe(f, default) for f in known.values())]
     )
     plot.add_argument("file", type=Path, metavar="FILE")
     plot.add_argument(
         "-o", "--output", type=file_name, metavar="PNG", help="picture (default: FILE with .png)"
     )
     plot.add_argument(
-        "--kind", choices=tuple(known), default=default, help="figure (default: %(default)s)"
+        "--kind",
+        choices=tuple(known),
+        help=f"figure (default: {', '.join(f'{name} of {h}' for h, name in default.items())})",
     )
     plot.add_argument(
         "--dpi",
@@ -66,16 +72,30 @@ def _complete(plot: argparse.ArgumentParser) -> None:
         )
 
 
-def _describe(figure, default: bool) -> str:
+def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
+    """Give the default figure for what runs hold: the first that draws it."""
+    return {figure.DRAWS: name for name, figure in reversed(known.items())}
+
+
+def _describe(figure, default: dict[str, str]) -> str:
     """Write a figure's lines of the command's help."""
-    lines = (figure.HELP + (" (default)" if default else "")).splitlines()
+    is_default = default[figure.DRAWS] == figure.NAME
+    lines = (figure.HELP + (" (default)" if is_default else "")).splitlines()
     indent = " " * (NAME_WIDTH + 3)
     return f"  {figure.NAME:{NAME_WIDTH}} " + f"\n{indent}".join(lines)
 
 
 def _plot(options) -> int:
+    from hpcsweep.figures.style import PlotError, resolution
+    from hpcsweep.store import StoreError, job_of
+
     known = figures()
-    figure = known[options.kind]
+    try:
+        kind = options.kind or _defaults(known)[job_of(options.file).study.holds]
+    except StoreError as error:
+        complain(str(error))
+        return USER_ERROR
+    figure = known[kind]
     given = {}
     for option in dict.fromkeys(option for f in known.values() for option in f.OPTIONS):
         value = getattr(options, option.keyword)
@@ -83,12 +103,9 @@ def _plot(options) -> int:
             continue
         if option not in figure.OPTIONS:
             kinds = ", ".join(f.NAME for f in known.values() if option in f.OPTIONS)
-            complain(f"{option.flag} does not go with --kind {options.kind}, only with: {kinds}")
+            complain(f"{option.flag} does not go with --kind {kind}, only with: {kinds}")
             return USER_ERROR
         given[option.keyword] = value
-    from hpcsweep.figures.style import PlotError, resolution
-    from hpcsweep.store import StoreError
-
     output = options.output or options.file.with_suffix(".png")
     try:
         with resolution(options.dpi):

@@ -62,13 +62,7 @@ def _describe(state: dict) -> str:
             + ("" if left is None else f", about {left:.3g} core seconds left")
         )
     lines += _describe_work(state)
-    if state["periods_per_run"] is not None:
-        spared = ", ".join(f"{name} {count}" for name, count in state["runs_spared"].items())
-        lines.append(
-            f"  periods   {state['periods_per_run']:.3g} integrated a run, of "
-            f"{state['periods_per_run_plain']}; runs spared: {spared}"
-        )
-    lines.append(f"  no period found in {state['no_period_found']} runs")
+    lines += _describe_motions(state)
     lines.append(f"  failures  {state['n_failed']}")
     lines += [
         f"    Omega = {f['omega']:.6g}, A = {f['amplitude']:.6g}, {f['direction']}: {f['outcome']}"
@@ -92,6 +86,30 @@ def _describe(state: dict) -> str:
                 f"{100 * session['write_share']:.2g} % of the ranks' time"
             )
     return "\n".join(lines)
+
+
+def _describe_motions(state: dict) -> list[str]:
+    """Periods integrated, and what only one kind of study knows of its runs."""
+    lines = []
+    if "runs_spared" in state:
+        if state["periods_per_run"] is not None:
+            spared = ", ".join(f"{name} {count}" for name, count in state["runs_spared"].items())
+            lines.append(
+                f"  periods   {state['periods_per_run']:.3g} integrated a run, of "
+                f"{state['periods_per_run_plain']}; runs spared: {spared}"
+            )
+        lines.append(f"  no period found in {state['no_period_found']} runs")
+    if state.get("attractors_per_point") is not None:
+        lines.append(
+            f"  found     {state['attractors_per_point']:.3g} attractors a point, several in "
+            f"{state['points_with_several']} points, at most {state['most_attractors']}"
+        )
+        lines.append(
+            f"  starts    {state['starts']} of {state['periods_per_start']:.3g} periods; undecided "
+            f"{state['starts_undecided']}, failed {state['starts_failed']}, to attractors that are "
+            f"not in the file {state['starts_elsewhere']}"
+        )
+    return lines
 
 
 def _describe_work(state: dict) -> list[str]:

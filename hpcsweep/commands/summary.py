@@ -76,19 +76,11 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
         f"{summary['amplitudes']} amplitudes, {' and '.join(summary['directions'])})",
         **_cost_rows(summary),
     }
-    if summary["runs_done"]:
-        rows["periods per history"] = (
-            f"{summary['periods_per_run']:.4g} integrated, of {summary['periods_per_run_plain']}"
-        )
-    rows |= {
-        f"shortcut {name}": _share(entry)
-        for name, entry in summary["shortcuts"].items()
-        if name != "none"
-    }
+    rows |= _attractor_rows(summary) if "attractors" in summary else _history_rows(summary)
     rows["file"] = (
         f"{summary['file_bytes'] / 1e9:.4g} GB, {summary['disk_bytes'] / 1e9:.4g} GB on disk"
     )
-    directions = summary["by_direction"]
+    directions = summary.get("by_direction", {})
     for name, entry in summary["classes"].items():
         rows[name] = _share(entry)
         if len(directions) > 1 and entry["runs"]:
@@ -96,7 +88,7 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
             rows[name] += f": {', '.join(parts)}"
     if not summary["has_exponents"]:
         rows["chaotic"] = "not told: the file holds no lyapunov"
-    plain = summary["plain_test"]
+    plain = summary.get("plain_test")
     if plain and plain["runs"]:
         rows["plain test"] = (
             f"of {plain['runs']} windows it claims {plain['wrong']} wrong periods and misses "
@@ -108,6 +100,35 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
             rows[label.format(name)] = _share(entry) if entry else "0"
     failures = [f"{name} {count}" for name, count in summary["failures"].items() if count]
     rows["failures"] = ", ".join(failures) or "0"
+    return rows
+
+
+def _history_rows(summary: dict) -> dict[str, str]:
+    rows = {}
+    if summary["runs_done"]:
+        rows["periods per history"] = (
+            f"{summary['periods_per_run']:.4g} integrated, of {summary['periods_per_run_plain']}"
+        )
+    return rows | {
+        f"shortcut {name}": _share(entry)
+        for name, entry in summary["shortcuts"].items()
+        if name != "none"
+    }
+
+
+def _attractor_rows(summary: dict) -> dict[str, str]:
+    if not summary["runs_done"]:
+        return {}
+    rows = {
+        "periods per point": f"{summary['periods_per_run']:.4g} integrated, "
+        f"{summary['periods_per_start']:.4g} a start"
+    }
+    for number, entry in summary["numbers"].items():
+        rows[f"points with {number} attractors"] = _share(entry)
+    rows["starts"] = str(summary["starts"])
+    for name in ("undecided", "failed", "elsewhere"):
+        rows[f"starts {name}"] = _share(summary[f"starts_{name}"])
+    rows["attractors"] = str(summary["attractors"])
     return rows
 
 

@@ -140,8 +140,9 @@ def decide(
     search = _Search(solver, amplitude, settings, poll)
     max_cycles = count("max_cycles", max_cycles)
     z = np.array(state, dtype=float)
-    length = FIRST_ROUND
+    length, last = FIRST_ROUND, z[None]
     if window is not None:
+        last = window.points
         length = len(window.points)
         motion = search.confirm(search.judge(window), z, max_cycles)
         if motion is not None:
@@ -157,13 +158,14 @@ def decide(
         if search.cycles < max_cycles:
             seen = search.observe(z, min(length, max_cycles - search.cycles))
             motion = search.judge(seen)
+            last = seen.points
             if motion is None or motion.kind is not MotionClass.FAILED:
                 z = seen.points[-1]
                 motion = search.confirm(motion, z, max_cycles)
             if motion is not None:
                 return motion
         length *= 2
-    return search.motion(MotionClass.UNDECIDED, z[None], growth=search.growth)
+    return search.motion(MotionClass.UNDECIDED, last, growth=search.growth)
 
 
 class _Search:

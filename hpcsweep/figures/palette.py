@@ -158,6 +158,14 @@ def mode_colour(mode: int, n_modes: int) -> str:
     return hex_of(colormaps["viridis"](first + (last - first) * mode / max(n_modes - 1, 1)))
 
 
+def count_colour(place: int, n_places: int) -> str:
+    """Return the colour of a small count (from 0): of the colour map of numbers, light to dark."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex as hex_of
+
+    return hex_of(colormaps[NUMBERS](0.85 * (1.0 - place / max(n_places - 1, 1))))
+
+
 def ink(colour: str) -> str:
     """Return the colour of text set on a colour: of the two the one with more contrast."""
     return DARK_INK if lightness(colour) > INK_CHANGE else LIGHT_INK

@@ -23,7 +23,12 @@ TEMPLATE = """\
 # "amplitude_sweep": at each frequency the amplitudes in their order, each from where the one before
 # it ended. "points": every amplitude at every frequency from the initial state, each on its own;
 # or, with points = [[A, Omega], [A, Omega], ...] here and neither omega nor amplitude below, the
-# points of that list. It has no directions.
+# points of that list. It has no directions. "attractors": at each amplitude all attractors that
+# starts = 459 states of a box reach (displacement = [-1.0, 1.0] and velocity = [-1.0, 1.0], or n
+# pairs each; seed = 0 gives them), after those of the amplitude before. It has no directions, but
+# max_attractors = 8 that are stored, confidence = 0.95 of the intervals of their shares,
+# max_cycles = 5000 after which a motion is undecided, and match_distance = 0.2 over which an
+# attractor is the one of the amplitude before.
 #kind = "amplitude_sweep"
 
 [structure]

@@ -91,14 +91,15 @@ class Blocks:
         """Read the stored checksum of a block, 0 if it has none."""
         return int(self._rows.read("commit", block.place, 1)[0])
 
-    def final_state(self, run: tuple[int, ...]) -> np.ndarray:
-        """Read the state at the end of one run, shape (2n,)."""
-        return self._rows.read("final_state", run, 1)[0]
+    def end_state(self, run: tuple[int, ...]) -> np.ndarray:
+        """Read what the run after a run starts from."""
+        rows = {name: self._rows.read(name, run, 1) for name in self.study.carried}
+        return self.study.end_state(rows, 0)
 
     def start_of(self, block: Block, row: int) -> np.ndarray:
         """Read the state a run started from: where the run before it on the path ended."""
         before = self.study.predecessor(block, row)
-        return self.study.initial_state if before is None else self.final_state(before)
+        return self.study.initial_state if before is None else self.end_state(before)
 
     def have_checksum(self) -> np.ndarray:
         """Tell which blocks have a checksum, valid or not; shape of ``commit``."""
@@ -128,6 +129,7 @@ class Blocks:
         return stored == self.checksum(block, start, rows) and all(
             least <= int(rows[name].min()) and int(rows[name].max()) <= most
             for name, (least, most) in CODES.items()
+            if name in rows
         )
 
     def chain(
@@ -160,13 +162,13 @@ class Blocks:
             if stored:
                 rows = self.read(block)
                 if self._holds(stored, block, state, rows):
-                    end = rows["final_state"][block.end]
+                    end = self.study.end_state(rows, block.end)
             computed = yield block, state, end is not None
             if computed is not None:
                 end = computed
             elif end is None:
                 # go on from what the file says: a later block may be valid all the same
-                end = self.final_state(block.run(block.end))
+                end = self.end_state(block.run(block.end))
             state = np.array(end)
 
     def verify(
@@ -193,11 +195,11 @@ class Blocks:
             end = None
             if has_checksum[block.place[0]][block.place[2]]:
                 if state is None and before is not None:
-                    state = self.final_state(before.run(before.end))
+                    state = self.end_state(before.run(before.end))
                 rows = self.read(block)
                 start = self.study.initial_state if state is None else state
                 if self._holds(self.committed(block), block, start, rows):
-                    end = rows["final_state"][block.end]
+                    end = self.study.end_state(rows, block.end)
             yield block, end is not None
             before, state = block, None if end is None else np.array(end)
 
@@ -299,7 +301,7 @@ class Campaign:
         self._pending.append((block.place, self.blocks.checksum(block, start, rows)))
         if time.monotonic() - self._last_sync >= SYNC_INTERVAL:
             self.flush()
-        return np.array(rows["final_state"][block.end])
+        return np.array(self.blocks.study.end_state(rows, block.end))
 
     def flush(self) -> None:
         """Bring the data to disk, then the checksums that waited for them.

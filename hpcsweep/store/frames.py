@@ -19,6 +19,8 @@ class Frames:
     Parameters
     ----------
     path : str or Path
+    holds : str, optional
+        What it must hold (`Study.holds`); None: anything.
 
     Attributes
     ----------
@@ -28,13 +30,18 @@ class Frames:
     Raises
     ------
     StoreError
-        If it is not a campaign file.
+        If it is not a campaign file, or holds something else.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path, holds: str | None = "motions"):
         self.path = path_of("path", path)
         self._layout = open_layout(self.path)
         self.job, self.study = self._layout.job, self._layout.study
+        if holds not in (None, self.study.holds):
+            raise StoreError(
+                f'{self.path}: holds {self.study.holds} (study.kind = "{self.study.kind}") where '
+                f"{holds} are needed; hpcsweep plot FILE draws it"
+            )
         self._variables = {variable.name: variable for variable in self._layout.variables}
         self._blocks = Blocks(self.path, self._layout)
 

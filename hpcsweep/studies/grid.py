@@ -14,10 +14,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies import runs
 from hpcsweep.studies.invariants import broken_invariants
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes, Block, BlockTable, Coordinate, Variable
+from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variables import (
     AMPLITUDE,
     COMMIT,
@@ -69,6 +72,11 @@ class RunGrid:
     default_block: ClassVar[int]
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
+    carried: ClassVar[tuple[str, ...]] = ("final_state",)
+    holds: ClassVar[str] = "motions"
+    point_dim: ClassVar[str] = "point"
+    """Dimension of the stroboscopic points."""
+    status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "shortcut")
 
     # what a study of this kind says of itself
 
@@ -159,7 +167,7 @@ class RunGrid:
             "direction": len(self.directions),
             "frame": self.omega.size,
             "amplitude": self.n_amplitudes,
-            "point": self.settings.stored_points,
+            self.point_dim: self.settings.stored_points,
             "state": 2 * n,
             "mode": n,
             "block": self.n_blocks,
@@ -174,7 +182,7 @@ class RunGrid:
             "direction": named(self.directions, self.direction_name),
             "frame": numbered(size["frame"], "frame"),
             "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),
-            "point": numbered(size["point"], "stroboscopic point"),
+            self.point_dim: numbered(size[self.point_dim], "stroboscopic point"),
             "state": named(states, "state component"),
             "mode": numbered(n, "mode of the free structure", first=1),
             "block": numbered(size["block"], "block of amplitudes"),
@@ -212,8 +220,30 @@ class RunGrid:
         return BlockTable(task[order], n_runs[order], place[order], middle[order])
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Give the index of the run whose final state a run starts from; None: `initial_state`."""
+        """Give the index of the run whose end state a run starts from; None: `initial_state`."""
         raise NotImplementedError
+
+    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+        """Give the state the run after one of the rows starts from."""
+        return rows["final_state"][row]
+
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+        """Give the one motion of a run."""
+        return [run]
+
+    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Count runs by the rules that spared periods, and those without an orbit."""
+        complete = done & (runs["outcome"] == Outcome.COMPLETE)
+        settings = self.settings
+        return {
+            "periods_per_run_plain": settings.transient_cycles + settings.sampling_cycles,
+            "runs_spared": {
+                rule.name.lower(): int((done & (runs["shortcut"] == rule)).sum())
+                for rule in Shortcut
+                if rule is not Shortcut.NONE
+            },
+            "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
+        }
 
     def compute(
         self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
@@ -240,7 +270,7 @@ class RunGrid:
         frame = int(share * self.omega.size)
         at = int(along * (max(self.n_amplitudes - n_runs - 1, 0) + 1))
         amplitudes = self.amplitudes_of(frame)[at : at + n_runs + 1]
-        arrived = self.rows(frame, amplitudes[:1], self.initial_state, poll)["final_state"][-1]
+        arrived = self.end_state(self.rows(frame, amplitudes[:1], self.initial_state, poll), -1)
         state = arrived if np.isfinite(arrived).all() else self.initial_state
         amplitudes = amplitudes[1:] if amplitudes.size > 1 else amplitudes
         begun = time.perf_counter()
@@ -248,6 +278,10 @@ class RunGrid:
         seconds = time.perf_counter() - begun
         middle = (at + 0.5 * amplitudes.size) / self.n_amplitudes
         return (frame, middle), amplitudes.size, seconds
+
+    def tally(self) -> Any:
+        """Make what counts the runs for ``summary``."""
+        return RunTally(self)
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
         """List what is not as every run promises: row and what is wrong there."""

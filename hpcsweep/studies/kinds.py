@@ -1,8 +1,9 @@
 """The studies there are, by the name a job gives them."""
 
 from hpcsweep.studies.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.attractors import Attractors
 from hpcsweep.studies.points import Points
 
-KINDS = {study.kind: study for study in (AmplitudeSweep, Points)}
+KINDS = {study.kind: study for study in (AmplitudeSweep, Points, Attractors)}
 DEFAULT_KIND = AmplitudeSweep.kind
 """Study of a job that names none."""

@@ -166,6 +166,12 @@ class Study(Protocol):
     settings: Any
     initial_state: np.ndarray
     """State from which the first run of every task starts, shape (2n,)."""
+    carried: tuple[str, ...]
+    """Variables that tell what the run after a run starts from."""
+    holds: str
+    """What is held: ``motions``, one a run, or ``attractors``, several."""
+    status_variables: tuple[str, ...]
+    """Variables of `count`."""
     n_tasks: int
     n_runs: int
     run_dims: tuple[str, ...]
@@ -206,7 +212,15 @@ class Study(Protocol):
         ...
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Give the index of the run whose final state a run starts from; None: `initial_state`."""
+        """Give the index of the run whose end state a run starts from; None: `initial_state`."""
+        ...
+
+    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+        """Give what the run after one of the rows starts from, of its variables `carried`.
+
+        The state it ends in, or whatever else the study carries along its path: an array of one
+        dimension, finite, all of it in the file.
+        """
         ...
 
     def compute(
@@ -235,6 +249,25 @@ class Study(Protocol):
         n_runs : int
         seconds : float
         """
+        ...
+
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+        """List the motions that a run holds, each by the variables of a run of a sweep."""
+        ...
+
+    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Count, for ``status``, what only this kind of study knows of its runs.
+
+        Parameters
+        ----------
+        done : ndarray of bool, shape of the runs
+        runs : dict of str to ndarray
+            The variables `status_variables`, ``outcome`` and ``cycles``.
+        """
+        ...
+
+    def tally(self) -> Any:
+        """Make what counts the runs for ``summary``; see `hpcsweep.studies.tally`."""
         ...
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:

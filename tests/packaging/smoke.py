@@ -18,7 +18,10 @@ PLOTS = {
     "metrics": (),
     "benefit": (),
 }
-"""Every kind of figure, with what is asked for besides."""
+"""Every kind of figure of a sweep, with what is asked for besides."""
+ATTRACTOR_PLOTS = {"attractors": ("--floor", "3"), "shares": (), "number": ("--sweep", "study.h5")}
+"""Those of a study of attractors."""
+ATTRACTORS = ('study.kind="attractors"', "study.starts=8", "study.max_cycles=300")
 SMALL = (
     "sweep.omega={from = 0.44, to = 0.45, count = 3}",
     "sweep.amplitude={from = 0.02, to = 0.25, count = 12}",
@@ -94,11 +97,14 @@ def check(hpcsweep: Installed) -> None:
     assert len(json.loads(hpcsweep("schedule", "study.h5", "--json"))["predictions"]) == 13
     assert hpcsweep("validate", "study.h5", "--samples", "6")
     kinds = re.search(r"--kind \{([\w,]+)\}", hpcsweep("plot", "--help"))[1].split(",")
-    assert set(kinds) == set(PLOTS)
-    for kind, more in PLOTS.items():
-        picture = f"{kind}.png"
-        hpcsweep("plot", "study.h5", "--kind", kind, *more, "-o", picture, makes=picture)
-        assert Path(picture).read_bytes().startswith(b"\x89PNG")
+    assert set(kinds) == {*PLOTS, *ATTRACTOR_PLOTS}
+    own = [word for setting in ATTRACTORS for word in ("--set", setting)]
+    hpcsweep("run", "study.toml", *given, *own, "-o", "each.h5", ranks=2, makes="each.h5")
+    for file, plots in (("study.h5", PLOTS), ("each.h5", ATTRACTOR_PLOTS)):
+        for kind, more in plots.items():
+            picture = f"{kind}.png"
+            hpcsweep("plot", file, "--kind", kind, *more, "-o", picture, makes=picture)
+            assert Path(picture).read_bytes().startswith(b"\x89PNG")
     for film in ("study.mp4", "study.gif"):
         hpcsweep("animate", "study.h5", "--width", "640", "-o", film, makes=film)
     hpcsweep("explore", "study.h5", "-o", "study.html", makes="study.html")

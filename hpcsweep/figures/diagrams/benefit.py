@@ -28,6 +28,7 @@ from hpcsweep.figures.style import (
 )
 
 NAME = "benefit"
+DRAWS = "motions"
 HELP = "where impact lowers and raises the drift, for chaos and for period 1"
 OPTIONS = (DIRECTION,)
 LEVELS = (0.8, 1.0, 1.25)

@@ -40,6 +40,8 @@ class Figure(Protocol):
     ----------
     NAME : str
         Of ``--kind``.
+    DRAWS : str
+        What a file must hold (`Study.holds`).
     HELP : str
         What it shows: one or more lines of the command's help.
     OPTIONS : tuple of Option
@@ -47,6 +49,7 @@ class Figure(Protocol):
     """
 
     NAME: str
+    DRAWS: str
     HELP: str
     OPTIONS: tuple[Option, ...]
 

@@ -30,6 +30,7 @@ ORBIT = 2.5
 MOST_COLUMNS = 7
 """Columns of the legend."""
 NAME = "frames"
+DRAWS = "motions"
 HELP = "small orbit diagrams of several frames, of one floor (default: the top)"
 OPTIONS = (
     DIRECTION,

@@ -27,6 +27,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.amplitude_sweep import DOWN
 
 NAME = "metrics"
+DRAWS = "motions"
 HELP = "drift and mean modal norms against the amplitude, one frame"
 OPTIONS = (OMEGA,)
 load = load_frame

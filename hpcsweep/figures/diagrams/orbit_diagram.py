@@ -31,6 +31,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.amplitude_sweep import DOWN
 
 NAME = "orbit"
+DRAWS = "motions"
 HELP = """\
 stroboscopic displacement of each floor against the forcing amplitude, one frame, sweeps
 up and down, contact regions along the top"""

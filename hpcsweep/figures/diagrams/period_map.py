@@ -41,6 +41,7 @@ from hpcsweep.solvers.outcome import Outcome
 
 VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov")
 NAME = "map"
+DRAWS = "motions"
 HELP = "motion classes over amplitude and frequency, or --value of each run"
 OPTIONS = (
     DIRECTION,

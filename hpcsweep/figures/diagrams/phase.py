@@ -37,6 +37,7 @@ def _period(text: str) -> int:
 
 
 NAME = "phase"
+DRAWS = "motions"
 HELP = "phase portraits of the floors at --amplitude A ... or of orbit --period P ..."
 OPTIONS = (
     OMEGA,

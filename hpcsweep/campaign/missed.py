@@ -1,0 +1,96 @@
+"""Attractors that amplitude sweeps miss: a study of attractors beside a sweep over its points.
+
+Each run of the sweep is taken to end on the attractor that its last points are nearest to, in the
+mean over these points. An attractor that no run ends on is missed by the sweep.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store import Frames, StoreError
+
+LAST = 16
+"""Points of a run that are compared."""
+SAME = 1e-9
+"""Relative difference of frequencies and amplitudes that are the same."""
+
+
+def missed_attractors(attractors: Path, sweep: Path) -> np.ndarray:
+    """Count the attractors of each point that no run of a sweep at this point ends on.
+
+    Parameters
+    ----------
+    attractors, sweep : Path
+        Results of a study of attractors, and of a sweep with its frequencies and amplitudes.
+
+    Returns
+    -------
+    ndarray of int, shape (n_frames, n_amplitudes)
+        -1 where either is not computed.
+
+    Raises
+    ------
+    StoreError
+        If they are of other kinds, of different structures, or the sweep has not all points.
+    """
+    found = Frames(attractors, "attractors")
+    try:
+        runs = Frames(sweep)
+        try:
+            rows = _common(found, runs, sweep)
+            return np.array([_of_frame(found, runs, k, *rows[k]) for k in range(len(rows))])
+        finally:
+            runs.close()
+    finally:
+        found.close()
+
+
+def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndarray]]:
+    """Give the sweep's frame, and its amplitudes' places, for each frame of the attractors."""
+    if runs.study.structure != found.study.structure:
+        raise StoreError(f"{sweep}: is of another structure than {found.path}")
+    rows = []
+    for frame, omega in enumerate(found.study.omega.tolist()):
+        apart = np.abs(runs.study.omega - omega)
+        own = int(apart.argmin())
+        if apart[own] > SAME * omega:
+            raise StoreError(f"{sweep}: holds no frame at Omega = {omega!r}, as {found.path} does")
+        wanted, there = found.study.amplitudes_of(frame), runs.study.amplitudes_of(own)
+        place = np.abs(there[:, None] - wanted).argmin(axis=0)
+        wrong = np.abs(there[place] - wanted) > SAME * np.maximum(wanted, 1e-300)
+        if wrong.any():
+            first = float(wanted[wrong][0])
+            raise StoreError(f"{sweep}: holds no amplitude {first!r}, as {found.path} does")
+        rows.append((own, place))
+    return rows
+
+
+def _of_frame(found: Frames, runs: Frames, frame: int, own: int, place: np.ndarray) -> np.ndarray:
+    units = found.study.structure.state_units
+    names = ("attractor_id", "n_points", "poincare", "outcome")
+    sets = {name: values[0] for name, values in found.read(frame, names).items()}
+    wanted = ("final_state", "outcome", *(("poincare", "n_points") if "poincare" in runs else ()))
+    ends = {name: values[:, place] for name, values in runs.read(own, wanted).items()}
+    missed = np.full(place.size, -1)
+    for k in np.flatnonzero(sets["outcome"] == Outcome.COMPLETE).tolist():
+        done = ends["outcome"][:, k] == Outcome.COMPLETE
+        if not done.all():
+            continue
+        held = np.flatnonzero(sets["attractor_id"][k])
+        clouds = [sets["poincare"][k, a, : sets["n_points"][k, a]] / units for a in held]
+        reached = set()
+        for d in range(len(done)):
+            points = ends["final_state"][d, k][None]
+            if "poincare" in ends:
+                points = ends["poincare"][d, k, : ends["n_points"][d, k]][-LAST:]
+            far = [_mean_distance(points / units, cloud) for cloud in clouds]
+            reached.add(int(np.argmin(far)) if far else -1)
+        missed[k] = held.size - len(reached - {-1})
+    return missed
+
+
+def _mean_distance(points: np.ndarray, cloud: np.ndarray) -> float:
+    """Give the mean distance of points to the nearest of a cloud."""
+    return float(np.abs(points[:, None] - cloud).max(axis=2).min(axis=1).mean())

@@ -1,0 +1,88 @@
+"""One attractor, and all that are found at a point (structure, A, Omega)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.solvers.outcome import Outcome
+
+UNDECIDED, FAILED = -1, -2
+"""In place of an attractor's number."""
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """One attractor.
+
+    Attributes
+    ----------
+    kind : MotionClass
+        PERIODIC, QUASI_PERIODIC or CHAOTIC.
+    points : ndarray, shape (k, 2n)
+        Stroboscopic points (gaps, gaps omega_0): of an orbit its p points in order, else those of
+        a long record.
+    orbit_period : int
+        p in forcing periods; 0 if it is no orbit.
+    multiplier : float
+        Modulus of the orbit's largest Floquet multiplier, else NaN.
+    lyapunov, lyapunov_low, lyapunov_high : float
+        Largest Lyapunov exponent (omega_0), and its confidence interval.
+    contact : int
+        Contact set, bit k - 1 for contact k.
+    drift : float
+        Peak interstorey drift (18) in A / Omega^2; NaN without forcing.
+    modal_norm : ndarray, shape (n,)
+        Mean modal norms free of contact (17).
+    hits : int
+        Starts that reached it.
+    share, share_low, share_high : float
+        Share of all starts, and its Clopper-Pearson interval.
+    """
+
+    kind: MotionClass
+    points: np.ndarray
+    orbit_period: int
+    multiplier: float
+    lyapunov: float
+    lyapunov_low: float
+    lyapunov_high: float
+    contact: int
+    drift: float
+    modal_norm: np.ndarray
+    hits: int = 0
+    share: float = 0.0
+    share_low: float = 0.0
+    share_high: float = 1.0
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """What is found at one point.
+
+    Attributes
+    ----------
+    attractors : list of Attractor
+        In the order in which they were found.
+    labels : ndarray of int, shape (starts,)
+        Place in `attractors` of what each start reached, or `UNDECIDED` or `FAILED`.
+    cycles : int
+        Forcing periods integrated for starts and seeds, without the tests of neighbourhoods.
+    outcome : Outcome
+        COMPLETE if any start ended well, else how most of them failed.
+    """
+
+    attractors: list[Attractor]
+    labels: np.ndarray
+    cycles: int
+    outcome: Outcome
+
+    @property
+    def n_undecided(self) -> int:
+        """Starts that were not decided."""
+        return int((self.labels == UNDECIDED).sum())
+
+    @property
+    def n_failed(self) -> int:
+        """Starts whose integration failed."""
+        return int((self.labels == FAILED).sum())

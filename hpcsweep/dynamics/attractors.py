@@ -1,0 +1,297 @@
+"""All attractors at one point (structure, A, Omega), with their shares of a box of states.
+
+Starts are decided in groups that double in size, so that what the first ones find is known to the
+later ones. A start is integrated `STRIDE` forcing periods at a time. Where it comes into the
+neighbourhood of a known orbit (`hpcsweep.dynamics.neighbourhood`) it counts as a start of that
+orbit. What is still outside all of them when the transient is over is compared, by its last
+`WINDOW` points, with the known motions that are no orbit (`hpcsweep.dynamics.resemblance`), and
+only what resembles none is decided on its own (`hpcsweep.dynamics.decide`).
+
+Chaos may be a long transient. A motion that is decided to be no orbit, and is none of the known
+ones, is therefore followed until `max_cycles` forcing periods have passed; if it settles on an
+orbit on the way, that is its attractor. A transient with mean lifetime L passes this with
+probability exp(-max_cycles / L). A motion that is left undecided is remembered in the same way, so
+that the starts that resemble it are counted as undecided at the cost of a window.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Portrait
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.decide import Motion, decide
+from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
+from hpcsweep.dynamics.resemblance import Signature, same_orbit
+from hpcsweep.dynamics.shares import share_interval
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.records import Approach
+
+STRIDE = 8
+"""Forcing periods between two looks at where the starts are."""
+FIRST_GROUP, LARGEST_GROUP = 4, 256
+"""Starts of the first group, and of the largest."""
+PATIENCE = 48
+"""Forcing periods after which a start is decided where all that is known are orbits."""
+WINDOW, RECORD = 64, 2000
+"""Forcing periods of the window of a start, and of the record of a motion that is no orbit."""
+MOST_RECORDS = 16
+"""Records kept of motions that are no orbit."""
+LADDER = 4, 16
+"""Transients for which a start that resembles no known motion is followed, before it is compared
+again, and at last decided: it may be on its slow way to one of them."""
+MOST_WATCHED = 100
+"""Longest orbit period for which a motion is watched to settle."""
+SETTLED, NEAR = 1e-10, 1e-3
+"""Distances by which a chaotic motion that settles is noticed; as `hpcsweep.studies.runs`."""
+
+
+def portrait(
+    solver,
+    amplitude: float,
+    seeds: np.ndarray,
+    starts: np.ndarray,
+    settings,
+    max_cycles: int,
+    confidence: float,
+    poll: Callable[[], None] | None = None,
+) -> Portrait:
+    """Find the attractors at one point and their shares.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the structure and the frequency.
+    amplitude : float
+    seeds : ndarray, shape (m, 2n)
+        States whose motions are decided first and count for no share.
+    starts : ndarray, shape (N, 2n)
+    settings : SweepSettings
+    max_cycles : int
+        Forcing periods after which a motion is left undecided.
+    confidence : float
+        Of the intervals of the shares.
+    poll : callable, optional
+        Called before each start and within long ones; may raise to leave.
+    """
+    search = _Search(solver, amplitude, settings, max_cycles, poll)
+    for seed in seeds:
+        search.decide(seed)
+    labels = np.empty(len(starts), int)
+    first, size = 0, FIRST_GROUP
+    while first < len(starts):
+        labels[first : first + size] = search.follow(starts[first : first + size])
+        first, size = first + size, min(2 * size, LARGEST_GROUP)
+    found = []
+    for place, attractor in enumerate(search.attractors):
+        hits, total = int((labels == place).sum()), len(starts)
+        low, high = share_interval(hits, total, confidence)
+        share = hits / total if total else 0.0
+        found.append(replace(attractor, hits=hits, share=share, share_low=low, share_high=high))
+    outcome = Outcome.COMPLETE
+    if search.failures and not found and not np.any(labels == UNDECIDED):
+        outcome = search.failures.most_common(1)[0][0]
+    return Portrait(found, labels, search.cycles, outcome)
+
+
+class _Search:
+    """The attractors that are known so far at one point."""
+
+    def __init__(self, solver, amplitude: float, settings, max_cycles: int, poll):
+        self._solver, self._amplitude, self._settings = solver, amplitude, settings
+        self._max_cycles, self._poll = max_cycles, poll
+        self._units = solver.structure.state_units
+        self._rng = np.random.default_rng(0)
+        self._neighbourhoods: list[Neighbourhood | None] = []
+        self._signatures: list[tuple[Signature, np.ndarray, int]] = []
+        self.attractors: list[Attractor] = []
+        self.failures: Counter[Outcome] = Counter()
+        self.cycles = 0
+
+    def follow(self, starts: np.ndarray) -> np.ndarray:
+        """Tell what each start reaches: its place in `attractors`, `UNDECIDED` or `FAILED`."""
+        labels = np.full(len(starts), UNDECIDED)
+        left, gone = np.arange(len(starts)), 0
+        longest = max(self._settings.transient_cycles, PATIENCE, WINDOW)
+        trail = np.empty((len(starts), longest + STRIDE, starts.shape[1]))
+        trail[:, 0] = starts
+        while left.size:
+            there = inside(trail[left, gone], self._neighbourhoods)
+            labels[left[there >= 0]] = there[there >= 0]
+            left = left[there < 0]
+            if gone >= (longest if self._signatures else PATIENCE):
+                break
+            left = left[[self._advance(trail[k], gone, labels, k) for k in left.tolist()]]
+            gone += STRIDE
+        for k in left.tolist():
+            labels[k] = self._place(trail[k, max(gone + 1 - WINDOW, 0) : gone + 1])
+        return labels
+
+    def decide(self, state: np.ndarray) -> int:
+        """Decide a motion; give its place in `attractors`, `UNDECIDED` or `FAILED`."""
+        motion = self._decided(state)
+        if motion.outcome is not Outcome.COMPLETE or motion.kind is MotionClass.FAILED:
+            return self._failed(motion.outcome)
+        if motion.kind is MotionClass.PERIODIC:
+            return self._place_orbit(motion)
+        return self._place_aperiodic(motion)
+
+    def _decided(self, state: np.ndarray) -> Motion:
+        motion = decide(
+            self._solver, state, self._amplitude, self._settings, self._max_cycles, self._poll
+        )
+        self.cycles += motion.cycles
+        return motion
+
+    def _advance(self, trail: np.ndarray, gone: int, labels: np.ndarray, k: int) -> bool:
+        """Carry a start on; tell whether it has not failed."""
+        if self._poll is not None:
+            self._poll()
+        points, outcome = self._solver.points(trail[gone], self._amplitude, STRIDE)
+        self.cycles += len(points)
+        if outcome is Outcome.COMPLETE:
+            trail[gone + 1 : gone + 1 + STRIDE] = points
+            return True
+        labels[k] = self._failed(outcome)
+        return False
+
+    def _place(self, window: np.ndarray) -> int:
+        """Place a start by its last points, near no known orbit."""
+        there = self._resembling(window)
+        if there is not None:
+            return there
+        state = window[-1]
+        long = self._longest > self._settings.max_orbit_period
+        for factor in LADDER if self._signatures or long else ():
+            cycles = min(factor * self._settings.transient_cycles, self._max_cycles)
+            end = self._settle(state, cycles)
+            if end.outcome is not Outcome.COMPLETE:
+                return self._failed(end.outcome)
+            state = end.state
+            there = self._near(state)
+            if there is not None:
+                return there
+            if end.period:
+                break
+            points, outcome = self._solver.points(state, self._amplitude, WINDOW, self._poll)
+            self.cycles += len(points)
+            if outcome is not Outcome.COMPLETE:
+                return self._failed(outcome)
+            there = self._resembling(points)
+            if there is not None:
+                return there
+            state = points[-1]
+        return self.decide(state)
+
+    @property
+    def _longest(self) -> int:
+        """Longest period that is known or looked for."""
+        known = (one.orbit_period for one in self.attractors)
+        return max(self._settings.max_orbit_period, min(max(known, default=0), MOST_WATCHED))
+
+    def _near(self, state: np.ndarray) -> int | None:
+        """Find the place of the orbit in whose neighbourhood, or on which, a state is."""
+        there = int(inside(state[None], self._neighbourhoods)[0])
+        if there >= 0:
+            return there
+        same = self._settings.period_tolerance * self._units
+        for place, one in enumerate(self.attractors):
+            if one.orbit_period and np.any(np.all(np.abs(one.points - state) <= same, axis=1)):
+                return place
+        return None
+
+    def _settle(self, state: np.ndarray, cycles: int) -> Approach:
+        """Follow a motion until it settles on an orbit, for a number of forcing periods at most."""
+        settings = self._settings
+        end = self._solver.settle(
+            state,
+            self._amplitude,
+            cycles,
+            self._longest,
+            SETTLED,
+            settings.period_tolerance,
+            NEAR,
+            self._poll,
+        )
+        self.cycles += end.n_periods + end.n_newton
+        return end
+
+    def _failed(self, outcome: Outcome) -> int:
+        self.failures[outcome] += 1
+        return FAILED
+
+    def _resembling(self, points: np.ndarray) -> int | None:
+        """Find the place of the known motion, no orbit, that points belong to."""
+        scaled = points / self._units
+        return next((place for own, _, place in self._signatures if own.holds(scaled)), None)
+
+    def _place_orbit(self, motion: Motion) -> int:
+        """Place what is decided to be an orbit."""
+        scaled, same = motion.points / self._units, self._settings.period_tolerance
+        for place, known in enumerate(self.attractors):
+            if known.orbit_period and same_orbit(scaled, known.points / self._units, same):
+                return place
+        seen = self._solver.observe(
+            motion.points[-1], self._amplitude, motion.period, True, poll=self._poll
+        )
+        if seen.outcome is not Outcome.COMPLETE:
+            return self._failed(seen.outcome)
+        near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
+        return self._add(motion, motion.points, seen, near)
+
+    def _place_aperiodic(self, motion: Motion) -> int:
+        """Place what is decided to be no orbit, or not decided, if it stays so."""
+        there = self._resembling(motion.points)
+        if there is not None:
+            self._remember(motion.points, there)
+            return there
+        end = self._settle(motion.points[-1], max(self._max_cycles - motion.cycles, 0))
+        if end.outcome is not Outcome.COMPLETE:
+            return self._failed(end.outcome)
+        if end.period:
+            settled = self._decided(end.state)
+            if settled.kind is MotionClass.PERIODIC:
+                return self._place_orbit(settled)
+        seen = self._solver.observe(end.state, self._amplitude, RECORD, True, poll=self._poll)
+        self.cycles += len(seen.points)
+        if seen.outcome is not Outcome.COMPLETE:
+            return self._failed(seen.outcome)
+        scaled = seen.points / self._units
+        own = Signature(scaled)
+        for signature, points, there in self._signatures:
+            if signature.holds(scaled) or own.holds(points):
+                self._remember(seen.points, there)
+                return there
+        decided = motion.kind is not MotionClass.UNDECIDED
+        place = self._add(motion, seen.points, seen, None) if decided else UNDECIDED
+        self._signatures.append((own, scaled, place))
+        return place
+
+    def _remember(self, points: np.ndarray, place: int) -> None:
+        """Keep a further record of a known motion: one that its record alone did not tell."""
+        if len(points) >= 2 * WINDOW and len(self._signatures) < MOST_RECORDS:
+            scaled = points / self._units
+            self._signatures.append((Signature(scaled), scaled, place))
+
+    def _add(self, motion: Motion, points: np.ndarray, seen, near: Neighbourhood | None) -> int:
+        """Note a new attractor; give its place."""
+        scale = self._solver.omega**2 / abs(self._amplitude) if self._amplitude else math.nan
+        self.attractors.append(
+            Attractor(
+                motion.kind,
+                points,
+                motion.period,
+                motion.multiplier,
+                motion.exponent,
+                motion.exponent_low,
+                motion.exponent_high,
+                seen.contact,
+                seen.peak_drift * scale,
+                seen.modal_norm,
+            )
+        )
+        self._neighbourhoods.append(near)
+        return len(self.attractors) - 1

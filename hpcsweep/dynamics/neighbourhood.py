@@ -1,0 +1,128 @@
+"""Neighbourhoods of orbits from which the motion goes to the orbit.
+
+Let z_k be the points of an orbit of period p and T_k the tangent map of the period from z_k to
+z_(k+1). With P_k = T_k' P_(k+1) T_k + Q the quadratic form V_k(x) = x' P_k x falls by x' Q x in
+each period of the linearised motion; going once round, P_0 is the solution of the discrete Lyapunov
+equation P_0 = M' P_0 M + S, M the monodromy matrix, which exists where all multipliers are inside
+the unit circle. Q is 1 in the units of the state.
+
+The ellipsoids V_k(z - z_k) <= c form a neighbourhood that the motion does not leave if V falls on
+their surfaces. That is tested, not proved, for the map itself: on `DIRECTIONS` pairs of opposite
+points of each surface, at the level c and at `INNER` c, from a large level down to the first that
+passes. States are taken to go to the orbit from `MARGIN` c inwards.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+from hpcsweep.solvers.outcome import Outcome
+
+DIRECTIONS = 12
+"""Pairs of points tested on an ellipsoid, in a space of any dimension: at least twice as many as
+the six dimensions of three floors."""
+LARGEST = 0.3
+"""Longest half axis tried first, in units of the state."""
+LEVELS, SHRINK = 6, 9.0
+"""Levels tried, each this much lower; half axes shrink by 3."""
+INNER, MARGIN = 0.1, 0.25
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """Ellipsoids around the points of an orbit.
+
+    Attributes
+    ----------
+    points : ndarray, shape (p, 2n)
+    forms : ndarray, shape (p, 2n, 2n)
+        P_k / (`MARGIN` c): at most 1 inside.
+    """
+
+    points: np.ndarray
+    forms: np.ndarray
+
+
+def neighbourhood(solver, amplitude: float, points: np.ndarray, rng) -> Neighbourhood | None:
+    """Find the neighbourhood of an orbit; None if none of the levels passes.
+
+    Parameters
+    ----------
+    solver : Solver
+    amplitude : float
+    points : ndarray, shape (p, 2n)
+        In order.
+    rng : numpy.random.Generator
+        Of the directions that are tested.
+    """
+    units = solver.structure.state_units
+    try:
+        tangents = [solver.monodromy(z, amplitude, 1)[1] for z in points]
+        forms = lyapunov_forms(tangents, np.diag(1.0 / units**2))
+        factors = np.linalg.cholesky(forms)
+    except (ArithmeticError, np.linalg.LinAlgError, ValueError):
+        return None
+    directions = rng.standard_normal((DIRECTIONS, units.size))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    surfaces = [np.linalg.solve(factor.T, directions.T).T for factor in factors]
+    longest = max(float((np.abs(s) / units).max()) for s in surfaces)
+    level = (LARGEST / longest) ** 2
+    for _ in range(LEVELS):
+        tried = level, INNER * level
+        if all(_falls(solver, amplitude, points, forms, surfaces, each) for each in tried):
+            return Neighbourhood(points, forms / (MARGIN * level))
+        level /= SHRINK
+    return None
+
+
+def lyapunov_forms(tangents: list[np.ndarray], form: np.ndarray) -> np.ndarray:
+    """Give P_k for the tangent maps of an orbit's periods and Q; shape (p, 2n, 2n).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the orbit repels, or there is no solution.
+    """
+    product, summed = np.eye(len(form)), np.zeros_like(form)
+    for tangent in tangents:
+        summed = summed + product.T @ form @ product
+        product = tangent @ product
+    if not np.abs(np.linalg.eigvals(product)).max() < 1:
+        raise np.linalg.LinAlgError("the orbit is not attracting")
+    first = solve_discrete_lyapunov(product.T, summed)
+    forms = [0.5 * (first + first.T)]
+    for tangent in tangents[:0:-1]:
+        forms.append(tangent.T @ forms[-1] @ tangent + form)
+    return np.array([forms[0], *forms[:0:-1]])
+
+
+def inside(states: np.ndarray, known: list[Neighbourhood | None]) -> np.ndarray:
+    """Tell in which neighbourhood each state lies: its place in `known`, -1 for none.
+
+    Parameters
+    ----------
+    states : ndarray, shape (k, 2n)
+    known : list of Neighbourhood or None
+    """
+    found = np.full(len(states), -1)
+    for place, each in enumerate(known):
+        if each is None:
+            continue
+        away = states[:, None] - each.points
+        level = np.einsum("ski,kij,skj->sk", away, each.forms, away).min(axis=1)
+        found[(level <= 1.0) & (found < 0)] = place
+    return found
+
+
+def _falls(solver, amplitude, points, forms, surfaces, level: float) -> bool:
+    """Tell whether V falls over a period from each tested point of the surfaces V = level."""
+    size = np.sqrt(level)
+    for k, (point, surface) in enumerate(zip(points, surfaces, strict=True)):
+        after = (k + 1) % len(points)
+        for step in (*surface, *-surface):
+            end = solver.advance(point + size * step, amplitude, 1)
+            away = end.state - points[after]
+            if end.outcome is not Outcome.COMPLETE or not away @ forms[after] @ away < level:
+                return False
+    return True

@@ -1,0 +1,118 @@
+"""Whether two motions lie on one attractor, and how far attractors lie apart.
+
+Orbits are the same if they have one period and, for one shift of their points, no point differs by
+more than the tolerance of points that count as one.
+
+Motions that are no orbit, chaos and tori, are told apart by two statistics of their stroboscopic
+points. Where they are: attractors are disjoint closed sets, and a motion comes arbitrarily near to
+each point of its attractor, so that all but a few (`STRAYS`) of its points must be as near to the
+other's as that one's own second half is to its first, or nearly so. And how often: the mean of its
+points must be no farther from the other's than twice as far as the means of windows of the other,
+of the same length, ever are.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+STRAYS = 0.05
+"""Largest share of points beyond the reach: the reach leaves out 1 % of the motion's own."""
+REACH, SAFETY = 0.99, 2.0
+"""Quantile of the distances between the halves, and its multiple that is the reach."""
+PARTS = 4
+"""Windows of a length begin this many times in that length."""
+
+
+def same_orbit(one: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
+    """Tell whether orbits are the same: the smallest distance over cyclic shifts.
+
+    Parameters
+    ----------
+    one, other : ndarray, shapes (p, 2n) and (q, 2n)
+        Points in order, in units of the state.
+    tolerance : float
+    """
+    if one.shape != other.shape:
+        return False
+    return any(
+        np.abs(one - np.roll(other, shift, axis=0)).max() <= tolerance for shift in range(len(one))
+    )
+
+
+class Signature:
+    """What tells a motion that is no orbit.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2n)
+        Consecutive, in units of the state; at least two.
+    """
+
+    def __init__(self, points: np.ndarray):
+        half = len(points) // 2
+        first = cKDTree(points[:half])
+        own, _ = first.query(points[half:])
+        self._reach = SAFETY * float(np.quantile(own, REACH))
+        self._tree = cKDTree(points)
+        self._mean = points.mean(axis=0)
+        self._sums = np.concatenate((np.zeros((1, points.shape[1])), points.cumsum(axis=0)))
+        self._farthest: dict[int, np.ndarray] = {}
+
+    def holds(self, points: np.ndarray) -> bool:
+        """Tell whether a motion's points, in units of the state, are of the same attractor."""
+        far, _ = self._tree.query(points)
+        if np.mean(far > self._reach) > STRAYS:
+            return False
+        away = np.abs(points.mean(axis=0) - self._mean)
+        return bool(np.all(away <= SAFETY * self._spread(len(points)) + self._reach))
+
+    def _spread(self, size: int) -> np.ndarray:
+        """Give the largest distance from the mean over windows of a length, shape (2n,)."""
+        size = min(size, len(self._sums) // 2)
+        if size not in self._farthest:
+            first = np.arange(0, len(self._sums) - size, max(size // PARTS, 1))
+            means = (self._sums[first + size] - self._sums[first]) / size
+            self._farthest[size] = np.abs(means - self._mean).max(axis=0)
+        return self._farthest[size]
+
+
+def distance(one: np.ndarray, other: np.ndarray) -> float:
+    """Give the distance of two attractors by their points, in units of the state.
+
+    The mean distance from a point of one to the nearest of the other, that way round in which it
+    is smaller: an orbit and the one of twice the period that it doubles into are near, and so are a
+    small chaotic attractor and the larger one it grows to in a crisis.
+
+    Parameters
+    ----------
+    one, other : ndarray, shape (k, 2n), (m, 2n)
+    """
+    apart = np.abs(one[:, None] - other).max(axis=2)
+    return float(min(apart.min(axis=0).mean(), apart.min(axis=1).mean()))
+
+
+def matched(
+    before: list[np.ndarray], now: list[np.ndarray], farthest: float
+) -> list[tuple[int, int]]:
+    """Match attractors of one amplitude to those of the next: nearest first, each at most once.
+
+    Parameters
+    ----------
+    before, now : list of ndarray, shapes (k, 2n)
+        Points in units of the state.
+    farthest : float
+        Distance beyond which they are not the same.
+
+    Returns
+    -------
+    list of (int, int)
+        Places in `before` and in `now`.
+    """
+    near = sorted(
+        (distance(one, other), i, j) for i, one in enumerate(before) for j, other in enumerate(now)
+    )
+    pairs: list[tuple[int, int]] = []
+    for apart, i, j in near:
+        free = all(i != taken and j != found for taken, found in pairs)
+        if apart <= farthest and free:
+            pairs.append((i, j))
+    return pairs

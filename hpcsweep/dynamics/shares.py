@@ -1,0 +1,55 @@
+"""Shares of a box of states: estimates, confidence intervals, and how many starts are enough.
+
+Of N independent starts, uniform in the box, the number k that reach an attractor whose basin fills
+the share s of the box is binomial. An attractor of share s is missed by all of them with
+probability (1 - s)^N, which is at most alpha from N = ln alpha / ln(1 - s) on: 459 starts for
+s = alpha = 1 %.
+
+The interval is that of Clopper and Pearson (Biometrika 26 (1934) 404): all shares that a test at
+level (1 - confidence) / 2 on either side does not refuse. It holds the true share at least as often
+as it promises for every share and N, also for k = 0 and k = N, where an interval from the normal
+distribution has no width. The price is that it is wider than need be; low-discrepancy starts, whose
+numbers scatter less than independent ones do, make it safer still.
+"""
+
+import math
+
+from scipy.special import betaincinv
+
+from hpcsweep.model.arguments import count, number
+
+
+def starts_needed(share: float, risk: float) -> int:
+    """Count the starts by which an attractor of a share is missed with probability `risk` at most.
+
+    Parameters
+    ----------
+    share, risk : float
+        Between 0 and 1.
+    """
+    share = number("share", share, "between 0 and 1", 1e-12, 1 - 1e-12)
+    risk = number("risk", risk, "between 0 and 1", 1e-300, 1 - 1e-12)
+    return math.ceil(math.log(risk) / math.log1p(-share) - 1e-9)
+
+
+def share_interval(hits: int, starts: int, confidence: float) -> tuple[float, float]:
+    """Return the Clopper-Pearson interval of a share.
+
+    Parameters
+    ----------
+    hits, starts : int
+        k of N.
+    confidence : float
+        Between 0 and 1.
+
+    Returns
+    -------
+    low, high : float
+        (0, 1) without starts.
+    """
+    starts = count("starts", starts)
+    hits = count("hits", hits, 0, starts)
+    tail = 0.5 * (1.0 - number("confidence", confidence, "between 0 and 1", 0.0, 1.0))
+    low = float(betaincinv(hits, starts - hits + 1, tail)) if hits else 0.0
+    high = float(betaincinv(hits + 1, starts - hits, 1.0 - tail)) if hits < starts else 1.0
+    return low, high

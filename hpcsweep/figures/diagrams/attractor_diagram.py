@@ -1,0 +1,174 @@
+"""Orbit diagram of all attractors of one frequency: displacement against forcing amplitude."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.figures.diagrams.figure import FLOORS, OMEGA
+from hpcsweep.figures.diagrams.orbit_diagram import FINE, FINE_KEY, PAGE, PANEL
+from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures.palette import MOTIONS, STOP, motion_index
+from hpcsweep.figures.style import (
+    PlotError,
+    caption,
+    job_of,
+    nearest_frame,
+    new_figure,
+    percent,
+    save,
+    structure_of,
+)
+from hpcsweep.model.description import stops
+
+NAME = "attractors"
+DRAWS = "attractors"
+HELP = """\
+stroboscopic displacement of each floor on all attractors against the forcing
+amplitude, one frame"""
+OPTIONS = (OMEGA, FLOORS)
+MOST_COLUMNS = 6
+"""Columns of the legend."""
+
+
+def load(path: Path, omega: float | None = None, **_options):
+    """Read the frame nearest to a frequency, default the first."""
+    from hpcsweep.store import Frames
+
+    frames = Frames(path, DRAWS)
+    try:
+        return frames.gather([*frames], [nearest_frame(frames.study.omega, omega)])
+    finally:
+        frames.close()
+
+
+def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] = ()) -> None:
+    """Draw one frame and write it to `path`; the colours tell the motion.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+    path : Path
+    omega : float, optional
+        The frame nearest to this frequency; default the first.
+    floors : sequence of int, optional
+        Shown, from 1; see `labels.choose_floors`.
+
+    Raises
+    ------
+    PlotError
+        If nothing is there to be drawn.
+    """
+    frame = one_frame(results, omega)
+    structure = structure_of(results)
+    shown = choose_floors(structure.n_floors, floors)
+    index = motions_of(frame)
+    figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
+    for floor, axis in zip(shown[::-1], axes, strict=True):
+        _scatter(axis, frame, index, floor)
+        axis.set_ylabel(displacement(structure, floor, "(jT)"))
+        axis.margins(y=0.08)
+        limits = axis.get_ylim()
+        for place in (place for side in stops(structure, floor) for place in side):
+            if limits[0] < place < limits[1]:
+                axis.axhline(place, color=STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
+        axis.set_ylim(limits)
+    axes[-1].set_xlabel(amplitude(structure))
+    limit_amplitudes(axes[-1], frame)
+    legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS)
+    figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
+    save(figure, path)
+
+
+def one_frame(results, omega: float | None):
+    """Choose the frame nearest to a frequency; refuse it if nothing is computed.
+
+    Raises
+    ------
+    PlotError
+    """
+    place = nearest_frame(results["omega"].values, omega)
+    frame = results.isel(direction=0, frame=place)
+    if not (frame["outcome"].values > 0).any():
+        raise PlotError("no point of this frame is computed yet")
+    return frame
+
+
+def motions_of(frame) -> np.ndarray:
+    """Give the place in `palette.MOTIONS` of each attractor, -1 where there is none.
+
+    Returns
+    -------
+    ndarray of int, shape (n_amplitudes, n_attractors)
+    """
+    index = motion_index(frame["motion_class"].values, frame["orbit_period"].values)
+    free = frame["contact"].values == 0 if "contact" in frame else np.zeros(index.shape, bool)
+    index = np.where(free, 0, index)
+    return np.where(frame["attractor_id"].values > 0, index, -1)
+
+
+def limit_amplitudes(axis, frame) -> None:
+    """Let the horizontal axis end at the first and the last amplitude."""
+    span = frame["amplitude"].values
+    axis.set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
+
+
+def starts_text(results, frame) -> str:
+    """Write how many starts there are, and the share of them that reached no drawn attractor."""
+    study = job_of(results).study
+    done = max(int((frame["outcome"].values > 0).sum()), 1) * study.starts
+    parts = [f"{study.starts} starts a point"]
+    for name in ("undecided", "failed", "elsewhere"):
+        count = int(frame[f"n_{name}"].values.sum())
+        if count or name == "undecided":
+            parts.append(f"{name} {percent(count / done)}")
+    return ", ".join(parts)
+
+
+def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=()) -> None:
+    """Put the motions, further keys, and a title, below the panels."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], linestyle="none", marker="s", color=colour, markersize=5, label=name)
+        for place, (name, colour) in enumerate(MOTIONS)
+        if (index == place).any()
+    ]
+    if (frame["orbit_period"].values[index >= 0] == 0).any():
+        fine = Line2D([], [], linestyle="none", marker=".", color="0.3", label="no orbit")
+        fine.set_markersize(FINE_KEY)
+        handles.append(fine)
+    handles += further
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=min(len(handles), columns),
+        fontsize=8,
+        frameon=False,
+        title=title,
+        title_fontsize=7.5,
+    )
+
+
+def _scatter(axis, frame, index: np.ndarray, floor: int) -> None:
+    """Draw the points of all attractors: those of orbits large, those of other motions fine."""
+    amplitudes, counts = frame["amplitude"].values, frame["n_points"].values
+    size = float(np.clip(14000 / max(amplitudes.size, 1), 0.4, 7.0))
+    displacements = frame["poincare"].values[..., floor]
+    point = np.arange(displacements.shape[-1])
+    orbits = frame["orbit_period"].values > 0
+    for place, (_, colour) in enumerate(MOTIONS):
+        for repeats, area in ((False, FINE * size), (True, size)):
+            chosen = np.argwhere((index == place) & (orbits == repeats))
+            if not chosen.size:
+                continue
+            at = tuple(chosen.T)
+            axis.scatter(
+                np.repeat(amplitudes[at[0]], counts[at]),
+                displacements[at][point < counts[at][:, None]],
+                s=area,
+                color=colour,
+                linewidths=0,
+                rasterized=True,
+                zorder=3 if repeats else 2,
+            )

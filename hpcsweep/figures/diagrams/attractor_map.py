@@ -1,0 +1,117 @@
+"""Map over amplitude and frequency of the number of attractors, and of those a sweep misses."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.figures.diagrams.figure import Option
+from hpcsweep.figures.diagrams.mesh import (
+    by_frequency,
+    draw_classes,
+    draw_grazing,
+    grazing_keys,
+    least_cells,
+)
+from hpcsweep.figures.palette import NOTHING, OTHER_MOTION, count_colour
+from hpcsweep.figures.style import caption, job_of, new_grid, percent, save, structure_of
+
+NAME = "number"
+DRAWS = "attractors"
+HELP = """\
+number of attractors over amplitude and frequency, and with --sweep the number of
+those that no run of a sweep over the same points ends on"""
+OPTIONS = (
+    Option(
+        "--sweep",
+        "results of an amplitude sweep over the same points",
+        "sweep",
+        {"type": Path, "metavar": "FILE"},
+    ),
+)
+MOST = 5
+"""Number from which on the colour is the same."""
+MISSED = "missed"
+"""Variable of the attractors that the sweep misses."""
+
+
+def load(path: Path, sweep: Path | None = None):
+    """Read the numbers of attractors, and count those that a sweep misses."""
+    from hpcsweep.store import Frames
+
+    frames = Frames(path, DRAWS)
+    try:
+        least_cells(frames.study.omega.size, frames.study.amplitude.size)
+        results = frames.gather(("n_attractors", "outcome", "n_undecided"))
+    finally:
+        frames.close()
+    if sweep is None:
+        return results
+    from hpcsweep.campaign.missed import missed_attractors
+
+    return results.assign({MISSED: (("frame", "amplitude"), missed_attractors(path, sweep))})
+
+
+def draw(results, path: Path, sweep: Path | None = None) -> None:
+    """Draw what `load` returned and write it to `path`.
+
+    Raises
+    ------
+    PlotError
+        If it is no map.
+    """
+    del sweep
+    results = by_frequency(results)
+    done = results["outcome"].values[0] > 0
+    number = np.where(done, results["n_attractors"].values[0], -1)
+    number = np.where(number == 0, -1, number)
+    counts = [("number of attractors", number, 1)]
+    if MISSED in results:
+        counts.append(("attractors that no sweep ends on", results[MISSED].values, 0))
+    size = (7.2, 5.2) if len(counts) == 1 else (10.6, 5.2)
+    figure, axes = new_grid(1, len(counts), size, sharex=True, sharey=True)
+    for axis, (name, values, least) in zip(axes.flat, counts, strict=True):
+        _panel(axis, results, name, values, least)
+        draw_grazing(axis, results, structure_of(results))
+        axis.label_outer()
+    starts = job_of(results).study.starts
+    undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * starts, 1)
+    figure.suptitle(
+        f"{caption(results)}\n{starts} starts a point, undecided {percent(float(undecided))}",
+        fontsize=10,
+    )
+    save(figure, path)
+
+
+def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
+    """Draw one map, with the share of the points by number below it."""
+    from matplotlib.patches import Patch
+
+    top = least + MOST - 1
+    colours = [OTHER_MOTION, *(count_colour(place, MOST - 1) for place in range(MOST - 1))]
+    index = np.where(values < 0, -1, np.clip(values, least, top) - least)
+    draw_classes(axis, results, index, colours)
+    handles = [
+        Patch(
+            facecolor=colour,
+            edgecolor="0.3",
+            linewidth=0.5,
+            label=f"{least + place}{' or more' if place == MOST - 1 else ''}  "
+            f"{percent(int((index == place).sum()) / index.size)}",
+        )
+        for place, colour in enumerate(colours)
+        if (index == place).any() or place < 2
+    ]
+    if (index < 0).any():
+        blank = Patch(facecolor=NOTHING, edgecolor="0.55", hatch="xxxx", linewidth=0.5)
+        blank.set_label(f"none, or not computed  {percent(float((index < 0).mean()))}")
+        handles.append(blank)
+    handles += grazing_keys(results)
+    axis.set_title(name, fontsize=9)
+    axis.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.13),
+        ncols=3,
+        fontsize=8,
+        frameon=False,
+    )

@@ -1,0 +1,152 @@
+"""Shares of the box of starts that go to each attractor, against the forcing amplitude."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.figures.diagrams import attractor_diagram
+from hpcsweep.figures.diagrams.attractor_diagram import (
+    legend,
+    limit_amplitudes,
+    motions_of,
+    one_frame,
+    starts_text,
+)
+from hpcsweep.figures.diagrams.figure import OMEGA
+from hpcsweep.figures.labels import amplitude as amplitude_label
+from hpcsweep.figures.palette import MOTION_COLOURS, ink
+from hpcsweep.figures.style import caption, job_of, new_figure, save, set_name, structure_of
+
+NAME = "shares"
+DRAWS = "attractors"
+HELP = """\
+shares of the starts that go to each attractor, stacked, and with their confidence
+intervals, against the forcing amplitude, one frame"""
+OPTIONS = (OMEGA,)
+MOST_COLUMNS = 7
+LEAST_WIDTH, LEAST_HEIGHT = 0.05, 0.1
+"""Parts of the panel that an identity must fill to be named in it."""
+load = attractor_diagram.load
+
+
+def draw(results, path: Path, omega: float | None = None) -> None:
+    """Draw one frame and write it to `path`; the colours tell the motion.
+
+    Raises
+    ------
+    PlotError
+        If nothing is there to be drawn.
+    """
+    from matplotlib.patches import Patch
+
+    frame = one_frame(results, omega)
+    index = motions_of(frame)
+    structure, study = structure_of(results), job_of(results).study
+    figure, axes = new_figure(2, 6.6)
+    edges = _edges(frame["amplitude"].values)
+    layers = _layers(frame, study.starts)
+    _stack(axes[0], edges, layers, index)
+    _name(axes[0], edges, layers, index, frame, structure.contact_labels)
+    axes[0].set_ylim(0, 1)
+    axes[0].set_ylabel("share of the starts, stacked")
+    _intervals(axes[1], frame, index)
+    axes[1].set_ylabel(f"share, {100 * study.confidence:g} % interval")
+    axes[1].set_ylim(-0.02, 1.02)
+    axes[1].set_xlabel(amplitude_label(structure))
+    limit_amplitudes(axes[1], frame)
+    for axis, letter in zip(axes, "ab", strict=True):
+        axis.set_title(f"({letter})", loc="left", fontsize=9)
+    rest = [Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5)]
+    rest[0].set_label("reached none of them")
+    legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS, rest)
+    figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
+    save(figure, path)
+
+
+def _edges(amplitudes: np.ndarray) -> np.ndarray:
+    middle = 0.5 * (amplitudes[1:] + amplitudes[:-1])
+    return np.concatenate((amplitudes[:1], middle, amplitudes[-1:]))
+
+
+def _layers(frame, starts: int) -> dict[int, np.ndarray]:
+    """Stack the shares by identity, the oldest lowest.
+
+    Returns
+    -------
+    dict of int to ndarray, shape (n_amplitudes, 3)
+        Lower edge, upper edge and slot of each identity; slot -1 where it is not there.
+    """
+    ids, hits = frame["attractor_id"].values, frame["hits"].values
+    layers = {}
+    level = np.zeros(len(ids))
+    for number in np.unique(ids[ids > 0]).tolist():
+        there = ids == number
+        slot = np.where(there.any(axis=1), there.argmax(axis=1), -1)
+        share = np.where(there, hits, 0).sum(axis=1) / starts
+        layers[number] = np.stack((level, level + share, slot), axis=1)
+        level = level + share
+    return layers
+
+
+def _stack(axis, edges: np.ndarray, layers: dict, index: np.ndarray) -> None:
+    """Draw a cell for each attractor, and a white line between identities."""
+    from matplotlib.collections import PolyCollection
+
+    axis.set_facecolor("white")
+    axis.patch.set(hatch="xxxx", edgecolor="0.55")
+    cells, colours = [], []
+    for layer in layers.values():
+        for k in np.flatnonzero(layer[:, 2] >= 0).tolist():
+            low, high, slot = layer[k]
+            left, right = edges[k], edges[k + 1]
+            cells.append([(left, low), (right, low), (right, high), (left, high)])
+            colours.append(MOTION_COLOURS[index[k, int(slot)]])
+    axis.add_collection(PolyCollection(cells, facecolors=colours, linewidths=0, rasterized=True))
+    for layer in layers.values():
+        top = np.where(layer[:, 2] >= 0, layer[:, 1], np.nan)
+        axis.stairs(top, edges, baseline=None, color="white", linewidth=0.9)
+
+
+def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
+    """Write the identity and its contact set wherever one motion has room for it."""
+    total = edges[-1] - edges[0]
+    for number, layer in layers.items():
+        slot = layer[:, 2].astype(int)
+        there = slot >= 0
+        rows = np.arange(len(slot))
+        motion = np.where(there, index[rows, slot], -1)
+        contact = np.zeros(len(slot), np.uint64)
+        if "contact" in frame:
+            contact = np.where(there, frame["contact"].values[rows, slot], 0)
+        wide = there & (layer[:, 1] - layer[:, 0] > LEAST_HEIGHT)
+        changes = (np.diff(motion) != 0) | (np.diff(contact) != 0) | (np.diff(wide) != 0)
+        for own in np.split(rows, np.flatnonzero(changes) + 1):
+            first, last = int(own[0]), int(own[-1])
+            if not wide[first] or edges[last + 1] - edges[first] < LEAST_WIDTH * total:
+                continue
+            middle = (first + last) // 2
+            text = str(number)
+            if "contact" in frame:
+                text += f"\n{set_name(int(contact[middle]), labels)}"
+            axis.text(
+                0.5 * (edges[first] + edges[last + 1]),
+                0.5 * (layer[middle, 0] + layer[middle, 1]),
+                text,
+                ha="center",
+                va="center",
+                fontsize=7,
+                color=ink(MOTION_COLOURS[motion[middle]]),
+            )
+
+
+def _intervals(axis, frame, index: np.ndarray) -> None:
+    """Draw each share with its confidence interval."""
+    amplitudes = frame["amplitude"].values
+    low, high = frame["share_low"].values, frame["share_high"].values
+    share = frame["share"].values
+    for place in np.unique(index[index >= 0]).tolist():
+        row, slot = np.nonzero(index == place)
+        at = amplitudes[row]
+        colour = MOTION_COLOURS[place]
+        axis.vlines(at, low[row, slot], high[row, slot], color=colour, linewidth=0.7, alpha=0.6)
+        axis.plot(at, share[row, slot], linestyle="none", marker="o", markersize=1.8, color=colour)

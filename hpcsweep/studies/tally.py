@@ -1,0 +1,181 @@
+"""Counts over the runs of a study, for its summary: cost, kinds of motion, failures."""
+
+from collections import Counter
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify, contact_name
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.shortcut import Shortcut
+
+
+class RunTally:
+    """Counts over the runs of frames that are shown one after the other.
+
+    What it tells as ``plain_test`` is None where motions were not decided; of the ``runs`` of which
+    a whole window was integrated it counts the periods that the points of the window claim and that
+    are ``wrong``, and those ``missed``.
+    """
+
+    def __init__(self, study):
+        self._study = study
+        self._settings, self._units = study.settings, study.structure.state_units
+        self.classes = np.zeros((len(study.directions), len(MotionClass)), int)
+        self.outcomes = np.zeros(len(Outcome), int)
+        self.shortcuts = np.zeros(len(Shortcut), int)
+        self.periods: Counter[int] = Counter()
+        self.contacts: Counter[int] = Counter()
+        self.plain = {"runs": 0, "wrong": 0, "missed": 0}
+        self.cycles = 0
+
+    @property
+    def done(self) -> int:
+        """Runs that are computed."""
+        return int(self.classes[:, MotionClass.NO_CONTACT :].sum())
+
+    def add(self, frame) -> None:
+        """Count the runs of one frame, an xarray.Dataset."""
+        classes = classify(frame, self._settings, self._units)[:, 0]
+        for row, kinds in zip(self.classes, classes, strict=True):
+            row += np.bincount(kinds, minlength=row.size)
+        outcome = frame["outcome"].values[:, 0]
+        there = outcome != Outcome.NOT_COMPUTED
+        self.outcomes += np.bincount(outcome.ravel(), minlength=self.outcomes.size)
+        shortcut = frame["shortcut"].values[:, 0][there]
+        self.shortcuts += np.bincount(shortcut, minlength=self.shortcuts.size)
+        self.cycles += int(frame["cycles"].values[:, 0][there].sum())
+        if "motion" in frame:
+            self._compare(frame)
+        periodic = classes == MotionClass.PERIODIC
+        _count(self.periods, frame["orbit_period"].values[:, 0][periodic])
+        if "contact" in frame:
+            _count(self.contacts, frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
+
+    def _compare(self, frame) -> None:
+        """Compare what the plain test said with what was decided, where it saw a whole window."""
+        plain, period = frame["plain_period"].values, frame["orbit_period"].values
+        tested = (plain >= 0) & (frame["outcome"].values == Outcome.COMPLETE)
+        self.plain["runs"] += int(tested.sum())
+        self.plain["wrong"] += int((tested & (plain > 0) & (plain != period)).sum())
+        self.plain["missed"] += int((tested & (plain == 0) & (period > 0)).sum())
+
+    def told(self) -> dict:
+        """Tell what was counted, in plain values."""
+        done, settings = self.done, self._settings
+        labels = self._study.structure.contact_labels
+        return {
+            "periods_per_run": self.cycles / done if done else None,
+            "periods_per_run_plain": settings.transient_cycles + settings.sampling_cycles,
+            "shortcuts": {
+                rule.name.lower(): _share(int(self.shortcuts[rule]), done) for rule in Shortcut
+            },
+            "classes": _classes(self.classes.sum(axis=0)),
+            "by_direction": {
+                direction: _classes(counts)
+                for direction, counts in zip(self._study.directions, self.classes, strict=True)
+            },
+            "periods": _shares(self.periods, done, sorted(self.periods)),
+            "plain_test": self.plain if settings.decide_cycles else None,
+            "contact_sets": {
+                contact_name(contact, labels): _share(count, done)
+                for contact, count in self.contacts.most_common()
+            },
+            "failures": _failures(self.outcomes),
+        }
+
+
+class AttractorTally:
+    """Counts over the points of a study of attractors; see `RunTally`.
+
+    Classes, periods and contact sets are those of the attractors in the file; their shares are of
+    all these.
+    """
+
+    def __init__(self, study):
+        self._study = study
+        self.outcomes = np.zeros(len(Outcome), int)
+        self.numbers: Counter[int] = Counter()
+        self.classes = np.zeros(len(MotionClass), int)
+        self.periods: Counter[int] = Counter()
+        self.contacts: Counter[int] = Counter()
+        self.cycles = self.starts = self.undecided = self.failed = self.elsewhere = 0
+
+    @property
+    def done(self) -> int:
+        """Points that are computed."""
+        return int(self.outcomes[Outcome.COMPLETE :].sum())
+
+    def add(self, frame) -> None:
+        """Count the points of one frame, an xarray.Dataset."""
+        outcome = frame["outcome"].values
+        there = outcome != Outcome.NOT_COMPUTED
+        self.outcomes += np.bincount(outcome.ravel(), minlength=self.outcomes.size)
+        _count(self.numbers, frame["n_attractors"].values[there])
+        held = frame["attractor_id"].values > 0
+        kinds = frame["motion_class"].values[held]
+        self.classes += np.bincount(kinds, minlength=self.classes.size)
+        period = frame["orbit_period"].values[held]
+        _count(self.periods, period[period > 0])
+        if "contact" in frame:
+            _count(self.contacts, frame["contact"].values[held])
+        self.cycles += int(frame["cycles"].values[there].sum())
+        self.starts += int(there.sum()) * self._study.starts
+        self.undecided += int(frame["n_undecided"].values[there].sum())
+        self.failed += int(frame["n_failed"].values[there].sum())
+        self.elsewhere += int(frame["n_elsewhere"].values[there].sum())
+
+    def told(self) -> dict:
+        """Tell what was counted, in plain values."""
+        done, held = self.done, int(self.classes.sum())
+        labels = self._study.structure.contact_labels
+        return {
+            "periods_per_run": self.cycles / done if done else None,
+            "periods_per_start": self.cycles / self.starts if self.starts else None,
+            "numbers": _shares(self.numbers, done, sorted(self.numbers)),
+            "starts": self.starts,
+            "starts_undecided": _share(self.undecided, self.starts),
+            "starts_failed": _share(self.failed, self.starts),
+            "starts_elsewhere": _share(self.elsewhere, self.starts),
+            "attractors": held,
+            "classes": {
+                CLASS_NAMES[kind]: _share(int(self.classes[kind]), held)
+                for kind in (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
+            },
+            "periods": _shares(self.periods, held, sorted(self.periods)),
+            "contact_sets": {
+                contact_name(contact, labels): _share(count, held)
+                for contact, count in self.contacts.most_common()
+            },
+            "failures": _failures(self.outcomes),
+        }
+
+
+def _count(counter: Counter[int], values: np.ndarray) -> None:
+    found, counts = np.unique(values, return_counts=True)
+    for value, count in zip(found.tolist(), counts.tolist(), strict=True):
+        counter[value] += count
+
+
+def _share(count: int, done: int) -> dict:
+    return {"runs": count, "share": count / done if done else None}
+
+
+def _shares(counter: Counter[int], done: int, names: list[int]) -> dict[int, dict]:
+    return {name: _share(counter[name], done) for name in names}
+
+
+def _failures(outcomes: np.ndarray) -> dict[str, int]:
+    return {
+        outcome.name: int(outcomes[outcome])
+        for outcome in Outcome
+        if outcome not in (Outcome.NOT_COMPUTED, Outcome.COMPLETE)
+    }
+
+
+def _classes(counts: np.ndarray) -> dict[str, dict]:
+    done = int(counts[MotionClass.NO_CONTACT :].sum())
+    return {
+        CLASS_NAMES[kind]: _share(int(counts[kind]), done)
+        for kind in MotionClass
+        if kind is not MotionClass.NOT_COMPUTED
+    }

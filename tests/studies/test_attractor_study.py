@@ -1,0 +1,222 @@
+"""The study of attractors: equal on any number of ranks, resumed, told by every command."""
+
+import json
+import shutil
+import signal
+
+import faults
+import h5py
+import numpy as np
+import pytest
+from tools import assert_same_datasets, hpcsweep
+
+import hpcsweep as package
+from hpcsweep import open_results
+from hpcsweep.checks.validate import validate
+from hpcsweep.job import JobError, parse_job
+from hpcsweep.model.structure import Structure
+
+JOB = """
+[study]
+kind = "attractors"
+starts = 24
+seed = 3
+displacement = [-1.0, 0.9]
+max_attractors = 4
+max_cycles = 600
+match_distance = 0.3
+[structure]
+n_floors = 1
+gap = 0.5
+gap_left = 0.5
+stiffness_ratio = 50.0
+sharpness = inf
+[sweep]
+omega = [0.9, 1.0, 1.1]
+amplitude = {from = 0.6, to = 0.7, count = 6}
+[output]
+max_points = 32
+block = 2
+"""
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    path = tmp_path_factory.mktemp("attractors") / "job.toml"
+    path.write_text(JOB)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(job):
+    path = job.with_name("whole.h5")
+    done = hpcsweep(0, "run", job, "-o", path)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+@pytest.mark.mpi
+def test_every_number_of_ranks_gives_the_same_bytes(tmp_path, job, whole):
+    for ranks in (2, 3):
+        path = tmp_path / f"{ranks}.h5"
+        done = hpcsweep(ranks, "run", job, "-o", path)
+        assert done.returncode == 0, done.stderr
+        assert_same_datasets(whole, path)
+
+
+def test_larger_blocks_give_the_same_results(tmp_path, whole):
+    job, path = tmp_path / "blocks.toml", tmp_path / "blocks.h5"
+    job.write_text(JOB.replace("block = 2", "block = 4"))
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    two, four = open_results(whole), open_results(path)
+    kept = [name for name in two if name != "commit"]
+    assert two[kept].equals(four[kept])
+
+
+@pytest.mark.mpi
+def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
+    cut = tmp_path / "cut.h5"
+    process = faults.start(2, "run", job, "-o", cut, sync=0.0)
+    faults.wait_for_commits(process, cut, 1)
+    process.send(signal.SIGKILL, "all", faults.random.Random(1))
+    process.end()
+    process.finish()
+    assert len(faults.valid(cut)) >= 1
+    assert hpcsweep(3, "run", job, "-o", cut).returncode == 0
+    assert_same_datasets(whole, cut)
+
+
+def test_each_block_restarts_from_what_the_file_holds(tmp_path, job, whole):
+    path = tmp_path / "again.h5"
+    shutil.copy(whole, path)
+    with h5py.File(path, "r+") as file:
+        file["commit"][0, :, 1:] = 0
+        file["commit"][0, 2, 2] = 0
+    assert json.loads(hpcsweep(0, "status", path, "--json").stdout)["runs_done"] == 6
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    assert_same_datasets(whole, path)
+
+
+def test_the_file_is_sound_and_tells_damage(tmp_path, whole):
+    report = validate(whole, samples=6)
+    assert report.problems == []
+    assert report.committed == report.blocks == 9
+    assert all(run.whole_run == "equal" for run in report.sample)
+    assert any(run.difference is not None for run in report.sample)
+    path = tmp_path / "damaged.h5"
+    shutil.copy(whole, path)
+    with h5py.File(path, "r+") as file:
+        file["share"][0, 1, 3, 0] += 1e-3
+    report = validate(path, samples=0)
+    assert not report.sound
+    assert "damaged byte(s) in share, first in A = 0.66" in report.problems[0]
+
+
+def test_the_file_holds_what_the_function_finds(whole):
+    results = open_results(whole).isel(direction=0)
+    study = parse_job(JOB, "job", "job").study
+    assert dict(results.sizes)["attractor"] == 4
+    structure = Structure(1, 50.0, np.inf, gap=0.5, gap_left=0.5)
+    for frame, k in ((0, 0), (1, 5), (2, 3)):
+        point = results.isel(frame=frame, amplitude=k)
+        found = package.attractors(
+            structure,
+            float(point["amplitude"]),
+            float(point["omega"]),
+            starts=24,
+            seed=3,
+            box=study.box,
+            max_cycles=600,
+        )
+        number = int((point["hits"] > 0).sum())
+        assert [one.hits for one in found if one.hits] == point["hits"].values[:number].tolist()
+        for slot, one in enumerate(found[:number]):
+            same = [s for s in range(number) if point["hits"].values[s] == one.hits]
+            near = [np.abs(point["point"].values[s] - one.points).max(axis=1).min() for s in same]
+            assert min(near) < 1e-6 or not one.orbit_period
+            assert point["share_low"].values[slot] == one.share_low
+            assert point["share_high"].values[slot] == one.share_high
+        counted = ("n_undecided", "n_failed", "n_elsewhere")
+        rest = sum(int(point[name]) for name in counted)
+        assert int(point["hits"].sum()) + rest == 24
+
+
+def test_an_identity_is_carried_along_and_mirrored_motions_are_born_from_one(whole):
+    """At Omega = 1 the symmetric motion splits into two at A = 0.63 (jobs/clearance.toml)."""
+    frame = open_results(whole).isel(direction=0, frame=1)
+    assert frame["n_attractors"].values.tolist() == [1, 1, 2, 2, 2, 2]
+    ids = [sorted(row[row > 0].tolist()) for row in frame["attractor_id"].values]
+    assert ids == [[1], [1], *[[1, 2]] * 4]
+    assert frame["last_id"].values.tolist() == [1, 1, 2, 2, 2, 2]
+    low, high = frame["share_low"].values[5, :2], frame["share_high"].values[5, :2]
+    assert low.max() < high.min()
+
+
+def test_every_command_tells_it(tmp_path, whole):
+    state = json.loads(hpcsweep(0, "status", whole, "--json").stdout)
+    assert state["complete"]
+    assert state["study"] == "attractors"
+    assert state["starts"] == 18 * 24
+    assert state["most_attractors"] == int(open_results(whole)["n_attractors"].max())
+    assert "attractors a point" in hpcsweep(0, "status", whole).stdout
+    (told,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
+    assert told["runs_done"] == 18
+    assert told["attractors"] == int((open_results(whole)["attractor_id"] > 0).sum())
+    assert sum(entry["runs"] for entry in told["numbers"].values()) == 18
+    assert "points with 2 attractors" in hpcsweep(0, "summary", whole).stdout
+    sweep = tmp_path / "sweep.toml"
+    settings = JOB.split("[structure]")[1].replace("max_points = 32\n", "")
+    sweep.write_text("[structure]" + settings)
+    assert hpcsweep(0, "run", sweep, "-o", tmp_path / "sweep.h5").returncode == 0
+    for given in (
+        (),
+        ("--kind", "shares", "--omega", "1.0"),
+        ("--kind", "number"),
+        ("--kind", "number", "--sweep", tmp_path / "sweep.h5"),
+    ):
+        picture = tmp_path / "picture.png"
+        done = hpcsweep(0, "plot", whole, *given, "-o", picture)
+        assert done.returncode == 0, done.stderr
+        assert picture.stat().st_size > 10_000
+        picture.unlink()
+    for arguments in (
+        ("plot", whole, "--kind", "orbit"),
+        ("plot", tmp_path / "sweep.h5", "--kind", "shares"),
+        ("plot", whole, "--kind", "number", "--sweep", whole),
+        ("explore", whole, "-o", tmp_path / "page.html"),
+        ("animate", whole, "-o", tmp_path / "film.mp4"),
+    ):
+        done = hpcsweep(0, *arguments)
+        assert done.returncode == 2
+        assert done.stderr.count("\n") == 1
+        assert "holds" in done.stderr
+    assert not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("starts = 24", "starts = 0", ("study.starts", "0", "1 to")),
+        ("seed = 3", "seed = -1", ("study.seed", "-1")),
+        ("[-1.0, 0.9]", "[0.9, -1.0]", ("study.displacement", "low below high")),
+        ("[-1.0, 0.9]", "[[0, 1], [0, 1]]", ("study.displacement", "n = 1")),
+        ("[-1.0, 0.9]", "0.5", ("study.displacement", "[low, high]")),
+        ("max_attractors = 4", "max_attractors = 65", ("study.max_attractors", "1 to 64")),
+        ("max_cycles = 600", "max_cycles = 0", ("study.max_cycles", "0")),
+        ("seed = 3", "confidence = 1.0", ("study.confidence", "between 0 and 1")),
+        ("match_distance = 0.3", "match_distance = 0", ("study.match_distance", "between 0")),
+        ("seed = 3", "sead = 3", ("study.sead", "'seed'")),
+        ("[output]", '[solver]\nskip = "none"\n[output]', ("solver.skip", '"all"')),
+        ("[output]", "[output]\npoincare = false", ("output.poincare", "true")),
+        ('kind = "attractors"\n', "", ("study.starts", "attractors")),
+        ("omega = [", 'directions = ["up"]\nomega = [', ("sweep.directions", "amplitude_sweep")),
+    ],
+)
+def test_a_mistake_in_a_job_is_one_line(old, new, words):
+    assert old in JOB
+    with pytest.raises(JobError) as caught:
+        parse_job(JOB.replace(old, new), "x.toml", "x")
+    text = str(caught.value)
+    assert "\n" not in text
+    for word in ("x.toml", *words):
+        assert word in text

@@ -56,18 +56,25 @@ def labelled(case: tuple) -> tuple[str, int]:
         logarithms[k] = math.log(length / BESIDE)
         offset = (other - z) * (BESIDE / length)
     half = WINDOW // 2
-    for period in range(1, LONGEST + 1):
+
+    def halves(period: int) -> tuple[float, float]:
         apart = np.abs(points[period:] - points[:-period]).max(axis=1)
-        if apart[half:].max() <= CLOSED:
-            return "periodic", period
+        return float(apart[:half].max()), float(apart[half:].max())
+
+    for period in range(1, LONGEST + 1):
+        if halves(period)[1] <= CLOSED:
+            # the points a divisor apart may still be on their way to each other
+            shorter = [d for d in range(1, period) if period % d == 0]
+            near = (d for d in shorter if halves(d)[1] < SLOW * halves(d)[0])
+            return "periodic", next(near, period)
     kept = logarithms[WINDOW // 10 :]
     batches = kept[: len(kept) // BATCHES * BATCHES].reshape(BATCHES, -1).mean(axis=1)
     mean, error = batches.mean(), batches.std(ddof=1) / math.sqrt(BATCHES)
     if mean > max(3 * error, LEAST):
         return "chaotic", 0
     for period in range(1, LONGEST + 1):
-        apart = np.abs(points[period:] - points[:-period]).max(axis=1)
-        if apart[half:].max() <= 1e-2 and apart[half:].max() < SLOW * apart[:half].max():
+        first, last = halves(period)
+        if last <= 1e-2 and last < SLOW * first:
             return "periodic", period
     return "quasi-periodic" if abs(mean) < 3 * error + LEAST else "not told", 0
 

@@ -26,11 +26,15 @@ from hpcsweep.dynamics.birkhoff import agreeing_digits
 from hpcsweep.dynamics.classify import (
     CHAOS_GROWTH,
     NEUTRAL_GROWTH,
-    UNSTABLE,
     MotionClass,
 )
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
-from hpcsweep.dynamics.orbit import approached_period, closed_period, smallest_period
+from hpcsweep.dynamics.orbit import (
+    approached_period,
+    closed_period,
+    smallest_period,
+    stays_near_orbit,
+)
 from hpcsweep.dynamics.stability import exponent_of_multiplier, floquet_multipliers
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
@@ -66,6 +70,8 @@ after 800 periods and to more after more; those of chaos beside a torus (Figure 
 0.1025 down, exponent 0.0035 / T) to 2.6 to 4.7 after 400 to 3,200."""
 HINT_DIGITS = 2.5
 """The same of shorter rounds, after which as many periods are observed as a torus needs."""
+REPELS = 1e-5
+"""Excess over 1 of the largest multiplier above which an orbit repels; it is exact to less."""
 PUSH = 1e-8
 """In units of the state."""
 NEWTON_STEPS = 8
@@ -147,6 +153,7 @@ def decide(
         motion = search.confirm(search.judge(window), z, max_cycles)
         if motion is not None:
             return motion
+        z = search.end
     while search.cycles < max_cycles:
         tried = length > LEAST_TORUS
         if not search.growing and (tried or not search.likely_torus):
@@ -160,7 +167,7 @@ def decide(
             motion = search.judge(seen)
             last = seen.points
             if motion is None or motion.kind is not MotionClass.FAILED:
-                z = seen.points[-1]
+                z = search.end
                 motion = search.confirm(motion, z, max_cycles)
             if motion is not None:
                 return motion
@@ -179,6 +186,7 @@ class _Search:
         self._time = 2 * math.pi / solver.omega
         self._logarithms = np.empty(0)
         self.cycles = 0
+        self.end = np.empty(0)  # of what was observed, where an orbit that repels is left
         self.growth = UNKNOWN
         self.growing = self.likely_torus = False
 
@@ -217,16 +225,19 @@ class _Search:
         if seen.outcome is not Outcome.COMPLETE:
             return self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         points, size = seen.points / self._units, len(seen.points)
+        self.end = seen.points[-1]
         self._logarithms = np.concatenate((self._logarithms, aligned(seen.logarithms)))
         self.growth = growth = growth_interval(self._logarithms)
         self.growing = seen.growth > NEUTRAL_GROWTH
-        if growth.low > 0 and seen.growth > CHAOS_GROWTH:
-            return self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=seen)
         # short orbits where the last points have closed, long ones where all have
         period = next(filter(None, (self._closed(points, p) for p in (LONGEST, size // 2))), 0)
         if period:
-            # one that repels is left in the next round
-            return self._orbit(seen.points[-1], period, None)[1]
+            self.end, motion = self._orbit(seen.points[-1], period, None)
+            return motion
+        grows = growth.low > 0 and seen.growth > CHAOS_GROWTH
+        # beside an orbit that repels it is that orbit's growth
+        if grows and not stays_near_orbit(points[: size // 3], LONGEST, NEAR):
+            return self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=seen)
         period = approached_period(points, LONGEST, NEAR)
         if period:
             motion = self._jump(seen.points[-1], period)
@@ -249,6 +260,7 @@ class _Search:
 
         `multiplier` is None if the orbit was not proved by Newton's method.
         """
+        start = z
         try:
             if multiplier is None:
                 z, matrix, _ = self._newton(z, period)
@@ -259,7 +271,9 @@ class _Search:
                 return z, self.motion(MotionClass.FAILED, points, outcome=outcome)
         except (ArithmeticError, ValueError, np.linalg.LinAlgError):
             return z, None
-        if multiplier > 0 and math.log(multiplier) > UNSTABLE:
+        if multiplier > 1 + REPELS:
+            if np.abs((start - z) / self._units).max() > PUSH:
+                return start, None  # on its way already
             turns = np.cos(np.arange(z.size))  # into no direction that a structure prefers
             return z + PUSH * self._units * turns, None
         smallest = smallest_period(points / self._units, self._same)

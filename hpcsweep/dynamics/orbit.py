@@ -118,6 +118,27 @@ def approached_period(points: np.ndarray, max_period: int, near: float) -> int:
     return 0
 
 
+def stays_near_orbit(points: np.ndarray, max_period: int, near: float) -> bool:
+    """Tell whether points stay near an orbit, attracting or not: p apart they are near throughout.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2n)
+        Consecutive stroboscopic points.
+    max_period : int
+        Longest p that is tried, at most k / 2.
+    near : float
+        Largest difference of a coordinate.
+    """
+    points, max_period = rows("points", points), count("max_period", max_period, 1)
+    near = number("near", near)
+    return any(
+        np.abs(points[-1] - points[-1 - period]).max() <= near
+        and _apart(points, period).max() <= near
+        for period in range(1, min(max_period, len(points) // 2) + 1)
+    )
+
+
 def _apart(points: np.ndarray, period: int) -> np.ndarray:
     return np.abs(points[period:] - points[:-period]).max(axis=1)
 

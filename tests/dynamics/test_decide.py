@@ -164,6 +164,13 @@ def test_a_point_that_repels_is_left():
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 2)
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-6])
+def test_an_orbit_that_hardly_repels_is_left_too(off):
+    r = 3.0017  # the multiplier of the orbit of period 1 is 2 - r
+    motion = told(logistic(r), (1 - 1 / r + off, 0.0))
+    assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 2)
+
+
 def test_the_cap_is_kept_and_said():
     solver = focus(0.99999, GOLDEN)
     motion = told(solver, max_cycles=300)

@@ -23,7 +23,7 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Portrait
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.decide import Motion, decide
+from hpcsweep.dynamics.decide import NEAR, SETTLED, Motion, decide
 from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
 from hpcsweep.dynamics.resemblance import Signature, same_orbit
 from hpcsweep.dynamics.shares import share_interval
@@ -45,8 +45,6 @@ LADDER = 4, 16
 again, and at last decided: it may be on its slow way to one of them."""
 MOST_WATCHED = 100
 """Longest orbit period for which a motion is watched to settle."""
-SETTLED, NEAR = 1e-10, 1e-3
-"""Distances by which a chaotic motion that settles is noticed; as `hpcsweep.studies.runs`."""
 
 
 def portrait(

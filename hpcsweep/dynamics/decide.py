@@ -115,6 +115,11 @@ class Motion:
     outcome: Outcome
     seen: Observation | None = None
 
+    @property
+    def interval(self) -> Interval:
+        """The exponent with its interval."""
+        return Interval(self.exponent, self.exponent_low, self.exponent_high)
+
 
 def decide(
     solver,
@@ -284,7 +289,7 @@ class _Search:
             points[-smallest:],
             smallest,
             multiplier,
-            Interval(exponent, exponent, exponent),
+            Interval.exact(exponent),
         )
 
     def _jump(self, z: np.ndarray, period: int) -> Motion | None:

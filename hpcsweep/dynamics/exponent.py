@@ -28,6 +28,11 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    @classmethod
+    def exact(cls, mean: float) -> "Interval":
+        """Make the one of a mean that is known."""
+        return cls(mean, mean, mean)
+
     def times(self, factor: float) -> "Interval":
         """Give it in another unit; `factor` > 0."""
         return Interval(self.mean * factor, self.low * factor, self.high * factor)

@@ -2,7 +2,7 @@
 
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Variable
-from hpcsweep.studies.variables import RUN, SPEED
+from hpcsweep.studies.variables import CYCLES, OUTCOME, RUN, SPEED
 
 EACH = (*RUN, "attractor")
 STATES = "gaps; " + SPEED
@@ -29,14 +29,8 @@ VARIABLES = (
     Variable("n_failed", RUN, "<i4", "1", "starts whose integration failed"),
     Variable("n_elsewhere", RUN, "<i4", "1", "starts that reached attractors not stored"),
     Variable("last_id", RUN, "<i4", "1", "largest identity given on the path so far"),
-    Variable("cycles", RUN, "<i4", "forcing periods", "forcing periods integrated"),
-    Variable(
-        "outcome",
-        RUN,
-        "<i1",
-        "1",
-        "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
-    ),
+    CYCLES,
+    OUTCOME,
 )
 OPTIONAL = ("contact", "drift", "modal_norm")
 """Variables that a job may leave out."""

@@ -20,7 +20,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies import runs
 from hpcsweep.studies.amplitude_sweep import UP, AmplitudeSweep
 from hpcsweep.studies.attractor_variables import attractor_variables
 from hpcsweep.studies.shortcut import Shortcut
@@ -215,10 +214,6 @@ class Attractors(AmplitudeSweep):
         from hpcsweep.studies.attractor_invariants import broken_invariants
 
         return broken_invariants(self, rows)
-
-    def warm_up(self, say: Callable[[str], None] | None = None) -> None:
-        """Compile all that its runs call, or load it from the disk."""
-        runs.warm_up(self.settings, say)
 
 
 def _pairs(values, key: str, n: int, unit: float) -> list[tuple[float, float]]:

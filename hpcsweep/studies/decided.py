@@ -59,7 +59,7 @@ def tell_orbit(solver, amplitude: float, seen: Observation, period: int, multipl
         exponent = _orbit_exponent(solver, seen.points[-1], amplitude, period)
     else:
         exponent = exponent_of_multiplier(multiplier, time)
-    return Told(seen, period, _sharp(exponent), _kind(MotionClass.PERIODIC, seen))
+    return Told(seen, period, Interval.exact(exponent), _kind(MotionClass.PERIODIC, seen))
 
 
 def tell_window(
@@ -85,7 +85,6 @@ def tell_window(
     points = seen.points / solver.structure.state_units
     longest, same = settings.max_orbit_period, settings.period_tolerance
     plain = orbit_period(points, longest, same)
-    period = plain if settings.decide_cycles is None else closed_period(points, longest, same)
     if settings.decide_cycles:
         motion = decide(
             solver, seen.points[-1], amplitude, settings, settings.decide_cycles, poll, seen
@@ -94,14 +93,14 @@ def tell_window(
             told = _tell_motion(solver, amplitude, settings, motion, poll)
             if told is not None:
                 return replace(told, plain_period=plain)
-        exponent = Interval(motion.exponent, motion.exponent_low, motion.exponent_high)
-        cycles = motion.cycles
         # an orbit is claimed only where it is proved
-        return Told(seen, 0, exponent, _kind(MotionClass.UNDECIDED, seen), plain, cycles)
+        kind = _kind(MotionClass.UNDECIDED, seen)
+        return Told(seen, 0, motion.interval, kind, plain, motion.cycles)
+    period = plain if settings.decide_cycles is None else closed_period(points, longest, same)
     exponent = UNKNOWN
     if "lyapunov" in settings.metrics:
         if period:
-            exponent = _sharp(_orbit_exponent(solver, seen.points[-1], amplitude, period))
+            exponent = Interval.exact(_orbit_exponent(solver, seen.points[-1], amplitude, period))
         else:
             time = 2 * math.pi / solver.omega
             within = growth_interval(aligned(seen.logarithms)).times(1.0 / time)
@@ -124,16 +123,11 @@ def _tell_motion(
         cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return None
-    exponent = Interval(motion.exponent, motion.exponent_low, motion.exponent_high)
-    return Told(seen, period, exponent, _kind(kind, seen), cycles=cycles)
+    return Told(seen, period, motion.interval, _kind(kind, seen), cycles=cycles)
 
 
 def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
     return kind if seen.contact else MotionClass.NO_CONTACT
-
-
-def _sharp(exponent: float) -> Interval:
-    return Interval(exponent, exponent, exponent)
 
 
 def _orbit_exponent(solver, z: np.ndarray, amplitude: float, period: int) -> float:

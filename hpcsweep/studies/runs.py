@@ -31,6 +31,7 @@ from functools import lru_cache
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.decide import NEAR, SETTLED
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.model.structure import Structure
@@ -41,11 +42,6 @@ from hpcsweep.studies.decided import Told, tell_orbit, tell_window
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes
-
-SETTLED = 1e-10
-"""Largest estimated distance (gaps, gaps omega_0) from the orbit at which a transient ends."""
-NEAR = 1e-3
-"""Distance between points a period apart from which on a jump is tried."""
 
 
 class FrameRuns:
@@ -128,7 +124,7 @@ class FrameRuns:
                 settings.period_tolerance,
             )
             if closed is not None:
-                exponent = Interval(*(self._linear.lyapunov_exponent,) * 3)
+                exponent = Interval.exact(self._linear.lyapunov_exponent)
                 told = Told(closed, 1, exponent, MotionClass.NO_CONTACT)
                 self._store(result, row, index, amplitude, told, 0)
                 result["shortcut"][index] = Shortcut.LINEAR

@@ -9,6 +9,10 @@ SPEED = "gaps omega_0"
 RUN = ("direction", "frame", "amplitude")
 """Dimensions of a run."""
 
+CYCLES = Variable("cycles", RUN, "<i4", "forcing periods", "forcing periods integrated")
+OUTCOME = Variable(
+    "outcome", RUN, "<i1", "1", "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed"
+)
 RUN_VARIABLES = (
     Variable("poincare", (*RUN, "point", "state"), "<f8", "gaps; " + SPEED, "stroboscopic points"),
     Variable("n_points", RUN, "<i4", "1", "number of stroboscopic points stored"),
@@ -41,14 +45,8 @@ RUN_VARIABLES = (
     Variable(
         "final_state", (*RUN, "state"), "<f8", "gaps; " + SPEED, "state after the last period"
     ),
-    Variable("cycles", RUN, "<i4", "forcing periods", "forcing periods integrated"),
-    Variable(
-        "outcome",
-        RUN,
-        "<i1",
-        "1",
-        "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
-    ),
+    CYCLES,
+    OUTCOME,
     Variable(
         "shortcut", RUN, "<i1", "1", "rule that spared periods: 1 linear, 2 converged, 3 newton"
     ),

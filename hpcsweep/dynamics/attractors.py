@@ -14,7 +14,6 @@ probability exp(-max_cycles / L). A motion that is left undecided is remembered 
 that the starts that resemble it are counted as undecided at the cost of a window.
 """
 
-import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,7 +27,7 @@ from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
 from hpcsweep.dynamics.resemblance import Signature, same_orbit
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach
+from hpcsweep.solvers.records import Approach, normalised_drift
 
 STRIDE = 8
 """Forcing periods between two looks at where the starts are."""
@@ -276,7 +275,7 @@ class _Search:
 
     def _add(self, motion: Motion, points: np.ndarray, seen, near: Neighbourhood | None) -> int:
         """Note a new attractor; give its place."""
-        scale = self._solver.omega**2 / abs(self._amplitude) if self._amplitude else math.nan
+        drift = normalised_drift(seen.peak_drift, self._amplitude, self._solver.omega)
         self.attractors.append(
             Attractor(
                 motion.kind,
@@ -287,7 +286,7 @@ class _Search:
                 motion.exponent_low,
                 motion.exponent_high,
                 seen.contact,
-                seen.peak_drift * scale,
+                float(drift),
                 seen.modal_norm,
             )
         )

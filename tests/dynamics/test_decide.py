@@ -12,7 +12,7 @@ from hpcsweep.dynamics.exponent import aligned, growth_interval
 from hpcsweep.dynamics.orbit import closed_period, orbit_period, smallest_period
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach, Observation, window_growth
+from hpcsweep.solvers.records import Approach, Growth, Observation, window_growth
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.settings import SweepSettings
 
@@ -40,7 +40,7 @@ class MapSolver:
         points, outcome = self.points(state, amplitude, n_periods)
         return Approach(points[-1], n_periods, 0, 0, math.nan, outcome)
 
-    def observe(self, state, amplitude, n_periods, modal_norm=False, growth=False, poll=None):
+    def grow(self, state, amplitude, n_periods, poll=None):
         points, outcome = self.points(state, amplitude, n_periods)
         vector = np.full(2, math.sqrt(0.5))
         logarithms = np.empty(n_periods)
@@ -49,8 +49,7 @@ class MapSolver:
             length = np.linalg.norm(vector)
             logarithms[k] = math.log(length) if length > 0 else -math.inf
             vector = vector / (length or 1.0)
-        nan = np.full(1, math.nan)
-        return Observation(points, 1, 0.0, nan, outcome, window_growth(logarithms), logarithms)
+        return Growth(points, outcome, window_growth(logarithms), logarithms)
 
     def monodromy(self, state, amplitude, n_periods):
         z, matrix = np.array(state, float), np.eye(2)
@@ -181,7 +180,9 @@ def test_the_cap_is_kept_and_said():
 
 def test_a_window_is_the_first_round():
     solver = logistic(3.9)
-    window = solver.observe((0.3, 0.0), 1.0, 200, growth=True)
+    seen = solver.grow((0.3, 0.0), 1.0, 200)
+    rest = seen.outcome, seen.growth, seen.logarithms
+    window = Observation(seen.points, 1, 0.0, np.full(1, math.nan), *rest)
     motion = told(solver, window.points[-1], window=window)
     assert (motion.kind, motion.cycles) == (MotionClass.CHAOTIC, CONFIRMED)
     assert motion.seen is window

@@ -75,8 +75,11 @@ SERIES = (
     "#999933",
 )
 """Okabe and Ito's colours, then Tol's."""
-SHADES = 0.0, 0.45, -0.45, 0.7, -0.7
-"""Shares of white, or less than 0 of black, in the colours of several attractors of one motion."""
+SHADES = ((0.0, -0.5, 0.75, -0.75), (0.0, 0.4, 0.75, 0.6))
+"""Shares of white, or less than 0 of black, in the colours of several attractors of one motion,
+whose own colour is light or dark; three of them are told apart by every eye."""
+LIGHT = 45.0
+"""Lightness from which on a motion's colour is light."""
 DARK_INK, LIGHT_INK, INK_CHANGE = "#222222", "#ffffff", 53.3
 """Inks of text, and the lightness of the ground at which their contrast is the same, 4 to 1."""
 
@@ -148,7 +151,8 @@ def contact_colour(contact: int, labels: int | tuple[str, ...]) -> str:
 
 def shade(colour: str, place: int) -> str:
     """Return the colour of one of several attractors of a motion (from 0: the motion's own)."""
-    share = SHADES[place % len(SHADES)]
+    shades = SHADES[lightness(colour) < LIGHT]
+    share = shades[place % len(shades)]
     towards = 255 if share > 0 else 0
     parts = (round(part + abs(share) * (towards - part)) for part in rgb(colour))
     return "#" + "".join(f"{part:02x}" for part in parts)

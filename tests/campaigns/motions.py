@@ -1,4 +1,4 @@
-"""Decided motions against labels of another route: motions.py --scale X --seed S --jobs J.
+"""Decided motions against labels of another route: motions.py draw, label and table.
 
 Runs of Figures 3 and 6, both dampings, are decided; so many of each sort (`WANTED`) are labelled
 again, from beside where they ended, by means that share no code with the decision: the Taylor
@@ -17,13 +17,16 @@ quasi-periodic
     the points consists of lines: between them it is below `FLOOR` of its sum.
 
 Windows are added, up to `WINDOWS`, until one of these holds.
+
+    motions.py draw CASES.json
+    motions.py label CASES.json LABELS.json [--part K N]      every Nth from the Kth on
+    motions.py table CASES.json LABELS.json ...
 """
 
 import argparse
 import json
 import math
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,14 +36,15 @@ from tools import JOBS
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.job import load_job
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.reference import reference_monodromy, reference_points
 from hpcsweep.studies.runs import FrameRuns
 
 ASIDE = 1e-5
 """From where a decided motion ended, in each component: an orbit has to be approached anew."""
-PART, PARTS = 250, 12
-"""Periods after which a transient is looked at, and how often: 3,000 in all."""
-WINDOW, WINDOWS = 1000, 5
+PART, PARTS = 250, 4
+"""Periods after which a transient is looked at, and how often: 1,000 in all."""
+WINDOW, WINDOWS = 500, 10
 LONGEST = 120
 CLOSED = 1e-10
 SLOW, NEAR = 0.9, 1e-2
@@ -50,7 +54,7 @@ SURE, LEAST = 3.0, 1e-3
 FLOOR = 1e-6
 STEPS = 6
 """Of Newton's method."""
-TURNS, BY_TORI = 170, 0.03
+TURNS, BY_TORI = 120, 0.03
 """Paths of 30 amplitudes that are followed at most to find the sample; every other one, once there
 is one, within so much of the amplitude of a torus."""
 NEAR_RESONANCE = 0.02
@@ -80,10 +84,16 @@ class Case:
     period: int
     multiplier: float
     growth: float
-    structure: object
+    damping: list[float]
     omega: float
     amplitude: float
-    state: np.ndarray
+    state: list[float]
+
+    @property
+    def point(self) -> tuple:
+        """Structure, A and Omega, as the reference takes them."""
+        ratio = self.damping if len(self.damping) > 1 else self.damping[0]
+        return Structure(damping_ratio=ratio), self.amplitude, self.omega
 
 
 @dataclass(frozen=True)
@@ -119,7 +129,7 @@ def closed(points: np.ndarray) -> int:
 
 def multiplier(case: Case, z: np.ndarray, period: int) -> float:
     """Modulus of the largest Floquet multiplier of the orbit near z, by the reference alone."""
-    args = case.structure, case.amplitude, case.omega
+    args = case.point
     for _ in range(STEPS):
         image, matrix = reference_monodromy(*args, z, period)
         step = np.linalg.solve(matrix - np.eye(z.size), image - z)
@@ -138,8 +148,8 @@ def floor_of(points: np.ndarray) -> float:
 
 def labelled(case: Case) -> Label:
     """Label one motion."""
-    args = case.structure, case.amplitude, case.omega
-    z = case.state + ASIDE * np.cos(np.arange(case.state.size))
+    args = case.point
+    z = np.array(case.state) + ASIDE * np.cos(np.arange(len(case.state)))
     for part in range(PARTS):
         points = reference_points(*args, z, PART)
         z, done = points[-1], (part + 1) * PART
@@ -165,7 +175,7 @@ def labelled(case: Case) -> Label:
         batches = kept[: len(kept) // BATCHES * BATCHES].reshape(BATCHES, -1).mean(axis=1)
         mean, error = float(batches.mean()), float(batches.std(ddof=1) / math.sqrt(BATCHES))
         told = {"growth": mean, "error": error, "floor": floor_of(points), "periods": done}
-        if mean > max(SURE * error, LEAST):
+        if window >= 1 and mean > max(SURE * error, LEAST):
             return Label("chaotic", **told)
         for period in range(1, LONGEST + 1):
             first, last = halves(seen, period)
@@ -173,7 +183,7 @@ def labelled(case: Case) -> Label:
                 own = multiplier(case, z, period)
                 if own < 1:
                     return Label("periodic", period, own, **told)
-        if window and abs(mean) <= max(SURE * error, LEAST) and told["floor"] <= FLOOR:
+        if window >= 1 and abs(mean) <= max(SURE * error, LEAST) and told["floor"] <= FLOOR:
             return Label("quasi-periodic", **told)
     return Label("not told", **told)
 
@@ -244,10 +254,10 @@ def drawn(scale: float, seed: int) -> list[Case]:
                         period,
                         factor,
                         growth,
-                        study.structure,
+                        np.ravel(study.structure.damping_ratio).tolist(),
                         omega,
                         float(amplitudes[k]),
-                        np.array(state),
+                        state.tolist(),
                     )
                 )
         if turn % 10 == 9:
@@ -288,54 +298,45 @@ def told(cases: list[Case], labels: list[Label]) -> None:
             )
 
 
-def write(path: Path, cases: list[Case], labels: list[Label]) -> None:
-    """Write what is labelled so far."""
-    rows = [
-        {
-            "case": {
-                name: value
-                for name, value in vars(case).items()
-                if name not in ("structure", "state")
-            },
-            "damping": float(np.ravel(case.structure.damping_ratio)[0]),
-            "state": case.state.tolist(),
-            "label": vars(label),
-        }
-        for case, label in zip(cases, labels, strict=False)
-    ]
-    path.write_text(json.dumps(rows))
+def read(path: Path, kind: type) -> list:
+    """Read cases or labels; None where there is none."""
+    return [one and kind(**one) for one in json.loads(path.read_text())]
+
+
+def label_part(cases: list[Case], path: Path, part: int, parts: int) -> None:
+    """Label a part of the cases; the file is written after each."""
+    labels: list[Label | None] = [None] * len(cases)
+    for number in range(part, len(cases), parts):
+        labels[number] = labelled(cases[number])
+        path.write_text(json.dumps([one and vars(one) for one in labels]))
+        print(number, cases[number].sort, labels[number], flush=True)
 
 
 def main() -> None:
-    """Print the table of both routes."""
+    """Draw, label, or print the table of both routes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("draw", "label", "table"))
+    parser.add_argument("cases", type=Path)
+    parser.add_argument("labels", type=Path, nargs="*")
     parser.add_argument("--scale", type=float, default=1.0, help="of the numbers wanted")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--part", type=int, nargs=2, default=(0, 1))
     options = parser.parse_args()
-    cases = drawn(options.scale, options.seed)
-    labels = []
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for number, (case, label) in enumerate(
-            zip(cases, pool.map(labelled, cases), strict=True), 1
-        ):
-            labels.append(label)
-            if options.json:
-                write(options.json, cases, labels)
-            same = case.kind == label.kind and case.period == label.period
-            if not same:
-                place = f"Omega = {case.omega!r}, A = {case.amplitude!r}"
-                ratio = np.ravel(case.structure.damping_ratio)[0]
-                print(
-                    f"other: {case.sort} {case.kind} {case.period}, multiplier "
-                    f"{case.multiplier:.6f}, growth {case.growth:.5f}: {label}, {place}, "
-                    f"damping {ratio:.4f}",
-                    flush=True,
-                )
-            elif number % 20 == 0:
-                print(f"{number} of {len(cases)}", flush=True)
-    told(cases, labels)
+    if options.what == "draw":
+        found = drawn(options.scale, options.seed)
+        options.cases.write_text(json.dumps([vars(case) for case in found]))
+        return
+    cases = read(options.cases, Case)
+    if options.what == "label":
+        label_part(cases, options.labels[0], *options.part)
+        return
+    both = []
+    for path in options.labels:
+        both += [pair for pair in zip(cases, read(path, Label), strict=True) if pair[1]]
+    told(*map(list, zip(*both, strict=True)))
+    for case, label in both:
+        if (case.kind, case.period) != (label.kind, label.period):
+            print(f"other: {case}\n    {label}")
 
 
 if __name__ == "__main__":

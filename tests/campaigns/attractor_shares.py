@@ -22,7 +22,7 @@ from hpcsweep.studies.settings import SweepSettings
 
 DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 STARTS, PROMISED, CYCLES, CONFIDENCE = 459, 0.01, 3000, 0.95
-DEAR = 0.4
+DEAR = 0.15
 """Milliseconds a start above which a point of orbits alone is drawn anew."""
 SAME = 0.05
 """Distance, in units of the state, of attractors that are one."""

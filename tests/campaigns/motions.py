@@ -304,9 +304,10 @@ def read(path: Path, kind: type) -> list:
 
 
 def label_part(cases: list[Case], path: Path, part: int, parts: int) -> None:
-    """Label a part of the cases; the file is written after each."""
+    """Label a part of the cases, in random order; the file is written after each."""
     labels: list[Label | None] = [None] * len(cases)
-    for number in range(part, len(cases), parts):
+    order = np.random.default_rng(0).permutation(len(cases)).tolist()
+    for number in order[part::parts]:
         labels[number] = labelled(cases[number])
         path.write_text(json.dumps([one and vars(one) for one in labels]))
         print(number, cases[number].sort, labels[number], flush=True)

@@ -127,6 +127,11 @@ class Basins(RunGrid):
             **common,
         )
 
+    @property
+    def polls_per_run(self) -> int:
+        """Give the starts of a row."""
+        return self.horizontal.size
+
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the rows, in the order of the file."""

@@ -42,9 +42,9 @@ from hpcsweep.studies.runs import FrameRuns
 
 ASIDE = 1e-5
 """From where a decided motion ended, in each component: an orbit has to be approached anew."""
-PART, PARTS = 250, 4
-"""Periods after which a transient is looked at, and how often: 1,000 in all."""
-WINDOW, WINDOWS = 500, 10
+PART, PARTS = 100, 4
+"""Periods after which a transient is looked at, and how often."""
+WINDOW, WINDOWS = 250, 20
 LONGEST = 120
 CLOSED = 1e-10
 SLOW, NEAR = 0.9, 1e-2
@@ -178,7 +178,7 @@ def labelled(case: Case) -> Label:
         if window >= 1 and mean > max(SURE * error, LEAST):
             return Label("chaotic", **told)
         for period in range(1, LONGEST + 1):
-            first, last = halves(seen, period)
+            first, last = halves(points, period)
             if last <= NEAR and last < SLOW * first:
                 own = multiplier(case, z, period)
                 if own < 1:

@@ -152,6 +152,13 @@ def test_the_mirror_image_of_a_slice_has_the_mirrored_basins(tmp_path, whole):
     assert np.array_equal(np.array(partner)[one["label"].values[0, :, 0] - 1], mirrored)
 
 
+def test_a_row_looks_at_its_messages_as_often_as_it_has_starts():
+    study, polls = parse_job(JOB, "x", "x").study, []
+    study.rows(3, study.amplitude, study.initial_state)
+    study.rows(2, study.amplitude, study.initial_state, lambda: polls.append(1))
+    assert len(polls) >= study.polls_per_run == 9
+
+
 def test_a_linear_structure_has_one_basin():
     study = parse_job(
         JOB.replace("stiffness_ratio = 50.0", "stiffness_ratio = 0.0"), "x", "x"

@@ -13,12 +13,12 @@ chaotic
     The mean logarithm of the growth a period exceeds `SURE` of its standard errors over `BATCHES`
     batches, and `LEAST`.
 quasi-periodic
-    Neither; the mean is below `LEAST`, or within `SURE` standard errors of 0; and the spectrum of
-    the points consists of lines: between them it is below `FLOOR` of its sum.
+    Neither; the mean is below `LEAST`, or within its standard error of 0; and the spectrum of the
+    points consists of lines: between them it is below `FLOOR` of its sum.
 
 Windows are added, up to `WINDOWS`, until one of these holds.
 
-    motions.py draw CASES.json
+    motions.py draw CASES.json [--torus FIGURE OMEGA A]       a place near which there are tori
     motions.py label CASES.json LABELS.json [--part K N]      every Nth from the Kth on
     motions.py table CASES.json LABELS.json ...
 """
@@ -46,7 +46,7 @@ PART, PARTS = 100, 4
 """Periods after which a transient is looked at, and how often."""
 WINDOW, WINDOWS = 250, 20
 LONGEST = 120
-CLOSED = 1e-10
+CLOSED, ONE_POINT = 1e-10, 1e-7
 SLOW, NEAR = 0.9, 1e-2
 BESIDE = 1e-7
 BATCHES = 12
@@ -127,16 +127,19 @@ def closed(points: np.ndarray) -> int:
     return 0
 
 
-def multiplier(case: Case, z: np.ndarray, period: int) -> float:
-    """Modulus of the largest Floquet multiplier of the orbit near z, by the reference alone."""
+def orbit(case: Case, z: np.ndarray, period: int) -> tuple[int, float]:
+    """Smallest period, and modulus of the largest multiplier, of the orbit near z; 0 if none."""
     args = case.point
     for _ in range(STEPS):
         image, matrix = reference_monodromy(*args, z, period)
         step = np.linalg.solve(matrix - np.eye(z.size), image - z)
         z = z - step
         if np.abs(step).max() <= CLOSED:
-            return float(np.abs(np.linalg.eigvals(matrix)).max())
-    return math.nan
+            own = float(np.abs(np.linalg.eigvals(matrix)).max())
+            apart = np.abs(reference_points(*args, z, period) - z).max(axis=1)
+            smallest = 1 + int(np.argmax(apart <= ONE_POINT))
+            return smallest, own ** (smallest / period)
+    return 0, math.nan
 
 
 def floor_of(points: np.ndarray) -> float:
@@ -155,7 +158,7 @@ def labelled(case: Case) -> Label:
         z, done = points[-1], (part + 1) * PART
         period = closed(points)
         if period:
-            return Label("periodic", period, multiplier(case, z, period), periods=done)
+            return Label("periodic", period, orbit(case, z, period)[1], periods=done)
     points, logarithms = np.empty((0, z.size)), np.empty(0)
     offset = np.full(z.size, BESIDE / math.sqrt(z.size))
     for window in range(WINDOWS):
@@ -170,7 +173,7 @@ def labelled(case: Case) -> Label:
         done = PART * PARTS + (window + 1) * WINDOW
         period = closed(seen)
         if period:
-            return Label("periodic", period, multiplier(case, z, period), periods=done)
+            return Label("periodic", period, orbit(case, z, period)[1], periods=done)
         kept = logarithms[WINDOW // 10 :]
         batches = kept[: len(kept) // BATCHES * BATCHES].reshape(BATCHES, -1).mean(axis=1)
         mean, error = float(batches.mean()), float(batches.std(ddof=1) / math.sqrt(BATCHES))
@@ -180,10 +183,10 @@ def labelled(case: Case) -> Label:
         for period in range(1, LONGEST + 1):
             first, last = halves(points, period)
             if last <= NEAR and last < SLOW * first:
-                own = multiplier(case, z, period)
+                smallest, own = orbit(case, z, period)
                 if own < 1:
-                    return Label("periodic", period, own, **told)
-        if window >= 1 and abs(mean) <= max(SURE * error, LEAST) and told["floor"] <= FLOOR:
+                    return Label("periodic", smallest, own, **told)
+        if window >= 1 and abs(mean) <= max(error, LEAST) and told["floor"] <= FLOOR:
             return Label("quasi-periodic", **told)
     return Label("not told", **told)
 
@@ -205,13 +208,16 @@ def sort_of(kind: MotionClass, period: int, factor: float, growth: float, points
     return ""
 
 
-def drawn(scale: float, seed: int) -> list[Case]:
-    """Draw decided runs, as many of each sort as are wanted, if they are found."""
+def drawn(scale: float, seed: int, known=(), turns: int = TURNS) -> list[Case]:
+    """Draw decided runs, as many of each sort as are wanted, if they are found.
+
+    `known` are places of tori: (figure, frequency, amplitude) each.
+    """
     random = np.random.default_rng(seed)
     left = {sort: max(1, round(scale * number)) for sort, number in WANTED.items()}
     cases: list[Case] = []
-    tori: list[tuple[str, float, float]] = []
-    for turn in range(TURNS):
+    tori: list[tuple[str, float, float]] = list(known)
+    for turn in range(turns):
         if not any(left.values()):
             break
         again = tori[int(random.integers(len(tori)))] if tori and turn % 2 else None
@@ -305,9 +311,11 @@ def read(path: Path, kind: type) -> list:
 
 def label_part(cases: list[Case], path: Path, part: int, parts: int) -> None:
     """Label a part of the cases, in random order; the file is written after each."""
-    labels: list[Label | None] = [None] * len(cases)
+    labels: list[Label | None] = read(path, Label) if path.exists() else [None] * len(cases)
     order = np.random.default_rng(0).permutation(len(cases)).tolist()
     for number in order[part::parts]:
+        if labels[number]:
+            continue
         labels[number] = labelled(cases[number])
         path.write_text(json.dumps([one and vars(one) for one in labels]))
         print(number, cases[number].sort, labels[number], flush=True)
@@ -321,10 +329,15 @@ def main() -> None:
     parser.add_argument("labels", type=Path, nargs="*")
     parser.add_argument("--scale", type=float, default=1.0, help="of the numbers wanted")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--turns", type=int, default=TURNS)
+    parser.add_argument(
+        "--torus", nargs=3, action="append", default=[], metavar=("FIGURE", "OMEGA", "A")
+    )
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1))
     options = parser.parse_args()
     if options.what == "draw":
-        found = drawn(options.scale, options.seed)
+        known = [(name, float(omega), float(a)) for name, omega, a in options.torus]
+        found = drawn(options.scale, options.seed, known, options.turns)
         options.cases.write_text(json.dumps([vars(case) for case in found]))
         return
     cases = read(options.cases, Case)

@@ -344,9 +344,10 @@ def main() -> None:
     if options.what == "label":
         label_part(cases, options.labels[0], *options.part)
         return
-    both = []
+    labels: list[Label | None] = [None] * len(cases)
     for path in options.labels:
-        both += [pair for pair in zip(cases, read(path, Label), strict=True) if pair[1]]
+        labels = [old or new for old, new in zip(labels, read(path, Label), strict=True)]
+    both = [(case, label) for case, label in zip(cases, labels, strict=True) if label]
     told(*map(list, zip(*both, strict=True)))
     for case, label in both:
         if (case.kind, case.period) != (label.kind, label.period):

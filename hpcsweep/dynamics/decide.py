@@ -9,8 +9,8 @@ observed with a tangent vector, each time for twice as long. It is
   (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over the last one, and no orbit has ended it `CONFIRMED` periods later;
 - quasi-periodic if over `LEAST_TORUS` periods or more there is no growth (`TORUS_GROWTH`), the
-  exponent is not below 0 with confidence, and weighted means over both halves agree to
-  `TORUS_DIGITS` (`birkhoff`).
+  exponent is not below 0 with confidence, weighted means over both halves agree to `TORUS_DIGITS`
+  (`birkhoff`), and no orbit is proved that the torus is locked to.
 
 A motion that repeats although it repels stays there until rounding drives it away; it is driven by
 `PUSH` at once. Chaos may be a transient that would end later.
@@ -32,6 +32,7 @@ from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interv
 from hpcsweep.dynamics.orbit import (
     approached_period,
     closed_period,
+    returning_period,
     smallest_period,
     stays_near_orbit,
 )
@@ -66,7 +67,7 @@ is approached along it: P50 and P90 (Figure 3 as described, A = 0.1015 and 0.100
 -2.2."""
 LONG_TORUS = 3200
 """Periods from which on `NEUTRAL_GROWTH` is allowed: slow drift along a torus makes the growth
-swing by 2 and more. Orbits approached by less than 1e-3 a period count as a torus then."""
+swing by 2 and more."""
 TORUS_DIGITS = 5.0
 """Of tori drawn from the map of Figure 6 as described weighted means agree to 4.7 to 11.2 digits
 after 800 periods and to more after more; those of chaos beside a torus (Figure 3 as described, A =
@@ -253,7 +254,10 @@ class _Search:
         most = NEUTRAL_GROWTH if size >= LONG_TORUS else TORUS_GROWTH
         still = abs(seen.growth) <= most and growth.high >= 0
         if size >= LEAST_TORUS and digits >= TORUS_DIGITS and still:
-            return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
+            period = returning_period(points, size // 2, NEAR)
+            locked = self._jump(seen.points[-1], period) if period else None
+            torus = self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
+            return locked or torus
         return None
 
     def _closed(self, points: np.ndarray, max_period: int) -> int:

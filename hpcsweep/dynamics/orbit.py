@@ -124,6 +124,35 @@ def approached_period(points: np.ndarray, max_period: int, near: float) -> int:
     return 0
 
 
+def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
+    """Find the p after which the last third of the points returns nearest to itself.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2n)
+        Consecutive stroboscopic points.
+    max_period : int
+        Longest p that is tried, at most k / 2.
+    near : float
+        Largest difference of a coordinate.
+
+    Returns
+    -------
+    int
+        p, or 0 if it returns to within `near` after none.
+    """
+    points, max_period = rows("points", points), count("max_period", max_period, 1)
+    near = number("near", near)
+    third = max(len(points) // 3, 1)
+    coordinates = _coordinates(points)
+    best = 0
+    for period in _near_ends(coordinates, min(max_period, len(points) // 2), near):
+        apart = float(_apart(coordinates, period)[-third:].max())
+        if apart < near:
+            near, best = apart, period
+    return best
+
+
 def stays_near_orbit(points: np.ndarray, max_period: int, near: float) -> bool:
     """Tell whether points stay near an orbit, attracting or not: p apart they are near throughout.
 

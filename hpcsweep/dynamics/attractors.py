@@ -23,7 +23,8 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Portrait
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.decide import NEAR, SETTLED, Motion, decide
+from hpcsweep.dynamics.decide import NEAR, SETTLED, decide
+from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
 from hpcsweep.dynamics.resemblance import Signature, same_orbit
 from hpcsweep.dynamics.shares import share_interval

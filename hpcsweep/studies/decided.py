@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.decide import Motion, decide
+from hpcsweep.dynamics.decide import decide
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
+from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
 from hpcsweep.solvers.outcome import Outcome

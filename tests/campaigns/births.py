@@ -20,7 +20,8 @@ import numpy as np
 
 from hpcsweep import open_results
 from hpcsweep.dynamics.classify import CLASS_NAMES, contact_name
-from hpcsweep.dynamics.decide import Motion, decide
+from hpcsweep.dynamics.decide import decide
+from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.resemblance import distance
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.store import job_of

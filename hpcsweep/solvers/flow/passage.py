@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate
 from hpcsweep.model.contact import FULL_POTENTIAL, contact_force
 from hpcsweep.solvers.flow.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.crossing import NEGLECTED, add_kick, moments, passage_is_fast
 from hpcsweep.solvers.flow.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.polynomials import value_and_slope
+from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import (
     DISPLACED,
     cross_half,
@@ -191,7 +193,7 @@ def jerk_at_stop(arrival, z, a, model):
 
 
 @kernel
-def pass_layer(arrival, z, index, promised, amplitude, shared):
+def pass_layer(arrival, z, index, promised, amplitude, packed, shared):
     """Take the contact at its stop, in state z, through its layer if it need not be integrated.
 
     Parameters
@@ -202,6 +204,8 @@ def pass_layer(arrival, z, index, promised, amplitude, shared):
         Of the table of the motion before.
     promised : uint64
     amplitude : float
+    packed : ndarray of bytes
+        `shared`, packed.
     shared : Shared
 
     Returns
@@ -215,7 +219,7 @@ def pass_layer(arrival, z, index, promised, amplitude, shared):
         Contacts whose next passage has to be in closed form, see `passes_apart`; brought up to
         date.
     """
-    model, tables, work = shared.model, shared.tables, shared.work
+    model, work = shared.model, shared.work
     contact, contacts, a = arrival.contact, model.contacts, work.a
     stiffness, damping, rho = model.stiffness, model.damping, model.rho
     n = stiffness.shape[0]
@@ -260,37 +264,34 @@ def pass_layer(arrival, z, index, promised, amplitude, shared):
         found = moments(v, pushed, bend, contacts.beta[contact], rho)
         add_kick(found, contact, arrival.key, model, z)
     else:
-        how = _pass_slowly(how, arrival, z, index, model, tables, work)
+        how = _pass_slowly(how, arrival, z, index, packed, shared)
     if how == INTEGRATED:
         return how, jerk, promised
     return how, jerk, promised & ~contact_bit(contact)
 
 
 @inlined
-def _pass_slowly(how, arrival, z, index, model, tables, work):
+def _pass_slowly(how, arrival, z, index, packed, shared):
     """Take the contact at its stop by `slow_passage`; say how it was taken."""
-    contact, forcing = arrival.contact, arrival.forcing
+    contact, z_end = arrival.contact, shared.work.z_end
     after = index
     if how == SLOW:
-        after = table_at_hand(arrival.key ^ contact_bit(contact), model, tables)
+        after = table_at_hand(arrival.key ^ contact_bit(contact), shared.model, shared.tables)
         if after < 0:
             return INTEGRATED
-    z_end = work.z_end
     for i in range(z.shape[0]):
         z_end[i] = z[i]
-    if not cross_half(-1.0, index, contact, forcing, z_end, model, tables, work.arriving):
+    if cross_half(-1.0, index, contact, z_end, packed) == 0:
         return INTEGRATED
-    if how == SLOW and not cross_half(
-        1.0, after, contact, forcing, z_end, model, tables, work.departing
-    ):
+    if how == SLOW and cross_half(1.0, after, contact, z_end, packed) == 0:
         return INTEGRATED
     for i in range(z.shape[0]):
         z[i] = z_end[i]
     return how
 
 
-@kernel
-def leave_layer(contact, tau, z, a, amplitude, forcing, model, tables, work):
+@separate(INT, INT, FLOAT, VECTOR, FLOAT, BYTES)
+def leave_layer(contact, tau, z, amplitude, shared):
     """Go over to the linear motion before a stop that a contact has just reached from beyond it.
 
     Parameters
@@ -298,22 +299,20 @@ def leave_layer(contact, tau, z, a, amplitude, forcing, model, tables, work):
     contact : int
     tau : float
     z : ndarray, shape (2R,)
-        True state; on success that of the linear motion.
-    a : ndarray, shape (R,)
-        Its accelerations.
+        True state; on success that of the linear motion. ``work.a`` has its accelerations and
+        ``work.forcing`` the forcing.
     amplitude : float
-    forcing : ndarray
-        Pairs at `tau`.
-    model : Model
-    tables : Tables
-    work : Workspace
+    shared : ndarray of bytes
+        A packed `Shared`.
 
     Returns
     -------
     int
         The table of that motion; -1, with z unchanged, if the passage has to be integrated.
     """
-    contacts = model.contacts
+    common = read_shared(shared)
+    model, tables, work = common.model, common.tables, common.work
+    contacts, a, forcing = model.contacts, work.a, work.forcing
     key = np.uint64(0)
     for k in range(contacts.row.shape[0]):
         x = distance(k, z, contacts)
@@ -337,6 +336,6 @@ def leave_layer(contact, tau, z, a, amplitude, forcing, model, tables, work):
     if not apart or more != np.uint64(0):
         return -1
     index = table_at_hand(key, model, tables)
-    if index >= 0 and cross_half(1.0, index, contact, forcing, z, model, tables, work.departing):
+    if index >= 0 and cross_half(1.0, index, contact, z, shared) == 1:
         return index
     return -1

@@ -119,7 +119,7 @@ def _step(segment, known, tables, work):
 
 
 @inlined
-def _end_at_event(segment, contact, bracket, promised, z, amplitude, shared):
+def _end_at_event(segment, contact, bracket, promised, z, amplitude, packed, shared):
     """End a segment where `contact` passes its stop, or else at the edge of its layer.
 
     `bracket` is that of `first_event`. Without a passage ``work.z_end`` is the state at the end.
@@ -148,7 +148,9 @@ def _end_at_event(segment, contact, bracket, promised, z, amplitude, shared):
         evaluate_rows(rows, h, at_stop, z)
         forcing_at(tau + at_stop, amplitude, model, work.forcing, 0)
         arrival = Arrival(contact, segment.key, tau + at_stop, work.forcing)
-        how, jerk, promised = pass_layer(arrival, z, segment.index, promised, amplitude, shared)
+        how, jerk, promised = pass_layer(
+            arrival, z, segment.index, promised, amplitude, packed, shared
+        )
     if how != INTEGRATED:
         return Ending(at_stop, contact, how, False, False, jerk, promised)
     span = rising_root(curve, bracket, edge)
@@ -159,8 +161,9 @@ def _end_at_event(segment, contact, bracket, promised, z, amplitude, shared):
 
 
 @inlined
-def _segment_tangent(segment, ending, model, tables, work, tangent):
+def _segment_tangent(segment, ending, packed, shared, tangent):
     """Multiply `tangent` by the tangent map of a segment and of the passage at its end."""
+    model, tables, work = shared.model, shared.tables, shared.work
     linear_tangent(tables, segment.index, ending.span, tangent, work.tangent)
     if ending.how == FAST:
         z = work.z_end
@@ -176,10 +179,10 @@ def _segment_tangent(segment, ending, model, tables, work, tangent):
         passage_tangent(arrival, z, work.a, ending.jerk, model, work.tangent, tangent)
     elif ending.how != INTEGRATED:
         contact = ending.contact
-        half_tangent(-1.0, segment.index, contact, model, tables, work.arriving, tangent)
+        half_tangent(-1.0, segment.index, contact, tangent, packed)
         if ending.how == SLOW:
             after = table_of(segment.key ^ contact_bit(contact), model, tables)
-            half_tangent(1.0, after, contact, model, tables, work.departing, tangent)
+            half_tangent(1.0, after, contact, tangent, packed)
 
 
 @inlined
@@ -303,11 +306,13 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
             return SOLVER_FAILED
         ending = Ending(span, contact, INTEGRATED, False, False, 0.0, promised)
         if contact >= 0:
-            ending = _end_at_event(segment, contact, bracket, promised, z, amplitude, shared)
+            ending = _end_at_event(
+                segment, contact, bracket, promised, z, amplitude, packed, shared
+            )
             promised = ending.promised
             counts[1] += ending.how != INTEGRATED
         if tangent is not None and tangent.shape[1] > 0:
-            _segment_tangent(segment, ending, model, tables, work, tangent)
+            _segment_tangent(segment, ending, packed, shared, tangent)
         if ending.how != INTEGRATED:
             copy_state(z, work.z_end)
         if not is_ordinary(work.z_end):

@@ -24,14 +24,10 @@ gains a factor of the size of delta each time. p and exp(M s) e are series of Ta
 `LANES` terms. Tangent vectors obey the same equations with r' and g, at the same nodes.
 """
 
-from typing import NamedTuple
-
-import numpy as np
-
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate
 from hpcsweep.kernels.vectors import (
     LANES,
-    aligned_zeros,
     combine,
     fma,
     load,
@@ -55,7 +51,8 @@ from hpcsweep.solvers.flow.passage_rule import (
     SWITCHED,
     WEIGHTS,
 )
-from hpcsweep.solvers.flow.tables import ZERO, padded
+from hpcsweep.solvers.flow.shared import read_shared
+from hpcsweep.solvers.flow.tables import ZERO
 
 FALL = 0.9
 """Largest part of the square of the speed that may be lost up to `REACH`."""
@@ -68,49 +65,6 @@ DISPLACED = 0.1
 SWEEPS = 5
 EXPONENTIAL = (-1.0 / 720.0 / 7.0, 1.0 / 720.0, -1.0 / 120.0, 1.0 / 24.0, -1.0 / 6.0, 0.5, -1.0)
 """(exp(-delta) - 1) / delta, falling orders."""
-
-
-class HalfPassage(NamedTuple):
-    """Workspace, and what the tangent map of half a passage asks for.
-
-    Attributes
-    ----------
-    x : ndarray, shape (N,)
-        Augmented state at the stop.
-    kicked : ndarray, shape (padded 2R,)
-        What the force of this side does to it.
-    series, moments : ndarray, shape (LANES,)
-        Series of the distance, moments of the force.
-    times, forces, slopes, shares, moved : ndarray, shape (N_NODES,)
-        At the nodes: times from the stop, forces and their derivatives by the distance, as smooth
-        factors of the weight; workspace.
-    response : ndarray, shape (N_NODES, N_NODES)
-        Row j: displacement at all nodes by a unit of force at node j.
-    """
-
-    x: np.ndarray
-    kicked: np.ndarray
-    series: np.ndarray
-    moments: np.ndarray
-    times: np.ndarray
-    forces: np.ndarray
-    slopes: np.ndarray
-    shares: np.ndarray
-    moved: np.ndarray
-    response: np.ndarray
-
-
-def new_half_passage(n: int, size: int) -> HalfPassage:
-    """Allocate the workspace for n rows of displacements, `size` of the augmented state."""
-    at_nodes = (aligned_zeros(N_NODES) for _ in range(5))
-    return HalfPassage(
-        aligned_zeros(size),
-        aligned_zeros(padded(2 * n)),
-        aligned_zeros(LANES),
-        aligned_zeros(LANES),
-        *at_nodes,
-        aligned_zeros(N_NODES, N_NODES),
-    )
 
 
 @kernel
@@ -324,27 +278,30 @@ def take_half(direction, index, contact, model, tables, work):
     return True
 
 
-@kernel
-def cross_half(direction, index, contact, forcing, z, model, tables, work):
+@separate(INT, FLOAT, INT, INT, VECTOR, BYTES)
+def cross_half(direction, index, contact, z, shared):
     """Go over from the linear motion to the true one at the stop, or back.
 
     Parameters
     ----------
-    direction, index, contact, model, tables, work
-        Of `take_half`.
-    forcing : ndarray
-        Pairs at the time, see `forcing`.
+    direction, index, contact
+        Of `take_half`, whose workspace is ``work.arriving`` or ``work.departing``.
     z : ndarray, shape (2R,)
-        State; changed on success.
+        State; changed on success. ``work.forcing`` has the forcing at that time.
+    shared : ndarray of bytes
+        A packed `Shared`.
 
     Returns
     -------
-    bool
-        Whether the passage is as the module asks.
+    int
+        1, or 0 if the passage is not as the module asks.
     """
-    start(work.x, z, forcing)
-    if not take_half(direction, index, contact, model, tables, work):
-        return False
+    common = read_shared(shared)
+    model, tables, work = common.model, common.tables, common.work
+    half = work.departing if direction > 0.0 else work.arriving
+    start(half.x, z, work.forcing)
+    if not take_half(direction, index, contact, model, tables, half):
+        return 0
     for i in range(z.shape[0]):
-        z[i] += work.kicked[i]
-    return True
+        z[i] += half.kicked[i]
+    return 1

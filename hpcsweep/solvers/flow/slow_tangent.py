@@ -4,17 +4,33 @@ A variation of the distance is that of the linear motion and what the variations
 force add to it, at the nodes of the passage.
 """
 
-from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, separate
 from hpcsweep.kernels.vectors import LANES, fma, load, store
 from hpcsweep.solvers.flow.passage_rule import N_NODES
+from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import expand_series, respond, sum_up
 
 TANGENT_SWEEPS = 7
 
 
-@inlined
-def half_tangent(direction, index, contact, model, tables, work, tangent):
-    """Multiply `tangent` by the tangent map of the half that `take_half` has left in `work`."""
+@separate(INT, FLOAT, INT, INT, MATRIX, BYTES)
+def half_tangent(direction, index, contact, tangent, shared):
+    """Multiply `tangent` by the tangent map of the half that `cross_half` has taken last.
+
+    Parameters
+    ----------
+    direction, index, contact, shared
+        Those of `cross_half`.
+    tangent : ndarray, shape (2R, m)
+
+    Returns
+    -------
+    int
+        m
+    """
+    common = read_shared(shared)
+    model, tables, workspace = common.model, common.tables, common.work
+    work = workspace.departing if direction > 0.0 else workspace.arriving
     contacts = model.contacts
     place = index * contacts.row.shape[0] + contact
     size = tangent.shape[0]
@@ -40,3 +56,4 @@ def half_tangent(direction, index, contact, model, tables, work, tangent):
         sum_up(direction, place * LANES * tables.impulses.shape[3], tables, work)
         for i in range(size):
             tangent[i, column] += work.kicked[i]
+    return tangent.shape[1]

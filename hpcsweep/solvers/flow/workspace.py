@@ -9,7 +9,7 @@ from hpcsweep.model.kernel_model import Model
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.workspace import LayerWorkspace, new_layer_workspace
 from hpcsweep.solvers.flow.search import MAX_DEPTH
-from hpcsweep.solvers.flow.slow_passage import HalfPassage, new_half_passage
+from hpcsweep.solvers.flow.slow_workspace import HalfPassage, new_half_passage
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, N_MODAL, padded
 from hpcsweep.solvers.flow.tangent import TangentWorkspace, new_tangent_workspace
 

@@ -224,18 +224,19 @@ def visit_layer(shared, interval, z, amplitude):
     steps : int
         Steps taken.
     """
-    return _visit(interval, z, amplitude, read_shared(shared), None, None)
+    return _visit(shared, interval, z, amplitude, None, None)
 
 
 @separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, TALLY, MATRIX)
 def visit_layer_observed(shared, interval, z, amplitude, tally, tangent):
     """Integrate as `visit_layer`, with `tally` and `tangent` of `period.march_period`."""
-    return _visit(interval, z, amplitude, read_shared(shared), tally, tangent)
+    return _visit(shared, interval, z, amplitude, tally, tangent)
 
 
 @inlined
-def _visit(interval, z, amplitude, shared, tally, tangent):
+def _visit(packed, interval, z, amplitude, tally, tangent):
     """Do what `visit_layer` and `visit_layer_observed` say."""
+    shared = read_shared(packed)
     tau, end, steps_left = interval
     model, work, tolerance = shared.model, shared.work, shared.tolerance
     pairs = work.forcing
@@ -284,10 +285,8 @@ def _visit(interval, z, amplitude, shared, tally, tangent):
         if tau >= end or not inside_layer(z, model):
             return tau, COMPLETE, steps
         if contact >= 0 and h == planned:
-            index = leave_layer(
-                contact, tau, z, work.a, amplitude, pairs, model, shared.tables, work
-            )
+            index = leave_layer(contact, tau, z, amplitude, packed)
             if index >= 0:
                 if tangent is not None and tangent.shape[1] > 0:
-                    half_tangent(1.0, index, contact, model, shared.tables, work.departing, tangent)
+                    half_tangent(1.0, index, contact, tangent, packed)
                 return tau, DEPARTED + contact, steps

@@ -1,4 +1,4 @@
-"""Compile the reference for real and for complex states, side by side, before many tests want it."""
+"""Compile the reference for real and complex states, side by side, before many tests want it."""
 
 import multiprocessing
 

@@ -4,6 +4,8 @@
     Run time against error, of our solvers and their `peers`.
 `ratios`
     `flow` against the specified solver and a compiled peer, on the same motions.
+`profile`
+    What the runs of frames ask of the solver, and how long it takes.
 `scaling`
     Run time against ranks and against floors.
 `startup`
@@ -19,7 +21,7 @@ the machine disturb least.
 import time
 from collections.abc import Callable
 
-PARTS = ("work-precision", "ratio", "floors", "ranks", "startup", "skips")
+PARTS = ("work-precision", "ratio", "profile", "floors", "ranks", "startup", "skips")
 """Names of the measurements, in the order in which they are done."""
 
 

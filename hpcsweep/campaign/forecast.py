@@ -93,9 +93,10 @@ def predict(
 ) -> list[Prediction]:
     """Simulate the job's schedule on numbers of ranks."""
     pieces = forecast.costs.pieces(MOST_PIECES)
-    # between two looks at the messages a computing master does one run, or one forcing period
+    # between two looks at the messages a computing master does a run or a start, or one period
     cycles = job.settings.transient_cycles + job.settings.sampling_cycles
-    poll = forecast.run_seconds / (cycles if SOLVERS[job.settings.solver].polls_each_period else 1)
+    each_period = SOLVERS[job.settings.solver].polls_each_period
+    poll = forecast.run_seconds / (cycles if each_period else job.study.polls_per_run)
     return [simulate(pieces, n, message_seconds=message_seconds, poll_seconds=poll) for n in ranks]
 
 

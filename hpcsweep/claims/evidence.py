@@ -236,13 +236,7 @@ class Study:
         """Mean modal norms without contact, closed form, shape (n,)."""
         orbit = LinearOrbit(self.structure, self.sweep.omega)
         amplitude = 0.1 * self.structure.grazing_amplitude(self.sweep.omega)
-        window = orbit.steady_window(
-            orbit.state(amplitude),
-            amplitude,
-            self._settings.transient_cycles,
-            self._settings.sampling_cycles,
-            self._settings.period_tolerance,
-        )
+        window = orbit.window(amplitude)
         assert window is not None, "a tenth of the grazing amplitude is linear"
         return window.modal_norm
 

@@ -14,6 +14,8 @@ Measure, everything that is compared in one run and in turn:
                   (extra 'bench') and numbalsoda (built from source), in several regimes
   ratio           flow against scipy's BDF and DOP853 and a compiled DOP853 on attractors of a
                   building and of two that pound, and against bdf over the first frame of JOB
+  profile         runs on frames of JOB (default: eight frames of jobs/bluecrystal.toml): CPU time
+                  by what they ask of the solver, with counts of periods, steps and passages
   floors          flow against the number of floors
   ranks           strong scaling of a small job over the cores of this machine (needs mpirun)
   startup         seconds of a tiny job, cold and warm
@@ -45,7 +47,7 @@ def add_to(commands) -> None:
         formatter_class=RAW,
     )
     bench.add_argument(
-        "job", type=Path, nargs="?", metavar="JOB.toml", help="job of the ratio (default: Figure 3)"
+        "job", type=Path, nargs="?", metavar="JOB.toml", help="job of the ratio and the profile"
     )
     bench.add_argument(
         "--only", type=_parts, metavar="PART[,PART...]", help="only these of the parts above"
@@ -167,6 +169,13 @@ def _ratio(_options, job):
     return ratios.as_json(motions, sweep), ratios.as_text(motions, sweep), True
 
 
+def _profile(options, job):
+    from hpcsweep.bench import profile
+
+    rows = profile.profile(job if options.job else None)
+    return profile.as_json(rows), profile.as_text(rows), True
+
+
 def _floors(_options, _job):
     from hpcsweep.bench import scaling
 
@@ -200,6 +209,7 @@ def _skips(options, _job):
 MEASURE = {
     "work-precision": _work_precision,
     "ratio": _ratio,
+    "profile": _profile,
     "floors": _floors,
     "ranks": _ranks,
     "startup": _startup,

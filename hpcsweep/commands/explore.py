@@ -116,6 +116,6 @@ def _describe(study, sizes: dict[str, int]) -> str:
     kept, stored = study.thinned["points"], study.thinned["of_points"]
     return (
         f"{sum(sizes.values()) / 1e6:.3g} MB, {study.omega.size} frames x "
-        f"{study.amplitude.size} amplitudes x {len(study.directions)} directions, "
+        f"{study.amplitude.size} amplitudes x {len(study.directions)} {study.each}s, "
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )

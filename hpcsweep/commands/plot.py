@@ -20,6 +20,7 @@ FIGURES = (
     "attractor_diagram",
     "shares",
     "attractor_map",
+    "basins",
 )
 """Modules of `hpcsweep.figures.diagrams`, each a `figure.Figure`; the first one that draws what a
 file holds is the default."""

@@ -99,11 +99,12 @@ def _describe_motions(state: dict) -> list[str]:
                 f"{state['periods_per_run_plain']}; runs spared: {spared}"
             )
         lines.append(f"  no period found in {state['no_period_found']} runs")
-    if state.get("attractors_per_point") is not None:
-        lines.append(
-            f"  found     {state['attractors_per_point']:.3g} attractors a point, several in "
-            f"{state['points_with_several']} points, at most {state['most_attractors']}"
-        )
+    if "starts" in state and state["periods_per_start"] is not None:
+        if state.get("attractors_per_point") is not None:
+            lines.append(
+                f"  found     {state['attractors_per_point']:.3g} attractors a point, several in "
+                f"{state['points_with_several']} points, at most {state['most_attractors']}"
+            )
         lines.append(
             f"  starts    {state['starts']} of {state['periods_per_start']:.3g} periods; undecided "
             f"{state['starts_undecided']}, failed {state['starts_failed']}, to attractors that are "

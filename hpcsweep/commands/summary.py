@@ -119,8 +119,9 @@ def _history_rows(summary: dict) -> dict[str, str]:
 def _attractor_rows(summary: dict) -> dict[str, str]:
     if not summary["runs_done"]:
         return {}
+    noun = "row" if "basins" in summary else "point"
     rows = {
-        "periods per point": f"{summary['periods_per_run']:.4g} integrated, "
+        f"periods per {noun}": f"{summary['periods_per_run']:.4g} integrated, "
         f"{summary['periods_per_start']:.4g} a start"
     }
     for number, entry in summary["numbers"].items():
@@ -129,6 +130,8 @@ def _attractor_rows(summary: dict) -> dict[str, str]:
     for name in ("undecided", "failed", "elsewhere"):
         rows[f"starts {name}"] = _share(summary[f"starts_{name}"])
     rows["attractors"] = str(summary["attractors"])
+    for number, entry in summary.get("basins", {}).items():
+        rows[f"starts to {number}, {entry['name']}"] = _share(entry)
     return rows
 
 

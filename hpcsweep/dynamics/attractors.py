@@ -14,9 +14,9 @@ probability exp(-max_cycles / L). A motion that is left undecided is remembered 
 that the starts that resemble it are counted as undecided at the cost of a window.
 """
 
-import math
 from collections import Counter
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +28,7 @@ from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
 from hpcsweep.dynamics.resemblance import Signature, same_orbit
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach
+from hpcsweep.solvers.records import Approach, normalised_drift
 
 STRIDE = 8
 """Forcing periods between two looks at where the starts are."""
@@ -75,14 +75,10 @@ def portrait(
     poll : callable, optional
         Called before each start and within long ones; may raise to leave.
     """
-    search = _Search(solver, amplitude, settings, max_cycles, poll)
+    search = Search(solver, amplitude, settings, max_cycles, poll)
     for seed in seeds:
         search.decide(seed)
-    labels = np.empty(len(starts), int)
-    first, size = 0, FIRST_GROUP
-    while first < len(starts):
-        labels[first : first + size] = search.follow(starts[first : first + size])
-        first, size = first + size, min(2 * size, LARGEST_GROUP)
+    labels = search.labels(starts)
     found = []
     for place, attractor in enumerate(search.attractors):
         hits, total = int((labels == place).sum()), len(starts)
@@ -95,8 +91,14 @@ def portrait(
     return Portrait(found, labels, search.cycles, outcome)
 
 
-class _Search:
-    """The attractors that are known so far at one point."""
+class Search:
+    """The attractors that are known so far at one point.
+
+    Parameters
+    ----------
+    solver, amplitude, settings, max_cycles, poll
+        Of `portrait`.
+    """
 
     def __init__(self, solver, amplitude: float, settings, max_cycles: int, poll):
         self._solver, self._amplitude, self._settings = solver, amplitude, settings
@@ -109,8 +111,36 @@ class _Search:
         self.failures: Counter[Outcome] = Counter()
         self.cycles = 0
 
-    def follow(self, starts: np.ndarray) -> np.ndarray:
-        """Tell what each start reaches: its place in `attractors`, `UNDECIDED` or `FAILED`."""
+    def fork(self, poll: Callable[[], None] | None = None) -> "Search":
+        """Give a search that knows what this one knows; what it finds this one does not learn."""
+        own = copy(self)
+        own._poll, own._rng = poll, np.random.default_rng(0)
+        own._neighbourhoods, own._signatures = list(self._neighbourhoods), list(self._signatures)
+        own.attractors, own.failures, own.cycles = list(self.attractors), Counter(), 0
+        return own
+
+    def labels(self, starts: np.ndarray, first_group: int = FIRST_GROUP) -> np.ndarray:
+        """Tell what each start reaches: its place in `attractors`, `UNDECIDED` or `FAILED`.
+
+        Parameters
+        ----------
+        starts : ndarray, shape (N, 2n)
+        first_group : int
+            Starts of the first group; the others double in size, up to `LARGEST_GROUP`.
+
+        Returns
+        -------
+        ndarray of int, shape (N,)
+        """
+        labels = np.empty(len(starts), int)
+        first, size = 0, first_group
+        while first < len(starts):
+            labels[first : first + size] = self._follow(starts[first : first + size])
+            first, size = first + size, min(2 * size, LARGEST_GROUP)
+        return labels
+
+    def _follow(self, starts: np.ndarray) -> np.ndarray:
+        """Tell what each start of a group reaches."""
         labels = np.full(len(starts), UNDECIDED)
         left, gone = np.arange(len(starts)), 0
         longest = max(self._settings.transient_cycles, PATIENCE, WINDOW)
@@ -276,7 +306,7 @@ class _Search:
 
     def _add(self, motion: Motion, points: np.ndarray, seen, near: Neighbourhood | None) -> int:
         """Note a new attractor; give its place."""
-        scale = self._solver.omega**2 / abs(self._amplitude) if self._amplitude else math.nan
+        drift = normalised_drift(seen.peak_drift, self._amplitude, self._solver.omega)
         self.attractors.append(
             Attractor(
                 motion.kind,
@@ -287,7 +317,7 @@ class _Search:
                 motion.exponent_low,
                 motion.exponent_high,
                 seen.contact,
-                seen.peak_drift * scale,
+                float(drift),
                 seen.modal_norm,
             )
         )

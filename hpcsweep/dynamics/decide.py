@@ -9,8 +9,8 @@ observed with a tangent vector, each time for twice as long. It is
   (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over the last one, and no orbit has ended it `CONFIRMED` periods later;
 - quasi-periodic if over `LEAST_TORUS` periods or more there is no growth (`TORUS_GROWTH`), the
-  exponent is not below 0 with confidence, and weighted means over both halves agree to
-  `TORUS_DIGITS` (`birkhoff`).
+  exponent is not below 0 with confidence, weighted means over both halves agree to `TORUS_DIGITS`
+  (`birkhoff`), and no orbit is proved that the torus is locked to.
 
 A motion that repeats although it repels stays there until rounding drives it away; it is driven by
 `PUSH` at once. Chaos may be a transient that would end later.
@@ -32,13 +32,14 @@ from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interv
 from hpcsweep.dynamics.orbit import (
     approached_period,
     closed_period,
+    returning_period,
     smallest_period,
     stays_near_orbit,
 )
 from hpcsweep.dynamics.stability import exponent_of_multiplier, floquet_multipliers
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Observation
+from hpcsweep.solvers.records import Growth, Observation
 
 SETTLED = 1e-10
 """Largest estimated distance (gaps, gaps omega_0) from the orbit at which a motion is on it."""
@@ -47,6 +48,9 @@ NEAR = 1e-3
 LONGEST = 64
 """Longest orbit period to which Newton's method jumps, in forcing periods. Longer ones, up to half
 of what is observed, are recognised when they have closed."""
+LONGER = 32
+"""Of a round of many periods orbits up to a part of it as long are jumped to. Motions locked to
+an orbit of long period wander before: a longer part costs more than it saves."""
 WATCHED = 4 * LONGEST
 """Forcing periods that are watched in each round."""
 FIRST_ROUND = 200
@@ -63,7 +67,7 @@ is approached along it: P50 and P90 (Figure 3 as described, A = 0.1015 and 0.100
 -2.2."""
 LONG_TORUS = 3200
 """Periods from which on `NEUTRAL_GROWTH` is allowed: slow drift along a torus makes the growth
-swing by 2 and more. Orbits approached by less than 1e-3 a period count as a torus then."""
+swing by 2 and more."""
 TORUS_DIGITS = 5.0
 """Of tori drawn from the map of Figure 6 as described weighted means agree to 4.7 to 11.2 digits
 after 800 periods and to more after more; those of chaos beside a torus (Figure 3 as described, A =
@@ -101,7 +105,7 @@ class Motion:
     outcome : Outcome
         Of the solver.
     seen : Observation, optional
-        By which it was told, of other motions than orbits.
+        The window, if it was told by that, and is no orbit.
     """
 
     kind: MotionClass
@@ -186,7 +190,6 @@ class _Search:
     def __init__(self, solver, amplitude: float, settings, poll):
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self._same = settings.period_tolerance
-        self._norms_of = settings.sampling_cycles if "modal_norm" in settings.metrics else 0
         self._units = solver.structure.state_units
         self._time = 2 * math.pi / solver.omega
         self._logarithms = np.empty(0)
@@ -215,21 +218,18 @@ class _Search:
         _, ended = self.watch(z, min(CONFIRMED, max(max_cycles - self.cycles, 0)))
         return ended or replace(motion, cycles=self.cycles)
 
-    def observe(self, z: np.ndarray, n_periods: int) -> Observation:
+    def observe(self, z: np.ndarray, n_periods: int) -> Growth:
         """Integrate with a tangent vector."""
-        # only a round of the length of a window is what a run's results are taken from
-        norms = n_periods == self._norms_of
-        seen = self._solver.observe(
-            z, self._amplitude, n_periods, norms, growth=True, poll=self._poll
-        )
+        seen = self._solver.grow(z, self._amplitude, n_periods, self._poll)
         self.cycles += len(seen.points)
         return seen
 
-    def judge(self, seen: Observation) -> Motion | None:
+    def judge(self, seen: Observation | Growth) -> Motion | None:
         """Tell the motion from what was observed, if that is enough."""
         if seen.outcome is not Outcome.COMPLETE:
             return self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         points, size = seen.points / self._units, len(seen.points)
+        whole = seen if isinstance(seen, Observation) else None
         self.end = seen.points[-1]
         self._logarithms = np.concatenate((self._logarithms, aligned(seen.logarithms)))
         self.growth = growth = growth_interval(self._logarithms)
@@ -242,8 +242,8 @@ class _Search:
         grows = growth.low > 0 and seen.growth > CHAOS_GROWTH
         # beside an orbit that repels it is that orbit's growth
         if grows and not stays_near_orbit(points[: size // 3], LONGEST, NEAR):
-            return self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=seen)
-        period = approached_period(points, LONGEST, NEAR)
+            return self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
+        period = approached_period(points, max(LONGEST, size // LONGER), NEAR)
         if period:
             motion = self._jump(seen.points[-1], period)
             if motion is not None:
@@ -254,7 +254,10 @@ class _Search:
         most = NEUTRAL_GROWTH if size >= LONG_TORUS else TORUS_GROWTH
         still = abs(seen.growth) <= most and growth.high >= 0
         if size >= LEAST_TORUS and digits >= TORUS_DIGITS and still:
-            return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=seen)
+            period = returning_period(points, size // 2, NEAR)
+            locked = self._jump(seen.points[-1], period) if period else None
+            torus = self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
+            return locked or torus
         return None
 
     def _closed(self, points: np.ndarray, max_period: int) -> int:

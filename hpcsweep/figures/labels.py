@@ -22,9 +22,9 @@ def displacement(structure, floor: int, at: str = "") -> str:
     return rf"$u_{{{floor + 1}}}{at}$" + ("  [gaps]" if in_gaps(structure) else "")
 
 
-def velocity(structure, floor: int) -> str:
+def velocity(structure, floor: int, at: str = "") -> str:
     """Label a floor's velocity (floor from 0)."""
-    return rf"$v_{{{floor + 1}}}$" + (r"  [gaps $\omega_0$]" if in_gaps(structure) else "")
+    return rf"$v_{{{floor + 1}}}{at}$" + (r"  [gaps $\omega_0$]" if in_gaps(structure) else "")
 
 
 def amplitude(structure) -> str:

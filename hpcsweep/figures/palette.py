@@ -21,7 +21,7 @@ from math import comb
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
-from hpcsweep.figures.cielab import lightness, to_hex
+from hpcsweep.figures.cielab import lightness, rgb, to_hex
 from hpcsweep.studies.amplitude_sweep import DOWN, UP
 from hpcsweep.studies.points import START
 
@@ -75,6 +75,11 @@ SERIES = (
     "#999933",
 )
 """Okabe and Ito's colours, then Tol's."""
+SHADES = ((0.0, -0.5, 0.75, -0.75), (0.0, 0.4, 0.75, 0.6))
+"""Shares of white, or less than 0 of black, in the colours of several attractors of one motion,
+whose own colour is light or dark; three of them are told apart by every eye."""
+LIGHT = 45.0
+"""Lightness from which on a motion's colour is light."""
 DARK_INK, LIGHT_INK, INK_CHANGE = "#222222", "#ffffff", 53.3
 """Inks of text, and the lightness of the ground at which their contrast is the same, 4 to 1."""
 
@@ -142,6 +147,15 @@ def contact_colour(contact: int, labels: int | tuple[str, ...]) -> str:
         _CONTACT_CHROMA,
         _CONTACT_HUE + _HUE_OF_NUMBER * (len(members) - 1) + 360 * share[0],
     )
+
+
+def shade(colour: str, place: int) -> str:
+    """Return the colour of one of several attractors of a motion (from 0: the motion's own)."""
+    shades = SHADES[lightness(colour) < LIGHT]
+    share = shades[place % len(shades)]
+    towards = 255 if share > 0 else 0
+    parts = (round(part + abs(share) * (towards - part)) for part in rgb(colour))
+    return "#" + "".join(f"{part:02x}" for part in parts)
 
 
 def series_colour(place: int) -> str:

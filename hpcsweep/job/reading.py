@@ -134,13 +134,13 @@ def every_key() -> dict[str, tuple[str, ...]]:
 def _keys_of_others(study) -> dict[str, str]:
     """Give the keys that only other kinds of study know, and which."""
     own = keys_of(study)
-    return {
-        f"{table}.{key}": f'study.kind = "{other.kind}"'
-        for other in KINDS.values()
-        for table, keys in other.keys.items()
-        for key in keys
-        if key not in own[table]
-    }
+    homes: dict[str, list[str]] = {}
+    for other in KINDS.values():
+        for table, keys in other.keys.items():
+            for key in keys:
+                if key not in own[table]:
+                    homes.setdefault(f"{table}.{key}", []).append(f'"{other.kind}"')
+    return {key: f"study.kind = {' or '.join(kinds)}" for key, kinds in homes.items()}
 
 
 def _kind(values: Values):

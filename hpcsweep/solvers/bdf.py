@@ -28,7 +28,7 @@ from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import motion, points_array, solver_arguments
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
+from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, window_growth
 from hpcsweep.solvers.step_tally import StepTally
 
 MAX_STEPS = 200_000
@@ -134,19 +134,32 @@ class BdfMap:
         """
         tally = StepTally(self._model, modal_norm)
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
-        total, logarithms = math.nan, np.empty(0)
+        logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
             logarithms = self._growth(state, amplitude, n_periods, poll)
-            total = window_growth(logarithms)
         return Observation(
             points,
             self.structure.contact_bits(tally.contact),
             tally.peak_drift * self.structure.length_unit,
             tally.modal_mean(),
             outcome,
-            total,
+            window_growth(logarithms),
             logarithms,
         )
+
+    def grow(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        poll: Callable[[], None] | None = None,
+    ) -> Growth:
+        """Integrate `n_periods`, and once more with a tangent vector, (1, ..., 1) at first."""
+        points, outcome = self.points(state, amplitude, n_periods, poll)
+        logarithms = np.empty(0)
+        if outcome is Outcome.COMPLETE:
+            logarithms = self._growth(state, amplitude, n_periods, poll)
+        return Growth(points, outcome, window_growth(logarithms), logarithms)
 
     def _growth(self, state, amplitude, n_periods, poll):
         """Logarithm of the growth of a tangent vector in each period; none if the solver fails."""

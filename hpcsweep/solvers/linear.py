@@ -1,19 +1,14 @@
-"""The steady state without contact, in closed form, and the proof that it is reached.
+"""The steady state without contact, in closed form.
 
-Free of contact the modes are uncoupled (12). From a state z the motion is the particular
-solution A sum_h Im(U_h exp(i h Omega tau)) plus modal transients whose energy never grows, so that
+Free of contact the modes are uncoupled (12), or coupled by a damping matrix. The steady state is
 
-    d . u(tau) <= A max d . u_1 + sum_j |d . phi_j| a_j,   a_j = sqrt(q_j^2 + (q_j' / omega_j)^2),
+    u(tau) = A sum_h Im(U_h exp(i h Omega tau)).
 
-u_1 being the particular solution at unit amplitude and q the transient part at 0. If that stays
-outside its layer for every contact, contact is impossible. Where a damping matrix couples the modes
-their energies are not bounded one by one but together: with E = sum_j omega_j^2 a_j^2 the sum is
-replaced by sqrt(d . K^-1 d) sqrt(E), the largest d . u of that energy.
+`flow.free` proves which motions come to it.
 """
 
 import cmath
 import math
-from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import expm
@@ -23,9 +18,6 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 
-DECAYED = 0.1
-"""Largest transient left after `transient_cycles`, in units of the period tolerance, for which the
-closed form is used."""
 N_GRADED = 40
 """Panels on either side of a kink of the modal norms, each half as long as the one before."""
 N_NODES = 16
@@ -46,117 +38,83 @@ class LinearOrbit:
         self._omega = omega
         directions = structure.directions
         gaps = np.array([contact.gap for contact in structure.contacts])
-        self._levels = gaps - structure.layer_half_width
+        self.levels = gaps - structure.layer_half_width
+        self.is_known = False
+        """Whether there is a steady state, and at rest no contact is in its layer."""
         try:
             self._orders, self._responses = structure.steady_harmonics(omega)
         except ZeroDivisionError:
-            self._responses = None
             return
+        self.is_known = not np.any(self.levels <= 0)
         self.lyapunov_exponent = _slowest_decay(structure)
         """Of every linear motion: the largest real part of the eigenvalues of the free modes."""
         steady = self._orders, self._responses
-        self._largest = [trigonometric_maxima(*steady, sign * directions) for sign in (1.0, -1.0)]
+        self.largest = np.array(
+            [trigonometric_maxima(*steady, sign * directions) for sign in (1.0, -1.0)]
+        )
+        """Shape (2, C): the most that the steady state at A = 1, and at A = -1, comes towards each
+        contact."""
         self._drift = structure.steady_drift(omega)
         self._modal_norm = _mean_modal_norm(
             self._orders, self._responses @ structure.modal_transform.T
         )
-        self._decay = _period_maps(structure, 2 * math.pi / omega)
-        self._reach = _reach(structure)
-        self._powers: dict[tuple[int, int], tuple[np.ndarray, ...]] = {}
 
     def state(self, amplitude: float) -> np.ndarray:
         """Give the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
         speeds = self._omega * (self._orders @ self._responses.real)
         return amplitude * np.concatenate((self._responses.imag.sum(axis=0), speeds))
 
-    def steady_window(
-        self, state: np.ndarray, amplitude: float, transient: int, sampling: int, same: float
-    ) -> Observation | None:
-        """Give the steady window of the run from `state`, or None if it is not proved linear.
+    def window(self, amplitude: float) -> Observation | None:
+        """Give one period of the steady state, or None if it comes into a layer, or there is none.
 
         Parameters
         ----------
-        state : ndarray, shape (2n,)
         amplitude : float
-        transient, sampling : int
-            Forcing periods discarded, and of the window after them.
-        same : float
-            Distance (gaps, gaps omega_0) between points that count as one.
         """
-        if self._responses is None or np.any(self._levels <= 0):
+        if not self.is_known:
             return None
-        away = abs(amplitude) * self._largest[0 if amplitude >= 0 else 1]
-        if np.any(away >= self._levels):
+        away = abs(amplitude) * self.largest[0 if amplitude >= 0 else 1]
+        if np.any(away >= self.levels):
             return None
-        n = self._structure.n_floors
-        phi, omega = self._structure.mode_shapes, self._structure.frequencies
-        orbit = self.state(amplitude)
-        rest = state - orbit
-        transform = self._structure.modal_transform
-        q, p = transform @ rest[:n], transform @ rest[n:]
-        away = away + self._reach(np.hypot(q, p / omega))
-        if not np.all(away < self._levels):
-            return None
-        left, end = (decay(q, p) for decay in self._decays(transient, sampling))
-        units = self._structure.state_units
-        if np.abs(phi).max() * np.abs(left / units[[0, -1]]).sum() > DECAYED * same:
-            return None
-        end_state = orbit + np.concatenate((phi @ end[:, 0], phi @ end[:, 1]))
+        return self.observation(amplitude, self.state(amplitude))
+
+    def observation(self, amplitude: float, point: np.ndarray) -> Observation:
+        """Give the results of a window of the steady state that ends at a point."""
         return Observation(
-            end_state[None, :],
+            point[None, :],
             0,
-            abs(amplitude) * self._drift,
-            self._modal_norm if amplitude else np.full(n, math.nan),
+            self.peak_drift(amplitude),
+            self.modal_norm(amplitude),
             Outcome.COMPLETE,
         )
 
-    def _decays(self, transient: int, sampling: int) -> list[Callable]:
-        """Give the maps of (q, q') over the transient and to the end; results of shape (n, 2)."""
-        found = self._powers.get((transient, sampling))
-        if found is None:
-            counts = (transient, transient + sampling)
-            found = tuple(np.linalg.matrix_power(self._decay, count) for count in counts)
-            self._powers[transient, sampling] = found
+    def peak_drift(self, amplitude):
+        """Give the largest interstorey drift at amplitudes A."""
+        return np.abs(amplitude) * self._drift
 
-        def follow(power):
-            def decayed(q, p):
-                if power.ndim == 3:
-                    return (power @ np.stack((q, p), axis=1)[:, :, None])[:, :, 0]
-                return (power @ np.concatenate((q, p))).reshape(2, -1).T
-
-            return decayed
-
-        return [follow(power) for power in found]
+    def modal_norm(self, amplitude: float) -> np.ndarray:
+        """Give the mean modal norms, shape (n,); NaN at A = 0."""
+        n = self._structure.n_floors
+        return self._modal_norm if amplitude else np.full(n, math.nan)
 
 
-def _period_maps(structure: Structure, period: float) -> np.ndarray:
-    """Give the maps of (q_j, q_j') over a period, (n, 2, 2); of coupled modes one, (2n, 2n)."""
-    w, zeta = structure.frequencies, structure.damping_ratios
-    if structure.is_modal:
-        return np.array(
-            [
-                expm(period * np.array([[0.0, 1.0], [-(w**2), -2 * zeta * w]]))
-                for w, zeta in zip(w, zeta, strict=True)
-            ]
-        )
-    zero, drag = np.zeros((w.size, w.size)), structure.modal_damping
-    return expm(period * np.block([[zero, np.eye(w.size)], [-np.diag(w**2), -drag]]))
-
-
-def _reach(structure: Structure) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the bound of d . u, for each contact, from the modal amplitudes a_j; see the module."""
-    modal = structure.directions @ structure.mode_shapes
-    if structure.is_modal:
-        return lambda size: np.abs(modal) @ size
+def period_map(structure: Structure, period: float) -> np.ndarray:
+    """Give the map of (q, q') over a time without forcing, shape (2n, 2n)."""
     w = structure.frequencies
-    softness = np.sqrt(((modal / w) ** 2).sum(axis=1))
-    return lambda size: softness * np.linalg.norm(w * size)
+    if not structure.is_modal:
+        zero, drag = np.zeros((w.size, w.size)), structure.modal_damping
+        return expm(period * np.block([[zero, np.eye(w.size)], [-np.diag(w**2), -drag]]))
+    found = np.zeros((2 * w.size, 2 * w.size))
+    for j, (one, zeta) in enumerate(zip(w, structure.damping_ratios, strict=True)):
+        pair = expm(period * np.array([[0.0, 1.0], [-(one**2), -2 * zeta * one]]))
+        found[np.ix_((j, j + w.size), (j, j + w.size))] = pair
+    return found
 
 
 def _slowest_decay(structure: Structure) -> float:
     """Largest Re(lambda), lambda^2 + 2 zeta omega lambda + omega^2 = 0, over all modes."""
     if not structure.is_modal:
-        return float(np.log(np.abs(np.linalg.eigvals(_period_maps(structure, 1.0)))).max())
+        return float(np.log(np.abs(np.linalg.eigvals(period_map(structure, 1.0)))).max())
     w, zeta = structure.frequencies, structure.damping_ratios
     rates = -zeta * w + w * np.sqrt(np.maximum(zeta**2 - 1.0, 0.0))
     return float(rates.max())

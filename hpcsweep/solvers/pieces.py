@@ -23,6 +23,7 @@ class Pieces:
 
     def __init__(self) -> None:
         self._size = 1
+        self._begun = 0.0
 
     def cut(
         self, n_periods: int, poll: Callable[[], None] | None = None
@@ -38,6 +39,17 @@ class Pieces:
             begun = time.perf_counter()
             yield first, last
             self._learn(last - first, time.perf_counter() - begun)
+
+    def begin(self, poll: Callable[[], None] | None = None) -> int:
+        """Begin a piece of work that counts its periods itself; give those it may have."""
+        if poll is not None:
+            poll()
+        self._begun = time.perf_counter()
+        return self._size
+
+    def end(self, n_periods: int) -> None:
+        """End it, after so many periods."""
+        self._learn(n_periods, time.perf_counter() - self._begun)
 
     def _learn(self, n_periods: int, seconds: float) -> None:
         """Choose the size of the next piece from what one took."""

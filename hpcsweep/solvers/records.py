@@ -56,6 +56,45 @@ class Approach:
 
 
 @dataclass(frozen=True)
+class Orbits:
+    """Results of k runs one after the other that rules have settled.
+
+    Attributes
+    ----------
+    rule : ndarray of int, shape (k,)
+        `FREE_RUN`, `SETTLED_RUN` or `JUMPED_RUN` (`solvers.flow.path`).
+    length, period : ndarray of int
+        Forcing periods of the orbit that was gone round, and the smallest period of its points.
+    cycles : ndarray of int
+        Forcing periods integrated.
+    multiplier : ndarray
+        Modulus of the largest Floquet multiplier over `length` after a jump, else NaN.
+    points : ndarray, shape (k, max_period, 2n)
+        The first `length` of each row are the orbit, in the order of the plain procedure's last
+        points; others are NaN.
+    contact : ndarray of uint64
+        As in `Observation`; also `peak_drift` and `modal_norm`, shape (k, n), which of motions free
+        of contact are NaN here.
+    state : ndarray, shape (2n,)
+        State from which the next run starts.
+    open : Approach or None
+        End of the transient of that run, if the rules leave it open; None if there is none.
+    """
+
+    rule: np.ndarray
+    length: np.ndarray
+    period: np.ndarray
+    cycles: np.ndarray
+    multiplier: np.ndarray
+    points: np.ndarray
+    contact: np.ndarray
+    peak_drift: np.ndarray
+    modal_norm: np.ndarray
+    state: np.ndarray
+    open: Approach | None
+
+
+@dataclass(frozen=True)
 class Observation:
     """Results over a window of forcing periods; maxima are over continuous time.
 
@@ -88,6 +127,22 @@ class Observation:
     logarithms: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
+@dataclass(frozen=True)
+class Growth:
+    """Stroboscopic points and growth of a tangent vector, without what an `Observation` gathers.
+
+    Attributes
+    ----------
+    points, outcome, growth, logarithms
+        As in `Observation`.
+    """
+
+    points: np.ndarray
+    outcome: Outcome
+    growth: float
+    logarithms: np.ndarray
+
+
 def window_growth(logarithms: np.ndarray) -> float:
     """Give the growth of a tangent vector over a window from that in each of its periods.
 
@@ -103,3 +158,10 @@ def window_growth(logarithms: np.ndarray) -> float:
     if not len(logarithms):
         return math.nan
     return float(logarithms[len(logarithms) // 10 :].mean() * len(logarithms))
+
+
+def normalised_drift(peak_drift, amplitude, omega: float):
+    """Give peak drifts in units of A / Omega^2, one or many; NaN at A = 0."""
+    size = np.abs(amplitude)
+    scale = omega**2 / np.where(size > 0, size, math.nan)
+    return peak_drift * scale

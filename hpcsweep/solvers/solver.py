@@ -14,7 +14,7 @@ import numpy as np
 from hpcsweep.model.arguments import choice, finite, finite_vector, instance
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Advance, Approach, Observation
+from hpcsweep.solvers.records import Advance, Approach, Growth, Observation
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,8 @@ class SolverKind:
         map of norm 1: some three times the largest measured.
     polls_each_period : bool
         Whether ``poll`` is called in each forcing period, not only between runs.
+    follows_orbits : bool
+        Whether it does runs in a row that rules settle (`FlowMap.follow_orbits`).
     decide_cycles : int
         Forcing periods after which the motion of a run counts as undecided, of a job that says
         nothing of it. A solver that takes a second for what takes `flow` a millisecond decides only
@@ -46,6 +48,7 @@ class SolverKind:
     tight: float
     period_error: float
     polls_each_period: bool = False
+    follows_orbits: bool = False
     decide_cycles: int = 0
 
     def load(self) -> Callable[[Structure, float, float], "Solver"]:
@@ -55,7 +58,13 @@ class SolverKind:
 
 SOLVERS = {
     "flow": SolverKind(
-        "flow", "FlowMap", rtol=1e-9, tight=1e-11, period_error=1e3, decide_cycles=50_000
+        "flow",
+        "FlowMap",
+        rtol=1e-9,
+        tight=1e-11,
+        period_error=1e3,
+        follows_orbits=True,
+        decide_cycles=50_000,
     ),
     "bdf": SolverKind(
         "bdf", "BdfMap", rtol=1e-6, tight=1e-10, period_error=3e3, polls_each_period=True
@@ -121,6 +130,16 @@ class Solver(Protocol):
         poll: Callable[[], None] | None = None,
     ) -> Observation:
         """Integrate, keeping points, contact set, drift, modal norms and growth of a tangent."""
+        ...
+
+    def grow(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        poll: Callable[[], None] | None = None,
+    ) -> Growth:
+        """Integrate, keeping points and growth of a tangent."""
         ...
 
     def monodromy(

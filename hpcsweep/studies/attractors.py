@@ -134,6 +134,11 @@ class Attractors(Limits, AmplitudeSweep):
             **common,
         )
 
+    @property
+    def polls_per_run(self) -> int:
+        """Give the starts of a point."""
+        return self.starts
+
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the points, in the order of the file."""

@@ -56,7 +56,7 @@ def tell_orbit(solver, amplitude: float, seen: Observation, period: int, multipl
     """Tell an orbit that a rule has found; `multiplier` is NaN if it was not proved to attract."""
     time = len(seen.points) * 2 * math.pi / solver.omega
     if math.isnan(multiplier):
-        exponent = _orbit_exponent(solver, seen.points[-1], amplitude, period)
+        exponent = exponent_of_orbit(solver, seen.points[-1], amplitude, period)
     else:
         exponent = exponent_of_multiplier(multiplier, time)
     return Told(seen, period, Interval.exact(exponent), _kind(MotionClass.PERIODIC, seen))
@@ -100,7 +100,7 @@ def tell_window(
     exponent = UNKNOWN
     if "lyapunov" in settings.metrics:
         if period:
-            exponent = Interval.exact(_orbit_exponent(solver, seen.points[-1], amplitude, period))
+            exponent = Interval.exact(exponent_of_orbit(solver, seen.points[-1], amplitude, period))
         else:
             time = 2 * math.pi / solver.omega
             within = growth_interval(aligned(seen.logarithms)).times(1.0 / time)
@@ -130,7 +130,7 @@ def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
     return kind if seen.contact else MotionClass.NO_CONTACT
 
 
-def _orbit_exponent(solver, z: np.ndarray, amplitude: float, period: int) -> float:
+def exponent_of_orbit(solver, z: np.ndarray, amplitude: float, period: int) -> float:
     """Largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
     try:
         return orbit_exponent(solver, z, amplitude, period)

@@ -78,8 +78,6 @@ class RunGrid:
     """Dimension of the stroboscopic points."""
     status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "shortcut")
 
-    # what a study of this kind says of itself
-
     @classmethod
     def read(cls, values, **common) -> "RunGrid":
         """Make the study a job asks for.
@@ -120,12 +118,15 @@ class RunGrid:
         """Compute runs of a frame in the order given, from where its path has come."""
         raise NotImplementedError
 
-    # what follows from it
-
     @property
     def n_amplitudes(self) -> int:
         """Runs of one frame and direction."""
         return self.amplitude.size
+
+    @property
+    def polls_per_run(self) -> int:
+        """Times that a run calls its `poll`, at least."""
+        return 1
 
     @property
     def n_blocks(self) -> int:

@@ -27,6 +27,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -36,12 +37,15 @@ from hpcsweep.dynamics.exponent import UNKNOWN, Interval
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach, Observation
+from hpcsweep.solvers.records import Approach, Observation, normalised_drift
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.decided import Told, tell_orbit, tell_window
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes
+
+if TYPE_CHECKING:
+    from hpcsweep.solvers.flow.flow_map import FlowMap
 
 
 class FrameRuns:
@@ -58,13 +62,23 @@ class FrameRuns:
         self.structure = structure
         self.settings = settings
         self.solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
-        self._drift_scale = omega**2
-        self._linear = None
+        self._free = None
         if "linear" in settings.skip:
             # here and in `warm_up`, where runs are computed: who only reads them loads no kernel
-            from hpcsweep.solvers.linear import LinearOrbit
+            from hpcsweep.solvers.free_motion import FreeMotion
 
-            self._linear = LinearOrbit(structure, omega)
+            self._free = FreeMotion(
+                structure,
+                omega,
+                settings.transient_cycles,
+                settings.sampling_cycles,
+                settings.period_tolerance,
+            )
+        self._path = None
+        if "converged" in settings.skip and SOLVERS[settings.solver].follows_orbits:
+            from hpcsweep.studies.settled import SettledRuns
+
+            self._path = SettledRuns(cast("FlowMap", self.solver), settings, self._free)
 
     def follow(
         self,
@@ -104,33 +118,41 @@ class FrameRuns:
         """Run amplitudes from a state, or from where the one before ended."""
         result = empty_rows(self.structure.n_floors, len(amplitudes), self.settings)
         start = np.array(state, dtype=float)
-        for index, amplitude in enumerate(amplitudes):
-            if poll is not None:
-                poll()
-            end = self._run(float(amplitude), start, result, index, poll)
-            start = end if follow else start
+        amplitudes = np.array(amplitudes, dtype=float)
+        index = 0
+        while index < len(amplitudes):
+            if self._path is None:
+                if poll is not None:
+                    poll()
+                state = self._run(float(amplitudes[index]), start, result, index, poll)
+            else:
+                done = self._path.into(result, index, amplitudes, start, follow, poll)
+                index, start = index + len(done.rule), done.state
+                if done.open is None:
+                    continue
+                state = self._end(done.open, float(amplitudes[index]), result, index, poll)
+            start = state if follow else start
+            index += 1
         return result
 
     def _run(self, amplitude, z, result, index, poll):
         """Do one run into row `index` of `result`; return the state the next one starts from."""
-        settings = self.settings
-        row = {name: array[index] for name, array in result.items() if array.ndim > 1}
-        if self._linear is not None:
-            closed = self._linear.steady_window(
-                z,
-                amplitude,
-                settings.transient_cycles,
-                settings.sampling_cycles,
-                settings.period_tolerance,
-            )
+        if self._free is not None:
+            closed = self._free.window(z, amplitude)
             if closed is not None:
-                exponent = Interval.exact(self._linear.lyapunov_exponent)
+                row = _row(result, index)
+                exponent = Interval.exact(self._free.orbit.lyapunov_exponent)
                 told = Told(closed, 1, exponent, MotionClass.NO_CONTACT)
                 self._store(result, row, index, amplitude, told, 0)
                 result["shortcut"][index] = Shortcut.LINEAR
                 row["final_state"][:] = closed.points[-1]
                 return closed.points[-1].copy()
-        end = self._transient(z, amplitude, poll)
+        return self._end(self._transient(z, amplitude, poll), amplitude, result, index, poll)
+
+    def _end(self, end: Approach, amplitude, result, index, poll):
+        """Do what comes after the transient; see `_run`."""
+        settings = self.settings
+        row = _row(result, index)
         z, period = end.state, end.period
         cycles = end.n_periods + end.n_newton
         if period:
@@ -207,8 +229,7 @@ class FrameRuns:
         if "contact" in result:
             result["contact"][index] = seen.contact
         if "drift" in result:
-            scale = self._drift_scale / abs(amplitude) if amplitude else math.nan
-            result["drift"][index] = seen.peak_drift * scale
+            result["drift"][index] = normalised_drift(seen.peak_drift, amplitude, self.solver.omega)
         if "modal_norm" in result:
             row["modal_norm"][:] = seen.modal_norm
         if "lyapunov" in result:
@@ -229,6 +250,11 @@ class FrameRuns:
             result["motion"][index] = MotionClass.FAILED
         row["final_state"][:] = z
         return z
+
+
+def _row(result: dict[str, np.ndarray], index: int) -> dict[str, np.ndarray]:
+    """Give one row of the results that have more than a number in it."""
+    return {name: array[index] for name, array in result.items() if array.ndim > 1}
 
 
 def empty_rows(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:

@@ -176,6 +176,8 @@ class Study(Protocol):
     n_runs: int
     run_dims: tuple[str, ...]
     """Dimensions of a run."""
+    polls_per_run: int
+    """Times that a run calls its `poll`, at least."""
     commit: Variable
     """Checksums of the blocks."""
 

@@ -150,6 +150,86 @@ class AttractorTally:
         }
 
 
+class BasinTally:
+    """Counts over the rows of a study of basins; see `RunTally`.
+
+    Shares of attractors are of all starts; classes and contact sets are those of the attractors.
+    """
+
+    def __init__(self, study):
+        self._study = study
+        self.outcomes = np.zeros(len(Outcome), int)
+        self.attractors: dict[int, dict] = {}
+        self.cycles = self.starts = self.undecided = self.failed = self.elsewhere = 0
+
+    @property
+    def done(self) -> int:
+        """Rows that are computed."""
+        return int(self.outcomes[Outcome.COMPLETE :].sum())
+
+    def add(self, frame) -> None:
+        """Count a row, an xarray.Dataset."""
+        outcome = frame["outcome"].values
+        there = outcome != Outcome.NOT_COMPUTED
+        self.outcomes += np.bincount(outcome.ravel(), minlength=self.outcomes.size)
+        self.cycles += int(frame["cycles"].values[there].sum())
+        self.starts += int(there.sum()) * self._study.horizontal.size
+        self.undecided += int(frame["n_undecided"].values[there].sum())
+        self.failed += int(frame["n_failed"].values[there].sum())
+        self.elsewhere += int(frame["n_elsewhere"].values[there].sum())
+        row = frame.isel(direction=0, frame=0, amplitude=0)
+        for slot in np.flatnonzero(row["attractor_id"].values).tolist():
+            known = self.attractors.setdefault(
+                int(row["attractor_id"].values[slot]),
+                {
+                    "motion_class": int(row["motion_class"].values[slot]),
+                    "orbit_period": int(row["orbit_period"].values[slot]),
+                    "contact": int(row["contact"].values[slot]) if "contact" in row else None,
+                    "hits": 0,
+                },
+            )
+            known["hits"] += int(row["hits"].values[slot])
+
+    def told(self) -> dict:
+        """Tell what was counted, in plain values."""
+        done, held = self.done, len(self.attractors)
+        labels, each = self._study.structure.contact_labels, self.attractors.values()
+        classes = Counter(one["motion_class"] for one in each)
+        periods = Counter(one["orbit_period"] for one in each if one["orbit_period"])
+        contacts = Counter(one["contact"] for one in each if one["contact"] is not None)
+        return {
+            "periods_per_run": self.cycles / done if done else None,
+            "periods_per_start": self.cycles / self.starts if self.starts else None,
+            "numbers": {},
+            "starts": self.starts,
+            "starts_undecided": _share(self.undecided, self.starts),
+            "starts_failed": _share(self.failed, self.starts),
+            "starts_elsewhere": _share(self.elsewhere, self.starts),
+            "attractors": held,
+            "basins": {
+                number: {"name": self._name(one), **_share(one["hits"], self.starts)}
+                for number, one in sorted(self.attractors.items())
+            },
+            "classes": {
+                CLASS_NAMES[kind]: _share(classes[kind], held)
+                for kind in (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
+            },
+            "periods": _shares(periods, held, sorted(periods)),
+            "contact_sets": {
+                contact_name(contact, labels): _share(count, held)
+                for contact, count in contacts.most_common()
+            },
+            "failures": _failures(self.outcomes),
+        }
+
+    def _name(self, one: dict) -> str:
+        period, contact = one["orbit_period"], one["contact"]
+        name = f"P{period}" if period else CLASS_NAMES[MotionClass(one["motion_class"])]
+        if contact is None:
+            return name
+        return f"{name} {contact_name(contact, self._study.structure.contact_labels)}"
+
+
 def _count(counter: Counter[int], values: np.ndarray) -> None:
     found, counts = np.unique(values, return_counts=True)
     for value, count in zip(found.tolist(), counts.tolist(), strict=True):

@@ -10,9 +10,9 @@ import pytest
 from matplotlib import pyplot
 from tools import JOBS, hpcsweep
 
-from hpcsweep.bench import peers, ratios, scaling, skips, startup, work_precision
+from hpcsweep.bench import peers, profile, ratios, scaling, skips, startup, work_precision
 from hpcsweep.figures.diagrams import work_precision as figure
-from hpcsweep.job import load_job
+from hpcsweep.job import load_job, parse_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.studies import amplitude_sweep as sweep
@@ -56,6 +56,23 @@ def test_distance_of_sets_by_hand():
     assert skips.set_distance(left, left[::-1]) == 0.0
     assert skips.set_distance(left, np.array([[0.0, 0.25]])) == 1.0
     assert skips.set_distance(left[:0], left) == math.inf
+
+
+def test_profile_counts_what_the_runs_ask_of_the_solver(monkeypatch):
+    monkeypatch.setattr(profile, "STRETCHES", 2)
+    monkeypatch.setattr(profile, "LENGTH", 3)
+    job = parse_job(
+        "[sweep]\nomega = 0.445\namplitude = {from = 0.05, to = 0.1, count = 9}\n", "", ""
+    )
+    (row,) = profile.profile(job, turns=1)
+    assert row.n_runs == 6
+    assert set(row.spent) == set(row.periods) <= set(profile.CALLS)
+    assert 0 < sum(row.spent.values()) < row.microseconds
+    # a building that touches the stop: at least one linear step and one passage a period
+    periods = sum(row.periods.values())
+    assert row.counts["linear steps"] > row.counts["passages"] > periods > 0
+    assert "0.445" in profile.as_text([row])
+    assert profile.as_json([row])[0]["counts"] == row.counts
 
 
 def test_paths_are_drawn_alike_and_stay_on_the_map():

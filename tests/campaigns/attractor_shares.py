@@ -1,13 +1,15 @@
-"""Shares of attractors against plain Monte Carlo: attractor_shares.py POINTS STARTS [SEED].
+"""Shares of attractors against plain Monte Carlo: attractor_shares.py POINTS STARTS [options].
 
 At random points of the range of Figure 3, half of them with the damping as printed and half as
 described, the shares of 459 low-discrepancy starts are compared with those of STARTS independent
 ones, each decided in the same way. Told are: how often the interval holds the share of the many,
-what the many find that 459 starts did not, and the largest share of that.
+what the many find that 459 starts did not, and the largest share of that. With --orbits points are
+drawn until all their attractors are orbits, with --several until there are two or more.
 """
 
-import sys
+import argparse
 import time
+from collections import Counter
 
 import numpy as np
 
@@ -20,50 +22,81 @@ from hpcsweep.studies.settings import SweepSettings
 
 DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 STARTS, PROMISED, CYCLES, CONFIDENCE = 459, 0.01, 3000, 0.95
+DEAR = 0.15
+"""Milliseconds a start above which a point of orbits alone is drawn anew."""
 SAME = 0.05
 """Distance, in units of the state, of attractors that are one."""
 
 
-def main(points: int, many: int, seed: int) -> None:
+def main() -> None:
     """Compare, point by point, and tell the sums."""
-    rng = np.random.default_rng(seed)
-    held = compared = missed = 0
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("points", type=int)
+    parser.add_argument("starts", type=int)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--orbits", action="store_true", help="points with orbits alone")
+    parser.add_argument("--several", action="store_true", help="points with two attractors or more")
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    told = Counter()
     largest = 0.0
-    for number in range(points):
+    for number in range(options.points):
         structure = Structure(damping_ratio=DESCRIBED if number % 2 else 0.05)
-        amplitude, omega = rng.uniform(0.02, 0.25), rng.uniform(0.4, 0.6)
-        solver = make_solver("flow", structure, omega, 1e-9)
+        solver, amplitude, own, cost = _point(rng, structure, options)
         box = box_of(None, structure.state_units)
-        begun = time.process_time()
-        few = starting_states(box, STARTS, seed, omega, amplitude)
-        own = _search(solver, amplitude, few)
         middle = time.process_time()
-        rest = box[:, 0] + rng.random((many, len(box))) * (box[:, 1] - box[:, 0])
+        rest = box[:, 0] + rng.random((options.starts, len(box))) * (box[:, 1] - box[:, 0])
         plain = _search(solver, amplitude, rest)
         ended = time.process_time()
         words = []
         for one in plain.attractors:
             twin = _twin(one, own.attractors, structure.state_units)
             if twin is None:
-                missed += 1
+                told["missed"] += 1
                 largest = max(largest, one.share)
-                words.append(f"missed, share {one.share:.4f}")
+                words.append(f"missed, share {one.share:.5f}")
                 continue
             good = twin.share_low <= one.share <= twin.share_high
-            held, compared = held + good, compared + 1
+            told["held"], told["compared"] = told["held"] + good, told["compared"] + 1
+            sole = len(own.attractors) == 1 == len(plain.attractors)
+            told["several held"] += good and not sole
+            told["several"] += not sole
             words.append(
-                f"{one.share:.4f}{' in ' if good else ' not in '}"
+                f"{one.share:.5f}{' in ' if good else ' not in '}"
                 f"[{twin.share_low:.4f}, {twin.share_high:.4f}]"
             )
         print(
-            f"{'described' if number % 2 else 'printed'} A = {amplitude:.5f} Omega = {omega:.5f}: "
-            f"{'; '.join(words) or 'none'}; undecided {own.n_undecided} and {plain.n_undecided}; "
-            f"{1e3 * (middle - begun) / STARTS:.3g} and {1e3 * (ended - middle) / many:.3g} ms "
-            f"a start, {own.cycles / STARTS:.0f} periods",
+            f"{number + 1} {'described' if number % 2 else 'printed'} A = {amplitude:.5f} Omega = "
+            f"{solver.omega:.5f}: {'; '.join(words) or 'none'}; undecided {own.n_undecided} and "
+            f"{plain.n_undecided}; {cost:.3g} and "
+            f"{1e3 * (ended - middle) / options.starts:.3g} ms a start, "
+            f"{own.cycles / STARTS:.0f} periods",
             flush=True,
         )
-    print(f"{held} of {compared} intervals hold; {missed} missed, the largest of share {largest}")
+    print(
+        f"{told['held']} of {told['compared']} intervals hold, {told['several held']} of "
+        f"{told['several']} where there are several; {told['missed']} missed, the largest of share "
+        f"{largest}"
+    )
     assert largest <= 3 * PROMISED
+
+
+def _point(rng, structure, options):
+    """Draw a point and search it; give its cost in ms a start, too."""
+    while True:
+        amplitude, omega = float(rng.uniform(0.02, 0.25)), float(rng.uniform(0.4, 0.6))
+        solver = make_solver("flow", structure, omega, 1e-9)
+        box = box_of(None, structure.state_units)
+        few = starting_states(box, STARTS, options.seed, omega, amplitude)
+        begun = time.process_time()
+        own = _search(solver, amplitude, few)
+        cost = 1e3 * (time.process_time() - begun) / STARTS
+        if options.orbits:
+            orbits = all(one.orbit_period for one in own.attractors)
+            if not orbits or own.n_undecided or cost > DEAR:
+                continue
+        if not options.several or len(own.attractors) > 1:
+            return solver, amplitude, own, cost
 
 
 def _search(solver, amplitude: float, starts: np.ndarray):
@@ -80,4 +113,4 @@ def _twin(one, others, units):
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 0)
+    main()

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import binom
 
 import hpcsweep
-from hpcsweep.dynamics.attractors import _Search, portrait
+from hpcsweep.dynamics.attractors import Search, portrait
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.neighbourhood import inside, lyapunov_forms, neighbourhood
 from hpcsweep.dynamics.resemblance import Signature, distance, matched, same_orbit
@@ -130,7 +130,7 @@ def test_what_neighbourhoods_and_windows_tell_is_what_each_start_decides():
     for amplitude in (0.115, 0.15):
         starts = starting_states(box_of(None, units), 60, 3, 0.445, amplitude)
         found = portrait(solver, amplitude, starts[:0], starts, settings, 2000, 0.95)
-        search = _Search(solver, amplitude, settings, 2000, None)
+        search = Search(solver, amplitude, settings, 2000, None)
         alone = np.array([search.decide(start) for start in starts])
         assert found.cycles < search.cycles
         for label, own in zip(found.labels, alone, strict=True):

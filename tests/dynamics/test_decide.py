@@ -9,10 +9,15 @@ from hpcsweep.dynamics.birkhoff import agreeing_digits
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.decide import CONFIRMED, decide
 from hpcsweep.dynamics.exponent import aligned, growth_interval
-from hpcsweep.dynamics.orbit import closed_period, orbit_period, smallest_period
+from hpcsweep.dynamics.orbit import (
+    closed_period,
+    orbit_period,
+    returning_period,
+    smallest_period,
+)
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach, Observation, window_growth
+from hpcsweep.solvers.records import Approach, Growth, Observation, window_growth
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.settings import SweepSettings
 
@@ -40,7 +45,7 @@ class MapSolver:
         points, outcome = self.points(state, amplitude, n_periods)
         return Approach(points[-1], n_periods, 0, 0, math.nan, outcome)
 
-    def observe(self, state, amplitude, n_periods, modal_norm=False, growth=False, poll=None):
+    def grow(self, state, amplitude, n_periods, poll=None):
         points, outcome = self.points(state, amplitude, n_periods)
         vector = np.full(2, math.sqrt(0.5))
         logarithms = np.empty(n_periods)
@@ -49,8 +54,7 @@ class MapSolver:
             length = np.linalg.norm(vector)
             logarithms[k] = math.log(length) if length > 0 else -math.inf
             vector = vector / (length or 1.0)
-        nan = np.full(1, math.nan)
-        return Observation(points, 1, 0.0, nan, outcome, window_growth(logarithms), logarithms)
+        return Growth(points, outcome, window_growth(logarithms), logarithms)
 
     def monodromy(self, state, amplitude, n_periods):
         z, matrix = np.array(state, float), np.eye(2)
@@ -159,6 +163,33 @@ def test_before_the_torus_and_locked_on_it():
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 7)
 
 
+@pytest.mark.parametrize(
+    "state",
+    [
+        (0.251, 0.154, 0.053, -0.95, 0.194, -0.313),
+        (0.226, 0.148, 0.061, -0.94, 0.183, -0.295),
+        (0.238, 0.142, 0.056, -0.92, 0.188, -0.298),
+        (0.219, 0.159, 0.049, -0.949, 0.189, -0.3),
+    ],
+)
+def test_a_torus_locked_to_a_long_orbit_that_is_approached_slowly(state):
+    """P100 of multiplier 0.94: 6e-4 a period, less than the growth over 800 periods can tell."""
+    ratios = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
+    solver = make_solver("flow", Structure(damping_ratio=ratios), 0.445, 1e-9)
+    motion = decide(solver, np.array(state), 0.1014964, SweepSettings(), 50_000)
+    assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 100)
+    assert motion.multiplier == pytest.approx(0.94, abs=2e-3)
+
+
+def test_what_returns_nearest_is_found_and_nothing_on_a_golden_rotation():
+    angle = 2 * np.pi * np.outer(np.arange(900), (GOLDEN, 13 / 34))
+    golden, locked = (np.stack((np.cos(a), np.sin(a)), axis=1) for a in angle.T)
+    assert returning_period(golden, 450, 1e-3) == 0
+    assert returning_period(golden, 450, 0.02) == 377
+    assert returning_period(locked * 0.999 ** np.arange(900)[:, None], 450, 0.05) == 34
+    assert returning_period(locked, 33, 0.05) == 0
+
+
 def test_a_point_that_repels_is_left():
     motion = told(logistic(3.3), (1 - 1 / 3.3, 0.0))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 2)
@@ -181,7 +212,9 @@ def test_the_cap_is_kept_and_said():
 
 def test_a_window_is_the_first_round():
     solver = logistic(3.9)
-    window = solver.observe((0.3, 0.0), 1.0, 200, growth=True)
+    seen = solver.grow((0.3, 0.0), 1.0, 200)
+    rest = seen.outcome, seen.growth, seen.logarithms
+    window = Observation(seen.points, 1, 0.0, np.full(1, math.nan), *rest)
     motion = told(solver, window.points[-1], window=window)
     assert (motion.kind, motion.cycles) == (MotionClass.CHAOTIC, CONFIRMED)
     assert motion.seen is window

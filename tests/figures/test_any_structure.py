@@ -174,9 +174,7 @@ def test_drift_without_stop_is_that_of_a_free_run(general):
     structure = parse_job(JOBS[general[0]] + SWEEP, "general", "general").structure
     free, omega = structure.without_contacts(), 0.7
     assert free.contacts == ()
-    seen = LinearOrbit(free, omega).steady_window(
-        LinearOrbit(free, omega).state(0.3), 0.3, 0, 1, math.inf
-    )
+    seen = LinearOrbit(free, omega).window(0.3)
     assert benefit.free_drift(structure, omega) == pytest.approx(seen.peak_drift * omega**2 / 0.3)
     assert np.array_equal(metrics.free_modal_norms(structure, omega), seen.modal_norm)
 

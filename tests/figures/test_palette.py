@@ -104,6 +104,15 @@ def test_the_ruler_is_that_of_the_standard():
     assert difference(one, other) == pytest.approx(expected, abs=5e-5)
 
 
+@pytest.mark.parametrize("eye", list(EYES))
+def test_three_attractors_of_one_motion_are_apart_to_every_eye(eye):
+    for name, colour in palette.MOTIONS:
+        shades = [palette.shade(colour, place) for place in range(3)]
+        assert shades[0] == colour
+        # there is one motion free of contact
+        assert name == palette.MOTION_NAMES[0] or least(shades, eye) >= 15
+
+
 @pytest.mark.parametrize(
     ("eye", "bound"), [("normal", 20), ("protanope", 12), ("deuteranope", 12), ("tritanope", 12)]
 )

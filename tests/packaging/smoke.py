@@ -21,6 +21,17 @@ PLOTS = {
 """Every kind of figure of a sweep, with what is asked for besides."""
 ATTRACTOR_PLOTS = {"attractors": ("--floor", "3"), "shares": (), "number": ("--sweep", "study.h5")}
 """Those of a study of attractors."""
+BASIN_PLOTS = {"basins": ()}
+"""Those of a study of basins."""
+BASINS = (
+    'study.kind="basins"',
+    "study.starts=8",
+    "study.max_cycles=300",
+    "study.horizontal=[-0.5, 0.0, 0.5]",
+    "study.vertical=[-0.5, 0.5]",
+    "sweep.omega=0.445",
+    "sweep.amplitude=0.125",
+)
 ATTRACTORS = ('study.kind="attractors"', "study.starts=8", "study.max_cycles=300")
 SMALL = (
     "sweep.omega={from = 0.44, to = 0.45, count = 3}",
@@ -97,10 +108,13 @@ def check(hpcsweep: Installed) -> None:
     assert len(json.loads(hpcsweep("schedule", "study.h5", "--json"))["predictions"]) == 13
     assert hpcsweep("validate", "study.h5", "--samples", "6")
     kinds = re.search(r"--kind \{([\w,]+)\}", hpcsweep("plot", "--help"))[1].split(",")
-    assert set(kinds) == {*PLOTS, *ATTRACTOR_PLOTS}
+    assert set(kinds) == {*PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS}
     own = [word for setting in ATTRACTORS for word in ("--set", setting)]
     hpcsweep("run", "study.toml", *given, *own, "-o", "each.h5", ranks=2, makes="each.h5")
-    for file, plots in (("study.h5", PLOTS), ("each.h5", ATTRACTOR_PLOTS)):
+    own = [word for setting in BASINS for word in ("--set", setting)]
+    hpcsweep("run", "study.toml", *given, *own, "-o", "slice.h5", ranks=2, makes="slice.h5")
+    drawn = ("study.h5", PLOTS), ("each.h5", ATTRACTOR_PLOTS), ("slice.h5", BASIN_PLOTS)
+    for file, plots in drawn:
         for kind, more in plots.items():
             picture = f"{kind}.png"
             hpcsweep("plot", file, "--kind", kind, *more, "-o", picture, makes=picture)

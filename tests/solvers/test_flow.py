@@ -578,7 +578,7 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
     theta = (np.arange(400_000) + 0.5) / 400_000 * math.pi
     q = np.abs(np.imag(modal[:, None] * np.exp(1j * theta)))
     dense = (q / np.linalg.norm(q, axis=0)).mean(axis=1)
-    closed = orbit.steady_window(orbit.state(amplitude), amplitude, 100, 100, 1e-6).modal_norm
+    closed = orbit.window(amplitude).modal_norm
     assert seen.contact == 0
     assert seen.modal_norm == pytest.approx(closed, abs=1e-8)
     assert closed == pytest.approx(dense, abs=1e-9)

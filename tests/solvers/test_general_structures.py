@@ -13,7 +13,7 @@ from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.linear import LinearOrbit
+from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.reference import reference_monodromy, reference_points, reference_window
 
@@ -253,22 +253,22 @@ def test_the_linear_state_in_closed_form(damping):
         **given,
     )
     omega, amplitude = 0.4, 0.1
-    orbit, solver = LinearOrbit(structure, omega), FlowMap(structure, omega)
+    free, solver = FreeMotion(structure, omega, 100, 100, 1e-6), FlowMap(structure, omega)
     start = np.array([0.01, 0.02, 0.0, 0.01])
-    closed = orbit.steady_window(start, amplitude, 100, 100, 1e-6)
+    closed = free.window(start, amplitude)
     end = solver.advance(start, amplitude, 199).state
     seen = solver.observe(end, amplitude, 1, modal_norm=True)
     assert np.abs(closed.points[-1] - seen.points[-1]).max() < 1e-12
     assert closed.peak_drift == pytest.approx(seen.peak_drift, rel=1e-9)
     assert closed.modal_norm == pytest.approx(seen.modal_norm, abs=1e-7)
-    assert orbit.lyapunov_exponent == pytest.approx(
+    assert free.orbit.lyapunov_exponent == pytest.approx(
         math.log(np.abs(np.linalg.eigvals(solver.monodromy(end, amplitude, 1)[1])).max())
         * omega
         / (2 * math.pi),
         rel=1e-9,
     )
     # nothing is said of an amplitude that reaches the stop
-    assert orbit.steady_window(start, 1.01 * structure.grazing_amplitude(omega), 9, 9, 1e9) is None
+    assert free.window(start, 1.01 * structure.grazing_amplitude(omega)) is None
 
 
 def test_stops_at_the_same_place_close_and_open_together():

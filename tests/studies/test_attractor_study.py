@@ -14,6 +14,7 @@ from tools import assert_same_datasets, hpcsweep
 import hpcsweep as package
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
+from hpcsweep.figures.explorer.study import gather
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.model.structure import Structure
 
@@ -152,14 +153,39 @@ def test_every_command_tells_it(tmp_path, whole):
         ("plot", whole, "--kind", "orbit"),
         ("plot", tmp_path / "sweep.h5", "--kind", "shares"),
         ("plot", whole, "--kind", "number", "--sweep", whole),
-        ("explore", whole, "-o", tmp_path / "page.html"),
         ("animate", whole, "-o", tmp_path / "film.mp4"),
     ):
         done = hpcsweep(0, *arguments)
         assert done.returncode == 2
         assert done.stderr.count("\n") == 1
         assert "holds" in done.stderr
-    assert not (tmp_path / "page.html").exists()
+
+
+def test_the_explorer_shows_each_attractor_in_the_place_of_a_direction(tmp_path, whole):
+    study, results = gather(whole), open_results(whole).isel(direction=0)
+    assert study.each == "attractor"
+    n = int(results["n_attractors"].max())
+    assert study.directions == ("1", "2", "3", "4")[:n]
+    assert study.words == tuple(f"attractor {name}" for name in study.directions)
+    held = results["attractor_id"].transpose("frame", "attractor", "amplitude").values[:, :n] > 0
+    motion, period = study.codes["motion"], study.codes["period"]
+    assert np.array_equal(motion > 0, held)
+    stored = results["orbit_period"].transpose("frame", "attractor", "amplitude").values[:, :n]
+    assert np.array_equal(period, stored)
+    shares = results["share"].transpose("frame", "attractor", "amplitude").values[:, :n]
+    assert np.array_equal(study.values["share"], shares.astype(np.float32), equal_nan=True)
+    number = results["n_attractors"].values[:, None]
+    assert np.array_equal(study.values["number"], np.where(held, number, np.nan), equal_nan=True)
+    counts = results["n_points"].transpose("frame", "attractor", "amplitude").values[:, :n]
+    assert np.array_equal(study.counts, counts)
+    assert len(study.points) == counts.sum()
+    points = results["poincare"].values
+    at = study.counts[0, 0, :4].sum()
+    assert study.points[at, 0] in points[0, 4, 0, :, 0].astype(np.float32)
+    done = hpcsweep(0, "explore", whole, "-o", tmp_path / "page.html")
+    assert done.returncode == 0, done.stderr
+    assert f"3 frames x 6 amplitudes x {n} attractors" in done.stdout
+    assert '"each": "attractor"' in (tmp_path / "page.html").read_text()
 
 
 @pytest.mark.parametrize(

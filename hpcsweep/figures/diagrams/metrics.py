@@ -1,6 +1,5 @@
 """Drift and mean modal norms of one frame against the amplitude, with those without a stop."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +68,7 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
 
     They do not depend on the amplitude; NaN at an undamped resonance.
     """
-    # loads numba and scipy.linalg, which no other figure needs
+    # loads scipy.linalg, which no other figure needs
     from hpcsweep.solvers.linear import LinearOrbit
 
     orbit = LinearOrbit(structure.without_contacts(), omega)
@@ -78,7 +77,7 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
     except ZeroDivisionError:
         return np.full(structure.n_floors, np.nan)
     small = 1e-3 * structure.length_unit * structure.frequency_unit**2
-    seen = orbit.steady_window(orbit.state(small), small, 0, 1, math.inf)
+    seen = orbit.window(small)
     return np.full(structure.n_floors, np.nan) if seen is None else seen.modal_norm
 
 

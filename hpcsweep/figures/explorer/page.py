@@ -28,6 +28,7 @@ from hpcsweep.figures.palette import (
     STOP,
     contact_colour,
     motion_place,
+    series_colour,
 )
 from hpcsweep.figures.style import set_name
 from hpcsweep.model.description import in_words, stops
@@ -145,6 +146,8 @@ def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
         "amplitude": study.amplitude.tolist(),
         "directions": list(study.directions),
         "words": list(study.words),
+        "each": study.each,
+        "missing": "not computed" if study.each == "direction" else "no such attractor",
         "arrays": arrays,
         "bits": bits,
         "resolution": worst,
@@ -276,7 +279,10 @@ def _colours(study: Study, sets: list[int]) -> dict[str, str | list[str]]:
 
     return {
         "contacts": [contact_colour(s, study.structure.contact_labels) for s in sets],
-        "directions": [DIRECTIONS[name] for name in study.directions],
+        "directions": [
+            DIRECTIONS.get(name, series_colour(place))
+            for place, name in enumerate(study.directions)
+        ],
         "numbers": [to_hex(c) for c in colormaps[NUMBERS](np.linspace(0, 1, 256))],
         "nothing": NOTHING,
         "stop": STOP,

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures.explorer import attractors
 from hpcsweep.figures.labels import MOST_MODES
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.model.structure import Structure
@@ -58,6 +60,8 @@ class Study:
     points: np.ndarray
     speed: np.ndarray
     thinned: dict[str, int] = field(default_factory=dict)
+    each: str = "direction"
+    """What the runs of a place are: of one ``direction`` each, or one ``attractor``."""
 
 
 def gather(
@@ -84,9 +88,10 @@ def gather(
     StoreError
         If the file is not a campaign file.
     """
-    from hpcsweep.store import Frames, Grid
+    from hpcsweep.store import Frames, Grid, job_of
 
-    reader = Frames(path)
+    several = job_of(path).study.holds == attractors.HOLDS
+    reader = Frames(path, attractors.HOLDS if several else "motions")
     study, grid = reader.study, Grid(reader)
     rows = range(0, grid.omega.size, frame_step)
     if len(rows) * grid.amplitude.size > MOST_CELLS:
@@ -100,8 +105,9 @@ def gather(
     codes, values, counts, points, speed = [], [], [], [], []
     held = 0
     for done, row in enumerate(rows, 1):
-        frame = grid.dataset(row)
-        chosen = frame.isel(amplitude=slice(None, None, amplitude_step))
+        chosen = grid.dataset(row).isel(amplitude=slice(None, None, amplitude_step))
+        if several:
+            chosen = attractors.as_runs(chosen)
         codes.append(_codes(chosen))
         values.append(_values(chosen))
         kept, u, v = _points(chosen, n, limit)
@@ -117,7 +123,7 @@ def gather(
         if say is not None:
             say(done, len(rows))
     reader.close()
-    return Study(
+    gathered = Study(
         name=reader.job.name,
         structure=study.structure,
         omega=grid.omega[::frame_step],
@@ -136,11 +142,14 @@ def gather(
             "amplitude_step": amplitude_step,
         },
     )
+    return attractors.as_study(gathered) if several else gathered
 
 
 def _codes(frame) -> dict[str, np.ndarray]:
     codes = {
-        "motion": classes_of(frame)[:, 0].astype(np.uint8),
+        "motion": (frame[MOTION].values if MOTION in frame else classes_of(frame))[:, 0].astype(
+            np.uint8
+        ),
         "period": frame["orbit_period"].values[:, 0].astype(np.uint32),
         "outcome": frame["outcome"].values[:, 0].astype(np.uint8),
         "cycles": frame["cycles"].values[:, 0].astype(np.uint32),
@@ -153,7 +162,7 @@ def _codes(frame) -> dict[str, np.ndarray]:
 def _values(frame) -> dict[str, np.ndarray]:
     values = {
         name: frame[name].values[:, 0].astype(np.float32)
-        for name in ("drift", "lyapunov")
+        for name in ("drift", "lyapunov", *attractors.VALUES)
         if name in frame
     }
     if "modal_norm" in frame:

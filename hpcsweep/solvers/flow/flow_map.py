@@ -14,13 +14,24 @@ from hpcsweep.solvers.arguments import (
     points_array,
     solver_arguments,
 )
+from hpcsweep.solvers.flow.free import NOTHING
 from hpcsweep.solvers.flow.march import march, march_observed
-from hpcsweep.solvers.flow.shared import SHARED, WATCH, new_shared, new_watch
+from hpcsweep.solvers.flow.path import (
+    MORE,
+    OPEN,
+    Rules,
+    follow_orbits,
+    new_rows,
+    new_run,
+    orbits_of,
+)
+from hpcsweep.solvers.flow.shared import SHARED, WATCH, Watch, new_shared, new_watch
 from hpcsweep.solvers.flow.tally import empty_tally
 from hpcsweep.solvers.flow.transient import end_of_transient
+from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.pieces import Pieces
-from hpcsweep.solvers.records import Advance, Approach, Observation, window_growth
+from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, Orbits, window_growth
 
 MAX_STEPS = 2_000_000
 """Cap of steps in one forcing period."""
@@ -54,8 +65,8 @@ class FlowMap:
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         self._shared = new_shared(model, tolerance, MAX_STEPS)
         self._packed = SHARED.pack(self._shared)
-        self._watch = new_watch(self._frame.size // 2, 1)
-        self._packed_watch = WATCH.pack(self._watch)
+        self._watches: dict[int, tuple] = {}
+        self._watch_for(1)
         self.counts = self._shared.counts
         self._pieces = Pieces()
 
@@ -122,11 +133,7 @@ class FlowMap:
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         closing = closing_arguments(max_period, settled, same, near)
-        watch = self._watch
-        if watch.close.size != closing[0] + 1:
-            watch = self._watch = new_watch(z.size // 2, closing[0])
-            self._packed_watch = WATCH.pack(watch)
-        watch.since[0] = 0
+        self._watch_for(closing[0]).since[0] = 0
         done = newton = period = 0
         multiplier = math.nan
         outcome = int(Outcome.COMPLETE)
@@ -141,6 +148,68 @@ class FlowMap:
                 break
         state = self._frame.out_of(z)
         return Approach(state, done, newton, period, multiplier, Outcome(outcome))
+
+    def follow_orbits(
+        self,
+        amplitudes: np.ndarray,
+        state: np.ndarray,
+        rules: Rules,
+        free: FreeMotion | None,
+        modal_norm: bool = False,
+        poll: Callable[[], None] | None = None,
+    ) -> Orbits:
+        """Do runs one after the other, until one is left open by the rules; see `path`.
+
+        Parameters
+        ----------
+        amplitudes : ndarray, shape (k,)
+        state : ndarray, shape (2n,)
+            From which the first of them starts.
+        rules : Rules
+        free : FreeMotion, optional
+            The rule by which motions without contact are known.
+        modal_norm, poll
+            As in `observe` and `settle`.
+        """
+        n = self.structure.n_floors
+        closing = closing_arguments(rules.max_period, rules.settled, rules.same, rules.near)
+        amplitudes = np.ascontiguousarray(amplitudes, dtype=float)
+        rules = rules._replace(max_period=closing[0])
+        z = motion(self, state, 0.0, rules.transient)[0]
+        units = np.array(self.structure.state_units)
+        self._watch_for(closing[0])
+        run = new_run(n, self._frame.size, closing[0], modal_norm)
+        rows = new_rows(len(amplitudes), n, closing[0])
+        why = MORE
+        while why == MORE:
+            why, n_periods, outcome = follow_orbits(
+                self._packed,
+                self._packed_watch,
+                NOTHING if free is None else free.packed,
+                amplitudes,
+                z,
+                units,
+                self._frame.amplitude_unit,
+                self._pieces.begin(poll),
+                tuple(rules),
+                run,
+                rows,
+            )
+            self._pieces.end(n_periods)
+        n_runs, _, *counts = run.place.tolist()
+        left_open = None
+        if why == OPEN:
+            state, multiplier = self._frame.out_of(run.z), float(run.number[1])
+            left_open = Approach(state, *counts[:3], multiplier, Outcome(outcome))
+        return orbits_of(rows, n_runs, self.structure, z, left_open)
+
+    def _watch_for(self, max_period: int) -> Watch:
+        """Take what is kept of a motion's points for orbits of up to `max_period`."""
+        if max_period not in self._watches:
+            watch = new_watch(self._frame.size // 2, max_period)
+            self._watches[max_period] = watch, WATCH.pack(watch)
+        self._watch, self._packed_watch = self._watches[max_period]
+        return self._watch
 
     def points(
         self,
@@ -171,8 +240,7 @@ class FlowMap:
         tally = empty_tally(n, modal_norm)
         tangent = logarithms = None
         if growth:
-            ones = np.full((2 * n, 1), math.sqrt(0.5 / n)) * self.structure.state_units[:, None]
-            tangent = self._frame.tangent_into(ones)
+            tangent = self._vector()
             logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, tally, tangent, logarithms)
         free = tally.free_time[0]
@@ -185,6 +253,29 @@ class FlowMap:
             outcome,
             *_growth_of(logarithms if outcome is Outcome.COMPLETE else None),
         )
+
+    def grow(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        poll: Callable[[], None] | None = None,
+    ) -> Growth:
+        """Integrate `n_periods` with a tangent vector, (1, ..., 1) at first; gather only points."""
+        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
+        logarithms = points_array(n_periods, 1).ravel()
+        points, outcome = self._points(
+            z, amplitude, n_periods, poll, None, self._vector(), logarithms
+        )
+        return Growth(
+            points, outcome, *_growth_of(logarithms if outcome is Outcome.COMPLETE else None)
+        )
+
+    def _vector(self) -> np.ndarray:
+        """Give the tangent vector (1, ..., 1), of length 1 in the units of the state."""
+        n = self.structure.n_floors
+        ones = np.full((2 * n, 1), math.sqrt(0.5 / n)) * self.structure.state_units[:, None]
+        return self._frame.tangent_into(ones)
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int

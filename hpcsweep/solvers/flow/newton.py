@@ -7,11 +7,9 @@ is tried and what makes the orbit that of the motion.
 
 import math
 
-import numpy as np
-
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.separate import FLOAT, MATRIX, separate
 from hpcsweep.solvers.flow.march import march, march_observed
+from hpcsweep.solvers.flow.spectrum import spectral_radius
 from hpcsweep.solvers.outcome import COMPLETE
 
 NEWTON_STEPS = 6
@@ -103,7 +101,10 @@ def newton_orbit(shared, watch, no_points, period, amplitude):
         curved = max(curved, abs(image[i] - left[i] - expected))
     if not curved <= NEWTON_LINEAR * size_left + NEWTON_RESIDUAL:
         return False, n_periods, math.nan
-    multiplier = _spectral_radius(matrix)
+    for i in range(size):
+        for k in range(size):
+            watch.factors[i, k] = matrix[i, k]
+    multiplier = spectral_radius(watch.factors)
     return multiplier <= NEWTON_STABLE, n_periods, multiplier
 
 
@@ -165,11 +166,3 @@ def _solve(matrix, right):
             value -= matrix[row, k] * right[k]
         right[row] = value / matrix[row, row]
     return True
-
-
-@separate(FLOAT, MATRIX, counted=True)
-def _spectral_radius(matrix):
-    """Return the largest modulus of the eigenvalues, inf if the matrix is not finite."""
-    if not np.all(np.isfinite(matrix)):
-        return math.inf
-    return np.abs(np.linalg.eigvals(matrix.astype(np.complex128))).max()

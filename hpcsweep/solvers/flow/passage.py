@@ -8,15 +8,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.compile import kernel
-from hpcsweep.model.contact import FULL_POTENTIAL
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.model.contact import FULL_POTENTIAL, contact_force
 from hpcsweep.solvers.flow.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.crossing import NEGLECTED, add_kick, moments, passage_is_fast
 from hpcsweep.solvers.flow.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.polynomials import value_and_slope
+from hpcsweep.solvers.flow.slow_passage import (
+    DISPLACED,
+    cross_half,
+    half_is_smooth,
+    passage_is_smooth,
+)
+from hpcsweep.solvers.flow.tables import lookup
 
 EXTRAPOLATION = 1.005
 """How far beyond its step a polynomial is used, in steps: its error grows less than fivefold."""
+
+
+INTEGRATED, FAST, SLOW, ARRIVED = range(4)
+"""How a passage is taken: integrated; by `crossing`; by `slow_passage`, on both sides or to where
+the contact is at its stop."""
 
 
 class Arrival(NamedTuple):
@@ -87,7 +99,7 @@ def _coupling(k, model, span):
 
 
 @kernel
-def _passes_apart(arrival, z, a, amplitude, model):
+def passes_apart(arrival, z, a, amplitude, model):
     """Tell whether the contact at its stop may pass its layer apart from all other contacts.
 
     That holds where no other comes near its layer meanwhile, and also where those that do will
@@ -150,22 +162,61 @@ def _passes_apart(arrival, z, a, amplitude, model):
     return True, promised
 
 
+@inlined
+def table_at_hand(key, model, tables):
+    """Find or build the table of a contact set; -1 where that would empty the store of tables."""
+    count = tables.count[0]
+    for index in range(count):
+        if tables.keys[index] == key:
+            return index
+    return lookup(key, model, tables) if count < tables.keys.shape[0] else -1
+
+
 @kernel
-def pass_layer(arrival, z, a, promised, amplitude, model):
-    """Take the contact at its stop, in state z, through its layer if that is fast.
+def jerk_at_stop(arrival, z, a, model):
+    """Differentiate the acceleration a of the row of a contact that exerts no force."""
+    contact, contacts = arrival.contact, model.contacts
+    stiffness, damping = model.stiffness, model.damping
+    n = stiffness.shape[0]
+    row, sign = contacts.row[contact], contacts.sign[contact]
+    jerk = model.forcing[row] * forcing_rate(arrival.forcing, 0, model)
+    for j in range(n):
+        jerk -= stiffness[row, j] * z[n + j] + damping[row, j] * a[j]
+    if contacts.is_oblique:
+        for k in range(contacts.row.shape[0]):
+            if k != contact and arrival.key & contact_bit(k):
+                pull = contacts.beta[k] * contacts.sign[k] * z[n + contacts.row[k]]
+                jerk -= sign * contacts.oblique[contact, k] * pull
+    return jerk
+
+
+@kernel
+def pass_layer(arrival, z, index, promised, amplitude, shared):
+    """Take the contact at its stop, in state z, through its layer if it need not be integrated.
+
+    Parameters
+    ----------
+    arrival : Arrival
+    z : ndarray, shape (2R,)
+    index : int
+        Of the table of the motion before.
+    promised : uint64
+    amplitude : float
+    shared : Shared
 
     Returns
     -------
-    bool
-        False, with z unchanged, if the passage has to be integrated instead. `a` then holds
-        the accelerations at the stop without the force of the contact.
+    how : int
+        `INTEGRATED`, with z unchanged, if the passage has to be integrated instead. ``work.a``
+        then holds the accelerations at the stop without the force of the contact.
     float
         Jerk of its row, likewise.
     promised : uint64
-        Contacts whose next passage has to be in closed form, see `_passes_apart`; brought up to
+        Contacts whose next passage has to be in closed form, see `passes_apart`; brought up to
         date.
     """
-    contact, contacts = arrival.contact, model.contacts
+    model, tables, work = shared.model, shared.tables, shared.work
+    contact, contacts, a = arrival.contact, model.contacts, work.a
     stiffness, damping, rho = model.stiffness, model.damping, model.rho
     n = stiffness.shape[0]
     row, sign = contacts.row[contact], contacts.sign[contact]
@@ -185,23 +236,107 @@ def pass_layer(arrival, z, a, promised, amplitude, model):
             force = contacts.beta[k] * distance(k, z, contacts)
             for p in range(contacts.first[k], contacts.first[k + 1]):
                 a[contacts.push_row[p]] -= contacts.push[p] * force
-    jerk = model.forcing[row] * forcing_rate(arrival.forcing, 0, model)
-    for j in range(n):
-        jerk -= stiffness[row, j] * z[n + j] + damping[row, j] * a[j]
-    if contacts.is_oblique:
-        for k in range(contacts.row.shape[0]):
-            if k != contact and arrival.key & contact_bit(k):
-                pull = contacts.beta[k] * contacts.sign[k] * z[n + contacts.row[k]]
-                jerk -= sign * contacts.oblique[contact, k] * pull
-    if not passage_is_fast(sign * z[n + row], sign * a[row], sign * jerk, contact, model):
-        return False, jerk, promised
+    jerk = jerk_at_stop(arrival, z, a, model)
+    v, pushed, bend = sign * z[n + row], sign * a[row], sign * jerk
+    free = arrival.key & contact_bit(contact) == np.uint64(0)
+    if passage_is_fast(v, pushed, bend, contact, model):
+        how = FAST
+    elif rho == math.inf:
+        return INTEGRATED, jerk, promised
+    elif passage_is_smooth(v, pushed, bend, contact, model):
+        how = SLOW
+    elif free and half_is_smooth(v, pushed, bend, False, contact, model):
+        how = ARRIVED
+    else:
+        return INTEGRATED, jerk, promised
     if rho == math.inf:
-        return True, jerk, promised
-    if promised & contact_bit(contact) == np.uint64(0):
-        apart, more = _passes_apart(arrival, z, a, amplitude, model)
-        if not apart:
-            return False, jerk, promised
+        return how, jerk, promised
+    if promised & contact_bit(contact) == np.uint64(0) or how == ARRIVED:
+        apart, more = passes_apart(arrival, z, a, amplitude, model)
+        if not apart or (how == ARRIVED and (more | promised) != np.uint64(0)):
+            return INTEGRATED, jerk, promised
         promised |= more
-    found = moments(sign * z[n + row], sign * a[row], sign * jerk, contacts.beta[contact], rho)
-    add_kick(found, contact, arrival.key, model, z)
-    return True, jerk, promised & ~contact_bit(contact)
+    if how == FAST:
+        found = moments(v, pushed, bend, contacts.beta[contact], rho)
+        add_kick(found, contact, arrival.key, model, z)
+    else:
+        how = _pass_slowly(how, arrival, z, index, model, tables, work)
+    if how == INTEGRATED:
+        return how, jerk, promised
+    return how, jerk, promised & ~contact_bit(contact)
+
+
+@inlined
+def _pass_slowly(how, arrival, z, index, model, tables, work):
+    """Take the contact at its stop by `slow_passage`; say how it was taken."""
+    contact, forcing = arrival.contact, arrival.forcing
+    after = index
+    if how == SLOW:
+        after = table_at_hand(arrival.key ^ contact_bit(contact), model, tables)
+        if after < 0:
+            return INTEGRATED
+    z_end = work.z_end
+    for i in range(z.shape[0]):
+        z_end[i] = z[i]
+    if not cross_half(-1.0, index, contact, forcing, z_end, model, tables, work.arriving):
+        return INTEGRATED
+    if how == SLOW and not cross_half(
+        1.0, after, contact, forcing, z_end, model, tables, work.departing
+    ):
+        return INTEGRATED
+    for i in range(z.shape[0]):
+        z[i] = z_end[i]
+    return how
+
+
+@kernel
+def leave_layer(contact, tau, z, a, amplitude, forcing, model, tables, work):
+    """Go over to the linear motion before a stop that a contact has just reached from beyond it.
+
+    Parameters
+    ----------
+    contact : int
+    tau : float
+    z : ndarray, shape (2R,)
+        True state; on success that of the linear motion.
+    a : ndarray, shape (R,)
+        Its accelerations.
+    amplitude : float
+    forcing : ndarray
+        Pairs at `tau`.
+    model : Model
+    tables : Tables
+    work : Workspace
+
+    Returns
+    -------
+    int
+        The table of that motion; -1, with z unchanged, if the passage has to be integrated.
+    """
+    contacts = model.contacts
+    key = np.uint64(0)
+    for k in range(contacts.row.shape[0]):
+        x = distance(k, z, contacts)
+        if k == contact:
+            if not model.rho * abs(x) <= 0.8 * DISPLACED:
+                return -1
+        elif abs(x) < model.layer:
+            return -1
+        elif x > 0.0:
+            key |= contact_bit(k)
+    row, sign = contacts.row[contact], contacts.sign[contact]
+    arrival = Arrival(contact, key, tau, forcing)
+    v = sign * z[model.stiffness.shape[0] + row]
+    pushed = sign * a[row] + contact_force(
+        distance(contact, z, contacts), contacts.beta[contact], model.rho
+    )
+    bend = sign * jerk_at_stop(arrival, z, a, model)
+    if not (v < 0.0 and half_is_smooth(v, pushed, bend, False, contact, model)):
+        return -1
+    apart, more = passes_apart(arrival, z, a, amplitude, model)
+    if not apart or more != np.uint64(0):
+        return -1
+    index = table_at_hand(key, model, tables)
+    if index >= 0 and cross_half(1.0, index, contact, forcing, z, model, tables, work.departing):
+        return index
+    return -1

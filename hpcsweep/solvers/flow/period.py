@@ -11,7 +11,6 @@ with zero impulse.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from hpcsweep.solvers.flow.events import (
 )
 from hpcsweep.solvers.flow.forcing import forcing_at, rotate_forcing
 from hpcsweep.solvers.flow.layer.visit import (
+    DEPARTED,
     OVERFLOW,
     Interval,
     copy_state,
@@ -38,6 +38,9 @@ from hpcsweep.solvers.flow.layer.visit import (
 from hpcsweep.solvers.flow.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.passage import (
     EXTRAPOLATION,
+    FAST,
+    INTEGRATED,
+    SLOW,
     Arrival,
     first_at_stop,
     pass_layer,
@@ -45,6 +48,8 @@ from hpcsweep.solvers.flow.passage import (
 )
 from hpcsweep.solvers.flow.polynomials import evaluate_rows, expand_rows
 from hpcsweep.solvers.flow.search import UNDECIDED, Bracket, Curve, Level, rising_root
+from hpcsweep.solvers.flow.segment import Ending, Segment
+from hpcsweep.solvers.flow.slow_tangent import half_tangent
 from hpcsweep.solvers.flow.tables import product, product_of_moduli, table_of
 from hpcsweep.solvers.flow.tangent import linear_tangent, passage_tangent
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
@@ -54,42 +59,6 @@ NO_TABLE, AT_EDGE = -1, -2
 its layer, perhaps just outside it by rounding."""
 SHORTEST = 0.01
 """Part of a step after which a contact whose stop is reached beyond it is tried again."""
-
-
-class Segment(NamedTuple):
-    """A step of the linear motion of one contact set."""
-
-    key: np.uint64
-    """Contact set."""
-    index: int
-    """Of its table."""
-    h: float
-    """Length of a full step."""
-    tau: float
-    """Start."""
-    end: float
-    """End of the period."""
-
-
-class Ending(NamedTuple):
-    """How a segment ends."""
-
-    span: float
-    """Its length."""
-    contact: int
-    """The contact at its end, -1 if there is none."""
-    passed: bool
-    """It has passed its stop: the state after it is in z, that before it follows from
-    ``work.rows``, the forcing is in ``work.forcing``."""
-    beyond: bool
-    """The stop is reached after this step: try again from the edge of the layer."""
-    rounded: bool
-    """It is on its way through a stop without layer, past it by rounding already: the contact set
-    changes, the state does not. Looking at distances again would change those of all contacts that
-    have their stops at the same place."""
-    jerk: float
-    """At the stop, see `pass_layer`."""
-    promised: np.uint64
 
 
 @inlined
@@ -173,27 +142,27 @@ def _end_at_event(segment, contact, bracket, promised, z, amplitude, shared):
         bracket = Bracket(at_edge, bracket.ga, at_edge, bracket.gb)
         at_stop = time_at_stop(rows, contact, contacts, h, at_edge, direction)
         contact, at_stop = first_at_stop(contact, at_stop, segment.key, rows, h, contacts)
-    passed = False
+    how = INTEGRATED
     jerk = 0.0
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
         evaluate_rows(rows, h, at_stop, z)
         forcing_at(tau + at_stop, amplitude, model, work.forcing, 0)
         arrival = Arrival(contact, segment.key, tau + at_stop, work.forcing)
-        passed, jerk, promised = pass_layer(arrival, z, work.a, promised, amplitude, model)
-    if passed:
-        return Ending(at_stop, contact, True, False, False, jerk, promised)
+        how, jerk, promised = pass_layer(arrival, z, segment.index, promised, amplitude, shared)
+    if how != INTEGRATED:
+        return Ending(at_stop, contact, how, False, False, jerk, promised)
     span = rising_root(curve, bracket, edge)
     beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
     rounded = model.rho == math.inf and at_stop < bracket.a
     evaluate_rows(rows, h, span, work.z_end)
-    return Ending(span, contact, False, beyond, rounded, jerk, promised)
+    return Ending(span, contact, INTEGRATED, beyond, rounded, jerk, promised)
 
 
 @inlined
 def _segment_tangent(segment, ending, model, tables, work, tangent):
     """Multiply `tangent` by the tangent map of a segment and of the passage at its end."""
     linear_tangent(tables, segment.index, ending.span, tangent, work.tangent)
-    if ending.passed:
+    if ending.how == FAST:
         z = work.z_end
         evaluate_rows(work.rows, segment.h, ending.span, z)
         contact = ending.contact
@@ -205,6 +174,12 @@ def _segment_tangent(segment, ending, model, tables, work, tangent):
             work.forcing,
         )
         passage_tangent(arrival, z, work.a, ending.jerk, model, work.tangent, tangent)
+    elif ending.how != INTEGRATED:
+        contact = ending.contact
+        half_tangent(-1.0, segment.index, contact, model, tables, work.arriving, tangent)
+        if ending.how == SLOW:
+            after = table_of(segment.key ^ contact_bit(contact), model, tables)
+            half_tangent(1.0, after, contact, model, tables, work.departing, tangent)
 
 
 @inlined
@@ -234,7 +209,7 @@ def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
     elif ending.beyond:
         forcing_at(tau, amplitude, model, work.forcing, 0)
         start(x, z, work.forcing)
-    elif ending.passed or ending.rounded:
+    elif ending.how in (FAST, SLOW) or ending.rounded:
         if ending.rounded:
             forcing_at(tau, amplitude, model, work.forcing, 0)
         key ^= contact_bit(ending.contact)
@@ -242,6 +217,18 @@ def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
         start(x, z, work.forcing)
     else:
         index = AT_EDGE if model.rho != math.inf else NO_TABLE
+    return key, index
+
+
+@inlined
+def _after_visit(outcome, tau, z, amplitude, model, tables, work):
+    """Give the contact set and the table after a visit; `NO_TABLE` where they are to be found."""
+    key, index = np.uint64(0), NO_TABLE
+    if outcome >= DEPARTED:
+        key = contact_key(tau, z, amplitude, model, work) & ~contact_bit(outcome - DEPARTED)
+        index = table_of(key, model, tables)
+        forcing_at(tau, amplitude, model, work.forcing, 0)
+        start(work.x, z, work.forcing)
     return key, index
 
 
@@ -292,9 +279,9 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
             counts[3] += 1
             counts[2] += used
             steps += used
-            if outcome != COMPLETE:
+            if outcome != COMPLETE and outcome < DEPARTED:
                 return outcome
-            index = NO_TABLE
+            key, index = _after_visit(outcome, tau, z, amplitude, model, tables, work)
             continue
         if index == NO_TABLE:
             key = contact_key(tau, z, amplitude, model, work)
@@ -314,14 +301,14 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
         contact, bracket = first_event(segment, span, model, tables.poly, work)
         if contact == UNDECIDED:
             return SOLVER_FAILED
-        ending = Ending(span, contact, False, False, False, 0.0, promised)
+        ending = Ending(span, contact, INTEGRATED, False, False, 0.0, promised)
         if contact >= 0:
             ending = _end_at_event(segment, contact, bracket, promised, z, amplitude, shared)
             promised = ending.promised
-            counts[1] += ending.passed
+            counts[1] += ending.how != INTEGRATED
         if tangent is not None and tangent.shape[1] > 0:
             _segment_tangent(segment, ending, model, tables, work, tangent)
-        if ending.passed:
+        if ending.how != INTEGRATED:
             copy_state(z, work.z_end)
         if not is_ordinary(work.z_end):
             return NON_FINITE

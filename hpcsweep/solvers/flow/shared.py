@@ -43,7 +43,7 @@ class Watch(NamedTuple):
     history: np.ndarray
     """(2 max_period + 1, 2R): the last points, cyclic."""
     distance: np.ndarray
-    """(max_period + 1, max_period + 1): the last e_k of every p (`transient`), cyclic."""
+    """(max_period + 1, max_period + 1): the last e_k (`transient`), cyclic, of every p."""
     close: np.ndarray
     """(max_period + 1,) int: for how many points each p has been closed ..."""
     falling: np.ndarray

@@ -45,6 +45,7 @@ from hpcsweep.kernels.vectors import (
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.economisation import economisation
+from hpcsweep.solvers.flow.series import build_series
 
 DEGREE = 15
 N_COEFFICIENTS = DEGREE + 1
@@ -83,6 +84,10 @@ class Tables(NamedTuple):
     """(MAX_TABLES, N, padded R): column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray
     """(MAX_TABLES, 2 H): cos and sin of h Omega times the step, for each harmonic."""
+    series: np.ndarray
+    """(MAX_TABLES, m, N, LANES): Taylor series of the distance of each contact, see `series` ..."""
+    impulses: np.ndarray
+    """(MAX_TABLES, m, LANES, padded 2R): ... and of what its unit impulse does."""
     modal: np.ndarray
     """(1, N, padded n N_MODAL): the modal coordinates at the nodes `MODAL_NODES` of a step of free
     flight, column k per x_k, rows by mode, then node."""
@@ -108,6 +113,8 @@ def empty_tables(model: Model) -> Tables:
         columns=aligned_zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
         bound4=aligned_zeros(capacity, size, padded(n)),
         rotation=np.empty((capacity, 2 * n_harmonics)),
+        series=aligned_zeros(capacity, model.contacts.row.size, size, LANES),
+        impulses=aligned_zeros(capacity, model.contacts.row.size, LANES, padded(2 * n)),
         modal=aligned_zeros(1, size, padded(n_modes * N_MODAL)),
     )
 
@@ -238,6 +245,8 @@ def _build(key, model, tables, index):
     places = np.arange(size)
     places[n:] += n_rows - n
     places[2 * n :] += n_rows - n
+    series, impulses = tables.series[index], tables.impulses[index]
+    build_series(generator, unit, places, model, series, impulses)
     for k in range(size):
         _write_rows(full[:, k], unit, k, model, tables.step[index, places[k]])
     poly = tables.poly[index]

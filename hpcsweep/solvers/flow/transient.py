@@ -80,30 +80,33 @@ def watch_motion(shared, watch, no_points, z, amplitude, n_periods, closing):
         if outcome != COMPLETE:
             return period - 1 - first, 0, outcome
         watch.since[0] = period
-        slot = period % ring
+        slot = past = period % ring
+        place = period % long
         largest = 0.0
         for k in range(size):
-            history[period % long, k] = z[k]
+            history[place, k] = z[k]
             largest = max(largest, abs(z[k]))
         for p in range(1, min(max_period, period) + 1):
-            past = (period - p) % ring
+            # slots of p periods ago, without a division
+            past += ring - 1 if past == 0 else -1
+            place += long - 1 if place == 0 else -1
             e = 0.0
             for k in range(size):
-                e = max(e, abs(z[k] - history[(period - p) % long, k]))
+                e = max(e, abs(z[k] - history[place, k]))
             to_go = math.inf
             approached = False
             if period >= 2 * p:
-                before = distance[p, past]
+                before = distance[past, p]
                 approached = e <= near and e < before
                 if e <= ROUNDING * (1.0 + largest):
                     to_go = 0.0
                 elif e < before:
                     to_go = e * e / (before - e)
-            distance[p, slot] = e
+            distance[slot, p] = e
             close[p] = close[p] + 1 if to_go <= settled else 0
             if close[p] >= 2 * p + 1:
                 for divisor in range(1, p):
-                    if p % divisor == 0 and distance[divisor, slot] <= same:
+                    if p % divisor == 0 and distance[slot, divisor] <= same:
                         return period - first, divisor, COMPLETE
                 return period - first, p, COMPLETE
             falling[p] = falling[p] + 1 if approached else 0
@@ -164,7 +167,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
         # an orbit may be seen to approach after a multiple of its period first
         slot = kept.since[0] % (max_period + 1)
         for divisor in range(1, 1 - period):
-            if period % divisor != 0 or kept.distance[divisor, slot] > near:
+            if period % divisor != 0 or kept.distance[slot, divisor] > near:
                 continue
             accepted, more, multiplier = newton_orbit(shared, kept, no_points, divisor, amplitude)
             n_newton += more

@@ -9,6 +9,7 @@ from hpcsweep.model.kernel_model import Model
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.workspace import LayerWorkspace, new_layer_workspace
 from hpcsweep.solvers.flow.search import MAX_DEPTH
+from hpcsweep.solvers.flow.slow_passage import HalfPassage, new_half_passage
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, N_MODAL, padded
 from hpcsweep.solvers.flow.tangent import TangentWorkspace, new_tangent_workspace
 
@@ -41,6 +42,8 @@ class Workspace(NamedTuple):
     stack: np.ndarray
     a: np.ndarray
     a_end: np.ndarray
+    arriving: HalfPassage
+    departing: HalfPassage
     tangent: TangentWorkspace
     layer: LayerWorkspace
     stage_u: np.ndarray
@@ -71,6 +74,8 @@ def new_workspace(model: Model) -> Workspace:
         stack=np.zeros((MAX_DEPTH + 2, 3)),
         a=np.zeros(n),
         a_end=np.zeros(n),
+        arriving=new_half_passage(n, 2 * n + n_forcing + 1),
+        departing=new_half_passage(n, 2 * n + n_forcing + 1),
         tangent=new_tangent_workspace(n),
         layer=new_layer_workspace(n, model.contacts.row.size),
         stage_u=np.zeros(N_STAGES),

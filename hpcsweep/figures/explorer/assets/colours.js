@@ -22,6 +22,8 @@ function quantities(study) {
   const labels = {
     drift: ["drift δ [A/Ω²]", "drift δ [A/Ω²]"],
     lyapunov: ["Lyapunov exponent λ", "Lyapunov λ"].map((text) => text + unit(study, " [ω₀]")),
+    share: ["share of the starts", "share"],
+    number: ["number of attractors", "attractors there"],
   };
   for (const name of Object.keys(study.arrays)) {
     const norm = name.match(/^modal_norm_(\d+)$/);
@@ -45,7 +47,7 @@ function motionQuantity(study) {
       : places[motion[run]];
   const seen = new Set();
   for (let run = 0; run < motion.length; run++) seen.add(key(run));
-  const legend = [...motionLegend, { name: "not computed", colour: study.colours.nothing }];
+  const legend = [...motionLegend, { name: study.missing, colour: study.colours.nothing }];
   const classes = legend
     .map(({ name, colour }, place) => ({ keys: [place], label: name, colour }))
     .filter((_, place) => seen.has(place));
@@ -56,7 +58,7 @@ function motionQuantity(study) {
     key,
     classes,
     colour: (run) => legend[key(run)].colour,
-    name: (run) => (motion[run] === periodic ? `P${period[run]}` : motions[motion[run]].name),
+    name: (run) => (motion[run] === periodic ? `P${period[run]}` : legend[key(run)].name),
   };
 }
 

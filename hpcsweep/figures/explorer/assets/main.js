@@ -96,10 +96,11 @@ class Explorer {
     byId("diagram-title").textContent =
       `Orbit diagram at Ω = ${shortNumber(study.omega[frame], 6)} ` +
       `(frame ${frame + 1} of ${study.nFrames})`;
-    const words = study.directions.map((name, d) => {
-      const run = study.run(frame, d, amplitude);
+    const there = study.directions.map((name, d) => [name, study.run(frame, d, amplitude)])
+      .filter(([, run], d) => d === 0 || study.each === "direction" || study.data.motion[run]);
+    const words = there.map(([name, run]) => {
       const about = this.quantities
-        .filter((q) => q.id === "motion" || q.id === "contact" || q === this.quantity)
+        .filter((q) => ["motion", "contact", "share"].includes(q.id) || q === this.quantity)
         .map((q) => (q.id === "motion" || q.id === "contact" ? "" : `${q.short} `) + q.name(run));
       return `${name}: ${about.join(", ")}`;
     });
@@ -153,7 +154,7 @@ class Explorer {
     const rows = [
       [`A${unit(study, " [gaps · ω₀²]")}`, shortNumber(study.amplitude[amplitude], 7)],
       [`Ω${unit(study, " [ω₀]")}`, shortNumber(study.omega[frame], 7)],
-      ["direction", study.directions[this.direction]],
+      [study.each, study.directions[this.direction]],
     ];
     for (const q of this.quantities) {
       rows.push([q.short || q.label, q.name(run)]);
@@ -228,6 +229,7 @@ class Explorer {
     };
     fill("floors", groups.map((floors, i) => [i, groupName(floors)]));
     byId("floors").disabled = groups.length < 2;
+    byId("direction").previousSibling.data = study.each === "direction" ? "Direction " : "Attractor ";
     byId("direction").disabled = study.nDirections < 2;
   }
 

@@ -34,8 +34,10 @@ function notes(study) {
     "Point at the map: orbit diagram of that frame. Click: phase portrait and numbers of that " +
       "run. Click into the orbit diagram: another amplitude. Drag a box or turn the wheel: zoom; " +
       "double click: whole map. A legend entry shows its class alone.",
-    "Keys on the map: arrows move the pointed run (with Shift by 20), Enter selects it, " +
-      "Escape returns to the selected one, + − 0 zoom, D changes the direction.",
+    `Keys on the map: arrows move the pointed run (with Shift by 20), Enter selects it, ` +
+      `Escape returns to the selected one, + − 0 zoom, D changes the ${study.each}.`,
+    ...(study.each === "attractor"
+      ? ["Attractors are numbered by falling share of the starts, at each place anew."] : []),
     (study.structure.gaps
       ? "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. "
       : "Lengths and times are in the units in which the structure was given. ") +
@@ -72,7 +74,7 @@ function describe(study) {
   byId("title").textContent = study.name;
   byId("structure").textContent =
     `${s.words}; ` +
-    `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} directions`;
+    `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} ${study.each}s`;
   byId("diagram-legend").replaceChildren(
     ...study.words.map((name, i) => {
       const entry = document.createElement("span");

@@ -25,7 +25,13 @@ from typing import NamedTuple
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
-from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, contact_stiffness
+from hpcsweep.model.contact import (
+    FAR,
+    MOST_STIFFNESS,
+    STIFFEST,
+    contact_force,
+    contact_stiffness,
+)
 from hpcsweep.solvers.flow.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.forcing import forcing_at, later_forcing, total_forcing
 from hpcsweep.solvers.flow.layer.error import quadrature_error
@@ -37,7 +43,10 @@ from hpcsweep.solvers.flow.layer.scheme import (
 )
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
+from hpcsweep.solvers.flow.passage import leave_layer
 from hpcsweep.solvers.flow.shared import read_shared
+from hpcsweep.solvers.flow.slow_passage import half_is_smooth
+from hpcsweep.solvers.flow.slow_tangent import half_tangent
 from hpcsweep.solvers.flow.tally import TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
@@ -48,6 +57,15 @@ DISTANT = 100.0
 """rho |x| from which on a contact that takes half its way to the stop stays beyond `FAR`."""
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
+
+
+DEPARTED = 1000
+"""And the number of a contact, in place of an outcome: the state is that of the linear motion on
+which this contact leaves its layer."""
+NEAR = 0.5
+"""rho x below which a contact is too near its stop to be taken there by a step of its own."""
+LONGER = 1.1
+"""Part by which a step may be longer to end where a contact is at its stop."""
 
 
 class Interval(NamedTuple):
@@ -155,6 +173,41 @@ def step_limit(z, a, model, most):
 
 
 @kernel
+def landing(h, z, a, model):
+    """Find the contact that will be back at its stop by the end of a step, alone in its layer.
+
+    Returns
+    -------
+    contact : int
+        -1 if there is none.
+    h : float
+        When it is there, else as given.
+    """
+    contacts = model.contacts
+    found = -1
+    for k in range(contacts.row.shape[0]):
+        if abs(distance(k, z, contacts)) < model.layer:
+            if found >= 0:
+                return -1, h
+            found = k
+    if found < 0:
+        return -1, h
+    x, v = distance(found, z, contacts), approach_speed(found, z, contacts)
+    if not (model.rho * x > NEAR and v < 0.0):
+        return -1, h
+    force = contact_force(x, contacts.beta[found], model.rho)
+    pushed = contacts.sign[found] * a[contacts.row[found]] + force
+    if not half_is_smooth(v, pushed, 0.0, False, found, model):
+        return -1, h
+    # the force falls about linearly in time
+    square = v * v - 2.0 * (pushed - 2.0 / 3.0 * force) * x
+    if not square > 0.0:
+        return -1, h
+    time = 2.0 * x / (math.sqrt(square) - v)
+    return (found, time) if time <= LONGER * h else (-1, h)
+
+
+@kernel
 def shortening(allowed, error):
     """Choose by how much a step is cut whose error, of order h^(2 N_STAGES + 1), is too large."""
     return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
@@ -193,6 +246,10 @@ def _visit(interval, z, amplitude, shared, tally, tangent):
     while True:
         left = end - tau
         h, stiffness = step_limit(z, work.a, model, min(left, most))
+        contact, h = landing(h, z, work.a, model)
+        planned = h
+        if h >= left:
+            contact, h = -1, left
         if not tau + h > tau:
             return tau, SOLVER_FAILED, steps
         while True:
@@ -226,3 +283,11 @@ def _visit(interval, z, amplitude, shared, tally, tangent):
             work.a[i] = work.a_end[i]
         if tau >= end or not inside_layer(z, model):
             return tau, COMPLETE, steps
+        if contact >= 0 and h == planned:
+            index = leave_layer(
+                contact, tau, z, work.a, amplitude, pairs, model, shared.tables, work
+            )
+            if index >= 0:
+                if tangent is not None and tangent.shape[1] > 0:
+                    half_tangent(1.0, index, contact, model, shared.tables, work.departing, tangent)
+                return tau, DEPARTED + contact, steps

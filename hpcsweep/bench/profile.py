@@ -1,0 +1,175 @@
+"""Where the time of a study goes: CPU time of histories by what they ask of the solver, and counts.
+
+Of each frame short stretches of its upward path are run, spread over the amplitudes. A stretch
+starts from rest; its first run, a long transient, is not counted. The counts do not depend on the
+machine; times are the least of several turns.
+"""
+
+import time
+from collections import defaultdict
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.job import Job, parse_job
+from hpcsweep.studies.runs import FrameRuns
+
+STUDY = """
+[sweep]
+omega = [0.21, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.79]
+amplitude = {from = 0.00028, to = 0.35, count = 1250}
+period_tolerance = 1e-6
+
+[solver]
+skip = "all"
+"""
+"""Frames of jobs/bluecrystal.toml."""
+STRETCHES, LENGTH = 10, 20
+"""Of a frame's path: how many are run, and how many runs each has that count."""
+CALLS = ("settle", "observe", "monodromy", "advance", "points")
+COUNTS = ("linear steps", "passages", "layer steps", "layer visits")
+
+
+@dataclass
+class FrameProfile:
+    """What the runs of a frame ask of the solver, a run.
+
+    Attributes
+    ----------
+    omega : float
+    n_runs : int
+    microseconds : float
+        A run, all together.
+    spent : dict of str to float
+        Microseconds in each call of the solver; the rest is what lies around them.
+    periods : dict of str to float
+        Forcing periods in each call, those of Newton's method among them.
+    counts : dict of str to float
+        Of `flow.shared.Shared`, all calls together.
+    """
+
+    omega: float
+    n_runs: int
+    microseconds: float = 0.0
+    spent: dict[str, float] = field(default_factory=dict)
+    periods: dict[str, float] = field(default_factory=dict)
+    counts: dict[str, float] = field(default_factory=dict)
+
+
+class _Watched:
+    """A solver whose calls are timed."""
+
+    def __init__(self, solver):
+        self._solver = solver
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.periods: dict[str, float] = defaultdict(float)
+
+    def __getattr__(self, name):
+        found = getattr(self._solver, name)
+        if name not in CALLS:
+            return found
+
+        def timed(*arguments, **options):
+            begun = time.process_time_ns()
+            result = found(*arguments, **options)
+            self.seconds[name] += 1e-9 * (time.process_time_ns() - begun)
+            self.periods[name] += _periods(name, result, arguments)
+            return result
+
+        return timed
+
+
+def _periods(name: str, result, arguments) -> int:
+    """Count the forcing periods that a call has integrated."""
+    if name == "monodromy":
+        return arguments[2]
+    if name == "points":
+        return len(result[0])
+    if name == "observe":
+        return len(result.points)
+    return result.n_periods + getattr(result, "n_newton", 0)
+
+
+def _counts(solver) -> np.ndarray:
+    """Give the counts of `flow`; 0 of a solver that has none."""
+    return getattr(solver, "counts", np.zeros(len(COUNTS)))
+
+
+def profile_frame(job: Job, frame: int) -> FrameProfile:
+    """Run the stretches of one frame once."""
+    study = job.study
+    runs = FrameRuns(study.structure, float(study.omega[frame]), study.settings)
+    solver: Any = runs.solver
+    rest = np.zeros(2 * study.structure.n_floors)
+    last = study.amplitude.size - LENGTH - 1
+    watched = _Watched(solver)
+    counts = np.zeros(len(COUNTS))
+    seconds = 0.0
+    n_runs = 0
+    for first in np.linspace(0, last, STRETCHES).astype(int) if last > 0 else [0]:
+        runs.solver = solver
+        state = runs.follow(study.amplitude[first : first + 1], rest)["final_state"][-1]
+        runs.solver = watched
+        before = np.array(_counts(solver))
+        stretch = study.amplitude[first + 1 : first + 1 + LENGTH]
+        begun = time.process_time()
+        runs.follow(stretch, state)
+        seconds += time.process_time() - begun
+        counts += _counts(solver) - before
+        n_runs += len(stretch)
+
+    def a_run(total: dict[str, float], unit: float) -> dict[str, float]:
+        return {name: unit * total[name] / n_runs for name in CALLS if name in total}
+
+    return FrameProfile(
+        float(study.omega[frame]),
+        n_runs,
+        1e6 * seconds / n_runs,
+        a_run(watched.seconds, 1e6),
+        a_run(watched.periods, 1.0),
+        {name: float(count) / n_runs for name, count in zip(COUNTS, counts, strict=True)},
+    )
+
+
+def profile(job: Job | None = None, turns: int = 3) -> list[FrameProfile]:
+    """Profile the frames of a job, by default those of `STUDY`; times are the least."""
+    job = job or parse_job(STUDY, "", "study")
+    found: list[FrameProfile] = []
+    for turn in range(turns):
+        for frame in range(job.study.omega.size):
+            new = profile_frame(job, frame)
+            if turn == 0:
+                found.append(new)
+                continue
+            old = found[frame]
+            found[frame] = replace(
+                old,
+                microseconds=min(old.microseconds, new.microseconds),
+                spent={name: min(old.spent[name], new.spent[name]) for name in old.spent},
+            )
+    return found
+
+
+def as_json(rows: list[FrameProfile]) -> list[dict]:
+    """Put the profile into plain types."""
+    return [asdict(row) for row in rows]
+
+
+def as_text(rows: list[FrameProfile]) -> str:
+    """Write the profile, a line a frame."""
+    lines = [
+        f"a run on its path, CPU time in us, {rows[0].n_runs} runs a frame (in brackets: forcing "
+        "periods):",
+        f"  {'omega':>6s} {'us':>7s}  settle            observe           monodromy         around "
+        f"{' '.join(f'{name:>12s}' for name in COUNTS)}",
+    ]
+    for row in rows:
+        spent = "".join(
+            f"  {row.spent.get(name, 0.0):7.1f} ({row.periods.get(name, 0.0):6.2f})"
+            for name in CALLS[:3]
+        )
+        around = row.microseconds - sum(row.spent.values())
+        counts = " ".join(f"{row.counts[name]:12.2f}" for name in COUNTS)
+        lines.append(f"  {row.omega:6g} {row.microseconds:7.1f}{spent}  {around:7.1f} {counts}")
+    return "\n".join(lines)

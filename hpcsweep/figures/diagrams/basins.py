@@ -1,0 +1,177 @@
+"""Basins of attraction on a slice of the initial states: which attractor each start goes to."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
+from hpcsweep.dynamics.basins import ELSEWHERE
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures.labels import displacement, velocity
+from hpcsweep.figures.palette import (
+    MOTION_COLOURS,
+    MOTION_NAMES,
+    NOTHING,
+    OTHER_MOTION,
+    motion_place,
+    shade,
+)
+from hpcsweep.figures.style import PlotError, caption, job_of, new_grid, percent, save, set_name
+
+NAME = "basins"
+DRAWS = "basins"
+HELP = """\
+basins of attraction on a slice of the initial states: the attractor that each
+start goes to"""
+OPTIONS = ()
+OTHERS = [
+    (ELSEWHERE, "other attractors", OTHER_MOTION),
+    *(
+        (number, CLASS_NAMES[kind], MOTION_COLOURS[MOTION_NAMES.index(CLASS_NAMES[kind])])
+        for number, kind in ((UNDECIDED, MotionClass.UNDECIDED), (FAILED, MotionClass.FAILED))
+    ),
+]
+"""Labels of starts that go to none of the attractors listed, with names and colours."""
+MOST_COLUMNS = 3
+"""Columns of the legend."""
+SIZE = 6.4, 6.9
+"""Inches."""
+
+
+def load(path: Path):
+    """Read the labels, and what the attractors are."""
+    from hpcsweep.store import Frames
+
+    frames = Frames(path, DRAWS)
+    try:
+        names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point")
+        return frames.gather((*names, "outcome"))
+    finally:
+        frames.close()
+
+
+def draw(results, path: Path) -> None:
+    """Draw what `load` returned and write it to `path`; the colours tell the motion.
+
+    Raises
+    ------
+    PlotError
+        If nothing is computed yet.
+    """
+    from matplotlib.colors import ListedColormap
+
+    study = job_of(results).study
+    done = results["outcome"].values[0, :, 0] > 0
+    if not done.any():
+        raise PlotError("no row of this slice is computed yet")
+    listed = attractors_of(results, int(np.argmax(done)))
+    keys = [(number, name, colour) for number, (name, colour, _) in listed.items()]
+    keys += OTHERS
+    labels = results["label"].values[0, :, 0]
+    index = np.full(labels.shape, -1)
+    for place, (number, _, _) in enumerate(keys):
+        index[done[:, None] & (labels == number)] = place
+    figure, axes = new_grid(1, 1, SIZE)
+    axis = axes[0, 0]
+    axis.pcolormesh(
+        _edges(study.horizontal),
+        _edges(study.vertical),
+        np.ma.masked_less(index, 0),
+        cmap=ListedColormap([colour for _, _, colour in keys]),
+        vmin=-0.5,
+        vmax=len(keys) - 0.5,
+        rasterized=True,
+    )
+    axis.set_facecolor(NOTHING)
+    for _, colour, point in listed.values():
+        _mark(axis, study, point, colour)
+    first, second = (_label(study.structure, component) for component in study.components)
+    axis.set_xlabel(first)
+    axis.set_ylabel(second)
+    _legend(figure, study, keys, index)
+    amplitude = f"$A$ = {study.amplitude[0]:.6g}"
+    figure.suptitle(f"{caption(results, float(study.omega[0]))},  {amplitude}", fontsize=10)
+    save(figure, path)
+
+
+def _legend(figure, study, keys: list, index: np.ndarray) -> None:
+    """Put the attractors with their shares of the starts, and a title, below the panel."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    total = int((index >= 0).sum())
+    handles: list = []
+    for place, (number, name, colour) in enumerate(keys):
+        count = int((index == place).sum())
+        if count or number > 0:
+            text = f"{name}  {percent(count / total)}"
+            handles.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=text))
+    point = Line2D([], [], linestyle="none", marker="o", mfc="none", mec="0.1", markersize=5)
+    point.set_label("one point of each, projected")
+    handles.append(point)
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=min(len(handles), MOST_COLUMNS),
+        fontsize=8,
+        frameon=False,
+        title=f"{total} starts; {_rest(study)}",
+        title_fontsize=7.5,
+    )
+
+
+def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
+    """Name the attractors of a slice: by number, name, colour and a point.
+
+    The first of a motion has the motion's colour, further ones have shades of it.
+    """
+    one = results.isel(direction=0, frame=row, amplitude=0)
+    labels = job_of(results).structure.contact_labels
+    found: dict[int, tuple[str, str, np.ndarray]] = {}
+    seen: dict[int, int] = {}
+    for slot in np.flatnonzero(one["attractor_id"].values).tolist():
+        kind = MotionClass(int(one["motion_class"].values[slot]))
+        period = int(one["orbit_period"].values[slot])
+        name = f"P{period}" if period else CLASS_NAMES[kind]
+        place = motion_place(kind, period)
+        if "contact" in one:
+            contact = int(one["contact"].values[slot])
+            name += f" {set_name(contact, labels)}"
+            place = place if contact else 0
+        colour = shade(MOTION_COLOURS[place], seen.get(place, 0))
+        seen[place] = seen.get(place, 0) + 1
+        found[slot + 1] = (name, colour, one["point"].values[slot])
+    return found
+
+
+def _mark(axis, study, point: np.ndarray, colour: str) -> None:
+    """Mark a point of an attractor, where it lies within the slice's rectangle."""
+    x, y = (float(point[component]) for component in study.components)
+    inside = study.horizontal[0] <= x <= study.horizontal[-1]
+    if inside and study.vertical[0] <= y <= study.vertical[-1]:
+        axis.plot(x, y, "o", ms=7, mfc=colour, mec="white", mew=1.6, zorder=3)
+        axis.plot(x, y, "o", ms=8.4, mfc="none", mec="0.1", mew=0.7, zorder=4)
+
+
+def _label(structure, component: int) -> str:
+    n = structure.n_floors
+    at = "(0)"
+    if component < n:
+        return displacement(structure, component, at)
+    return velocity(structure, component - n, at)
+
+
+def _rest(study) -> str:
+    """Tell the components that all starts have in common."""
+    names = study.coordinates["state"].values
+    state = study.initial_state
+    others = [k for k in range(state.size) if k not in study.components]
+    if not np.any(state[others]):
+        return "all other components of the state 0 at the start"
+    return ", ".join(f"{names[k]} = {state[k]:.4g}" for k in others)
+
+
+def _edges(centres: np.ndarray) -> np.ndarray:
+    middle = 0.5 * (centres[1:] + centres[:-1])
+    first, last = 1.5 * centres[0] - 0.5 * centres[1], 1.5 * centres[-1] - 0.5 * centres[-2]
+    return np.concatenate(([first], middle, [last]))

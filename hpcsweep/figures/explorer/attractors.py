@@ -1,0 +1,60 @@
+"""Attractors in the place of directions: what the explorer shows of a study of attractors."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MOTION, MotionClass
+
+HOLDS = "attractors"
+VALUES = ("share", "number")
+"""Values that only attractors have."""
+
+
+def as_runs(frame):
+    """Give the attractors of a frame, slot by slot, as the runs of directions.
+
+    Parameters
+    ----------
+    frame : xarray.Dataset
+        Of a study of attractors, one frame.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions (direction, frame, amplitude, ...): a direction is a slot. Where a slot has no
+        attractor the motion is not computed.
+    """
+    one = frame.isel(direction=0, drop=True).rename(attractor="direction")
+    held = one["attractor_id"] > 0
+    for name in ("outcome", "cycles"):
+        one[name] = one[name].where(held, one[name].dtype.type(0))
+    one["number"] = one["n_attractors"].where(held)
+    one["share"] = one["share"].where(held)
+    kind = one["motion_class"].where(held, MotionClass.NOT_COMPUTED)
+    if "contact" in one:
+        kind = kind.where((one["contact"] > 0) | ~held, MotionClass.NO_CONTACT)
+    one[MOTION] = kind.astype(np.int8)
+    return one.transpose("direction", "frame", "amplitude", ...)
+
+
+def as_study(study):
+    """Name the slots of a gathered study, and leave out those that hold nothing.
+
+    Parameters
+    ----------
+    study : hpcsweep.figures.explorer.study.Study
+    """
+    used = np.flatnonzero((study.codes["motion"] != MotionClass.NOT_COMPUTED).any(axis=(0, 2)))
+    n = int(used.max(initial=0)) + 1
+    return replace(
+        study,
+        directions=tuple(str(k + 1) for k in range(n)),
+        words=tuple(f"attractor {k + 1}" for k in range(n)),
+        codes={name: codes[:, :n] for name, codes in study.codes.items()},
+        values={name: values[:, :n] for name, values in study.values.items()},
+        counts=study.counts[:, :n],
+        speed=study.speed[:, :n],
+        thinned={**study.thinned, "of_points": study.thinned["points"]},
+        each="attractor",
+    )

@@ -1,0 +1,42 @@
+"""Tangent map of half a slow passage (`slow_passage`).
+
+A variation of the distance is that of the linear motion and what the variations r'(x) dx of the
+force add to it, at the nodes of the passage.
+"""
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.vectors import LANES, fma, load, store
+from hpcsweep.solvers.flow.passage_rule import N_NODES
+from hpcsweep.solvers.flow.slow_passage import expand_series, respond, sum_up
+
+TANGENT_SWEEPS = 7
+
+
+@inlined
+def half_tangent(direction, index, contact, model, tables, work, tangent):
+    """Multiply `tangent` by the tangent map of the half that `take_half` has left in `work`."""
+    contacts = model.contacts
+    place = index * contacts.row.shape[0] + contact
+    size = tangent.shape[0]
+    x, forces, moved, shares = work.x, work.forces, work.moved, work.shares
+    for i in range(size, x.shape[0]):
+        x[i] = 0.0
+    for column in range(tangent.shape[1]):
+        for i in range(size):
+            x[i] = tangent[i, column]
+        expand_series(direction, 1.0, place * x.shape[0] * LANES, x, tables, work)
+        for block in range(0, N_NODES, LANES):
+            t = load(work.times, block)
+            value = t * 0.0 + work.series[LANES - 1]
+            for k in range(LANES - 2, -1, -1):
+                value = fma(value, t, work.series[k])
+            store(shares, block, value)
+            store(moved, block, value)
+        for sweep in range(TANGENT_SWEEPS):
+            for block in range(0, N_NODES, LANES):
+                store(forces, block, load(work.slopes, block) * load(moved, block))
+            if sweep < TANGENT_SWEEPS - 1:
+                respond(forces, shares, work)
+        sum_up(direction, place * LANES * tables.impulses.shape[3], tables, work)
+        for i in range(size):
+            tangent[i, column] += work.kicked[i]

@@ -1,0 +1,258 @@
+"""The study of basins: known answers, equal on any number of ranks, resumed, told by commands."""
+
+import json
+import shutil
+import signal
+
+import faults
+import h5py
+import numpy as np
+import pytest
+from tools import assert_same_datasets, hpcsweep
+
+from hpcsweep import open_results
+from hpcsweep.checks.validate import validate
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
+from hpcsweep.dynamics.attractors import Search
+from hpcsweep.dynamics.basins import ELSEWHERE, Basins
+from hpcsweep.figures.diagrams.basins import attractors_of
+from hpcsweep.figures.palette import MOTION_COLOURS, MOTION_NAMES
+from hpcsweep.job import JobError, parse_job
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies.settings import SweepSettings
+
+JOB = """
+[study]
+kind = "basins"
+horizontal = {from = -0.9, to = 1.0, count = 9}
+vertical = {from = -1.0, to = 1.0, count = 7}
+starts = 16
+seed = 2
+max_cycles = 600
+[structure]
+n_floors = 1
+gap = 0.5
+gap_left = 0.5
+stiffness_ratio = 50.0
+sharpness = inf
+[sweep]
+omega = 1.0
+amplitude = 0.7
+"""
+"""Two orbits, each the mirror image of the other (jobs/clearance.toml)."""
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    path = tmp_path_factory.mktemp("basins") / "job.toml"
+    path.write_text(JOB)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(job):
+    path = job.with_name("whole.h5")
+    done = hpcsweep(0, "run", job, "-o", path)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+@pytest.mark.mpi
+def test_every_number_of_ranks_gives_the_same_bytes(tmp_path, job, whole):
+    for ranks in (2, 3):
+        path = tmp_path / f"{ranks}.h5"
+        done = hpcsweep(ranks, "run", job, "-o", path)
+        assert done.returncode == 0, done.stderr
+        assert_same_datasets(whole, path)
+
+
+@pytest.mark.mpi
+def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
+    cut = tmp_path / "cut.h5"
+    process = faults.start(2, "run", job, "-o", cut, sync=0.0)
+    faults.wait_for_commits(process, cut, 1)
+    process.send(signal.SIGKILL, "all", faults.random.Random(1))
+    process.end()
+    process.finish()
+    assert len(faults.valid(cut)) >= 1
+    assert hpcsweep(3, "run", job, "-o", cut).returncode == 0
+    assert_same_datasets(whole, cut)
+
+
+def test_each_row_is_computed_again_as_it_was(tmp_path, job, whole):
+    path = tmp_path / "again.h5"
+    shutil.copy(whole, path)
+    with h5py.File(path, "r+") as file:
+        file["commit"][0, 1::2] = 0
+    assert json.loads(hpcsweep(0, "status", path, "--json").stdout)["runs_done"] == 4
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    assert_same_datasets(whole, path)
+
+
+def test_the_file_is_sound_and_tells_damage(tmp_path, whole):
+    report = validate(whole, samples=4)
+    assert report.problems == []
+    assert report.committed == report.blocks == 7
+    assert all(run.whole_run == "equal" for run in report.sample)
+    assert any(run.difference is not None for run in report.sample)
+    path = tmp_path / "damaged.h5"
+    shutil.copy(whole, path)
+    with h5py.File(path, "r+") as file:
+        file["label"][0, 3, 0, 2] = 3 - file["label"][0, 3, 0, 2]
+    report = validate(path, samples=0)
+    assert not report.sound
+    assert "damaged byte(s) in label" in report.problems[0]
+
+
+def test_rows_that_contradict_themselves_are_told(whole):
+    study = parse_job(JOB, "job", "job").study
+    results = open_results(whole)
+    rows = {v.name: results[v.name].values[0, 2] for v in study.variables}
+    assert study.check(study.block((0, 2, 0)), rows) == []
+    for name, value, word in (
+        ("hits", 100, "hits are those"),
+        ("orbit_period", 0, "have a period"),
+        ("multiplier", 1.5, "orbits attract"),
+        ("attractor_id", 2, "numbered from 1"),
+    ):
+        broken = {**rows, name: rows[name].copy()}
+        broken[name][0, 0] = value
+        assert any(word in told for _, told in study.check(study.block((0, 2, 0)), broken))
+    broken = {**rows, "label": rows["label"].copy()}
+    broken["label"][0, 0] = 7
+    assert any("is labelled" in told for _, told in study.check(study.block((0, 2, 0)), broken))
+
+
+def test_each_start_goes_where_it_goes_when_it_is_decided_alone(whole):
+    study, results = parse_job(JOB, "job", "job").study, open_results(whole)
+    search = Search(make_solver("flow", study.structure, 1.0, 1e-9), 0.7, study.settings, 600, None)
+    labels, points = results["label"].values[0, :, 0], results["point"].values[0, 0, 0]
+    assert set(np.unique(labels)) == {1, 2}
+    for row, v in enumerate(study.vertical):
+        for column, u in enumerate(study.horizontal):
+            own = search.attractors[search.decide(np.array([u, v]))]
+            listed = points[labels[row, column] - 1]
+            assert np.abs(own.points - listed).max(axis=1).min() < 1e-6
+
+
+def test_the_mirror_image_of_a_slice_has_the_mirrored_basins(tmp_path, whole):
+    """u -> -u and the opposite forcing: labels are those of the mirrored grid."""
+    text = JOB.replace("from = -0.9, to = 1.0", "from = -1.0, to = 0.9")
+    text += "[forcing]\nharmonics = [{order = 1, amplitude = -1.0}]\n"
+    job, path = tmp_path / "mirror.toml", tmp_path / "mirror.h5"
+    job.write_text(text)
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    one, other = open_results(whole), open_results(path)
+    mirrored = other["label"].values[0, ::-1, 0, ::-1]
+    points, images = (each["point"].values[0, 0, 0, :2] for each in (one, other))
+    partner = [1 + int(np.abs(images + point).max(axis=1).argmin()) for point in points]
+    assert sorted(partner) == [1, 2]
+    assert np.abs(images[np.array(partner) - 1] + points).max() < 1e-6
+    assert np.array_equal(np.array(partner)[one["label"].values[0, :, 0] - 1], mirrored)
+
+
+def test_a_row_looks_at_its_messages_as_often_as_it_has_starts():
+    study, polls = parse_job(JOB, "x", "x").study, []
+    study.rows(3, study.amplitude, study.initial_state)
+    study.rows(2, study.amplitude, study.initial_state, lambda: polls.append(1))
+    assert len(polls) >= study.polls_per_run == 9
+
+
+def test_a_linear_structure_has_one_basin():
+    study = parse_job(
+        JOB.replace("stiffness_ratio = 50.0", "stiffness_ratio = 0.0"), "x", "x"
+    ).study
+    for frame in (0, 6):
+        row = study.rows(frame, study.amplitude, study.initial_state)
+        assert np.all(row["label"] == 1)
+        assert row["hits"][0].tolist() == [9, 0, 0, 0, 0, 0, 0, 0]
+        assert row["orbit_period"][0, 0] == 1
+
+
+def test_a_group_is_told_alike_in_any_order_and_what_is_not_listed_is_elsewhere():
+    structure = Structure(1, 50.0, np.inf, gap=0.5, gap_left=0.5)
+    solver = make_solver("flow", structure, 1.0, 1e-9)
+    rng = np.random.default_rng(4)
+    states = rng.uniform(-1, 1, (60, 2))
+    both = Basins(solver, 0.7, states[:20], SweepSettings(), 600, 8)
+    assert [one.hits for one in both.attractors] == sorted(
+        (one.hits for one in both.attractors), reverse=True
+    )
+    first, _ = both.labels(states[20:40])
+    second, _ = both.labels(states[40:])
+    again, _ = both.labels(states[20:40])
+    assert np.array_equal(first, again)
+    one = Basins(solver, 0.7, states[:20], SweepSettings(), 600, 1)
+    (kept,) = one.attractors
+    assert kept.hits == both.attractors[0].hits
+    assert np.array_equal(one.labels(states[40:])[0], np.where(second == 0, 0, ELSEWHERE))
+    none = Basins(solver, 0.7, states[:0], SweepSettings(), 600, 8)
+    assert none.attractors == []
+    assert set(none.labels(states[:4])[0].tolist()) == {ELSEWHERE}
+    assert ELSEWHERE not in (UNDECIDED, FAILED)
+
+
+def test_attractors_of_one_motion_have_shades_of_its_colour(whole):
+    listed = attractors_of(open_results(whole), 0)
+    colours = [colour for _, colour, _ in listed.values()]
+    assert colours[0] == MOTION_COLOURS[MOTION_NAMES.index("P1")]
+    assert len(set(colours)) == 2
+    assert [name for name, _, _ in listed.values()] == ["P1 C1,1L", "P1 C1,1L"]
+
+
+def test_every_command_tells_it(tmp_path, whole):
+    state = json.loads(hpcsweep(0, "status", whole, "--json").stdout)
+    assert state["complete"]
+    assert state["study"] == "basins"
+    assert state["starts"] == 63
+    assert "periods; undecided 0" in hpcsweep(0, "status", whole).stdout
+    (told,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
+    assert sum(entry["runs"] for entry in told["basins"].values()) == 63
+    assert "starts to 1, P1" in hpcsweep(0, "summary", whole).stdout
+    assert "row" in hpcsweep(0, "schedule", whole).stdout
+    picture = tmp_path / "picture.png"
+    done = hpcsweep(0, "plot", whole, "-o", picture)
+    assert done.returncode == 0, done.stderr
+    assert picture.stat().st_size > 10_000
+    for arguments in (
+        ("plot", whole, "--kind", "map"),
+        ("plot", whole, "--kind", "shares"),
+        ("explore", whole, "-o", tmp_path / "page.html"),
+    ):
+        done = hpcsweep(0, *arguments)
+        assert done.returncode == 2
+        assert done.stderr.count("\n") == 1
+        assert "holds basins" in done.stderr
+    assert not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("omega = 1.0", "omega = [1.0, 1.1]", ("sweep.omega", "one number")),
+        ("amplitude = 0.7", "amplitude = [0.6, 0.7]", ("sweep.amplitude", "one number")),
+        ("seed = 2", 'components = ["u_1", "u_1"]', ("study.components", "two of u_1")),
+        ("seed = 2", 'components = ["u_1", "v_2"]', ("study.components", "v_2")),
+        ("seed = 2", 'components = "u_1"', ("study.components", "two of")),
+        ("seed = 2", "horisontal = 3", ("study.horisontal", "'horizontal'")),
+        ("vertical = {from = -1.0, to = 1.0, count = 7}", "vertical = 1.0", ("two values",)),
+        ("vertical = {from = -1.0, to = 1.0", "vertical = {from = 2.0, to = 1.0", ("less than",)),
+        ("count = 9", "count = 100001", ("study.horizontal", "100000")),
+        ("starts = 16", "starts = 0", ("study.starts", "1 to")),
+        ("max_cycles = 600", "max_attractors = 65", ("study.max_attractors", "1 to 64")),
+        ("[sweep]", '[solver]\nskip = "none"\n[sweep]', ("solver.skip", '"all"')),
+        ("[sweep]", "[output]\nblock = 2\n[sweep]", ("output.block", "each row")),
+        ("[sweep]", "[sweep]\ndecide_cycles = 5", ("sweep.decide_cycles", "max_cycles")),
+        ("seed = 2", "confidence = 0.9", ("study.confidence", "attractors")),
+        ('kind = "basins"\n', "", ("study.horizontal", "basins")),
+    ],
+)
+def test_a_mistake_in_a_job_is_one_line(old, new, words):
+    assert old in JOB
+    with pytest.raises(JobError) as caught:
+        parse_job(JOB.replace(old, new, 1), "x.toml", "x")
+    text = str(caught.value)
+    assert "\n" not in text
+    for word in ("x.toml", *words):
+        assert word in text

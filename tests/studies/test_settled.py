@@ -1,0 +1,138 @@
+"""Runs that rules settle, many in one call, against the same runs one by one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.model.structure import Contact, Structure
+from hpcsweep.solvers.flow.spectrum import spectral_radius
+from hpcsweep.solvers.pieces import Pieces
+from hpcsweep.studies.runs import FrameRuns
+from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.shortcut import Shortcut
+
+SETTINGS = SweepSettings(metrics=frozenset(METRICS), decide_cycles=2000, max_points=40)
+STRUCTURES = {
+    "uniform": (Structure(3), 0.445, np.linspace(0.004, 0.24, 60)),
+    "described": (
+        Structure(3, damping_ratio=(0.1262, 0.0161, 0.0077)),
+        0.445,
+        np.linspace(0.03, 0.15, 60),
+    ),
+    "units": (
+        Structure(
+            2,
+            sharpness=1e7,
+            gap=(1e-3, 2e-3),
+            mass=(3e4, 2e4),
+            storey_stiffness=(4e6, 3e6),
+        ),
+        6.0,
+        np.linspace(2e-3, 0.06, 40),
+    ),
+    "pounding": (
+        Structure.from_matrices(
+            [[1.0, 0.0], [0.0, 0.7]],
+            [[2.0, -1.0], [-1.0, 1.5]],
+            [Contact((1.0, -1.0), 0.05, 100.0)],
+            damping_ratio=(0.05, 0.05),
+        ),
+        0.9,
+        np.linspace(0.005, 0.2, 40),
+    ),
+}
+
+
+def runs(name: str, **changed) -> FrameRuns:
+    structure, omega, _ = STRUCTURES[name]
+    return FrameRuns(structure, omega, replace(SETTINGS, **changed))
+
+
+@pytest.mark.parametrize("follow", [True, False], ids=["follow", "each"])
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_many_in_one_call_are_what_they_are_one_by_one(name, follow):
+    structure, _, amplitudes = STRUCTURES[name]
+    state = np.zeros(2 * structure.n_floors)
+    together, alone = runs(name), runs(name)
+    alone._path = None
+    many = (together.follow if follow else together.each)(amplitudes, state)
+    single = (alone.follow if follow else alone.each)(amplitudes, state)
+    rules = set(many["shortcut"].tolist())
+    assert Shortcut.NEWTON in rules
+    assert Shortcut.LINEAR in rules or not follow
+    # chaos amplifies the rounding by which states are taken to the kernels
+    tame = np.isfinite(many["lyapunov"]) & (many["lyapunov"] < 0)
+    if follow and not tame.all():
+        tame[int(np.argmin(tame)) :] = False
+    assert tame.sum() >= 15
+    for key in many:
+        if many[key].dtype.kind == "f":
+            units = 1.0
+            if key in ("final_state", "poincare"):
+                units = structure.state_units
+            left, right = many[key][tame] / units, single[key][tame] / units
+            assert np.array_equal(np.isnan(left), np.isnan(right)), key
+            assert np.nanmax(np.abs(left - right)) < 1e-9, key
+        else:
+            assert np.array_equal(many[key][tame], single[key][tame]), key
+
+
+@pytest.mark.parametrize("name", ["described", "units"])
+def test_however_the_work_is_cut_it_is_the_same_to_the_last_bit(name, monkeypatch):
+    structure, _, amplitudes = STRUCTURES[name]
+    state = np.zeros(2 * structure.n_floors)
+    polls = []
+    whole = runs(name).follow(amplitudes, state)
+    monkeypatch.setattr(Pieces, "_learn", lambda *_: None)  # one period at a time
+    pieces = runs(name).follow(amplitudes, state, lambda: polls.append(0))
+    half = runs(name)
+    first = half.follow(amplitudes[:17], state)
+    second = half.follow(amplitudes[17:], first["final_state"][-1])
+    for key in whole:
+        assert np.array_equal(whole[key], pieces[key], equal_nan=True), key
+        joined = np.concatenate((first[key], second[key]))
+        assert np.array_equal(whole[key], joined, equal_nan=True), key
+    assert len(polls) > whole["cycles"].sum() / 2
+
+
+def test_a_poll_that_raises_leaves_and_the_next_call_is_not_disturbed():
+    structure, _, amplitudes = STRUCTURES["described"]
+    state = np.zeros(2 * structure.n_floors)
+    frame, calls = runs("described"), []
+
+    def poll():
+        calls.append(0)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        frame.follow(amplitudes, state, poll)
+    again, fresh = frame.follow(amplitudes, state), runs("described").follow(amplitudes, state)
+    for key in fresh:
+        assert np.array_equal(again[key], fresh[key], equal_nan=True), key
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 6, 7, 20, 64])
+def test_spectral_radius_is_that_of_the_library(size):
+    random = np.random.default_rng(size)
+    whole = random.normal(size=(size, size))
+    cases = [
+        whole,
+        np.triu(whole),
+        np.linalg.qr(whole)[0],  # all of modulus 1
+        np.roll(np.eye(size), 1, axis=0),  # usual shifts go round in a circle
+        whole * 10.0 ** random.uniform(-4, 4, (size, 1)),
+        1e-300 * whole,
+        1e200 * whole,
+        np.zeros((size, size)),
+        np.eye(size),
+    ]
+    for case in cases:
+        expected = np.abs(floquet_multipliers(case)[0])
+        assert spectral_radius(case.copy()) == pytest.approx(expected, rel=1e-12, abs=0)
+    for bad in (np.nan, np.inf):
+        case = whole.copy()
+        case[-1, 0] = bad
+        assert spectral_radius(case) == np.inf

@@ -1,5 +1,6 @@
 """Fixtures of all tests; the tools they share are in `campaigns/tools.py`."""
 
+import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
 import shutil
 from pathlib import Path
 

@@ -4,6 +4,8 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bash .ci/venv .venv mpich,test
-.venv/bin/hpcsweep warmup --jobs 2  # once, before many tests want the kernels
+# once, before many tests want the kernels
+.venv/bin/hpcsweep warmup --jobs 2
+.venv/bin/python tests/reference/warm_up.py
 exec .venv/bin/python -m pytest -n 2 --dist worksteal \
     -m "not slow and not mpio and not browser and not slurm" "$@"

@@ -16,7 +16,6 @@ state with imaginary perturbation 1e-30 is the exact derivative (no cancellation
 by `extended`, by a Runge-Kutta method and by closed forms in `test_reference.py`.
 """
 
-import itertools
 import math
 from typing import NamedTuple
 
@@ -418,7 +417,8 @@ def reference_steps(structure, amplitude, omega, state, n_periods):
 
 
 def _values(coefficients, t):
-    return np.polynomial.polynomial.polyval(t, coefficients.T)
+    """Evaluate polynomials, coefficients (k, ORDER + 1), at times (q,): shape (k, q)."""
+    return coefficients @ np.vander(t, coefficients.shape[-1], increasing=True).T
 
 
 def reference_window(structure, amplitude, omega, state, n_periods, samples=17):
@@ -443,18 +443,17 @@ def reference_window(structure, amplitude, omega, state, n_periods, samples=17):
         whole = c[:n].copy()
         whole[:, 0] += parts.offset
         transform = phi.T @ structure.mass_matrix
-        for a, b in itertools.pairwise(t):
-            add, time = _free_part(transform @ whole, past, a, b, 0)
-            modal += add
-            free += time
+        add, time = _free_part(transform @ whole, past, t[:-1], t[1:])
+        modal += add
+        free += time
     return contact, drift, modal / free if free > 0 else np.full(n, math.nan)
 
 
 def _largest(c, t):
     """Largest value of a polynomial over samples t and the extrema between them."""
-    slope = np.polynomial.polynomial.polyder(c)
-    speeds = np.polynomial.polynomial.polyval(t, slope)
-    best = np.polynomial.polynomial.polyval(t, c).max()
+    slope = c[1:] * np.arange(1, c.size)
+    speeds = _values(slope, t)
+    best = _values(c, t).max()
     for k in np.flatnonzero((speeds[:-1] > 0) & (speeds[1:] < 0)):
         a, b = t[k], t[k + 1]
         for _ in range(60):
@@ -468,22 +467,31 @@ def _largest(c, t):
 
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+HALVINGS = 30
+"""Of an interval that a kink is in."""
 
 
-def _free_part(q, past, a, b, depth):
-    """Integrate |q_j| / ||q|| over the part of [a, b] without contact, splitting at kinks."""
-    times = np.array([a, 0.5 * (a + b), b])
-    inside, signs = _values(past, times) >= 0, _values(q, times) >= 0
-    kink = np.any(inside != inside[:, :1]) or np.any(signs != signs[:, :1])
-    if kink and depth < 30:
-        middle = 0.5 * (a + b)
-        left = _free_part(q, past, a, middle, depth + 1)
-        right = _free_part(q, past, middle, b, depth + 1)
-        return left[0] + right[0], left[1] + right[1]
-    if np.any(inside[:, 1]):
-        return np.zeros(len(q)), 0.0
-    half = 0.5 * (b - a)
-    size_of = np.abs(_values(q, a + half * (NODES + 1)))
-    size = np.linalg.norm(size_of, axis=0)
-    share = np.divide(size_of, size, out=np.zeros_like(size_of), where=size > 0)
-    return half * (share @ WEIGHTS), b - a
+def _free_part(q, past, a, b):
+    """Integrate |q_j| / ||q|| over the parts of intervals without contact, splitting at kinks."""
+    modal, free = np.zeros(len(q)), 0.0
+    for depth in range(HALVINGS + 1):
+        middle, half = 0.5 * (a + b), 0.5 * (b - a)
+        times = np.concatenate((a, middle, b))
+        inside, signs = (_values(c, times).reshape(len(c), 3, a.size) >= 0 for c in (past, q))
+        kink = _changes(inside) | _changes(signs) if depth < HALVINGS else np.zeros(a.size, bool)
+        smooth = ~kink & ~inside[:, 1].any(axis=0)
+        nodes = middle[smooth, None] + half[smooth, None] * NODES
+        size_of = np.abs(_values(q, nodes.ravel())).reshape(len(q), *nodes.shape)
+        size = np.linalg.norm(size_of, axis=0)
+        share = np.divide(size_of, size, out=np.zeros_like(size_of), where=size > 0)
+        modal += (share @ WEIGHTS) @ half[smooth]
+        free += 2 * half[smooth].sum()
+        if not kink.any():
+            break
+        a, b = np.append(a[kink], middle[kink]), np.append(middle[kink], b[kink])
+    return modal, free
+
+
+def _changes(signs):
+    """Tell which intervals see any sign change; signs (k, 3, intervals)."""
+    return (signs != signs[:, :1]).any(axis=(0, 1))

@@ -1,6 +1,5 @@
 """Attractors at one forcing frequency: at each amplitude of a path, and at a single point."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -15,21 +14,9 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.attractor_variables import attractor_variables
+from hpcsweep.studies.attractors import Limits
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
-
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """What a point is searched with; see `hpcsweep.studies.attractors.Attractors`."""
-
-    box: np.ndarray
-    starts: int
-    seed: int
-    max_attractors: int
-    confidence: float
-    max_cycles: int
-    match_distance: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +70,8 @@ class AttractorRuns:
     ) -> Portrait:
         """Find the attractors at an amplitude."""
         limits = self._limits
-        starts = starting_states(limits.box, limits.starts, limits.seed, self._omega, amplitude)
+        box = np.array(limits.box)
+        starts = starting_states(box, limits.starts, limits.seed, self._omega, amplitude)
         return portrait(
             self._solver,
             amplitude,
@@ -212,12 +200,12 @@ def attractors(
     amplitude: float,
     omega: float,
     *,
-    starts: int = 459,
+    starts: int = Limits.starts,
     box=None,
-    seed: int = 0,
+    seed: int = Limits.seed,
     states=(),
-    confidence: float = 0.95,
-    max_cycles: int = 5000,
+    confidence: float = Limits.confidence,
+    max_cycles: int = Limits.max_cycles,
     max_orbit_period: int = 16,
     period_tolerance: float = 1e-6,
     solver: str = "flow",
@@ -278,13 +266,11 @@ def attractors(
         rtol=SOLVERS[name].rtol if rtol is None else rtol,
     )
     limits = Limits(
-        box_of(box, units),
-        arguments.count("starts", starts, 1, 10**9),
-        arguments.count("seed", seed, 0, 2**62),
-        1,
-        arguments.number("confidence", confidence, "between 0 and 1", 1e-9, 1 - 1e-9),
-        arguments.count("max_cycles", max_cycles, 1),
-        math.inf,
+        box=tuple(map(tuple, box_of(box, units).tolist())),
+        starts=arguments.count("starts", starts, 1, 10**9),
+        seed=arguments.count("seed", seed, 0, 2**62),
+        confidence=arguments.number("confidence", confidence, "between 0 and 1", 1e-9, 1 - 1e-9),
+        max_cycles=arguments.count("max_cycles", max_cycles, 1),
     )
     runs = AttractorRuns(structure, arguments.positive("omega", omega), settings, limits)
     amplitude = arguments.finite("amplitude", amplitude)

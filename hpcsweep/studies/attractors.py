@@ -36,8 +36,8 @@ MOST_SEED = 2**62
 
 
 @dataclass(frozen=True, eq=False)
-class Attractors(AmplitudeSweep):
-    """Attractors along amplitudes, a frame a task; see `RunGrid`.
+class Limits:
+    """What attractors are searched with at a point.
 
     Attributes
     ----------
@@ -62,6 +62,11 @@ class Attractors(AmplitudeSweep):
     confidence: float = 0.95
     max_cycles: int = 5000
     match_distance: float = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Attractors(Limits, AmplitudeSweep):
+    """Attractors along amplitudes, a frame a task; see `RunGrid`."""
 
     kind: ClassVar[str] = "attractors"
     why_whole: ClassVar[str] = (
@@ -161,19 +166,10 @@ class Attractors(AmplitudeSweep):
     ) -> dict[str, np.ndarray]:
         """Find the attractors of amplitudes one after the other; `state` is an `end_state`."""
         # here, where attractors are searched: who only reads them loads no kernel
-        from hpcsweep.studies.attractor_runs import AttractorRuns, Limits
+        from hpcsweep.studies.attractor_runs import AttractorRuns
 
-        limits = Limits(
-            np.array(self.box),
-            self.starts,
-            self.seed,
-            self.max_attractors,
-            self.confidence,
-            self.max_cycles,
-            self.match_distance,
-        )
         omega = float(self.omega[frame])
-        searched = AttractorRuns(self.structure, omega, self.settings, limits)
+        searched = AttractorRuns(self.structure, omega, self.settings, self)
         return searched.follow(amplitudes, state, poll)
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:

@@ -22,10 +22,17 @@ from tools import (
     run_script,
 )
 
-LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 30000").replace(
-    "[output]", '[solver]\nskip = "none"\n[output]'
-)
-"""About six seconds of work on one core, in 24 blocks."""
+
+def long_job(cycles: int) -> str:
+    """A job of 24 blocks that takes a second for each 4,000 to 5,000 cycles, on one core."""
+    return SMALL.replace("transient_cycles = 30", f"transient_cycles = {cycles}").replace(
+        "[output]", '[solver]\nskip = "none"\n[output]'
+    )
+
+
+LONG = long_job(30_000)
+"""Not run to its end."""
+SECONDS = long_job(10_000)
 
 
 def journal(path: Path, kind: str) -> list[dict]:
@@ -86,22 +93,6 @@ def wait_for_commits(process: subprocess.Popen, path: Path, least: int) -> set:
 
 
 @pytest.mark.mpi
-def test_one_two_and_three_ranks_give_equal_bytes_and_a_control_differs(tmp_path):
-    job = JOBS / "ci.toml"
-    for ranks in (0, 2, 3):
-        done = hpcsweep(ranks, "run", job, "-o", tmp_path / f"{ranks}.h5")
-        assert done.returncode == 0, done.stderr
-        assert journal(tmp_path / f"{ranks}.h5", "start")[0]["ranks"] == max(ranks, 1)
-    assert_same_datasets(tmp_path / "0.h5", tmp_path / "2.h5")
-    assert_same_datasets(tmp_path / "0.h5", tmp_path / "3.h5")
-    control = tmp_path / "control.toml"
-    control.write_text(job.read_text().replace("400.0", "400.0000001"))
-    assert hpcsweep(0, "run", control, "-o", tmp_path / "control.h5").returncode == 0
-    left, right = datasets(tmp_path / "0.h5"), datasets(tmp_path / "control.h5")
-    assert not np.array_equal(left["final_state"], right["final_state"])
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "victim",
     [
@@ -112,7 +103,7 @@ def test_one_two_and_three_ranks_give_equal_bytes_and_a_control_differs(tmp_path
 )
 def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(tmp_path, victim):
     job = tmp_path / "long.toml"
-    job.write_text(LONG)
+    job.write_text(SECONDS)
     assert hpcsweep(0, "run", job, "-o", tmp_path / "whole.h5").returncode == 0
     path = tmp_path / "killed.h5"
     process = start(2, "run", job, "-o", path)
@@ -157,9 +148,9 @@ def test_sigterm_stops_in_good_order_within_seconds(tmp_path, ranks):
 
 def test_time_limit_stops_in_good_order_and_the_next_run_goes_on(tmp_path):
     job = tmp_path / "long.toml"
-    job.write_text(LONG)
+    job.write_text(SECONDS)
     path = tmp_path / "limited.h5"
-    stopped = hpcsweep(0, "run", job, "-o", path, "--max-hours", 6 / 3600)
+    stopped = hpcsweep(0, "run", job, "-o", path, "--max-hours", 0.5 / 3600)
     assert stopped.returncode == 75, stopped.stderr
     assert journal(path, "end")[-1]["reason"] == "time limit"
     done = len(committed(path))
@@ -325,7 +316,7 @@ def test_h5py_mpio_writes_the_same_bytes_and_survives_a_kill(tmp_path):
     for name in "bcd":
         assert_same_datasets(tmp_path / "a.h5", tmp_path / f"{name}.h5")
     long = tmp_path / "long.toml"
-    long.write_text(LONG)
+    long.write_text(SECONDS)
     assert hpcsweep(0, "run", long, "-o", tmp_path / "whole.h5").returncode == 0
     path = tmp_path / "killed.h5"
     process = start(2, "run", long, "-o", path)

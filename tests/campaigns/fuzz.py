@@ -603,12 +603,16 @@ def fuzz(cases: int, seed: int, kinds: list[str]) -> tuple[dict[str, Counter], l
         os.environ[FOLDER] = folder
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command has it
         try:
-            for item, answer in watchdog.each(serve, items, lambda item: LONGEST_WAIT):
+            answers = watchdog.each(serve, items, lambda item: LONGEST_WAIT)
+            for done, (item, answer) in enumerate(answers, 1):
                 lost = isinstance(answer, watchdog.Lost)
                 outcome, what = (OTHERWISE, answer.reason) if lost else answer
                 table[item[0]][outcome] += 1
                 if outcome == OTHERWISE:
                     told.append(f"{item[0]!r}, seed {item[1]}: {what}")
+                    print(told[-1], file=sys.stderr, flush=True)
+                if done % 100 == 0:
+                    print(f"{done} of {cases}", file=sys.stderr, flush=True)
         except KeyboardInterrupt:
             print("stopped; so far:", file=sys.stderr)
     return table, told

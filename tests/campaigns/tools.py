@@ -11,6 +11,7 @@ import tempfile
 import time
 import traceback
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -37,6 +38,29 @@ max_orbit_period = 6
 
 [output]
 block = 4
+"""
+GRID = '[study]\nkind = "points"\n' + SMALL.replace("block = 4", "lyapunov = true")
+ATTRACTORS = """
+[study]
+kind = "attractors"
+starts = 24
+seed = 3
+displacement = [-1.0, 0.9]
+max_attractors = 4
+max_cycles = 600
+match_distance = 0.3
+[structure]
+n_floors = 1
+gap = 0.5
+gap_left = 0.5
+stiffness_ratio = 50.0
+sharpness = inf
+[sweep]
+omega = [0.9, 1.0, 1.1]
+amplitude = {from = 0.6, to = 0.7, count = 6}
+[output]
+max_points = 32
+block = 2
 """
 
 
@@ -110,22 +134,28 @@ def forked(arguments: list[str], cwd: Path | None = None) -> subprocess.Complete
     """Run a command in a fork of this process, with streams of its own."""
     load()
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        with warnings.catch_warnings():
-            # the test runner's threads wait for it; the fork calls nothing of theirs
-            warnings.simplefilter("ignore", DeprecationWarning)
-            child = os.fork()
-        if child == 0:
-            code = 1
-            try:
-                code = _command(arguments, cwd, out.fileno(), err.fileno())
-            finally:
-                os._exit(code)
+        child = fork(lambda: _command(arguments, cwd, out.fileno(), err.fileno()))
         code = _exit_code(child)
         out.seek(0)
         err.seek(0)
         return subprocess.CompletedProcess(
             ["hpcsweep", *arguments], code, out.read().decode(), err.read().decode()
         )
+
+
+def fork(function: Callable[[], int | None]) -> int:
+    """Start a fork of this process that ends with a function; return its process id."""
+    with warnings.catch_warnings():
+        # the test runner's threads wait for it; the fork calls nothing of theirs
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            code = function() or 0
+        finally:
+            os._exit(code)
+    return child
 
 
 def _exit_code(child: int) -> int:
@@ -167,12 +197,13 @@ def _command(arguments: list[str], cwd: Path | None, out: int, err: int) -> int:
     return code if isinstance(code, int) else int(code is not None)
 
 
-def run_script(ranks: int, script: Path, *arguments: object):
+def run_script(ranks: int, script: Path, *arguments: object, cwd: Path | None = None):
     """Run a script that uses hpcsweep, as `hpcsweep` does the command."""
     line = command(ranks)
     line[line.index("-m") :] = [str(script), *map(str, arguments)]
     return subprocess.run(
         line,
+        cwd=cwd,
         env=environment(PYTHONPATH=f"{ROOT}:{ROOT / 'tests' / 'campaigns'}"),
         capture_output=True,
         text=True,

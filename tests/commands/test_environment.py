@@ -5,7 +5,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from tools import command, datasets, environment, hpcsweep
+from tools import SMALL, command, datasets, environment, hpcsweep
 
 from hpcsweep.commands import environment as environment_of_commands
 from hpcsweep.kernels import folders
@@ -24,12 +24,22 @@ def shell(redirection: str, *arguments: object) -> subprocess.CompletedProcess:
     )
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Results of the small job, with all streams open."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "small.toml").write_text(SMALL)
+    assert hpcsweep(0, "run", folder / "small.toml", cwd=folder).returncode == 0
+    return folder / "small.h5"
+
+
 @pytest.mark.parametrize(
     "redirection", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-", "2>/dev/full", "1>/dev/full"]
 )
-def test_streams_that_are_closed_or_full_do_not_reach_the_results(tmp_path, small_job, redirection):
-    whole, path = tmp_path / "whole.h5", tmp_path / "out.h5"
-    assert hpcsweep(0, "run", small_job, "-o", whole).returncode == 0
+def test_streams_that_are_closed_or_full_do_not_reach_the_results(
+    tmp_path, small_job, whole, redirection
+):
+    path = tmp_path / "out.h5"
     done = shell(redirection, "run", small_job, "-o", path)
     assert done.returncode == 0, done.stderr
     left, right = datasets(whole), datasets(path)

@@ -2,6 +2,17 @@
 
 import pytest
 
+DPI = 100
+"""Half of what figures have, unless a test says other: to draw and to pack pixels takes long."""
+
+
+@pytest.fixture(autouse=True)
+def coarse_pictures():
+    from hpcsweep.figures import style
+
+    with style.resolution(DPI):
+        yield
+
 
 @pytest.fixture(scope="session")
 def file(tmp_path_factory):

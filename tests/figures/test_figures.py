@@ -151,7 +151,8 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
     from PIL import Image
 
     path = tmp_path / "o.png"
-    orbit_diagram.draw(results, path, omega=0.7, color=color)
+    with style.resolution(style.DPI):
+        orbit_diagram.draw(results, path, omega=0.7, color=color)
     with Image.open(path) as picture:
         assert picture.width > 1000
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)

@@ -1,13 +1,19 @@
 """Ctrl-C in a long call is heard soon: the work is done in pieces of bounded time."""
 
+import contextlib
+import functools
+import os
 import signal
-import subprocess
-import sys
 import time
 
 import numba
 import pytest
-from tools import environment
+from tools import fork
+
+import hpcsweep
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.reference import reference_points
+from hpcsweep.solvers.trajectory import trajectory
 
 SOON = 10.0
 """Seconds; on an idle machine it takes some hundredths, and a second is what is promised."""
@@ -22,50 +28,55 @@ CALLS = {
     "reference": "reference_points(three, 0.06, 0.445, z, 10**8)",
     "trajectory": "trajectory(three, 1.0, 1e-4, z, 10**6)",
 }
-PROGRAM = """
-import signal
-import hpcsweep
-from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.reference import reference_points
-from hpcsweep.solvers.trajectory import trajectory
+INSIDE = 0.1
+"""Seconds of processor time after which a call is in the middle of its work."""
 
-one, three = hpcsweep.Structure(1), hpcsweep.Structure()
-flow, slow, z = FlowMap(three, 0.445), FlowMap(hpcsweep.Structure(10), 0.01), [0.0] * 6
-hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 2)  # compiled, or loaded
-flow.monodromy(z, 0.0987, 1)
-reference_points(three, 0.06, 0.445, z, 1)
-trajectory(three, 0.06, 0.445, z, 2)
-# a shell that starts something in the background has it ignore Ctrl-C
-signal.signal(signal.SIGINT, signal.default_int_handler)
-print("started", flush=True)
-try:
-    {call}
-except KeyboardInterrupt:
-    print("heard", flush=True)
-"""
+
+@functools.cache
+def names() -> dict[str, object]:
+    """Give what the calls use, loaded or compiled once for all processes."""
+    one, three = hpcsweep.Structure(1), hpcsweep.Structure()
+    flow, slow, z = FlowMap(three, 0.445), FlowMap(hpcsweep.Structure(10), 0.01), [0.0] * 6
+    hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 2)
+    hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 2, "bdf", 1e-6)
+    flow.monodromy(z, 0.0987, 1)
+    reference_points(three, 0.06, 0.445, z, 1)
+    trajectory(three, 0.06, 0.445, z, 2)
+    return {**globals(), **locals()}
+
+
+def be_interrupted(call: str, pipe: int) -> None:
+    """Call until Ctrl-C is heard; write what happens into a pipe."""
+    # a shell that starts something in the background has it ignore Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.write(pipe, b"started\n")
+    try:
+        eval(call, names())
+    except KeyboardInterrupt:
+        os.write(pipe, b"heard\n")
 
 
 def seconds_to_hear(call: str) -> float:
     """Start a call, interrupt it while it computes, and tell how long it goes on."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM.replace("{call}", call)],
-        env=environment(),
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout.readline() == "started\n"
-        before = cpu_seconds(process.pid)
-        while cpu_seconds(process.pid) < before + 0.5:
-            assert process.poll() is None, "the call has ended by itself"
-            time.sleep(0.01)
-        begun = time.monotonic()
-        process.send_signal(signal.SIGINT)
-        assert process.stdout.readline() == "heard\n"
-        return time.monotonic() - begun
-    finally:
-        process.kill()
-        process.communicate()
+    names()
+    end, pipe = os.pipe()
+    with os.fdopen(end) as told:
+        pid = fork(functools.partial(be_interrupted, call, pipe))
+        os.close(pipe)
+        try:
+            assert told.readline() == "started\n"
+            before = cpu_seconds(pid)
+            while cpu_seconds(pid) < before + INSIDE:
+                assert os.waitpid(pid, os.WNOHANG) == (0, 0), "the call has ended by itself"
+                time.sleep(0.01)
+            begun = time.monotonic()
+            os.kill(pid, signal.SIGINT)
+            assert told.readline() == "heard\n"
+            return time.monotonic() - begun
+        finally:
+            with contextlib.suppress(ProcessLookupError, ChildProcessError):
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
 
 
 def cpu_seconds(pid: int) -> float:

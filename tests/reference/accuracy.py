@@ -127,48 +127,61 @@ def random_cases(number, seed=0):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def variational(x, t, h, system, column, out):
-    """Derivative of a tangent vector at time t of a step of length h with the series u."""
+def variational(x, t, h, system, out):
+    """Fill the matrix (2n, 2n) of the tangents' equation at time t of a step with the series x."""
     n = system.stiffness.shape[0]
     if system.rho == math.inf:
         t = 0.5 * h  # such a step begins and ends where a distance may be 0
     for i in range(n):
-        out[i] = column[n + i]
-        out[n + i] = 0.0
         for j in range(n):
-            out[n + i] -= system.stiffness[i, j] * column[j] + system.damping[i, j] * column[n + j]
+            out[i, j], out[i, n + j] = 0.0, 1.0 if i == j else 0.0
+            out[n + i, j], out[n + i, n + j] = -system.stiffness[i, j], -system.damping[i, j]
     for k in range(system.gap.shape[0]):
         distance = -system.gap[k]
-        moved = 0.0
         for i in range(n):
             if system.reach[k, i] != 0.0:
                 distance += system.reach[k, i] * horner(x[i], t)
-                moved += system.reach[k, i] * column[i]
-        stiff = contact_stiffness(distance, 1.0, system.rho) * moved
+        stiff = contact_stiffness(distance, 1.0, system.rho)
         for i in range(n):
-            out[n + i] -= system.push[k, i] * stiff
+            for j in range(n):
+                out[n + i, j] -= system.push[k, i] * stiff * system.reach[k, j]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def product(a, y, d, k, out):
+    """Fill a (y + d k): loops, since numba takes seconds to compile products of matrices."""
+    for i in range(a.shape[0]):
+        for j in range(y.shape[1]):
+            total = 0.0
+            for c in range(a.shape[1]):
+                total += a[i, c] * (y[c, j] + d * k[c, j])
+            out[i, j] = total
 
 
 @numba.njit(cache=True, error_model="numpy")
 def step_tangent(series, h, system, fastest):
     """Tangent map of one step of the reference, by Runge-Kutta steps: three digits."""
     n = system.stiffness.shape[0]
-    matrix = np.eye(2 * n)
-    k1, k2, k3, k4 = (np.empty(2 * n), np.empty(2 * n), np.empty(2 * n), np.empty(2 * n))
+    y = np.eye(2 * n)
+    first, half, last = np.empty_like(y), np.empty_like(y), np.empty_like(y)
+    k1, k2, k3, k4 = np.empty_like(y), np.empty_like(y), np.empty_like(y), np.empty_like(y)
+    none = np.zeros_like(y)
     x = series[:n]
     parts = 4 + int(4 * h * fastest)
     d = h / parts
-    for c in range(2 * n):
-        y = matrix[:, c].copy()
-        for part in range(parts):
-            t = part * d
-            variational(x, t, h, system, y, k1)
-            variational(x, t + d / 2, h, system, y + d / 2 * k1, k2)
-            variational(x, t + d / 2, h, system, y + d / 2 * k2, k3)
-            variational(x, t + d, h, system, y + d * k3, k4)
-            y = y + d / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        matrix[:, c] = y
-    return matrix
+    variational(x, 0.0, h, system, last)
+    for part in range(parts):
+        first[:] = last
+        variational(x, (part + 0.5) * d, h, system, half)
+        variational(x, (part + 1) * d, h, system, last)
+        product(first, y, 0.0, none, k1)
+        product(half, y, d / 2, k1, k2)
+        product(half, y, d / 2, k2, k3)
+        product(last, y, d, k3, k4)
+        for i in range(2 * n):
+            for j in range(2 * n):
+                y[i, j] += d / 6 * (k1[i, j] + 2 * k2[i, j] + 2 * k3[i, j] + k4[i, j])
+    return y
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -179,9 +192,11 @@ def largest_tangent(sizes, series, system, fastest, units):
     """
     n = system.stiffness.shape[0]
     matrix = np.eye(2 * n)
+    found, none = np.empty_like(matrix), np.zeros_like(matrix)
     worst = 1.0
     for k in range(sizes.shape[0] - 1, -1, -1):
-        matrix = matrix @ step_tangent(series[k], sizes[k], system, fastest)
+        product(matrix, step_tangent(series[k], sizes[k], system, fastest), 0.0, none, found)
+        matrix, found = found, matrix
         size = 1.0
         square = 0.0
         for i in range(n):

@@ -59,10 +59,8 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
     PlotError
         If nothing is there to be drawn.
     """
-    frame = one_frame(results, omega)
-    structure = structure_of(results)
+    frame, index, structure = opened(results, omega)
     shown = choose_floors(structure.n_floors, floors)
-    index = motions_of(frame)
     figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
     for floor, axis in zip(shown[::-1], axes, strict=True):
         _scatter(axis, frame, index, floor)
@@ -80,8 +78,12 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
     save(figure, path)
 
 
-def one_frame(results, omega: float | None):
+def opened(results, omega: float | None):
     """Choose the frame nearest to a frequency; refuse it if nothing is computed.
+
+    Returns
+    -------
+    frame, `motions_of` it, Structure
 
     Raises
     ------
@@ -91,7 +93,7 @@ def one_frame(results, omega: float | None):
     frame = results.isel(direction=0, frame=place)
     if not (frame["outcome"].values > 0).any():
         raise PlotError("no point of this frame is computed yet")
-    return frame
+    return frame, motions_of(frame), structure_of(results)
 
 
 def motions_of(frame) -> np.ndarray:

@@ -8,14 +8,13 @@ from hpcsweep.figures.diagrams import attractor_diagram
 from hpcsweep.figures.diagrams.attractor_diagram import (
     legend,
     limit_amplitudes,
-    motions_of,
-    one_frame,
+    opened,
     starts_text,
 )
 from hpcsweep.figures.diagrams.figure import OMEGA
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.palette import MOTION_COLOURS, ink
-from hpcsweep.figures.style import caption, job_of, new_figure, save, set_name, structure_of
+from hpcsweep.figures.style import caption, job_of, new_figure, save, set_name
 
 NAME = "shares"
 DRAWS = "attractors"
@@ -39,9 +38,8 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     """
     from matplotlib.patches import Patch
 
-    frame = one_frame(results, omega)
-    index = motions_of(frame)
-    structure, study = structure_of(results), job_of(results).study
+    frame, index, structure = opened(results, omega)
+    study = job_of(results).study
     figure, axes = new_figure(2, 6.6)
     edges = _edges(frame["amplitude"].values)
     layers = _layers(frame, study.starts)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.job import Job, parse_job
+from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.runs import FrameRuns
 
 STUDY = """
@@ -27,7 +28,14 @@ skip = "all"
 """Frames of jobs/bluecrystal.toml."""
 STRETCHES, LENGTH = 10, 20
 """Of a frame's path: how many are run, and how many runs each has that count."""
-CALLS = ("settle", "observe", "monodromy", "advance", "points")
+CALLS = ("follow_orbits", "observe", "grow", "settle", "monodromy", "advance", "points")
+COLUMNS = {
+    "settled runs": ("follow_orbits", "advance"),
+    "windows": ("observe",),
+    "decided after": ("grow", "settle", "monodromy", "points"),
+}
+"""Of the table, and the calls that each sums: runs that rules settle, and transients of others;
+their windows, and those of decided motions; what decides them."""
 COUNTS = ("linear steps", "passages", "layer steps", "layer visits")
 
 
@@ -62,12 +70,13 @@ class _Watched:
 
     def __init__(self, solver):
         self._solver = solver
+        self.counted = False
         self.seconds: dict[str, float] = defaultdict(float)
         self.periods: dict[str, float] = defaultdict(float)
 
     def __getattr__(self, name):
         found = getattr(self._solver, name)
-        if name not in CALLS:
+        if name not in CALLS or not self.counted:
             return found
 
         def timed(*arguments, **options):
@@ -86,8 +95,11 @@ def _periods(name: str, result, arguments) -> int:
         return arguments[2]
     if name == "points":
         return len(result[0])
-    if name == "observe":
+    if name in ("observe", "grow"):
         return len(result.points)
+    if name == "follow_orbits":
+        left = result.open
+        return int(result.cycles.sum()) + (left.n_periods + left.n_newton if left else 0)
     return result.n_periods + getattr(result, "n_newton", 0)
 
 
@@ -99,18 +111,19 @@ def _counts(solver) -> np.ndarray:
 def profile_frame(job: Job, frame: int) -> FrameProfile:
     """Run the stretches of one frame once."""
     study = job.study
-    runs = FrameRuns(study.structure, float(study.omega[frame]), study.settings)
-    solver: Any = runs.solver
+    omega, settings = float(study.omega[frame]), study.settings
+    solver: Any = make_solver(settings.solver, study.structure, omega, settings.rtol)
+    watched = _Watched(solver)
+    runs = FrameRuns(study.structure, omega, settings, watched)
     rest = np.zeros(2 * study.structure.n_floors)
     last = study.amplitude.size - LENGTH - 1
-    watched = _Watched(solver)
     counts = np.zeros(len(COUNTS))
     seconds = 0.0
     n_runs = 0
     for first in np.linspace(0, last, STRETCHES).astype(int) if last > 0 else [0]:
-        runs.solver = solver
+        watched.counted = False
         state = runs.follow(study.amplitude[first : first + 1], rest)["final_state"][-1]
-        runs.solver = watched
+        watched.counted = True
         before = np.array(_counts(solver))
         stretch = study.amplitude[first + 1 : first + 1 + LENGTH]
         begun = time.process_time()
@@ -161,13 +174,15 @@ def as_text(rows: list[FrameProfile]) -> str:
     lines = [
         f"a run on its path, CPU time in us, {rows[0].n_runs} runs a frame (in brackets: forcing "
         "periods):",
-        f"  {'omega':>6s} {'us':>7s}  settle            observe           monodromy         around "
-        f"{' '.join(f'{name:>12s}' for name in COUNTS)}",
+        f"  {'omega':>6s} {'us':>7s}"
+        + "".join(f"  {title:16s}" for title in COLUMNS)
+        + f" around {' '.join(f'{name:>12s}' for name in COUNTS)}",
     ]
     for row in rows:
         spent = "".join(
-            f"  {row.spent.get(name, 0.0):7.1f} ({row.periods.get(name, 0.0):6.2f})"
-            for name in CALLS[:3]
+            f"  {sum(row.spent.get(name, 0.0) for name in names):7.1f}"
+            f" ({sum(row.periods.get(name, 0.0) for name in names):6.1f})"
+            for names in COLUMNS.values()
         )
         around = row.microseconds - sum(row.spent.values())
         counts = " ".join(f"{row.counts[name]:12.2f}" for name in COUNTS)

@@ -56,12 +56,14 @@ class FrameRuns:
     structure : Structure
     omega : float
     settings : SweepSettings
+    solver : Solver, optional
+        In place of one made by the settings.
     """
 
-    def __init__(self, structure: Structure, omega: float, settings: SweepSettings):
-        self.structure = structure
-        self.settings = settings
-        self.solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
+    def __init__(self, structure, omega: float, settings: SweepSettings, solver=None):
+        self.structure, self.settings = structure, settings
+        made = settings.solver, structure, omega, settings.rtol
+        self.solver: Solver = solver or make_solver(*made)
         self._free = None
         if "linear" in settings.skip:
             # here and in `warm_up`, where runs are computed: who only reads them loads no kernel
@@ -140,12 +142,11 @@ class FrameRuns:
         if self._free is not None:
             closed = self._free.window(z, amplitude)
             if closed is not None:
-                row = _row(result, index)
                 exponent = Interval.exact(self._free.orbit.lyapunov_exponent)
                 told = Told(closed, 1, exponent, MotionClass.NO_CONTACT)
-                self._store(result, row, index, amplitude, told, 0)
+                self._store(result, _row(result, index), index, amplitude, told, 0)
                 result["shortcut"][index] = Shortcut.LINEAR
-                row["final_state"][:] = closed.points[-1]
+                result["final_state"][index] = closed.points[-1]
                 return closed.points[-1].copy()
         return self._end(self._transient(z, amplitude, poll), amplitude, result, index, poll)
 

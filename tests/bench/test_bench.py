@@ -62,7 +62,9 @@ def test_profile_counts_what_the_runs_ask_of_the_solver(monkeypatch):
     monkeypatch.setattr(profile, "STRETCHES", 2)
     monkeypatch.setattr(profile, "LENGTH", 3)
     job = parse_job(
-        "[sweep]\nomega = 0.445\namplitude = {from = 0.05, to = 0.1, count = 9}\n", "", ""
+        "[sweep]\nomega = 0.445\namplitude = {from = 0.05, to = 0.1, count = 9}\n",
+        "profile",
+        "profile",
     )
     (row,) = profile.profile(job, turns=1)
     assert row.n_runs == 6

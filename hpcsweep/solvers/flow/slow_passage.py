@@ -75,7 +75,9 @@ def half_is_smooth(v, a, j, is_beyond, contact, model):
     sooner than at `RISE`: the rule is then right to 2e-12 of the impulse J (tried on (1 - y / y_0)^
     (-1/2) and (1 - (y / y_0)^2)^(-1/2), y_0 at these bounds), and to 2e-8 where the layer's own
     potential changes the speed. The series leave out 9 (kappa t^2)^4 J at first, t = 1 / (rho |v|)
-    and kappa = beta + |K| beyond the stop, |K| before it.
+    and kappa = beta + |K| beyond the stop, |K| before it, or the square of the fastest decay or
+    forcing. Contacts that push each other are not taken so: a stiff one that touches may bring
+    another into its layer sooner than `passage.passes_apart` foresees.
 
     Parameters
     ----------
@@ -97,11 +99,14 @@ def half_is_smooth(v, a, j, is_beyond, contact, model):
     if is_beyond:
         fall += beta * reach * reach
         stiffness += beta
+    fastest = max(model.energy.drag, model.omega)
+    for h in range(model.harmonics.shape[0]):
+        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
     if contacts.is_oblique:
-        stiffness += model.hardest
+        return False
     if not (fall <= FALL * square and 2.0 * max(along, 0.0) * RISE <= rho * square):
         return False
-    phase = stiffness / (rho * rho * square)
+    phase = max(stiffness, fastest * fastest) / (rho * rho * square)
     impulse = potential / speed * contacts.gain[contact]
     left_out = 9.0 * phase**4 + 2e-12 + 2e-8 * potential / square
     return impulse * left_out <= NEGLECTED

@@ -19,6 +19,7 @@ quasi-periodic
 Windows are added, up to `WINDOWS`, until one of these holds.
 
     motions.py draw CASES.json [--torus FIGURE OMEGA A]       a place near which there are tori
+    motions.py decide CASES.json                              again, as the program does now
     motions.py label CASES.json LABELS.json [--part K N]      every Nth from the Kth on
     motions.py table CASES.json LABELS.json ...
 """
@@ -35,13 +36,17 @@ from scipy.signal.windows import blackmanharris
 from tools import JOBS
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.dynamics.decide import decide
 from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.reference import reference_monodromy, reference_points
+from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.runs import FrameRuns
+from hpcsweep.studies.settings import SweepSettings
 
 ASIDE = 1e-5
 """From where a decided motion ended, in each component: an orbit has to be approached anew."""
+CYCLES = 50_000
 PART, PARTS = 100, 4
 """Periods after which a transient is looked at, and how often."""
 WINDOW, WINDOWS = 250, 20
@@ -149,10 +154,14 @@ def floor_of(points: np.ndarray) -> float:
     return float(np.median(power) * len(power) / power.sum())
 
 
+def beside(case: Case) -> np.ndarray:
+    """Give the state from which both routes start."""
+    return np.array(case.state) + ASIDE * np.cos(np.arange(len(case.state)))
+
+
 def labelled(case: Case) -> Label:
     """Label one motion."""
-    args = case.point
-    z = np.array(case.state) + ASIDE * np.cos(np.arange(len(case.state)))
+    args, z = case.point, beside(case)
     for part in range(PARTS):
         points = reference_points(*args, z, PART)
         z, done = points[-1], (part + 1) * PART
@@ -180,12 +189,13 @@ def labelled(case: Case) -> Label:
         told = {"growth": mean, "error": error, "floor": floor_of(points), "periods": done}
         if window >= 1 and mean > max(SURE * error, LEAST):
             return Label("chaotic", **told)
-        for period in range(1, LONGEST + 1):
-            first, last = halves(points, period)
-            if last <= NEAR and last < SLOW * first:
-                smallest, own = orbit(case, z, period)
-                if own < 1:
-                    return Label("periodic", smallest, own, **told)
+        returns = [halves(points, period) for period in range(1, LONGEST + 1)]
+        period = 1 + int(np.argmin([last for _, last in returns]))
+        first, last = returns[period - 1]
+        if last <= NEAR and last < SLOW * first:
+            smallest, own = orbit(case, z, period)
+            if own < 1:
+                return Label("periodic", smallest, own, **told)
         if window >= 1 and abs(mean) <= max(error, LEAST) and told["floor"] <= FLOOR:
             return Label("quasi-periodic", **told)
     return Label("not told", **told)
@@ -227,7 +237,7 @@ def drawn(scale: float, seed: int, known=(), turns: int = TURNS) -> list[Case]:
             study.settings,
             metrics=frozenset({"poincare", "contact", "lyapunov"}),
             skip=frozenset({"linear", "converged", "newton"}),
-            decide_cycles=50_000,
+            decide_cycles=CYCLES,
             max_points=None,
         )
         omega = again[1] if again else float(random.choice(study.omega))
@@ -272,6 +282,24 @@ def drawn(scale: float, seed: int, known=(), turns: int = TURNS) -> list[Case]:
     return cases
 
 
+def decided(case: Case) -> Case:
+    """Decide a motion from where it is labelled, too: its class, period, multiplier, exponent."""
+    structure, amplitude, omega = case.point
+    solver = make_solver("flow", structure, omega, 1e-9)
+    motion = decide(solver, beside(case), amplitude, SweepSettings(), CYCLES)
+    growth = motion.exponent * 2 * math.pi / omega
+    period, points = motion.period, motion.points / structure.state_units
+    sort = sort_of(motion.kind, period, motion.multiplier, growth, points)
+    return replace(
+        case,
+        sort=sort or "undecided",
+        kind=CLASS_NAMES[motion.kind],
+        period=period,
+        multiplier=motion.multiplier,
+        growth=growth,
+    )
+
+
 def told(cases: list[Case], labels: list[Label]) -> None:
     """Print the table, what differs, and how far multipliers and exponents are apart."""
     names = ("periodic", "quasi-periodic", "chaotic", "not told")
@@ -282,7 +310,7 @@ def told(cases: list[Case], labels: list[Label]) -> None:
         if case.kind == label.kind == "periodic" and case.period == label.period
     )
     print("| decided | " + " | ".join(names) + " | period right |\n|---|" + "---:|" * 5)
-    for sort in WANTED:
+    for sort in (*WANTED, "undecided"):
         counts = [str(table[sort, name] or "") for name in names]
         periodic = table[sort, "periodic"]
         print(f"| {sort} | {' | '.join(counts)} | {right[sort] if periodic else ''} |")
@@ -324,7 +352,7 @@ def label_part(cases: list[Case], path: Path, part: int, parts: int) -> None:
 def main() -> None:
     """Draw, label, or print the table of both routes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("draw", "label", "table"))
+    parser.add_argument("what", choices=("draw", "decide", "label", "table"))
     parser.add_argument("cases", type=Path)
     parser.add_argument("labels", type=Path, nargs="*")
     parser.add_argument("--scale", type=float, default=1.0, help="of the numbers wanted")
@@ -338,9 +366,12 @@ def main() -> None:
     if options.what == "draw":
         known = [(name, float(omega), float(a)) for name, omega, a in options.torus]
         found = drawn(options.scale, options.seed, known, options.turns)
-        options.cases.write_text(json.dumps([vars(case) for case in found]))
+        options.cases.write_text(json.dumps([vars(decided(case)) for case in found]))
         return
     cases = read(options.cases, Case)
+    if options.what == "decide":
+        options.cases.write_text(json.dumps([vars(decided(case)) for case in cases]))
+        return
     if options.what == "label":
         label_part(cases, options.labels[0], *options.part)
         return

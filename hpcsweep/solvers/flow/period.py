@@ -251,8 +251,7 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
     tally : Tally or None
         Brought up to date if it is wanted.
     tangent : ndarray, shape (2R, m), or None
-        Multiplied by the tangent map of the period, in place; none with m = 0. Neither of them is
-        None, or both, and then what they need is not compiled.
+        Multiplied by the tangent map of the period, in place. None as `tally` is, or not.
 
     Returns
     -------
@@ -263,9 +262,7 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
     end = 2.0 * math.pi / model.omega
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    tau = 0.0
-    steps = 0
-    index = NO_TABLE
+    tau, steps, index = 0.0, 0, NO_TABLE
     key = promised = np.uint64(0)
     while tau < end:
         steps += index != AT_EDGE
@@ -273,13 +270,13 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
             return STEP_LIMIT
         if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
             interval = Interval(tau, end, shared.max_steps - steps)
+            counts[3] += 1
             if tally is None:
                 tau, outcome, used = visit_layer(packed, interval, z, amplitude)
             else:
                 tau, outcome, used = visit_layer_observed(
                     packed, interval, z, amplitude, tally, tangent
                 )
-            counts[3] += 1
             counts[2] += used
             steps += used
             if outcome != COMPLETE and outcome < DEPARTED:

@@ -4,16 +4,16 @@ The passage itself is that of `crossing`. What may not pass that way is integrat
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate
-from hpcsweep.model.contact import FULL_POTENTIAL, contact_force
+from hpcsweep.model.contact import contact_force
+from hpcsweep.solvers.flow.apart import Arrival, is_alone, passes_apart
 from hpcsweep.solvers.flow.contacts import contact_bit, distance
-from hpcsweep.solvers.flow.crossing import NEGLECTED, add_kick, moments, passage_is_fast
-from hpcsweep.solvers.flow.forcing import forcing_rate, steepest_forcing, total_forcing
+from hpcsweep.solvers.flow.crossing import add_kick, moments, passage_is_fast
+from hpcsweep.solvers.flow.forcing import forcing_rate, total_forcing
 from hpcsweep.solvers.flow.polynomials import value_and_slope
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import (
@@ -31,17 +31,6 @@ EXTRAPOLATION = 1.005
 INTEGRATED, FAST, SLOW, ARRIVED = range(4)
 """How a passage is taken: integrated; by `crossing`; by `slow_passage`, on both sides or to where
 the contact is at its stop."""
-
-
-class Arrival(NamedTuple):
-    """A contact at its stop."""
-
-    contact: int
-    key: np.uint64
-    """Contact set before."""
-    tau: float
-    forcing: np.ndarray
-    """Pairs of sine and cosine, see `forcing`."""
 
 
 @kernel
@@ -80,88 +69,6 @@ def first_at_stop(contact, at_stop, key, rows, h, contacts):
                     contact = k
                     at_stop = earlier
     return contact, at_stop
-
-
-@kernel
-def _coupling(k, model, span):
-    """Bound |D_kl| + |K_kl| t over all other contacts l; inf if one pushes contact k itself."""
-    contacts = model.contacts
-    row = contacts.row[k]
-    coupling = 0.0
-    for other in range(contacts.row.shape[0]):
-        if other == k:
-            continue
-        if contacts.is_oblique and contacts.oblique[k, other] != 0.0:
-            return math.inf
-        stiff = 0.0
-        for p in range(contacts.first[other], contacts.first[other + 1]):
-            stiff += model.stiffness[row, contacts.push_row[p]] * contacts.push[p]
-        coupling = max(coupling, abs(contacts.damped[other, row]) + abs(stiff) * span)
-    return coupling
-
-
-@kernel
-def passes_apart(arrival, z, a, amplitude, model):
-    """Tell whether the contact at its stop may pass its layer apart from all other contacts.
-
-    That holds where no other comes near its layer meanwhile, and also where those that do will
-    pass as fast. While two are inside their layers the force of one moves the other only through
-    the coupling D_12 + K_12 t, t the time both take: it changes the speed of the second by J_1
-    coupling t and hence its impulse J_2 by J_1 J_2 coupling t / v, which must be negligible. It
-    does not hold for contacts that push each other directly.
-
-    Returns
-    -------
-    bool
-    promised : uint64
-        The contacts on their way to the stop that were found to pass fast. They may be inside their
-        layers already, so that they have to be taken through in closed form, too.
-    """
-    contacts, key, tau = model.contacts, arrival.key, arrival.tau
-    stiffness, damping = model.stiffness, model.damping
-    rho, omega, layer = model.rho, model.omega, model.layer
-    n = stiffness.shape[0]
-    end = 2.0 * math.pi / omega
-    least = abs(z[n + contacts.row[arrival.contact]])
-    span = 2.0 * layer / least
-    strongest = contacts.beta[arrival.contact]
-    promised = np.uint64(0)
-    found = contact_bit(arrival.contact)
-    searching = True
-    while searching:
-        searching = False
-        if tau - span < 0.0 or tau + span > end:
-            return False, promised
-        for k in range(contacts.row.shape[0]):
-            bit = contact_bit(k)
-            i = contacts.row[k]
-            x = abs(distance(k, z, contacts))
-            w = abs(z[n + i])
-            if found & bit or x - (w + abs(a[i]) * span) * span > layer:
-                continue
-            beta = contacts.beta[k]
-            way = 2.0 * layer + x
-            square = w * w - 2.0 * (abs(a[i]) + beta * way) * way
-            if not square > 0.25 * w * w:
-                return False, promised
-            slowest = math.sqrt(square)
-            span = max(span, way / slowest)
-            least = min(least, slowest)
-            strongest = max(strongest, beta)
-            energy = 2.0 * FULL_POTENTIAL * strongest / (rho * rho)
-            jerk = steepest_forcing(amplitude, model) * abs(model.forcing[i])
-            for j in range(n):
-                jerk += abs(stiffness[i, j] * z[n + j]) + abs(damping[i, j] * a[j])
-            coupling = _coupling(k, model, span)
-            if not energy * energy * coupling * span <= NEGLECTED * least**3:
-                return False, promised
-            if not passage_is_fast(slowest, abs(a[i]), jerk, k, model):
-                return False, promised
-            found |= bit
-            if (contacts.sign[k] * z[n + i] < 0.0) == (key & bit != np.uint64(0)):
-                promised |= bit
-            searching = True
-    return True, promised
 
 
 @inlined
@@ -255,9 +162,12 @@ def pass_layer(arrival, z, index, promised, amplitude, packed, shared):
         return INTEGRATED, jerk, promised
     if rho == math.inf:
         return how, jerk, promised
-    if promised & contact_bit(contact) == np.uint64(0) or how == ARRIVED:
+    if how != FAST:
+        if promised != np.uint64(0) or not is_alone(arrival, z, a, amplitude, model):
+            return INTEGRATED, jerk, promised
+    elif promised & contact_bit(contact) == np.uint64(0):
         apart, more = passes_apart(arrival, z, a, amplitude, model)
-        if not apart or (how == ARRIVED and (more | promised) != np.uint64(0)):
+        if not apart:
             return INTEGRATED, jerk, promised
         promised |= more
     if how == FAST:
@@ -332,8 +242,7 @@ def leave_layer(contact, tau, z, amplitude, shared):
     bend = sign * jerk_at_stop(arrival, z, a, model)
     if not (v < 0.0 and half_is_smooth(v, pushed, bend, False, contact, model)):
         return -1
-    apart, more = passes_apart(arrival, z, a, amplitude, model)
-    if not apart or more != np.uint64(0):
+    if not is_alone(arrival, z, a, amplitude, model):
         return -1
     index = table_at_hand(key, model, tables)
     if index >= 0 and cross_half(1.0, index, contact, z, shared) == 1:

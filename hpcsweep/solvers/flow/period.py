@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
+from hpcsweep.solvers.flow.apart import Arrival
 from hpcsweep.solvers.flow.augmented import start
 from hpcsweep.solvers.flow.contacts import contact_bit
 from hpcsweep.solvers.flow.drift import drift_on_segment
@@ -41,7 +42,6 @@ from hpcsweep.solvers.flow.passage import (
     FAST,
     INTEGRATED,
     SLOW,
-    Arrival,
     first_at_stop,
     pass_layer,
     time_at_stop,

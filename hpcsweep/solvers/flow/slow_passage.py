@@ -76,8 +76,7 @@ def half_is_smooth(v, a, j, is_beyond, contact, model):
     (-1/2) and (1 - (y / y_0)^2)^(-1/2), y_0 at these bounds), and to 2e-8 where the layer's own
     potential changes the speed. The series leave out 9 (kappa t^2)^4 J at first, t = 1 / (rho |v|)
     and kappa = beta + |K| beyond the stop, |K| before it, or the square of the fastest decay or
-    forcing. Contacts that push each other are not taken so: a stiff one that touches may bring
-    another into its layer sooner than `passage.passes_apart` foresees.
+    forcing. Contacts that push each other are not taken so: `apart.is_alone` does not hold for them.
 
     Parameters
     ----------

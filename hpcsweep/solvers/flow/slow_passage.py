@@ -76,7 +76,8 @@ def half_is_smooth(v, a, j, is_beyond, contact, model):
     (-1/2) and (1 - (y / y_0)^2)^(-1/2), y_0 at these bounds), and to 2e-8 where the layer's own
     potential changes the speed. The series leave out 9 (kappa t^2)^4 J at first, t = 1 / (rho |v|)
     and kappa = beta + |K| beyond the stop, |K| before it, or the square of the fastest decay or
-    forcing. Contacts that push each other are not taken so: `apart.is_alone` does not hold for them.
+    forcing. Contacts that push each other are not taken so: what `apart.is_alone` bounds leaves
+    that out.
 
     Parameters
     ----------

@@ -107,13 +107,13 @@ def test_a_plain_run_that_had_not_settled_is_called_undecided():
 
 
 def test_a_wrong_jump_is_found_and_not_explained(monkeypatch):
-    settle = FlowMap.settle
+    follow = FlowMap.follow_orbits
 
     def wrong(*given, **named):
-        end = settle(*given, **named)
-        return replace(end, state=end.state + 1e-3)
+        found = follow(*given, **named)
+        return replace(found, points=found.points + 1e-3)
 
-    monkeypatch.setattr(FlowMap, "settle", wrong)
+    monkeypatch.setattr(FlowMap, "follow_orbits", wrong)
     comparison = skips.Comparison(Structure(), 0.445, SweepSettings())
     _, _, difference = comparison.compare(0.06, np.zeros(6))
     assert "poincare" in difference.what

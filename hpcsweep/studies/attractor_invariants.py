@@ -35,6 +35,11 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
         **_of_motions(study, rows, held),
         **_of_points(rows, held),
     }
+    return listed(broken)
+
+
+def listed(broken: dict[str, Any]) -> list[tuple[int, str]]:
+    """List the rows where an invariant does not hold, and which."""
     return sorted(
         (int(row), f"not so: {invariant}")
         for invariant, where in broken.items()
@@ -80,6 +85,19 @@ def _of_shares(study, rows: dict, held: np.ndarray) -> dict[str, Any]:
 
 
 def _of_motions(study, rows: dict, held: np.ndarray) -> dict[str, Any]:
+    broken = of_motions(study, rows, held)
+    with np.errstate(invalid="ignore"):
+        broken["lyapunov is not +inf"] = (held & (rows["lyapunov"] == math.inf)).any(axis=1)
+        if "drift" in rows:
+            drift = rows["drift"]
+            broken["drift is finite and not negative"] = (
+                held & ~(np.isnan(drift) | (np.isfinite(drift) & (drift >= 0)))
+            ).any(axis=1)
+    return broken
+
+
+def of_motions(study, rows: dict, held: np.ndarray) -> dict[str, Any]:
+    """Tell where attractors are none: kind, period, multiplier, contact set."""
     kind, period, multiplier = rows["motion_class"], rows["orbit_period"], rows["multiplier"]
     orbit = held & (kind == MotionClass.PERIODIC)
     with np.errstate(invalid="ignore"):
@@ -87,13 +105,7 @@ def _of_motions(study, rows: dict, held: np.ndarray) -> dict[str, Any]:
             "motion_class is 2, 4 or 5": (held & ~np.isin(kind, KINDS)).any(axis=1),
             "orbits, and nothing else, have a period": (held & (orbit != (period > 0))).any(axis=1),
             "orbits attract": (orbit & ~(multiplier < 1)).any(axis=1),
-            "lyapunov is not +inf": (held & (rows["lyapunov"] == math.inf)).any(axis=1),
         }
-        if "drift" in rows:
-            drift = rows["drift"]
-            broken["drift is finite and not negative"] = (
-                held & ~(np.isnan(drift) | (np.isfinite(drift) & (drift >= 0)))
-            ).any(axis=1)
     if "contact" in rows:
         known = np.uint64(sum(1 << (k - 1) for k in study.structure.contact_numbers))
         broken["contact has bits of existing contacts only"] = (

@@ -15,6 +15,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.attractor_variables import attractor_variables
 from hpcsweep.studies.attractors import Limits
+from hpcsweep.studies.searched import empty_results
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
 
@@ -103,7 +104,13 @@ class AttractorRuns:
         """
         size = self._structure.state_units.size
         carried = Carried.of(state, size, self._limits.max_attractors)
-        result = empty_rows(self._structure, len(amplitudes), self._settings, self._limits)
+        result = empty_results(
+            attractor_variables(self._settings),
+            self._structure,
+            len(amplitudes),
+            attractor=self._limits.max_attractors,
+            cycle=self._settings.stored_points,
+        )
         for index, amplitude in enumerate(amplitudes):
             if poll is not None:
                 poll()
@@ -176,23 +183,6 @@ def _store_attractor(result, at: tuple[int, int], one: Attractor, points, number
         if name in result:
             result[name][at] = value
     result["poincare"][at][: len(points)] = points
-
-
-def empty_rows(
-    structure: Structure, n_runs: int, settings: SweepSettings, limits: Limits
-) -> dict[str, np.ndarray]:
-    """Allocate the results of `n_runs` amplitudes, as if nothing was found."""
-    n = structure.n_floors
-    sizes = {
-        "attractor": limits.max_attractors,
-        "mode": n,
-        "state": 2 * n,
-        "cycle": settings.stored_points,
-    }
-    return {
-        each.name: np.full((n_runs, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
-        for each in attractor_variables(settings)
-    }
 
 
 def attractors(

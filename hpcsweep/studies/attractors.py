@@ -22,17 +22,13 @@ import numpy as np
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.amplitude_sweep import UP, AmplitudeSweep
 from hpcsweep.studies.attractor_variables import attractor_variables
-from hpcsweep.studies.shortcut import Shortcut
+from hpcsweep.studies.searched import attractors_as_runs, read_limits
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.tally import AttractorTally
 from hpcsweep.studies.variables import numbered
 
 STARTS = 459
 """An attractor of 1 % of the box is missed by so many with a probability of 1 %."""
-MOST_STARTS = 100_000_000
-MOST_ATTRACTORS = 64
-MOST_CYCLES = 10_000_000
-MOST_SEED = 2**62
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +101,7 @@ class Attractors(Limits, AmplitudeSweep):
         structure, settings = common["structure"], common["settings"]
         if values.get("output.poincare", True) is not True:
             raise values.error("output.poincare", False, "must be true: attractors are continued")
-        if values.get("solver.skip", "all") != "all":
-            given = values.get("solver.skip")
-            raise values.error("solver.skip", given, 'must be "all": every motion is decided')
-        if values.has("sweep.decide_cycles"):
-            given = values.get("sweep.decide_cycles")
-            raise values.error("sweep.decide_cycles", given, "is study.max_cycles of attractors")
+        limits = read_limits(values, cls, "attractors")
         n, units = structure.n_floors, structure.state_units
         ends = [
             *_pairs(values, "study.displacement", n, float(units[0])),
@@ -123,14 +114,9 @@ class Attractors(Limits, AmplitudeSweep):
             amplitude=values.amplitudes("sweep.amplitude"),
             directions=(UP,),
             box=tuple(ends),
-            starts=values.whole("study.starts", cls.starts, 1, MOST_STARTS),
-            seed=values.whole("study.seed", cls.seed, 0, MOST_SEED),
-            max_attractors=values.whole(
-                "study.max_attractors", cls.max_attractors, 1, MOST_ATTRACTORS
-            ),
             confidence=_between(values, "study.confidence", cls.confidence, 1.0),
-            max_cycles=values.whole("study.max_cycles", cls.max_cycles, 1, MOST_CYCLES),
             match_distance=_between(values, "study.match_distance", cls.match_distance, 1e6),
+            **limits,
             **common,
         )
 
@@ -181,14 +167,7 @@ class Attractors(Limits, AmplitudeSweep):
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Give the attractors of a point as orbits, and windows, that runs ended in."""
-        named = [v.name for v in self.variables if v.dims[3:4] == ("attractor",)]
-        found = []
-        for k in np.flatnonzero(run["attractor_id"]):
-            one = {name: run[name][k] for name in named}
-            one["final_state"] = one["poincare"][one["n_points"] - 1]
-            one["shortcut"] = np.int8(Shortcut.NEWTON)
-            found.append(one)
-        return found
+        return attractors_as_runs(self.variables, run)
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
         """Count attractors, and the starts that reached none of those stored."""

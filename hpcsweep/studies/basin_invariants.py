@@ -6,10 +6,8 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
 from hpcsweep.dynamics.basins import ELSEWHERE
-from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.solvers.outcome import Outcome
-
-KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
+from hpcsweep.studies.attractor_invariants import listed, of_motions
 
 
 def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
@@ -27,11 +25,7 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
         Row and what is wrong there.
     """
     broken = {**_of_labels(study, rows), **_of_attractors(study, rows)}
-    return sorted(
-        (int(row), f"not so: {invariant}")
-        for invariant, where in broken.items()
-        for row in np.flatnonzero(where)
-    )
+    return listed(broken)
 
 
 def _of_labels(study, rows: dict) -> dict[str, Any]:
@@ -57,25 +51,15 @@ def _of_labels(study, rows: dict) -> dict[str, Any]:
 
 
 def _of_attractors(study, rows: dict) -> dict[str, Any]:
-    ids, kind, period = rows["attractor_id"], rows["motion_class"], rows["orbit_period"]
+    ids = rows["attractor_id"]
     held = ids > 0
-    orbit = held & (kind == MotionClass.PERIODIC)
     number = np.arange(1, ids.shape[1] + 1)
     outcomes = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
-    with np.errstate(invalid="ignore"):
-        broken: dict[str, Any] = {
-            "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
-            "attractors come first": (held[:, 1:] & ~held[:, :-1]).any(axis=1),
-            "motion_class is 2, 4 or 5": (held & ~np.isin(kind, KINDS)).any(axis=1),
-            "orbits, and nothing else, have a period": (held & (orbit != (period > 0))).any(axis=1),
-            "orbits attract": (orbit & ~(rows["multiplier"] < 1)).any(axis=1),
-            "point is finite": (held & ~np.isfinite(rows["point"]).all(axis=2)).any(axis=1),
-            "outcome is one of 1 to 4": ~np.isin(rows["outcome"], outcomes),
-            "cycles is at least 0": rows["cycles"] < 0,
-        }
-    if "contact" in rows:
-        bits = np.uint64(sum(1 << (k - 1) for k in study.structure.contact_numbers))
-        broken["contact has bits of existing contacts only"] = (
-            held & ((rows["contact"] & ~bits) != 0)
-        ).any(axis=1)
-    return broken
+    return {
+        "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
+        "attractors come first": (held[:, 1:] & ~held[:, :-1]).any(axis=1),
+        "point is finite": (held & ~np.isfinite(rows["point"]).all(axis=2)).any(axis=1),
+        "outcome is one of 1 to 4": ~np.isin(rows["outcome"], outcomes),
+        "cycles is at least 0": rows["cycles"] < 0,
+        **of_motions(study, rows, held),
+    }

@@ -13,6 +13,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.basin_variables import basin_variables
+from hpcsweep.studies.searched import empty_results
 from hpcsweep.studies.settings import SweepSettings
 
 
@@ -89,7 +90,13 @@ class SliceRuns:
         states = np.tile(np.array(self._slice.state), (horizontal.size, 1))
         states[:, first], states[:, second] = horizontal, ordinate
         labels, cycles = basins.labels(states, poll)
-        row = empty_row(self._structure, self._settings, self._slice, horizontal.size)
+        row = empty_results(
+            basin_variables(self._settings),
+            self._structure,
+            1,
+            attractor=self._slice.max_attractors,
+            column=horizontal.size,
+        )
         row["label"][0] = np.where(labels >= 0, labels + 1, labels)
         for slot, one in enumerate(basins.attractors):
             values = {
@@ -132,23 +139,6 @@ class SliceRuns:
                 poll,
             )
         return self._basins
-
-
-def empty_row(
-    structure: Structure, settings: SweepSettings, shape: Slice, columns: int
-) -> dict[str, np.ndarray]:
-    """Allocate the results of a row, as if nothing was found."""
-    n = structure.n_floors
-    sizes = {
-        "attractor": shape.max_attractors,
-        "mode": n,
-        "state": 2 * n,
-        "column": columns,
-    }
-    return {
-        each.name: np.full((1, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
-        for each in basin_variables(settings)
-    }
 
 
 @lru_cache(maxsize=2)

@@ -18,7 +18,7 @@ import numpy as np
 from hpcsweep.dynamics.shares import starts_needed
 from hpcsweep.studies.basin_variables import ORDINATE, basin_variables
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.shortcut import Shortcut
+from hpcsweep.studies.searched import attractors_as_runs, read_limits
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.tally import BasinTally
 from hpcsweep.studies.variables import numbered
@@ -27,10 +27,6 @@ START = "slice"
 SPAN = 200
 """Values of either component, from minus to plus one unit, unless a job gives them."""
 MOST_COLUMNS = 100_000
-MOST_STARTS = 100_000_000
-MOST_ATTRACTORS = 64
-MOST_CYCLES = 10_000_000
-MOST_SEED = 2**62
 MOST_STATE = 1e200
 
 
@@ -87,12 +83,7 @@ class Basins(RunGrid):
     def read(cls, values, **common) -> "Basins":
         """Read the point, the slice and the limits; see `RunGrid.read`."""
         structure, settings = common["structure"], common["settings"]
-        if values.get("solver.skip", "all") != "all":
-            given = values.get("solver.skip")
-            raise values.error("solver.skip", given, 'must be "all": every motion is decided')
-        if values.has("sweep.decide_cycles"):
-            given = values.get("sweep.decide_cycles")
-            raise values.error("sweep.decide_cycles", given, "is study.max_cycles of basins")
+        limits = read_limits(values, cls, "basins")
         if common["block_size"] != 1:
             given = values.get("output.block")
             raise values.error("output.block", given, "must be 1, each row a block")
@@ -118,12 +109,7 @@ class Basins(RunGrid):
             components=components,
             horizontal=horizontal,
             vertical=vertical,
-            starts=values.whole("study.starts", cls.starts, 1, MOST_STARTS),
-            seed=values.whole("study.seed", cls.seed, 0, MOST_SEED),
-            max_attractors=values.whole(
-                "study.max_attractors", cls.max_attractors, 1, MOST_ATTRACTORS
-            ),
-            max_cycles=values.whole("study.max_cycles", cls.max_cycles, 1, MOST_CYCLES),
+            **limits,
             **common,
         )
 
@@ -216,14 +202,7 @@ class Basins(RunGrid):
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Give the attractors that a row lists as orbits, and motions, that runs ended in."""
-        named = [v.name for v in self.variables if v.dims[3:4] == ("attractor",)]
-        found = []
-        for k in np.flatnonzero(run["attractor_id"]):
-            one = {name: run[name][k] for name in named}
-            one["final_state"] = one["point"]
-            one["shortcut"] = np.int8(Shortcut.NEWTON)
-            found.append(one)
-        return found
+        return attractors_as_runs(self.variables, run)
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
         """Count the starts, and those that reached none of the attractors listed."""

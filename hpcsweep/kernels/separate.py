@@ -46,16 +46,20 @@ class Separate:
         Types of its arguments.
     counted : bool
         Whether it allocates arrays, see `compile.jit`.
+    inner : bool
+        Whether kernels alone call it: what looks into the arguments of a call by Python takes up
+        to a second to compile.
     """
 
-    def __init__(self, function: Callable, result, arguments, counted: bool):
+    def __init__(self, function: Callable, result, arguments, counted: bool, inner: bool):
         self.name = f"{function.__module__}.{function.__qualname__}"
         self.__doc__ = function.__doc__
         self.__name__ = function.__name__
         self.__module__ = function.__module__
         result = types.Tuple(result) if isinstance(result, tuple) else result
         self._signature = signature(result, *arguments)
-        self.dispatcher = (jit if counted else kernel)(function)
+        self.dispatcher = (jit if counted else kernel)(function, no_cpython_wrapper=inner)
+        self._inner = inner
         self.py_func = function
         self._all_loaded = False
         self._cell = np.zeros(1, np.int64)
@@ -71,7 +75,15 @@ class Separate:
         ALL.append(self)
 
     def __call__(self, *arguments):
-        """Call the kernel from Python."""
+        """Call the kernel from Python.
+
+        Raises
+        ------
+        TypeError
+            If only kernels can call it.
+        """
+        if self._inner:
+            raise TypeError(f"{self.name} can be called by kernels alone")
         if not self._all_loaded:
             load_all()
             self._all_loaded = True
@@ -123,7 +135,7 @@ ALL: list[Separate] = []
 """All separate kernels of the modules that are imported."""
 
 
-def separate(result, *arguments, counted: bool = False):
+def separate(result, *arguments, counted: bool = False, inner: bool = False):
     """Compile a kernel on its own: ``@separate(result, type of argument, ...)``; see `Separate`.
 
     With NUMBA_DISABLE_JIT=1 the kernel stays Python.
@@ -132,7 +144,7 @@ def separate(result, *arguments, counted: bool = False):
     def decorate(function):
         if numba.config.DISABLE_JIT:
             return plain(function)
-        return Separate(function, result, arguments, counted)
+        return Separate(function, result, arguments, counted, inner)
 
     return decorate
 

@@ -135,8 +135,10 @@ def test_every_peer_solves_the_equations():
     asked = {(name, rtol) for name, rtol, _ in peers.methods()}
     assert {(row.method, row.rtol) for row in rows} == asked
     assert all(row.microseconds > 0 for row in rows)
-    # the error of a step, of which a period has hundreds
-    assert [row for row in rows if not row.error < 1e3 * row.rtol] == []
+    # the error of a step, of which a period has hundreds; where the error estimate of an explicit
+    # method misses how a layer begins, more: of 16 starts 1e-15 apart DOP853 at 1e-9 was off by
+    # 3e-9 to 2e-8 in 13, by 1e-7 in two and by 1e-6 in one
+    assert [row for row in rows if not row.error < 1e4 * row.rtol] == []
     assert all(row.error < 1e-10 for row in rows if row.method == "flow")
 
 

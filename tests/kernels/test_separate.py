@@ -55,6 +55,18 @@ def fails(x, k):
     return work(x, k)[1]
 
 
+@separate(FLOAT, FLOAT, inner=True)
+def inner(x):
+    """Has no entry for Python."""
+    return 2.0 * x
+
+
+@separate(FLOAT, FLOAT)
+def around(x):
+    """Calls what only kernels call."""
+    return inner(x) + 1.0
+
+
 own = [one for one in rooms.ALL if one not in before]
 rooms.ALL[:] = before
 
@@ -64,6 +76,12 @@ def loaded():
     # the caller first: it does not need what it calls to be compiled
     for one in reversed(own):
         one.load()
+
+
+def test_only_kernels_call_an_inner_kernel(loaded):
+    assert around(3.0) == 7.0
+    with pytest.raises(TypeError, match=r"inner can be called by kernels alone"):
+        inner(3.0)
 
 
 def test_a_kernel_calls_another_through_its_address(loaded):

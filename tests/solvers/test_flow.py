@@ -18,6 +18,7 @@ from hpcsweep.solvers.flow import (
     crossing,
     forcing,
     polynomials,
+    propagators,
     search,
     shared,
     tables,
@@ -208,9 +209,9 @@ def test_tables_are_the_matrix_exponential(key):
 
     structure = Structure(3, 1000.0, 1e4, (0.05, 0.3, 1.4))
     flow = FlowMap(structure, OMEGA)
-    model, store = flow._shared.model, flow._shared.tables
-    index = tables.lookup(np.uint64(key), model, store)
-    assert tables.lookup(np.uint64(key), model, store) == index
+    store = flow._shared.tables
+    index = propagators.lookup(np.uint64(key), flow._packed)
+    assert propagators.lookup(np.uint64(key), flow._packed) == index
     n = 3
     generator = np.zeros((2 * n + 3, 2 * n + 3))
     touching = np.array([key >> i & 1 for i in range(n)], float)
@@ -233,7 +234,7 @@ def test_tables_are_the_matrix_exponential(key):
 
 def test_fourth_derivative_bound_holds():
     flow = FlowMap(Structure(), OMEGA)
-    index = tables.lookup(np.uint64(0), flow._shared.model, flow._shared.tables)
+    index = propagators.lookup(np.uint64(0), flow._packed)
     h = flow._shared.tables.h[index]
     rng = np.random.default_rng(3)
     sigma = np.linspace(-1, 1, 401)

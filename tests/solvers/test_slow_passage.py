@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow import FlowMap, passage_rule, slow_passage, tables
+from hpcsweep.solvers.flow import FlowMap, passage_rule, propagators, slow_passage
 from hpcsweep.solvers.reference import reference_points
 
 PERIOD = 1.0
@@ -62,7 +62,7 @@ def test_series_are_those_of_the_exponential(key):
     omega = 0.445
     flow = FlowMap(structure, omega)
     store = flow._shared.tables
-    index = tables.lookup(np.uint64(key), flow._shared.model, store)
+    index = propagators.lookup(np.uint64(key), flow._packed)
     touching = np.array([key >> i & 1 for i in range(3)], float)
     generator = np.zeros((9, 9))
     generator[:3, 3:6] = np.eye(3)

@@ -25,9 +25,8 @@ def renew_rows(z, tangent, model):
             for j in range(n):
                 value += model.rows[extra, j] * z[start + j]
             z[start + n + extra] = value
-            if tangent is not None:
-                for column in range(tangent.shape[1]):
-                    value = 0.0
-                    for j in range(n):
-                        value += model.rows[extra, j] * tangent[start + j, column]
-                    tangent[start + n + extra, column] = value
+            for column in range(tangent.shape[1]):
+                value = 0.0
+                for j in range(n):
+                    value += model.rows[extra, j] * tangent[start + j, column]
+                tangent[start + n + extra, column] = value

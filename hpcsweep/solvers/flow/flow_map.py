@@ -15,7 +15,7 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
 )
 from hpcsweep.solvers.flow.free import NOTHING
-from hpcsweep.solvers.flow.march import march, march_observed
+from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.path import (
     MORE,
     OPEN,
@@ -26,7 +26,7 @@ from hpcsweep.solvers.flow.path import (
     orbits_of,
 )
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, Watch, new_shared, new_watch
-from hpcsweep.solvers.flow.tally import empty_tally
+from hpcsweep.solvers.flow.tally import MAXIMA, NO_TALLY, NORMS, clear
 from hpcsweep.solvers.flow.transient import end_of_transient
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.outcome import Outcome
@@ -237,12 +237,13 @@ class FlowMap:
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         n = self.structure.n_floors
-        tally = empty_tally(n, modal_norm)
+        tally, wanted = self._shared.tally, NORMS if modal_norm else MAXIMA
+        clear.py_func(tally)
         tangent = logarithms = None
         if growth:
             tangent = self._vector()
             logarithms = points_array(n_periods, 1).ravel()
-        points, outcome = self._points(z, amplitude, n_periods, poll, tally, tangent, logarithms)
+        points, outcome = self._points(z, amplitude, n_periods, poll, wanted, tangent, logarithms)
         free = tally.free_time[0]
         norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
         return Observation(
@@ -265,7 +266,7 @@ class FlowMap:
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(
-            z, amplitude, n_periods, poll, None, self._vector(), logarithms
+            z, amplitude, n_periods, poll, NO_TALLY, self._vector(), logarithms
         )
         return Growth(
             points, outcome, *_growth_of(logarithms if outcome is Outcome.COMPLETE else None)
@@ -309,7 +310,7 @@ class FlowMap:
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
         return self._frame.into(z), amplitude / self._frame.amplitude_unit, n_periods
 
-    def _points(self, z, amplitude, n_periods, poll, tally=None, tangent=None, growth=None):
+    def _points(self, z, amplitude, n_periods, poll, wanted=NO_TALLY, tangent=None, growth=None):
         """Integrate `n_periods`, z in place; return the points reached, and the outcome."""
         points = points_array(n_periods, z.size)
         done, outcome = 0, int(Outcome.COMPLETE)
@@ -319,7 +320,7 @@ class FlowMap:
                 amplitude,
                 last - first,
                 points[first:last],
-                tally,
+                wanted,
                 tangent,
                 None if growth is None else growth[first:last],
             )
@@ -328,18 +329,16 @@ class FlowMap:
                 break
         return self._frame.out_of(points[:done]), Outcome(outcome)
 
-    def _march(self, z, amplitude, n_periods, points, tally=None, tangent=None, growth=None):
-        if tally is None and tangent is None:
-            return march(self._packed, z, amplitude, n_periods, points)
-        return march_observed(
+    def _march(self, z, amplitude, n_periods, points, wanted=NO_TALLY, tangent=None, growth=None):
+        return march(
             self._packed,
             z,
             amplitude,
             n_periods,
             points,
-            self._watch.no_tally if tally is None else tally,
-            np.empty((z.size, 0)) if tangent is None else tangent,
-            self._watch.no_growth if growth is None else growth,
+            wanted,
+            self._shared.no_tangent if tangent is None else tangent,
+            self._shared.no_growth if growth is None else growth,
         )
 
 

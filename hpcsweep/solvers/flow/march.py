@@ -2,18 +2,18 @@
 
 import math
 
-from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
 from hpcsweep.solvers.flow.augmented import renew_rows
 from hpcsweep.solvers.flow.period import march_period
 from hpcsweep.solvers.flow.shared import read_shared
-from hpcsweep.solvers.flow.tally import TALLY
+from hpcsweep.solvers.flow.tally import NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE
 
 
-@separate((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX)
-def march(shared, z, amplitude, n_periods, points):
-    """Advance z over `n_periods` forcing periods, in place, and keep the stroboscopic points.
+@separate((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX, INT, MATRIX, VECTOR)
+def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
+    """Advance z over `n_periods` forcing periods, in place, and gather what is wanted of it.
 
     Parameters
     ----------
@@ -21,33 +21,17 @@ def march(shared, z, amplitude, n_periods, points):
         A packed `Shared`.
     points : ndarray, shape (n_periods, 2R) or (0, 2R)
         Receives z(T), z(2T), ...; not written if empty.
+    wanted, tangent
+        See `period.march_period`.
+    growth : ndarray, shape (n_periods,) or (0,)
+        If it is not empty the first column of `tangent` is scaled to length 1 after each period,
+        and the logarithm of what it was written here.
 
     Returns
     -------
     n_done : int
     outcome : int
     """
-    return _march(shared, z, amplitude, n_periods, points, None, None, None)
-
-
-@separate((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX, TALLY, MATRIX, VECTOR)
-def march_observed(shared, z, amplitude, n_periods, points, tally, tangent, growth):
-    """Advance z as `march` does, and gather what is wanted of the motion.
-
-    Parameters
-    ----------
-    tally, tangent
-        See `period.march_period`.
-    growth : ndarray, shape (n_periods,) or (0,)
-        If it is not empty the first column of `tangent` is scaled to length 1 after each period,
-        and the logarithm of what it was written here.
-    """
-    return _march(shared, z, amplitude, n_periods, points, tally, tangent, growth)
-
-
-@inlined
-def _march(shared, z, amplitude, n_periods, points, tally, tangent, growth):
-    """Do what `march` and `march_observed` say."""
     common = read_shared(shared)
     previous = common.previous
     for period in range(n_periods):
@@ -55,12 +39,12 @@ def _march(shared, z, amplitude, n_periods, points, tally, tangent, growth):
             previous[k] = z[k]
         if common.model.rows.shape[0] > 0:
             renew_rows(z, tangent, common.model)
-        outcome = march_period(shared, z, amplitude, common, tally, tangent)
+        outcome = march_period(shared, z, amplitude, common, wanted, tangent)
         if outcome != COMPLETE:
             for k in range(z.shape[0]):
                 z[k] = previous[k]
             return period, outcome
-        if growth is not None and growth.shape[0] > 0:
+        if growth.shape[0] > 0:
             square = 0.0
             for k in range(z.shape[0]):
                 square += tangent[k, 0] ** 2
@@ -72,3 +56,10 @@ def _march(shared, z, amplitude, n_periods, points, tally, tangent, growth):
             for k in range(z.shape[0]):
                 points[period, k] = z[k]
     return n_periods, COMPLETE
+
+
+@kernel
+def advance(shared, common, z, amplitude, n_periods, tangent):
+    """Advance z, and `tangent`, as `march` does, and gather nothing; `common` is `shared`, read."""
+    no_points, no_growth = common.no_points, common.no_growth
+    return march(shared, z, amplitude, n_periods, no_points, NO_TALLY, tangent, no_growth)

@@ -8,7 +8,7 @@ is tried and what makes the orbit that of the motion.
 import math
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.solvers.flow.march import march, march_observed
+from hpcsweep.solvers.flow.march import advance
 from hpcsweep.solvers.flow.spectrum import spectral_radius
 from hpcsweep.solvers.outcome import COMPLETE
 
@@ -23,7 +23,7 @@ NEWTON_LINEAR = 0.05
 
 
 @kernel
-def newton_orbit(shared, watch, no_points, period, amplitude):
+def newton_orbit(shared, common, watch, period, amplitude):
     """Jump from the motion that is watched to the orbit it approaches, if that is proved.
 
     The matrix is kept while it was taken within `NEWTON_SAME` of where it is used; what an orbit's
@@ -54,15 +54,13 @@ def newton_orbit(shared, watch, no_points, period, amplitude):
         for k in range(size):
             left[k] = point[k]
         if moved <= NEWTON_SAME:
-            done, outcome = march(shared, point, amplitude, period, no_points)
+            done, outcome = advance(shared, common, point, amplitude, period, common.no_tangent)
         else:
             for i in range(size):
                 taken[i] = point[i]
                 for k in range(size):
                     matrix[i, k] = 1.0 if i == k else 0.0
-            done, outcome = march_observed(
-                shared, point, amplitude, period, no_points, watch.no_tally, matrix, watch.no_growth
-            )
+            done, outcome = advance(shared, common, point, amplitude, period, matrix)
         n_periods += done
         if outcome != COMPLETE:
             return False, n_periods, math.nan

@@ -8,13 +8,15 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate
+from hpcsweep.kernels.separate import BYTES, FLOAT, INT, KEY, VECTOR, separate
 from hpcsweep.model.contact import contact_force
 from hpcsweep.solvers.flow.apart import Arrival, is_alone, passes_apart
 from hpcsweep.solvers.flow.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.crossing import add_kick, moments, passage_is_fast
 from hpcsweep.solvers.flow.forcing import forcing_rate, total_forcing
 from hpcsweep.solvers.flow.polynomials import value_and_slope
+from hpcsweep.solvers.flow.propagators import lookup
+from hpcsweep.solvers.flow.segment import SEGMENT
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import (
     DISPLACED,
@@ -22,7 +24,6 @@ from hpcsweep.solvers.flow.slow_passage import (
     half_is_smooth,
     passage_is_smooth,
 )
-from hpcsweep.solvers.flow.tables import lookup
 
 EXTRAPOLATION = 1.005
 """How far beyond its step a polynomial is used, in steps: its error grows less than fivefold."""
@@ -72,13 +73,13 @@ def first_at_stop(contact, at_stop, key, rows, h, contacts):
 
 
 @inlined
-def table_at_hand(key, model, tables):
+def table_at_hand(key, tables, packed):
     """Find or build the table of a contact set; -1 where that would empty the store of tables."""
     count = tables.count[0]
     for index in range(count):
         if tables.keys[index] == key:
             return index
-    return lookup(key, model, tables) if count < tables.keys.shape[0] else -1
+    return lookup(key, packed) if count < tables.keys.shape[0] else -1
 
 
 @kernel
@@ -99,21 +100,22 @@ def jerk_at_stop(arrival, z, a, model):
     return jerk
 
 
-@kernel
-def pass_layer(arrival, z, index, promised, amplitude, packed, shared):
+@separate((INT, FLOAT, KEY), INT, SEGMENT, FLOAT, VECTOR, KEY, FLOAT, BYTES, inner=True)
+def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     """Take the contact at its stop, in state z, through its layer if it need not be integrated.
 
     Parameters
     ----------
-    arrival : Arrival
+    contact : int
+    before : Segment
+        The motion up to the stop.
+    tau : float
+        When it is there; ``work.forcing`` is that then.
     z : ndarray, shape (2R,)
-    index : int
-        Of the table of the motion before.
     promised : uint64
     amplitude : float
     packed : ndarray of bytes
-        `shared`, packed.
-    shared : Shared
+        A packed `Shared`.
 
     Returns
     -------
@@ -126,8 +128,10 @@ def pass_layer(arrival, z, index, promised, amplitude, packed, shared):
         Contacts whose next passage has to be in closed form, see `passes_apart`; brought up to
         date.
     """
+    shared = read_shared(packed)
     model, work = shared.model, shared.work
-    contact, contacts, a = arrival.contact, model.contacts, work.a
+    arrival = Arrival(contact, before.key, tau, work.forcing)
+    contacts, a = model.contacts, work.a
     stiffness, damping, rho = model.stiffness, model.damping, model.rho
     n = stiffness.shape[0]
     row, sign = contacts.row[contact], contacts.sign[contact]
@@ -174,7 +178,7 @@ def pass_layer(arrival, z, index, promised, amplitude, packed, shared):
         found = moments(v, pushed, bend, contacts.beta[contact], rho)
         add_kick(found, contact, arrival.key, model, z)
     else:
-        how = _pass_slowly(how, arrival, z, index, packed, shared)
+        how = _pass_slowly(how, arrival, z, before.index, packed, shared)
     if how == INTEGRATED:
         return how, jerk, promised
     return how, jerk, promised & ~contact_bit(contact)
@@ -186,7 +190,7 @@ def _pass_slowly(how, arrival, z, index, packed, shared):
     contact, z_end = arrival.contact, shared.work.z_end
     after = index
     if how == SLOW:
-        after = table_at_hand(arrival.key ^ contact_bit(contact), shared.model, shared.tables)
+        after = table_at_hand(arrival.key ^ contact_bit(contact), shared.tables, packed)
         if after < 0:
             return INTEGRATED
     for i in range(z.shape[0]):
@@ -200,7 +204,7 @@ def _pass_slowly(how, arrival, z, index, packed, shared):
     return how
 
 
-@separate(INT, INT, FLOAT, VECTOR, FLOAT, BYTES)
+@separate(INT, INT, FLOAT, VECTOR, FLOAT, BYTES, inner=True)
 def leave_layer(contact, tau, z, amplitude, shared):
     """Go over to the linear motion before a stop that a contact has just reached from beyond it.
 
@@ -244,7 +248,7 @@ def leave_layer(contact, tau, z, amplitude, shared):
         return -1
     if not is_alone(arrival, z, a, amplitude, model):
         return -1
-    index = table_at_hand(key, model, tables)
+    index = table_at_hand(key, tables, shared)
     if index >= 0 and cross_half(1.0, index, contact, z, shared) == 1:
         return index
     return -1

@@ -18,9 +18,9 @@ from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate, type_
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.augmented import renew_rows
 from hpcsweep.solvers.flow.free import is_free
-from hpcsweep.solvers.flow.march import march_observed
+from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.shared import read_shared, read_watch
-from hpcsweep.solvers.flow.tally import Tally, empty_tally
+from hpcsweep.solvers.flow.tally import MAXIMA, NORMS, clear
 from hpcsweep.solvers.flow.transient import end_of_transient
 from hpcsweep.solvers.outcome import COMPLETE
 from hpcsweep.solvers.records import Approach, Orbits
@@ -61,9 +61,8 @@ class Run(NamedTuple):
     """(2R,): its state in the kernels' units."""
     reached: np.ndarray
     """(2R,): that at the end of the transient."""
-    tally: Tally
-    tangent: np.ndarray
-    """(2R, 0)"""
+    wanted: int
+    """See `tally`."""
     points: np.ndarray
     """(max_period, 2n): workspace."""
     end: np.ndarray
@@ -91,8 +90,7 @@ def new_run(n: int, size: int, max_period: int, modal_norm: bool) -> Run:
         number=np.zeros(2),
         z=np.empty(size),
         reached=np.empty(size),
-        tally=empty_tally(n, modal_norm),
-        tangent=np.empty((size, 0)),
+        wanted=NORMS if modal_norm else MAXIMA,
         points=np.empty((max_period, 2 * n)),
         end=np.empty(2 * n),
     )
@@ -177,7 +175,7 @@ def follow_orbits(
                 n_free += 1
                 _end_free(state, follow, run, rows)
                 continue
-            _begin(common.model, watch, state, units, near, run)
+            _begin(common, watch, state, units, near, run)
         if place[1] == TRANSIENT:
             closing = (max_period, settled, same, run.number[0])
             wanted = min(n_periods - n_done, transient - place[2])
@@ -197,12 +195,12 @@ def follow_orbits(
                 run.reached[i] = run.z[i]
         wanted = min(max(n_periods - n_done, 1), place[4] - place[5])
         n_done += wanted
-        if not _go_round(shared, watch, amplitude / amplitude_unit, wanted, units, run, rows):
+        if not _go_round(shared, common, amplitude / amplitude_unit, wanted, units, run, rows):
             for i in range(run.z.shape[0]):
                 run.z[i] = run.reached[i]
             return OPEN, n_done, COMPLETE
         if place[5] == place[4]:
-            _finish(transient + sampling, same, units, run, rows)
+            _finish(transient + sampling, same, units, common.tally, run, rows)
             if follow:
                 for i in range(state.shape[0]):
                     state[i] = rows.points[k, place[4] - 1, i]
@@ -226,7 +224,7 @@ def _end_free(state, follow, run, rows):
 
 
 @kernel
-def _begin(model, watch, state, units, near, run):
+def _begin(common, watch, state, units, near, run):
     """Begin the transient of a run."""
     n = state.shape[0] // 2
     half = run.z.shape[0] // 2
@@ -234,32 +232,32 @@ def _begin(model, watch, state, units, near, run):
         run.z[i] = state[i] / units[i]
         run.z[half + i] = state[n + i] / units[n + i]
     if half > n:
-        renew_rows(run.z, None, model)
+        renew_rows(run.z, common.no_tangent, common.model)
     read_watch(watch).since[0] = 0
     place = run.place
     place[1] = TRANSIENT
     for i in range(2, 6):
         place[i] = 0
     run.number[0] = near
-    tally = run.tally
-    tally.contact[0] = 0
-    tally.peak_drift[0] = 0.0
-    tally.free_time[0] = 0.0
-    for j in range(tally.modal.shape[0]):
-        tally.modal[j] = 0.0
+    clear(common.tally)
 
 
 @kernel
-def _go_round(shared, watch, amplitude, n_periods, units, run, rows):
+def _go_round(shared, common, amplitude, n_periods, units, run, rows):
     """Go on round the orbit, and tell whether the solver has not failed."""
-    no_points = read_shared(shared).no_points
-    no_growth = read_watch(watch).no_growth
     place = run.place
     n = units.shape[0] // 2
     half = run.z.shape[0] // 2
     for _ in range(n_periods):
-        _, outcome = march_observed(
-            shared, run.z, amplitude, 1, no_points, run.tally, run.tangent, no_growth
+        _, outcome = march(
+            shared,
+            run.z,
+            amplitude,
+            1,
+            common.no_points,
+            run.wanted,
+            common.no_tangent,
+            common.no_growth,
         )
         if outcome != COMPLETE:
             return False
@@ -271,14 +269,14 @@ def _go_round(shared, watch, amplitude, n_periods, units, run, rows):
 
 
 @kernel
-def _finish(plain, same, units, run, rows):
+def _finish(plain, same, units, tally, run, rows):
     """Write the results of a run whose orbit has been gone round.
 
     Its points are given in the order of the last ones of the plain procedure, `plain` periods
     from the start: which of them the next amplitude starts from can decide which attractor it
     reaches, so that a run that was cut short must not end at another one.
     """
-    place, tally = run.place, run.tally
+    place = run.place
     k, length = place[0], place[4]
     jumped = not math.isnan(run.number[1])
     rows.rule[k] = JUMPED_RUN if jumped else SETTLED_RUN
@@ -287,7 +285,7 @@ def _finish(plain, same, units, run, rows):
     rows.multiplier[k] = run.number[1]
     rows.contact[k] = tally.contact[0]
     rows.peak_drift[k] = tally.peak_drift[0]
-    if tally.modal_norm and tally.free_time[0] > 0.0:
+    if run.wanted == NORMS and tally.free_time[0] > 0.0:
         for j in range(tally.modal.shape[0]):
             rows.modal_norm[k, j] = tally.modal[j] / tally.free_time[0]
     points = rows.points[k]

@@ -15,10 +15,8 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.solvers.flow.apart import Arrival
 from hpcsweep.solvers.flow.augmented import start
 from hpcsweep.solvers.flow.contacts import contact_bit
-from hpcsweep.solvers.flow.drift import drift_on_segment
 from hpcsweep.solvers.flow.events import (
     contact_key,
     first_event,
@@ -26,6 +24,7 @@ from hpcsweep.solvers.flow.events import (
     layer_edge,
 )
 from hpcsweep.solvers.flow.forcing import forcing_at, rotate_forcing
+from hpcsweep.solvers.flow.gather import observe_segment, segment_tangent
 from hpcsweep.solvers.flow.layer.visit import (
     DEPARTED,
     OVERFLOW,
@@ -34,9 +33,7 @@ from hpcsweep.solvers.flow.layer.visit import (
     inside_layer,
     is_ordinary,
     visit_layer,
-    visit_layer_observed,
 )
-from hpcsweep.solvers.flow.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.passage import (
     EXTRAPOLATION,
     FAST,
@@ -47,11 +44,11 @@ from hpcsweep.solvers.flow.passage import (
     time_at_stop,
 )
 from hpcsweep.solvers.flow.polynomials import evaluate_rows, expand_rows
+from hpcsweep.solvers.flow.propagators import table_of
 from hpcsweep.solvers.flow.search import UNDECIDED, Bracket, Curve, Level, rising_root
 from hpcsweep.solvers.flow.segment import Ending, Segment
-from hpcsweep.solvers.flow.slow_tangent import half_tangent
-from hpcsweep.solvers.flow.tables import product, product_of_moduli, table_of
-from hpcsweep.solvers.flow.tangent import linear_tangent, passage_tangent
+from hpcsweep.solvers.flow.tables import product, product_of_moduli
+from hpcsweep.solvers.flow.tally import NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
@@ -147,9 +144,8 @@ def _end_at_event(segment, contact, bracket, promised, z, amplitude, packed, sha
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
         evaluate_rows(rows, h, at_stop, z)
         forcing_at(tau + at_stop, amplitude, model, work.forcing, 0)
-        arrival = Arrival(contact, segment.key, tau + at_stop, work.forcing)
         how, jerk, promised = pass_layer(
-            arrival, z, segment.index, promised, amplitude, packed, shared
+            contact, segment, tau + at_stop, z, promised, amplitude, packed
         )
     if how != INTEGRATED:
         return Ending(at_stop, contact, how, False, False, jerk, promised)
@@ -161,47 +157,12 @@ def _end_at_event(segment, contact, bracket, promised, z, amplitude, packed, sha
 
 
 @inlined
-def _segment_tangent(segment, ending, packed, shared, tangent):
-    """Multiply `tangent` by the tangent map of a segment and of the passage at its end."""
-    model, tables, work = shared.model, shared.tables, shared.work
-    linear_tangent(tables, segment.index, ending.span, tangent, work.tangent)
-    if ending.how == FAST:
-        z = work.z_end
-        evaluate_rows(work.rows, segment.h, ending.span, z)
-        contact = ending.contact
-        z[model.contacts.row[contact]] = model.contacts.sign[contact] * model.contacts.gap[contact]
-        arrival = Arrival(
-            contact,
-            segment.key ^ contact_bit(contact),
-            segment.tau + ending.span,
-            work.forcing,
-        )
-        passage_tangent(arrival, z, work.a, ending.jerk, model, work.tangent, tangent)
-    elif ending.how != INTEGRATED:
-        contact = ending.contact
-        half_tangent(-1.0, segment.index, contact, tangent, packed)
-        if ending.how == SLOW:
-            after = table_of(segment.key ^ contact_bit(contact), model, tables)
-            half_tangent(1.0, after, contact, tangent, packed)
-
-
-@inlined
-def _observe_segment(segment, span, model, tables, tally, work):
-    """Update the tally with a segment of that length."""
-    key, index = segment.key, segment.index
-    if key != np.uint64(0):
-        tally.contact[0] |= key
-    drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
-    if tally.modal_norm and key == np.uint64(0):
-        modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
-
-
-@inlined
-def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
+def _next_segment(segment, ending, tau, z, amplitude, packed, shared):
     """Write the start of the next segment into ``work.x``; return its contact set and table.
 
     The table is `NO_TABLE` or `AT_EDGE` where the motion does not go on as a linear one.
     """
+    model, tables, work = shared.model, shared.tables, shared.work
     key, index = segment.key, segment.index
     x = work.x
     if ending.contact < 0:
@@ -216,7 +177,7 @@ def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
         if ending.rounded:
             forcing_at(tau, amplitude, model, work.forcing, 0)
         key ^= contact_bit(ending.contact)
-        index = table_of(key, model, tables)
+        index = table_of(key, tables, packed)
         start(x, z, work.forcing)
     else:
         index = AT_EDGE if model.rho != math.inf else NO_TABLE
@@ -224,19 +185,20 @@ def _next_segment(segment, ending, tau, z, amplitude, model, tables, work):
 
 
 @inlined
-def _after_visit(outcome, tau, z, amplitude, model, tables, work):
+def _after_visit(outcome, tau, z, amplitude, packed, shared):
     """Give the contact set and the table after a visit; `NO_TABLE` where they are to be found."""
+    model, tables, work = shared.model, shared.tables, shared.work
     key, index = np.uint64(0), NO_TABLE
     if outcome >= DEPARTED:
         key = contact_key(tau, z, amplitude, model, work) & ~contact_bit(outcome - DEPARTED)
-        index = table_of(key, model, tables)
+        index = table_of(key, tables, packed)
         forcing_at(tau, amplitude, model, work.forcing, 0)
         start(work.x, z, work.forcing)
     return key, index
 
 
 @inlined
-def march_period(packed, z, amplitude, shared, tally, tangent):
+def march_period(packed, z, amplitude, shared, wanted, tangent):
     """Advance z over one forcing period, in place.
 
     Parameters
@@ -248,10 +210,10 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
     amplitude : float
         A.
     shared : Shared
-    tally : Tally or None
-        Brought up to date if it is wanted.
-    tangent : ndarray, shape (2R, m), or None
-        Multiplied by the tangent map of the period, in place. None as `tally` is, or not.
+    wanted : int
+        What is gathered in ``shared.tally``, see `tally`.
+    tangent : ndarray, shape (2R, m)
+        Multiplied by the tangent map of the period, in place.
 
     Returns
     -------
@@ -262,6 +224,7 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
     end = 2.0 * math.pi / model.omega
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
+    plain = wanted == NO_TALLY and tangent.shape[1] == 0
     tau, steps, index = 0.0, 0, NO_TABLE
     key = promised = np.uint64(0)
     while tau < end:
@@ -271,26 +234,21 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
         if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
             interval = Interval(tau, end, shared.max_steps - steps)
             counts[3] += 1
-            if tally is None:
-                tau, outcome, used = visit_layer(packed, interval, z, amplitude)
-            else:
-                tau, outcome, used = visit_layer_observed(
-                    packed, interval, z, amplitude, tally, tangent
-                )
+            tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
             counts[2] += used
             steps += used
             if outcome != COMPLETE and outcome < DEPARTED:
                 return outcome
-            key, index = _after_visit(outcome, tau, z, amplitude, model, tables, work)
+            key, index = _after_visit(outcome, tau, z, amplitude, packed, shared)
             continue
         if index == NO_TABLE:
             key = contact_key(tau, z, amplitude, model, work)
-            index = table_of(key, model, tables)
+            index = table_of(key, tables, packed)
             forcing_at(tau, amplitude, model, work.forcing, 0)
             start(work.x, z, work.forcing)
         segment = Segment(key, index, tables.h[index], tau, end)
         known = False
-        if tally is None:
+        if plain:
             steps_left = shared.max_steps - steps
             tau, coasted, known = _coast(segment, steps_left, model, tables, work)
             segment = Segment(key, index, segment.h, tau, end)
@@ -308,15 +266,15 @@ def march_period(packed, z, amplitude, shared, tally, tangent):
             )
             promised = ending.promised
             counts[1] += ending.how != INTEGRATED
-        if tangent is not None and tangent.shape[1] > 0:
-            _segment_tangent(segment, ending, packed, shared, tangent)
+        if tangent.shape[1] > 0:
+            segment_tangent(segment, ending, packed, shared, tangent)
         if ending.how != INTEGRATED:
             copy_state(z, work.z_end)
         if not is_ordinary(work.z_end):
             return NON_FINITE
-        if tally is not None and tally.wanted:
-            _observe_segment(segment, ending.span, model, tables, tally, work)
+        if wanted != NO_TALLY:
+            observe_segment(segment, ending.span, wanted, shared)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
-        key, index = _next_segment(segment, ending, tau, z, amplitude, model, tables, work)
+        key, index = _next_segment(segment, ending, tau, z, amplitude, packed, shared)
     return COMPLETE

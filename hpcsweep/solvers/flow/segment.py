@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.kernels.separate import type_of
+
 
 class Segment(NamedTuple):
     """A step of the linear motion of one contact set."""
@@ -39,3 +41,6 @@ class Ending(NamedTuple):
     jerk: float
     """At the stop, see `pass_layer`."""
     promised: np.uint64
+
+
+SEGMENT = type_of(Segment(np.uint64(0), 0, 0.0, 0.0, 0.0))

@@ -13,7 +13,7 @@ from hpcsweep.kernels.packing import Packing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.tables import Tables, empty_tables
-from hpcsweep.solvers.flow.tally import Tally, empty_tally
+from hpcsweep.solvers.flow.tally import Tally, new_tally
 from hpcsweep.solvers.flow.workspace import Workspace, new_workspace
 
 
@@ -23,12 +23,17 @@ class Shared(NamedTuple):
     model: Model
     tables: Tables
     work: Workspace
+    tally: Tally
     counts: np.ndarray
     """(4,) int: linear steps, fast passages, layer steps and layer visits so far."""
     previous: np.ndarray
     """(2R,): workspace for the start of a period."""
     no_points: np.ndarray
     """(0, 2R)"""
+    no_tangent: np.ndarray
+    """(2R, 0)"""
+    no_growth: np.ndarray
+    """(0,)"""
     tolerance: float
     """Local error allowed a step inside a layer, relative to max(1, |z|)."""
     max_steps: int
@@ -57,10 +62,6 @@ class Watch(NamedTuple):
     """(2R, 2R): tangent map over an orbit."""
     factors: np.ndarray
     left: np.ndarray
-    no_tally: Tally
-    """Gathers nothing."""
-    no_growth: np.ndarray
-    """(0,)"""
 
 
 def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
@@ -70,9 +71,12 @@ def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
         model=model,
         tables=empty_tables(model),
         work=new_workspace(model),
+        tally=new_tally(model.modal_transform.shape[0]),
         counts=np.zeros(4, np.int64),
         previous=np.empty(2 * n),
         no_points=np.empty((0, 2 * n)),
+        no_tangent=np.empty((2 * n, 0)),
+        no_growth=np.empty(0),
         tolerance=float(tolerance),
         max_steps=int(max_steps),
     )
@@ -94,8 +98,6 @@ def new_watch(n: int, max_period: int) -> Watch:
         matrix=np.empty((size, size)),
         factors=np.empty((size, size)),
         left=np.empty(size),
-        no_tally=empty_tally(1, wanted=False),
-        no_growth=np.empty(0),
     )
 
 

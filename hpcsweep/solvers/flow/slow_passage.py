@@ -283,7 +283,7 @@ def take_half(direction, index, contact, model, tables, work):
     return True
 
 
-@separate(INT, FLOAT, INT, INT, VECTOR, BYTES)
+@separate(INT, FLOAT, INT, INT, VECTOR, BYTES, inner=True)
 def cross_half(direction, index, contact, z, shared):
     """Go over from the linear motion to the true one at the stop, or back.
 

@@ -13,7 +13,7 @@ from hpcsweep.solvers.flow.slow_passage import expand_series, respond, sum_up
 TANGENT_SWEEPS = 7
 
 
-@separate(INT, FLOAT, INT, INT, MATRIX, BYTES)
+@separate(INT, FLOAT, INT, INT, MATRIX, BYTES, inner=True)
 def half_tangent(direction, index, contact, tangent, shared):
     """Multiply `tangent` by the tangent map of the half that `cross_half` has taken last.
 

@@ -7,11 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.separate import type_of
+from hpcsweep.kernels.compile import kernel
+
+NO_TALLY, MAXIMA, NORMS = range(3)
+"""What is wanted: nothing; contact set and drift; these and the modal norms."""
 
 
 class Tally(NamedTuple):
-    """What is gathered over a window, and what is asked for."""
+    """What has been gathered over a window."""
 
     contact: np.ndarray
     """(1,) uint64: bit k is set once contact k has touched."""
@@ -21,22 +24,18 @@ class Tally(NamedTuple):
     """(1,): time in which nothing touched."""
     modal: np.ndarray
     """(n,): integral of |q_j| / ||q|| over that time."""
-    modal_norm: bool
-    wanted: bool
-    """Whether anything is gathered."""
 
 
-def empty_tally(n: int, modal_norm: bool = False, wanted: bool = True) -> Tally:
+def new_tally(n: int) -> Tally:
     """Make a tally for n modes."""
-    return Tally(
-        np.zeros(1, np.uint64),
-        np.zeros(1),
-        np.zeros(1),
-        np.zeros(n),
-        modal_norm,
-        wanted,
-    )
+    return Tally(np.zeros(1, np.uint64), np.zeros(1), np.zeros(1), np.zeros(n))
 
 
-TALLY = type_of(empty_tally(1))
-"""Of the structures of any size, for the declaration of kernels."""
+@kernel
+def clear(tally):
+    """Begin anew."""
+    tally.contact[0] = 0
+    tally.peak_drift[0] = 0.0
+    tally.free_time[0] = 0.0
+    for j in range(tally.modal.shape[0]):
+        tally.modal[j] = 0.0

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate, type_of
-from hpcsweep.solvers.flow.march import march
+from hpcsweep.solvers.flow.march import advance
 from hpcsweep.solvers.flow.newton import newton_orbit
 from hpcsweep.solvers.flow.shared import read_shared, read_watch
 from hpcsweep.solvers.outcome import COMPLETE
@@ -43,7 +43,7 @@ class Closing(NamedTuple):
 
 
 @kernel
-def watch_motion(shared, watch, no_points, z, amplitude, n_periods, closing):
+def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     """Advance z until its orbit has closed on itself, for `n_periods` at most.
 
     Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and
@@ -76,7 +76,7 @@ def watch_motion(shared, watch, no_points, z, amplitude, n_periods, closing):
             close[p] = 0
             falling[p] = 0
     for period in range(first + 1, first + n_periods + 1):
-        _, outcome = march(shared, z, amplitude, 1, no_points)
+        _, outcome = advance(shared, common, z, amplitude, 1, common.no_tangent)
         if outcome != COMPLETE:
             return period - 1 - first, 0, outcome
         watch.since[0] = period
@@ -151,7 +151,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
         Distance from which on to try next.
     outcome : int
     """
-    no_points = read_shared(shared).no_points
+    common = read_shared(shared)
     kept = read_watch(watch)
     max_period, settled, same, near = closing
     rules = Closing(max_period, settled, same, near)
@@ -159,7 +159,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     n_newton = 0
     while True:
         more, period, outcome = watch_motion(
-            shared, kept, no_points, z, amplitude, n_periods - n_done, rules
+            shared, common, kept, z, amplitude, n_periods - n_done, rules
         )
         n_done += more
         if outcome != COMPLETE or period >= 0:
@@ -169,7 +169,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
         for divisor in range(1, 1 - period):
             if period % divisor != 0 or kept.distance[slot, divisor] > near:
                 continue
-            accepted, more, multiplier = newton_orbit(shared, kept, no_points, divisor, amplitude)
+            accepted, more, multiplier = newton_orbit(shared, common, kept, divisor, amplitude)
             n_newton += more
             if accepted:
                 for k in range(z.shape[0]):

@@ -11,8 +11,8 @@ from hpcsweep.solvers.flow.tables import ZERO
 
 
 @inlined
-def observe_layer_step(h, z0, z1, model, tally, work):
-    """Update contact, drift and modal norms with one step inside a layer.
+def observe_layer_step(h, z0, z1, model, norms, tally, work):
+    """Update contact, drift and, if `norms`, modal norms with one step inside a layer.
 
     Maxima are taken over the ends and the stages, and, where the velocity changes sign between
     two neighbours, at the top of the quintic Hermite interpolant through them; its error is
@@ -50,7 +50,7 @@ def observe_layer_step(h, z0, z1, model, tally, work):
             if sign * drift + way > tally.peak_drift[0]:
                 peak = _highest_of(h, i, below, sign, z0, z1, n, work)
                 tally.peak_drift[0] = max(tally.peak_drift[0], peak)
-    if tally.modal_norm:
+    if norms:
         modes = tally.modal.shape[0]
         share = _free_share(z0, z1, contacts) if touching else 1.0
         if share > 0.0:

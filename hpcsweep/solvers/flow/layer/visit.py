@@ -23,7 +23,7 @@ promises, and taken again.
 import math
 from typing import NamedTuple
 
-from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
 from hpcsweep.model.contact import (
     FAR,
@@ -47,7 +47,7 @@ from hpcsweep.solvers.flow.passage import leave_layer
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import half_is_smooth
 from hpcsweep.solvers.flow.slow_tangent import half_tangent
-from hpcsweep.solvers.flow.tally import TALLY
+from hpcsweep.solvers.flow.tally import NO_TALLY, NORMS
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 ELLIPSE = 5.5
@@ -213,9 +213,19 @@ def shortening(allowed, error):
     return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
 
 
-@separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT)
-def visit_layer(shared, interval, z, amplitude):
+@separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, INT, MATRIX, inner=True)
+def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     """Integrate from tau until no contact is inside its layer, or until `end`.
+
+    Parameters
+    ----------
+    packed : ndarray of bytes
+        A packed `Shared`.
+    interval : Interval
+    z : ndarray, shape (2R,)
+    amplitude : float
+    wanted, tangent
+        See `period.march_period`.
 
     Returns
     -------
@@ -224,18 +234,6 @@ def visit_layer(shared, interval, z, amplitude):
     steps : int
         Steps taken.
     """
-    return _visit(shared, interval, z, amplitude, None, None)
-
-
-@separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, TALLY, MATRIX)
-def visit_layer_observed(shared, interval, z, amplitude, tally, tangent):
-    """Integrate as `visit_layer`, with `tally` and `tangent` of `period.march_period`."""
-    return _visit(shared, interval, z, amplitude, tally, tangent)
-
-
-@inlined
-def _visit(packed, interval, z, amplitude, tally, tangent):
-    """Do what `visit_layer` and `visit_layer_observed` say."""
     shared = read_shared(packed)
     tau, end, steps_left = interval
     model, work, tolerance = shared.model, shared.work, shared.tolerance
@@ -273,9 +271,9 @@ def _visit(packed, interval, z, amplitude, tally, tangent):
         tau = end if h >= left else tau + h
         later_forcing(tau, h, amplitude, model, pairs)
         accelerations(total_forcing(pairs, 0, model), work.z_end, model, work.a_end)
-        if tally is not None and tally.wanted:
-            observe_layer_step(h, z, work.z_end, model, tally, work)
-        if tangent is not None and tangent.shape[1] > 0:
+        if wanted != NO_TALLY:
+            observe_layer_step(h, z, work.z_end, model, wanted == NORMS, shared.tally, work)
+        if tangent.shape[1] > 0:
             layer_tangent(h, model, work.layer, tangent)
         copy_state(work.z_end, z)
         if not is_ordinary(z):
@@ -287,6 +285,6 @@ def _visit(packed, interval, z, amplitude, tally, tangent):
         if contact >= 0 and h == planned:
             index = leave_layer(contact, tau, z, amplitude, packed)
             if index >= 0:
-                if tangent is not None and tangent.shape[1] > 0:
+                if tangent.shape[1] > 0:
                     half_tangent(1.0, index, contact, tangent, packed)
                 return tau, DEPARTED + contact, steps

@@ -31,6 +31,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, fma, load, root, total
 from hpcsweep.model.contact import FULL_POTENTIAL
+from hpcsweep.solvers.flow.gauss import recurrence, rule
 
 N_NODES = LANES
 FAST = 0.3
@@ -42,9 +43,7 @@ NEGLECTED = 1e-12
 def _gauss_rule(n_nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss rule for the weight y / (1 + exp(y)) on [0, inf), and R at its nodes.
 
-    The recurrence coefficients come from the Stieltjes procedure on a fine discretisation of
-    the weight (Gauss-Legendre panels to y = 90, exact to rounding), the nodes from the Jacobi
-    matrix (Golub and Welsch, Math. Comp. 23 (1969) 221).
+    Of a fine discretisation of the weight: Gauss-Legendre panels to y = 90, exact to rounding.
 
     Returns
     -------
@@ -56,18 +55,7 @@ def _gauss_rule(n_nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     half = 0.5 * np.diff(edges)[:, None]
     y = (edges[:-1, None] + half * (panel + 1.0)).ravel()
     measure = (half * panel_weight).ravel() * y / (1.0 + np.exp(y))
-    alpha, beta = np.zeros(n_nodes), np.zeros(n_nodes)
-    previous, current = np.zeros_like(y), np.ones_like(y)
-    norm_before = 1.0
-    for k in range(n_nodes):
-        norm = np.sum(measure * current**2)
-        alpha[k] = np.sum(measure * y * current**2) / norm
-        beta[k] = norm / norm_before if k else norm
-        following = (y - alpha[k]) * current - (beta[k] if k else 0.0) * previous
-        previous, current, norm_before = current, following, norm
-    off = np.sqrt(beta[1:])
-    nodes, vectors = np.linalg.eigh(np.diag(alpha) + np.diag(off, 1) + np.diag(off, -1))
-    weights = beta[0] * vectors[0] ** 2
+    nodes, weights = rule(*recurrence(y, measure, n_nodes))
     potential = np.empty(n_nodes)
     for k, node in enumerate(nodes):
         t = 0.5 * node * (panel + 1.0)

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.vectors import LANES
+from hpcsweep.solvers.flow.gauss import recurrence, rule
 
 N_NODES = 2 * LANES
 REACH = 26.0
@@ -17,7 +18,7 @@ REACH = 26.0
 def gauss_rule(n_nodes: int):
     """Make the Gauss rule of the weight 1 / (1 + exp(y)) on [0, REACH].
 
-    Recurrence and nodes as in `crossing`.
+    Of a fine discretisation of the weight.
 
     Returns
     -------
@@ -30,7 +31,6 @@ def gauss_rule(n_nodes: int):
         y / (1 + exp(y)) exactly; what is left of 1 - y S(y), whose poles are near, would be 3e-9.
     """
     panel, panel_weight = np.polynomial.legendre.leggauss(40)
-    alpha, beta = np.zeros(n_nodes), np.zeros(n_nodes)
 
     def discretised(first: float, last: float):
         half = 0.5 * np.diff(np.linspace(first, last, 61))[:, None]
@@ -48,17 +48,8 @@ def gauss_rule(n_nodes: int):
         return np.array(values)
 
     y, measure = discretised(0.0, REACH)
-    previous, current = np.zeros_like(y), np.ones_like(y)
-    norm_before = 1.0
-    for k in range(n_nodes):
-        norm = np.sum(measure * current**2)
-        alpha[k] = np.sum(measure * y * current**2) / norm
-        beta[k] = norm / norm_before if k else norm
-        following = (y - alpha[k]) * current - (beta[k] if k else 0.0) * previous
-        previous, current, norm_before = current, following, norm
-    off = np.sqrt(beta[1:])
-    nodes, vectors = np.linalg.eigh(np.diag(alpha) + np.diag(off, 1) + np.diag(off, -1))
-    weights = beta[0] * vectors[0] ** 2
+    alpha, beta = recurrence(y, measure, n_nodes)
+    nodes, weights = rule(alpha, beta)
     interpolation = weights[:, None] * orthonormal(nodes).T
     departing, arriving = np.empty((n_nodes, n_nodes)), np.empty((n_nodes, n_nodes))
     for i, node in enumerate(nodes):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.equations import MODEL, jacobian, right_hand_side
+from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix, right_hand_side
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
@@ -154,16 +154,13 @@ def _scipy(method: str, rtol: float) -> Callable:
 
     def prepare(regime: Regime):
         problem = _problem(regime)
-        size = problem.frame.size
         options: dict[str, Any] = {"rtol": rtol, "atol": rtol}
         if method in ("BDF", "Radau", "LSODA"):
-            options["jac"] = lambda _t, z: jacobian(z, problem.packed, np.empty((size, size)))
+            options["jac"] = lambda _t, z: jacobian_matrix(z, problem.packed)
 
         def one(state):
             found = solve_ivp(
-                lambda t, z: right_hand_side(
-                    t, z, problem.amplitude, problem.packed, np.empty(size)
-                ),
+                lambda t, z: derivative(t, z, problem.amplitude, problem.packed),
                 (0.0, problem.period),
                 state,
                 method=method,

@@ -16,7 +16,7 @@ from hpcsweep.claims.data import Sweep, stretches
 from hpcsweep.claims.judgement import Hits, windows
 from hpcsweep.claims.words import C3, C23
 from hpcsweep.dynamics.stability import floquet_multipliers
-from hpcsweep.model.equations import MODEL, right_hand_side
+from hpcsweep.model.equations import MODEL, derivative
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
@@ -154,7 +154,7 @@ class Study:
         packed = MODEL.pack(model)
 
         def motion(tau, z):
-            return right_hand_side(tau, z, amplitude, packed, np.empty(2 * n))
+            return derivative(tau, z, amplitude, packed)
 
         def event(floor):
             def height(_tau, z):

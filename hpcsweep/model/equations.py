@@ -6,6 +6,8 @@ State z = (y_1..y_R, y_1'..y_R'), shape (2R,); rows and units as in `hpcsweep.mo
 import math
 from typing import Any
 
+import numpy as np
+
 from hpcsweep.kernels.compile import jit
 from hpcsweep.kernels.packing import Packing
 from hpcsweep.model.contact import contact_force, contact_stiffness
@@ -53,7 +55,6 @@ def right_hand_side(tau, z, amplitude, packed, out):
         for j in range(n):
             acceleration -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
         out[n + i] = acceleration
-    return out
 
 
 @jit
@@ -75,4 +76,20 @@ def jacobian(z, packed, out):
         stiff = contacts.sign[k] * contact_stiffness(x, contacts.beta[k], model.rho)
         for p in range(contacts.first[k], contacts.first[k + 1]):
             out[n + contacts.push_row[p], row] -= contacts.push[p] * stiff
+
+
+def derivative(tau: float, z: np.ndarray, amplitude: float, packed: Any) -> np.ndarray:
+    """Give z', for integrators of Python; arguments as `right_hand_side`.
+
+    The kernel returns nothing: when numba hands over an array it loses a Ctrl-C of that moment.
+    """
+    out = np.empty(z.size)
+    right_hand_side(tau, z, amplitude, packed, out)
+    return out
+
+
+def jacobian_matrix(z: np.ndarray, packed: Any) -> np.ndarray:
+    """Give dz'/dz, as `derivative` gives z'."""
+    out = np.empty((z.size, z.size))
+    jacobian(z, packed, out)
     return out

@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import BDF
 
-from hpcsweep.model.equations import MODEL, jacobian, right_hand_side
+from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
@@ -211,15 +211,15 @@ class BdfMap:
         """Right-hand side and Jacobian for scipy, of the state with so many tangent columns."""
         packed, size = self._packed, self._frame.size
 
-        def derivative(tau, z):
-            return right_hand_side(tau, z, amplitude, packed, np.empty(size))
+        def motion(tau, z):
+            return derivative(tau, z, amplitude, packed)
 
         def matrix(_tau, z):
-            return jacobian(z, packed, np.empty((size, size)))
+            return jacobian_matrix(z, packed)
 
-        def derivative_with_tangent(tau, z):
+        def motion_with_tangent(tau, z):
             product = matrix(tau, z[:size]) @ z[size:].reshape(size, columns)
-            return np.concatenate((derivative(tau, z[:size]), product.ravel()))
+            return np.concatenate((motion(tau, z[:size]), product.ravel()))
 
         def matrix_with_tangent(tau, z):
             # the second derivative of the field is left out: Newton converges without it
@@ -229,18 +229,18 @@ class BdfMap:
         tail = size + np.arange(size * columns).reshape(columns, size).T.ravel()
         order = np.concatenate((np.arange(size), tail))
         if columns:
-            return derivative_with_tangent, matrix_with_tangent
-        return derivative, matrix
+            return motion_with_tangent, matrix_with_tangent
+        return motion, matrix
 
     def _period(self, z, amplitude, poll, on_step=None, columns=0):
         """Integrate one period; return the state (the old one after a failure) and an outcome."""
         if poll is not None:
             poll()
-        derivative, matrix = self._equations(amplitude / self._frame.amplitude_unit, columns)
+        motion, matrix = self._equations(amplitude / self._frame.amplitude_unit, columns)
         with np.errstate(all="ignore"):
             try:
                 solver = BDF(
-                    derivative,
+                    motion,
                     0.0,
                     z,
                     self.period,
@@ -251,12 +251,12 @@ class BdfMap:
                 for step in range(1, MAX_STEPS + 1):
                     if poll is not None and step % POLL_STEPS == 0:
                         poll()
-                    solver.max_step = self._step_limit(solver.t, solver.y, derivative)
+                    solver.max_step = self._step_limit(solver.t, solver.y, motion)
                     solver.step()
                     if not np.all(np.isfinite(solver.y)):
                         return z, Outcome.NON_FINITE
                     if solver.status == "failed":
-                        slope = derivative(solver.t, solver.y)
+                        slope = motion(solver.t, solver.y)
                         finite = np.all(np.isfinite(slope))
                         return z, Outcome.SOLVER_FAILED if finite else Outcome.NON_FINITE
                     if on_step is not None:

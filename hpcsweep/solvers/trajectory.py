@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
-from hpcsweep.model.equations import MODEL, right_hand_side
+from hpcsweep.model.equations import MODEL, derivative
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
@@ -54,11 +54,11 @@ def trajectory(
     period = 2 * math.pi / model.omega
     size = amplitude / frame.amplitude_unit
 
-    def derivative(tau, z):
-        return right_hand_side(tau, z, size, packed, np.empty_like(z))
+    def motion(tau, z):
+        return derivative(tau, z, size, packed)
 
     done = solve_ivp(
-        derivative,
+        motion,
         (0.0, period),
         frame.into(z),
         method="DOP853",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpcsweep.model.contact import contact_stiffness, sigmoid, switch
-from hpcsweep.model.equations import MODEL, jacobian, right_hand_side
+from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 
@@ -14,14 +14,13 @@ SHARPNESS = [0.0, 3.0, 1e4, 1e8, math.inf]
 
 
 def field(structure, tau, z, amplitude=0.0, omega=1.0):
-    out = np.empty(z.size)
     model = kernel_model(structure, omega)
-    return right_hand_side(tau, z, amplitude, MODEL.pack(model), out)
+    return derivative(tau, z, amplitude, MODEL.pack(model))
 
 
 def matrix(structure, z):
     model = kernel_model(structure, 1.0)
-    return jacobian(z, MODEL.pack(model), np.empty((z.size, z.size)))
+    return jacobian_matrix(z, MODEL.pack(model))
 
 
 @pytest.mark.parametrize("y", [-800.0, -50.0, -1.0, 0.0, 1.0, 50.0, 800.0, -1e308, 1e308])

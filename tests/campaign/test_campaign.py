@@ -1,5 +1,6 @@
 """Campaigns as a user runs them: ranks, kills, signals, mistakes."""
 
+import contextlib
 import json
 import os
 import signal
@@ -110,7 +111,13 @@ def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(
     wait_for_commits(process, path, 4)
     pids = rank_pids(process.pid)
     target = {"rank": pids[-1], "master": pids[0], "mpirun": process.pid}[victim]
+    # on a busy machine the others would finish before the kill
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
     os.kill(target, signal.SIGKILL)
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
     process.wait(60)
     process.communicate()
     assert process.returncode != 0

@@ -18,7 +18,7 @@ from numba.core.typing import signature
 from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import lower_builtin
 
-from hpcsweep.kernels.compile import jit, kernel
+from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.twins import plain
 
 BYTES = types.uint8[::1]
@@ -44,21 +44,19 @@ class Separate:
         Type of its result; a tuple of types for a tuple.
     arguments
         Types of its arguments.
-    counted : bool
-        Whether it allocates arrays, see `compile.jit`.
     inner : bool
         Whether kernels alone call it: what looks into the arguments of a call by Python takes up
         to a second to compile.
     """
 
-    def __init__(self, function: Callable, result, arguments, counted: bool, inner: bool):
+    def __init__(self, function: Callable, result, arguments, inner: bool):
         self.name = f"{function.__module__}.{function.__qualname__}"
         self.__doc__ = function.__doc__
         self.__name__ = function.__name__
         self.__module__ = function.__module__
         result = types.Tuple(result) if isinstance(result, tuple) else result
         self._signature = signature(result, *arguments)
-        self.dispatcher = (jit if counted else kernel)(function, no_cpython_wrapper=inner)
+        self.dispatcher = kernel(function, no_cpython_wrapper=inner)
         self._inner = inner
         self.py_func = function
         self._all_loaded = False
@@ -135,7 +133,7 @@ ALL: list[Separate] = []
 """All separate kernels of the modules that are imported."""
 
 
-def separate(result, *arguments, counted: bool = False, inner: bool = False):
+def separate(result, *arguments, inner: bool = False):
     """Compile a kernel on its own: ``@separate(result, type of argument, ...)``; see `Separate`.
 
     With NUMBA_DISABLE_JIT=1 the kernel stays Python.
@@ -144,7 +142,7 @@ def separate(result, *arguments, counted: bool = False, inner: bool = False):
     def decorate(function):
         if numba.config.DISABLE_JIT:
             return plain(function)
-        return Separate(function, result, arguments, counted, inner)
+        return Separate(function, result, arguments, inner)
 
     return decorate
 

@@ -267,7 +267,7 @@ class BdfMap:
                 return z, Outcome.NON_FINITE
         return z, Outcome.STEP_LIMIT
 
-    def _step_limit(self, tau, z, derivative):
+    def _step_limit(self, tau, z, motion):
         """Time in which a contact could reach its layer, or cross a part of it."""
         contacts, n = self._model.contacts, self._frame.size // 2
         if not contacts.row.size:
@@ -277,7 +277,7 @@ class BdfMap:
         gap = np.maximum(np.abs(past) - LAYER_HALF_WIDTH * self._layer, 0.0)
         # outside the layer only the motion towards it counts
         speed = np.where(gap > 0.0, np.maximum(-np.sign(past) * speed, 0.0), np.abs(speed))
-        push = np.abs(derivative(tau, z)[n + contacts.row]) + 1.0
+        push = np.abs(motion(tau, z)[n + contacts.row]) + 1.0
         room = gap + self._layer
         time = 2.0 * room / (speed + np.sqrt(speed**2 + 2.0 * push * room))
         seen = self._layer_steps > self.rtol * np.maximum(speed, self.rtol)

@@ -14,6 +14,7 @@ import builtins
 import importlib.machinery
 import json
 import math
+import operator
 import os
 import subprocess
 import sys
@@ -35,6 +36,13 @@ COUNTED = ("hpcsweep.solvers.flow.", "hpcsweep.kernels.twins", "hpcsweep.model.c
 NOT_COUNTED = ("hpcsweep.solvers.flow.flow_map",)
 """It takes states from one unit to another, once a call."""
 NAMES = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+OPERATIONS = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": operator.pow,
+}
 CHAINS, LINKS = 12, 2_000_000
 
 done = {"numbers": 0, "lanes": 0}
@@ -42,16 +50,7 @@ done = {"numbers": 0, "lanes": 0}
 
 def counted(symbol: str, a, b):
     """Do an operation and count it, if its result is real."""
-    if symbol == "+":
-        result = a + b
-    elif symbol == "-":
-        result = a - b
-    elif symbol == "*":
-        result = a * b
-    elif symbol == "/":
-        result = a / b
-    else:
-        result = a**b
+    result = OPERATIONS[symbol](a, b)
     power = symbol == "**" and isinstance(b, (int, float)) and float(b).is_integer()
     return add(result, max(abs(int(b)) - 1, 1) if power else 1)
 
@@ -88,10 +87,10 @@ class Counting(ast.NodeTransformer):
             return ast.Call(ast.Name("_added", ast.Load()), [node], [])
         return node
 
-    def _call(self, operator, left, right):
-        if type(operator) not in NAMES:
+    def _call(self, operation, left, right):
+        if type(operation) not in NAMES:
             return None
-        symbol = ast.Constant(NAMES[type(operator)])
+        symbol = ast.Constant(NAMES[type(operation)])
         return ast.Call(ast.Name("_counted", ast.Load()), [symbol, left, right], [])
 
 
@@ -118,7 +117,7 @@ class Finder(importlib.machinery.PathFinder):
 
 
 def solver_of(case):
-    """Make the solver of a case, and the state after the transient, from a file of states."""
+    """Make the solver of a case."""
     from hpcsweep.model.structure import Structure
     from hpcsweep.solvers.flow import FlowMap
 
@@ -165,15 +164,15 @@ def limit() -> float:
     from hpcsweep.kernels.vectors import LANES, fma, load, store
 
     names = [f"v{k}" for k in range(CHAINS)]
-    lines = ["def chains(x, n):", "    a = load(x, 0)", "    b = load(x, 8)"]
-    lines += [f"    {name} = load(x, {16 + 8 * k})" for k, name in enumerate(names)]
+    lines = ["def chains(x, n):", "    a = load(x, 0)", f"    b = load(x, {LANES})"]
+    lines += [f"    {name} = load(x, {(2 + k) * LANES})" for k, name in enumerate(names)]
     lines += ["    for _ in range(n):"]
     lines += [f"        {name} = fma({name}, a, b)" for name in names]
-    lines += [f"    store(x, {16 + 8 * k}, {name})" for k, name in enumerate(names)]
+    lines += [f"    store(x, {(2 + k) * LANES}, {name})" for k, name in enumerate(names)]
     space = {"load": load, "fma": fma, "store": store, "__name__": __name__}
     exec("\n".join(lines), space)
     chains = kernel(space["chains"])
-    x = np.full(16 + 8 * CHAINS, 0.5)
+    x = np.full((2 + CHAINS) * LANES, 0.5)
     chains(x, 1)
     least = math.inf
     for _ in range(10):

@@ -15,7 +15,7 @@ from hpcsweep.solvers.flow.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.crossing import add_kick, moments, passage_is_fast
 from hpcsweep.solvers.flow.forcing import forcing_rate, total_forcing
 from hpcsweep.solvers.flow.polynomials import value_and_slope
-from hpcsweep.solvers.flow.propagators import lookup
+from hpcsweep.solvers.flow.propagators import table_at_hand
 from hpcsweep.solvers.flow.segment import SEGMENT
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import (
@@ -70,16 +70,6 @@ def first_at_stop(contact, at_stop, key, rows, h, contacts):
                     contact = k
                     at_stop = earlier
     return contact, at_stop
-
-
-@inlined
-def table_at_hand(key, tables, packed):
-    """Find or build the table of a contact set; -1 where that would empty the store of tables."""
-    count = tables.count[0]
-    for index in range(count):
-        if tables.keys[index] == key:
-            return index
-    return lookup(key, packed) if count < tables.keys.shape[0] else -1
 
 
 @kernel

@@ -28,12 +28,28 @@ from hpcsweep.solvers.flow.tables import (
 
 
 @inlined
-def table_of(key, tables, packed):
-    """Give what `lookup` gives, without a call where the table is at hand."""
+def _find(key, tables):
+    """Return the index of the table of contact set `key`; -1 if there is none."""
     for index in range(tables.count[0]):
         if tables.keys[index] == key:
             return index
-    return lookup(key, packed)
+    return -1
+
+
+@inlined
+def table_of(key, tables, packed):
+    """Give what `lookup` gives, without a call where the table is at hand."""
+    index = _find(key, tables)
+    return index if index >= 0 else lookup(key, packed)
+
+
+@inlined
+def table_at_hand(key, tables, packed):
+    """Find or build the table of a contact set; -1 where that would empty the store of tables."""
+    index = _find(key, tables)
+    if index < 0 and tables.count[0] < tables.keys.shape[0]:
+        return lookup(key, packed)
+    return index
 
 
 @separate(INT, KEY, BYTES)
@@ -49,9 +65,9 @@ def lookup(key, packed):
     """
     shared = read_shared(packed)
     tables = shared.tables
-    for index in range(tables.count[0]):
-        if tables.keys[index] == key:
-            return index
+    index = _find(key, tables)
+    if index >= 0:
+        return index
     if tables.count[0] == tables.keys.shape[0]:
         tables.count[0] = 0
     index = tables.count[0]
@@ -94,7 +110,6 @@ def _generator(key, model, scale, out):
         at = 2 * n + 2 * h
         out[at, at + 1] = model.harmonics[h, 0] * model.omega
         out[at + 1, at] = -model.harmonics[h, 0] * model.omega
-    return out
 
 
 @kernel

@@ -10,13 +10,29 @@ whose functions are smooth, and in chaos no faster than before (Das, Saiki, Sand
 Nonlinearity 30 (2017) 4111; Sander, Meiss, Physica D 411 (2020) 132569). The means over the two
 halves of a stretch then agree to many digits, or to a few. They do not agree on an approach: it is
 another motion in the second half.
+
+The logarithm of a tangent vector's growth in a period is such a function, too: on a torus the
+vector turns into a direction that belongs to the point. Its plain sum over a stretch swings by the
+logarithm of how much the vector differs at both ends, by 1 and more on a torus that is nearly
+locked, for stretches of any length; weighted it falls to 0 on a torus, and to the exponent of the
+orbit on a locked one.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import rows
+from hpcsweep.model.arguments import array, rows
+
+
+class WeightedGrowth(NamedTuple):
+    """Weighted mean growth a period, times the periods of the whole stretch."""
+
+    first: float
+    """Of the first half; `second`, `whole`."""
+    second: float
+    whole: float
 
 
 def agreeing_digits(points: np.ndarray) -> float:
@@ -41,8 +57,29 @@ def agreeing_digits(points: np.ndarray) -> float:
     size = np.abs(centred).max(axis=0)
     scaled = centred / np.where(size > 0, size, 1.0)
     functions = np.concatenate((scaled, scaled**2), axis=1)
-    t = np.arange(1, half + 1) / (half + 1)
-    weights = np.exp(-1.0 / (t * (1.0 - t)))
-    weights /= weights.sum()
+    weights = _weights(half)
     apart = float(np.abs(weights @ functions[:half] - weights @ functions[half:]).max())
     return -math.log10(apart) if apart > 0 else math.inf
+
+
+def weighted_growth(logarithms: np.ndarray) -> WeightedGrowth:
+    """Give the growth of a tangent vector over a stretch, from weighted means.
+
+    Parameters
+    ----------
+    logarithms : ndarray, shape (k,)
+        Of its growth in each forcing period, k >= 4.
+    """
+    logarithms = array("logarithms", logarithms)
+    size, half = len(logarithms), len(logarithms) // 2
+    if half < 2:
+        raise ValueError(f"logarithms must be at least 4, are {size}")
+    weights = _weights(half)
+    means = (weights @ logarithms[:half], weights @ logarithms[-half:], _weights(size) @ logarithms)
+    return WeightedGrowth(*(float(mean) * size for mean in means))
+
+
+def _weights(size: int) -> np.ndarray:
+    t = np.arange(1, size + 1) / (size + 1)
+    weights = np.exp(-1.0 / (t * (1.0 - t)))
+    return weights / weights.sum()

@@ -1,16 +1,17 @@
 """What motion a state goes to: integrated on until it is known, or a cap is reached.
 
 In rounds the motion is watched for an orbit that is near, unless small differences grow, and then
-observed with a tangent vector, each time for twice as long. It is
+observed with a tangent vector, each time for twice as long. From `LEAST_TORUS` periods on one
+stretch is carried on, and judged by its later part each time it is a part longer. A motion is
 
 - periodic if Newton's method has proved the orbit it goes to (`solvers.flow.transient`), or its
   points have closed and stay closed (`orbit.closed_period`), and the orbit does not repel;
-- chaotic if the largest Lyapunov exponent over all rounds is above 0 with confidence
+- chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
   (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
-  over the last one, and no orbit has ended it `CONFIRMED` periods later;
-- quasi-periodic if over `LEAST_TORUS` periods or more there is no growth (`TORUS_GROWTH`), the
-  exponent is not below 0 with confidence, weighted means over both halves agree to `TORUS_DIGITS`
-  (`birkhoff`), and no orbit is proved that the torus is locked to.
+  over what is judged, and no orbit has ended it `CONFIRMED` periods later;
+- quasi-periodic if over `LEAST_TORUS` periods or more weighted means over both halves agree to
+  `TORUS_DIGITS`, so weighted there is no growth (`TORUS_GROWTH`, `birkhoff`), the exponent is not
+  below 0 with confidence, and no orbit is proved that the torus is locked to.
 
 A motion that repeats although it repels stays there until rounding drives it away; it is driven by
 `PUSH` at once. Chaos may be a transient that would end later.
@@ -22,7 +23,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.dynamics.birkhoff import agreeing_digits
+from hpcsweep.dynamics.birkhoff import WeightedGrowth, agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import (
     CHAOS_GROWTH,
     NEUTRAL_GROWTH,
@@ -33,11 +34,13 @@ from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.orbit import (
     approached_period,
     closed_period,
+    closing_period,
     returning_period,
     smallest_period,
     stays_near_orbit,
 )
-from hpcsweep.dynamics.stability import exponent_of_multiplier, floquet_multipliers
+from hpcsweep.dynamics.shooting import shoot
+from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Growth, Observation
@@ -47,11 +50,8 @@ SETTLED = 1e-10
 NEAR = 1e-3
 """Distance between points a period apart from which on a jump is tried."""
 LONGEST = 64
-"""Longest orbit period to which Newton's method jumps, in forcing periods. Longer ones, up to half
-of what is observed, are recognised when they have closed."""
-LONGER = 32
-"""Of a round of many periods orbits up to a part of it as long are jumped to. Motions locked to
-an orbit of long period wander before: a longer part costs more than it saves."""
+"""Longest orbit period to which Newton's method jumps at sight, in forcing periods. Longer ones, up
+to a third of what is observed, are recognised when they close; see `TURNS`."""
 WATCHED = 4 * LONGEST
 """Forcing periods that are watched in each round."""
 FIRST_ROUND = 200
@@ -62,30 +62,34 @@ periods with a growth of chaos, drawn from the map of Figure 6 as described, 10 
 within 3,000 more: 4 within 100, 8 within 300."""
 LEAST_TORUS = 800
 """Fewest points by which a torus is told from what is nearly one."""
+CARRIED = 4
+"""A stretch is carried on by this part of it before it is judged again."""
+JUDGED = 3 / 4
+"""Part of a stretch, its end, by which it is judged; what comes before may be the way there."""
 TORUS_GROWTH = 0.5
-"""Largest growth over such a round, either sign. An orbit of long period that a torus is locked to
-is approached along it: P50 and P90 (Figure 3 as described, A = 0.1015 and 0.1005) by -1.8 and
--2.2."""
-LONG_TORUS = 3200
-"""Periods from which on `NEUTRAL_GROWTH` is allowed: slow drift along a torus makes the growth
-swing by 2 and more."""
+"""Largest weighted growth over what is judged, either sign; over its halves `NEUTRAL_GROWTH`."""
+TORUS_RATE = 3e-4
+"""The same a period: of a torus that is nearly broken the weighted growth falls slowly. Orbits of
+period 300 to 1,600 to which such tori are locked are approached by 1e-3 to 1e-2 a period."""
+ROUNDING = 36.0
+"""Growth by which a rounding error becomes as large as the motion: -ln 2^-52."""
+TURNS = 6
+"""An orbit of long period is waited for if it should have closed in so many turns; else it is
+jumped to, which takes as long."""
 TORUS_DIGITS = 5.0
 """Of tori drawn from the map of Figure 6 as described weighted means agree to 4.7 to 11.2 digits
 after 800 periods and to more after more; those of chaos beside a torus (Figure 3 as described, A =
 0.1025 down, exponent 0.0035 / T) to 2.6 to 4.7 after 400 to 3,200."""
 RETURNS = 8
-"""Part of a round that an orbit may be long to which a torus is tried to be locked: with half in
-place of an eighth the tori of three frames (Omega = 0.425, 0.5, 0.716) took 1.7 times as long, and
-four of 90 were orbits of more than 1,000 periods."""
+"""Part of what is judged that an orbit may be long to which a torus is tried to be locked: with
+half in place of an eighth the tori of three frames (Omega = 0.425, 0.5, 0.716) took 1.7 times as
+long, and four of 90 were orbits of more than 1,000 periods."""
 HINT_DIGITS = 2.5
 """The same of shorter rounds, after which as many periods are observed as a torus needs."""
 REPELS = 1e-5
 """Excess over 1 of the largest multiplier above which an orbit repels; it is exact to less."""
 PUSH = 1e-8
 """In units of the state."""
-NEWTON_STEPS = 8
-LINEAR = 0.05
-"""Share of the distance to an orbit by which the map may differ from its tangent."""
 
 
 def decide(
@@ -115,56 +119,60 @@ def decide(
         Of a window that has ended in `state`, with the growth of a tangent vector: the first
         round.
     """
-    search = _Search(solver, amplitude, settings, poll)
-    max_cycles = count("max_cycles", max_cycles)
-    z = np.array(state, dtype=float)
-    length, last = FIRST_ROUND, z[None]
+    search = _Search(solver, amplitude, settings, poll, count("max_cycles", max_cycles))
+    z, length = np.array(state, dtype=float), FIRST_ROUND
+    motion = None
     if window is not None:
-        last = window.points
         length = len(window.points)
-        motion = search.confirm(search.judge(window), z, max_cycles)
-        if motion is not None:
-            return motion
-        z = search.end
-    while search.cycles < max_cycles:
-        tried = length > LEAST_TORUS
-        if not search.growing and (tried or not search.likely_torus):
-            z, motion = search.watch(z, min(WATCHED, max_cycles - search.cycles))
-            if motion is not None:
-                return motion
-        if search.likely_torus:
-            length = max(length, LEAST_TORUS)
-        if search.cycles < max_cycles:
-            seen = search.observe(z, min(length, max_cycles - search.cycles))
-            motion = search.judge(seen)
-            last = seen.points
-            if motion is None or motion.kind is not MotionClass.FAILED:
-                z = search.end
-                motion = search.confirm(motion, z, max_cycles)
-            if motion is not None:
-                return motion
+        z, motion = search.judge_round(z, window)
+    while motion is None and search.left and length < LEAST_TORUS and not search.likely_torus:
+        if not search.growing:
+            z, motion = search.watch(z, WATCHED)
+        if motion is None and search.left:
+            z, motion = search.judge_round(z, search.observe(z, length))
         length *= 2
-    return search.motion(MotionClass.UNDECIDED, last, growth=search.growth)
+    while motion is None and search.left:
+        z, motion = search.carry_on(z)
+    return motion or search.undecided(z)
 
 
 class _Search:
     """The means by which one motion is found out."""
 
-    def __init__(self, solver, amplitude: float, settings, poll):
+    def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int):
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self._same = settings.period_tolerance
         self._units = solver.structure.state_units
         self._time = 2 * math.pi / solver.omega
-        self._logarithms = np.empty(0)
+        self._max_cycles = max_cycles
+        self._last = np.empty((0, self._units.size))  # points of what was judged last
+        self._logarithms = np.empty(0)  # of all that was observed
+        self._stretch: Growth | None = None  # what is carried on
+        self._asked = 0  # periods by which it should have closed to an orbit
+        self._tried = 0  # its length when it was tried to jump to a long one
         self.cycles = 0
-        self.end = np.empty(0)  # of what was observed, where an orbit that repels is left
-        self.growth = UNKNOWN
         self.growing = self.likely_torus = False
+
+    @property
+    def left(self) -> int:
+        """Forcing periods that may still be integrated."""
+        return max(self._max_cycles - self.cycles, 0)
+
+    @property
+    def growth(self) -> Interval:
+        """Growth a period over all that was observed."""
+        return growth_interval(self._logarithms)
+
+    def undecided(self, z: np.ndarray) -> Motion:
+        """Give up."""
+        last = self._last if len(self._last) else z[None]
+        return self.motion(MotionClass.UNDECIDED, last, growth=self.growth)
 
     def watch(self, z: np.ndarray, n_periods: int) -> tuple[np.ndarray, Motion | None]:
         """Integrate until the motion has reached an orbit or is proved to."""
+        most = min(n_periods, self.left)
         end = self._solver.settle(
-            z, self._amplitude, n_periods, LONGEST, SETTLED, self._same, NEAR, self._poll
+            z, self._amplitude, most, LONGEST, SETTLED, self._same, NEAR, self._poll
         )
         self.cycles += end.n_periods + end.n_newton
         if end.outcome is not Outcome.COMPLETE:
@@ -174,54 +182,120 @@ class _Search:
         multiplier = None if math.isnan(end.multiplier) else end.multiplier
         return self._orbit(end.state, end.period, multiplier)
 
-    def confirm(self, motion: Motion | None, z: np.ndarray, max_cycles: int) -> Motion | None:
-        """Watch chaos for an orbit that ends it; give what it turns out to be."""
-        if motion is None or motion.kind is not MotionClass.CHAOTIC:
-            return motion
-        _, ended = self.watch(z, min(CONFIRMED, max(max_cycles - self.cycles, 0)))
-        return ended or replace(motion, cycles=self.cycles)
-
-    def observe(self, z: np.ndarray, n_periods: int) -> Growth:
+    def observe(self, z: np.ndarray, n_periods: int, direction=None) -> Growth:
         """Integrate with a tangent vector."""
-        seen = self._solver.grow(z, self._amplitude, n_periods, self._poll)
+        most = min(n_periods, self.left)
+        seen = self._solver.grow(z, self._amplitude, most, self._poll, direction)
         self.cycles += len(seen.points)
         return seen
 
-    def judge(self, seen: Observation | Growth) -> Motion | None:
-        """Tell the motion from what was observed, if that is enough."""
+    def judge_round(
+        self, z: np.ndarray, seen: Observation | Growth
+    ) -> tuple[np.ndarray, Motion | None]:
+        """Tell the motion from one round; give where it goes on."""
         if seen.outcome is not Outcome.COMPLETE:
-            return self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
-        points, size = seen.points / self._units, len(seen.points)
-        whole = seen if isinstance(seen, Observation) else None
-        self.end = seen.points[-1]
+            return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         self._logarithms = np.concatenate((self._logarithms, aligned(seen.logarithms)))
-        self.growth = growth = growth_interval(self._logarithms)
+        end, motion = self._judge(seen, len(seen.points) // 2)
+        return end, self._confirmed(motion, end)
+
+    def carry_on(self, z: np.ndarray) -> tuple[np.ndarray, Motion | None]:
+        """Observe the motion for longer, and judge it by the end of all that follows on."""
+        before = self._stretch
+        length = LEAST_TORUS
+        if before is not None:
+            length = max(len(before.points) // CARRIED, self._asked)
+        seen = self.observe(z, length, None if before is None else before.direction)
+        if seen.outcome is not Outcome.COMPLETE:
+            return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
+        added = aligned(seen.logarithms) if before is None else seen.logarithms
+        self._logarithms = np.concatenate((self._logarithms, added))
+        self._stretch = stretch = seen if before is None else before.followed_by(seen)
+        start = stretch.points[-1]
+        end, motion = self._closing(stretch.points)
+        if motion is None and np.array_equal(end, start):
+            judged = max(LEAST_TORUS, int(JUDGED * len(stretch.points)))
+            end, motion = self._judge(stretch.last(judged), LONGEST)
+        if not np.array_equal(end, start):  # an orbit that repels was left
+            self._stretch, self._asked, self._tried = None, 0, 0
+        return end, self._confirmed(motion, end)
+
+    def _confirmed(self, motion: Motion | None, z: np.ndarray) -> Motion | None:
+        """Watch chaos for an orbit that ends it; give what it turns out to be."""
+        if motion is None or motion.kind is not MotionClass.CHAOTIC:
+            return motion
+        _, ended = self.watch(z, CONFIRMED)
+        return ended or replace(motion, cycles=self.cycles)
+
+    def _closing(self, stretch: np.ndarray) -> tuple[np.ndarray, Motion | None]:
+        """Look for an orbit of long period to which a stretch closes; ask for as much as it needs.
+
+        It is claimed where the last two turns have closed to the turn before each.
+        """
+        end, size = stretch[-1], len(stretch)
+        self._asked = 0
+        found = closing_period(stretch / self._units, LONGEST + 1, size // 3, NEAR, self._same)
+        period = found.period
+        if not period:
+            return end, None
+        turns = found.turns_to(self._same)
+        if turns == 0.0 and self._closed(stretch[-3 * period :] / self._units, 3 * period // 2):
+            return self._orbit(end, period, None)
+        if turns <= TURNS:
+            self._asked = min(math.ceil(turns + 1.0) * period, size)
+        elif TURNS * period <= size and size >= 2 * self._tried:
+            self._tried = size
+            motion = self._jump(end, period)
+            if motion is not None:
+                return motion.points[-1], motion
+        return end, None
+
+    def _judge(self, seen: Observation | Growth, longest: int) -> tuple[np.ndarray, Motion | None]:
+        """Tell the motion from what was observed, if that is enough; give where it goes on."""
+        points, size, end = seen.points / self._units, len(seen.points), seen.points[-1]
+        whole = seen if isinstance(seen, Observation) else None
+        growth, self._last = self.growth, seen.points
         self.growing = seen.growth > NEUTRAL_GROWTH
         # short orbits where the last points have closed, long ones where all have
-        period = next(filter(None, (self._closed(points, p) for p in (LONGEST, size // 2))), 0)
+        period = next(filter(None, (self._closed(points, p) for p in (LONGEST, longest))), 0)
         if period:
-            self.end, motion = self._orbit(seen.points[-1], period, None)
-            return motion
-        grows = growth.low > 0 and seen.growth > CHAOS_GROWTH
-        # beside an orbit that repels it is that orbit's growth
-        if grows and not stays_near_orbit(points[: size // 3], LONGEST, NEAR):
-            return self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
-        period = approached_period(points, max(LONGEST, size // LONGER), NEAR)
+            return self._orbit(end, period, None)
+        if growth.low > 0 and seen.growth > CHAOS_GROWTH:
+            # beside an orbit that repels it is that orbit's growth
+            third = size // 3
+            beside = stays_near_orbit(points[:third], LONGEST, NEAR)
+            if not beside or seen.logarithms[:third].sum() > ROUNDING:
+                return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
+        period = approached_period(points, LONGEST, NEAR)
         if period:
-            motion = self._jump(seen.points[-1], period)
+            motion = self._jump(end, period)
             if motion is not None:
-                return motion
-        neutral = abs(seen.growth) <= NEUTRAL_GROWTH
+                return end, motion
+        return end, self._torus(points, seen, whole)
+
+    def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
+        """Tell a torus, or the orbit that it is locked to, from points in units of the state."""
+        size = len(points)
+        neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= LEAST_TORUS
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
-        self.likely_torus = digits >= HINT_DIGITS
-        most = NEUTRAL_GROWTH if size >= LONG_TORUS else TORUS_GROWTH
-        still = abs(seen.growth) <= most and growth.high >= 0
-        if size >= LEAST_TORUS and digits >= TORUS_DIGITS and still:
-            period = returning_period(points, size // RETURNS, NEAR)
-            locked = self._jump(seen.points[-1], period) if period else None
-            torus = self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
-            return locked or torus
-        return None
+        self.likely_torus = neutral and digits >= HINT_DIGITS
+        if size < LEAST_TORUS or digits < TORUS_DIGITS:
+            return None
+        if not self._still(weighted_growth(seen.logarithms), size):
+            return None
+        growth = growth_interval(seen.logarithms)
+        period = returning_period(points, size // RETURNS, NEAR)
+        locked = self._jump(seen.points[-1], period) if period else None
+        if locked or growth.high < 0:
+            return locked
+        return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
+
+    @staticmethod
+    def _still(growth: WeightedGrowth, size: int) -> bool:
+        """Tell whether there is no growth over so many periods."""
+        swings = max(NEUTRAL_GROWTH, 3 * TORUS_RATE * size)
+        halves = abs(growth.first) <= swings and abs(growth.second) <= swings
+        return halves and abs(growth.whole) <= max(TORUS_GROWTH, TORUS_RATE * size)
 
     def _closed(self, points: np.ndarray, max_period: int) -> int:
         return closed_period(points, max(max_period, 1), self._same)
@@ -232,16 +306,16 @@ class _Search:
         `multiplier` is None if the orbit was not proved by Newton's method.
         """
         start = z
-        try:
-            if multiplier is None:
-                z, matrix, _ = self._newton(z, period)
-                multiplier = float(abs(floquet_multipliers(matrix)[0]))
-            points, outcome = self._solver.points(z, self._amplitude, period, self._poll)
-            self.cycles += len(points)
-            if outcome is not Outcome.COMPLETE:
-                return z, self.motion(MotionClass.FAILED, points, outcome=outcome)
-        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-            return z, None
+        if multiplier is None:
+            shot = shoot(self._solver, z, self._amplitude, period)
+            self.cycles += shot.cycles
+            if math.isnan(shot.multiplier):
+                return z, None
+            z, multiplier = shot.point, shot.multiplier
+        points, outcome = self._solver.points(z, self._amplitude, period, self._poll)
+        self.cycles += len(points)
+        if outcome is not Outcome.COMPLETE:
+            return z, self.motion(MotionClass.FAILED, points, outcome=outcome)
         if multiplier > 1 + REPELS:
             if np.abs((start - z) / self._units).max() > PUSH:
                 return start, None  # on its way already
@@ -249,53 +323,17 @@ class _Search:
             return z + PUSH * self._units * turns, None
         smallest = smallest_period(points / self._units, self._same)
         multiplier **= smallest / period
-        exponent = exponent_of_multiplier(multiplier, smallest)
-        return z, self.motion(
-            MotionClass.PERIODIC,
-            points[-smallest:],
-            smallest,
-            multiplier,
-            Interval.exact(exponent),
-        )
+        exponent = Interval.exact(exponent_of_multiplier(multiplier, smallest))
+        orbit = points[-smallest:]
+        return z, self.motion(MotionClass.PERIODIC, orbit, smallest, multiplier, exponent)
 
     def _jump(self, z: np.ndarray, period: int) -> Motion | None:
-        """Solve for the orbit that is approached; give it if the motion is proved to go there.
-
-        The proof is that of `solvers.flow.transient`: the orbit attracts, and from the motion's
-        point to it the map is linear but for `LINEAR` of the distance that is left.
-        """
-        try:
-            orbit, matrix, distance = self._newton(z, period)
-            image, _ = self._solver.monodromy(z, self._amplitude, period)
-            self.cycles += period
-            multiplier = float(abs(floquet_multipliers(matrix)[0]))
-        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        """Solve for the orbit that is approached; give it if the motion is proved to go there."""
+        shot = shoot(self._solver, z, self._amplitude, period)
+        self.cycles += shot.cycles
+        if not shot.attracts(0.1 * self._same):
             return None
-        left = image - orbit
-        bent = np.abs((left - matrix @ (z - orbit)) / self._units).max()
-        if not distance <= 0.1 * self._same or not multiplier < 1.0:
-            return None
-        if not bent <= LINEAR * np.abs(left / self._units).max() + SETTLED:
-            return None
-        return self._orbit(orbit, period, multiplier)[1]
-
-    def _newton(self, z: np.ndarray, period: int) -> tuple[np.ndarray, np.ndarray, float]:
-        """Take a point near an orbit onto it; give its matrix and its distance from it too.
-
-        The distance is that of the next step: where a multiplier is near 1 a small residual is no
-        small distance.
-        """
-        least, best, matrix = math.inf, z, np.eye(z.size)
-        for _ in range(NEWTON_STEPS):
-            image, tangent = self._solver.monodromy(z, self._amplitude, period)
-            self.cycles += period
-            step = np.linalg.solve(tangent - np.eye(z.size), image - z)
-            distance = float(np.abs(step / self._units).max())
-            if not distance < least:
-                break
-            least, best, matrix = distance, z, tangent
-            z = z - step
-        return best, matrix, least
+        return self._orbit(shot.point, period, shot.multiplier)[1]
 
     def motion(
         self,

@@ -16,6 +16,7 @@ the period is claimed. `closed_period` claims an orbit of p only where
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,10 @@ FLOOR = 1e-12
 """Distance below which points differ by rounding."""
 KEPT = 0.5
 """Share of a distance that must be left in the limit."""
+CANDIDATES = 32
+"""Returns that are looked into: beside a short orbit a motion returns after all its multiples."""
+FALLS = 0.98
+"""Largest ratio of the distances of two turns that fall."""
 
 
 def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
@@ -150,6 +155,55 @@ def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
         apart = float(_apart(coordinates, period)[-third:].max())
         if apart < near:
             near, best = apart, period
+    return best
+
+
+class Closing(NamedTuple):
+    """A period after which points return nearer and nearer."""
+
+    period: int
+    """0 if there is none."""
+    distance: float
+    """Largest over the last turn."""
+    ratio: float
+    """By which it has fallen over that turn."""
+
+    def turns_to(self, tolerance: float) -> float:
+        """Give the turns until the last distance is within a tolerance."""
+        if self.distance <= tolerance:
+            return 0.0
+        return math.log(tolerance / self.distance) / math.log(self.ratio)
+
+
+def closing_period(
+    points: np.ndarray, min_period: int, max_period: int, near: float, tolerance: float
+) -> Closing:
+    """Find the p after which the points return nearest and come nearer over the last three turns.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2n)
+        Consecutive stroboscopic points.
+    min_period, max_period : int
+        Shortest and longest p that is tried, the latter at most k / 3; of those after which the
+        last point returns, the first `CANDIDATES`.
+    near : float
+        Largest difference of a coordinate over the last turn.
+    tolerance : float
+        Distances within it need not fall.
+    """
+    points = rows("points", points)
+    min_period, max_period = count("min_period", min_period, 1), count("max_period", max_period, 1)
+    near, tolerance = number("near", near), number("tolerance", tolerance)
+    coordinates = _coordinates(points)
+    best = Closing(0, near, 1.0)
+    returns = _near_ends(coordinates, min(max_period, len(points) // 3), near)
+    for period in [p for p in returns if p >= min_period][:CANDIDATES]:
+        apart = _apart(coordinates[:, -3 * period :], period)
+        before, last = float(apart[:period].max()), float(apart[period:].max())
+        falls = last <= FALLS * before or last <= tolerance
+        if falls and last < best.distance:
+            best = Closing(period, last, last / before if before > 0 else 0.0)
     return best
 
 

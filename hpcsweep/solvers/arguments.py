@@ -1,5 +1,7 @@
 """Checks of what is handed to a solver; see `hpcsweep.model.arguments`."""
 
+import math
+
 import numpy as np
 
 from hpcsweep.model.arguments import count, instance, number, positive, real, refused, vector
@@ -24,6 +26,17 @@ def solver_arguments(structure, omega, rtol) -> tuple[Structure, float, float]:
     if not 0 < rtol < 1:
         raise refused("rtol", "between 0 and 1", rtol)
     return structure, omega, rtol
+
+
+def tangent_column(structure: Structure, direction) -> np.ndarray:
+    """Take a tangent vector, shape (2n,), to one column.
+
+    If it is None: (1, ..., 1), of length 1 in units of the state.
+    """
+    size = structure.state_units.size
+    if direction is None:
+        return np.full((size, 1), math.sqrt(1.0 / size)) * structure.state_units[:, None]
+    return vector("direction", direction, size)[:, None]
 
 
 def motion(solver, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:

@@ -26,7 +26,7 @@ from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
 from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.arguments import motion, points_array, solver_arguments
+from hpcsweep.solvers.arguments import motion, points_array, solver_arguments, tangent_column
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, window_growth
 from hpcsweep.solvers.step_tally import StepTally
@@ -136,7 +136,7 @@ class BdfMap:
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
-            logarithms = self._growth(state, amplitude, n_periods, poll)
+            logarithms, _ = self._growth(state, amplitude, n_periods, poll)
         return Observation(
             points,
             self.structure.contact_bits(tally.contact),
@@ -153,30 +153,33 @@ class BdfMap:
         amplitude: float,
         n_periods: int,
         poll: Callable[[], None] | None = None,
+        direction: np.ndarray | None = None,
     ) -> Growth:
-        """Integrate `n_periods`, and once more with a tangent vector, (1, ..., 1) at first."""
+        """Integrate `n_periods`, and once more with a tangent vector."""
         points, outcome = self.points(state, amplitude, n_periods, poll)
-        logarithms = np.empty(0)
+        logarithms, end = np.empty(0), np.empty(0)
         if outcome is Outcome.COMPLETE:
-            logarithms = self._growth(state, amplitude, n_periods, poll)
-        return Growth(points, outcome, window_growth(logarithms), logarithms)
+            logarithms, end = self._growth(state, amplitude, n_periods, poll, direction)
+        return Growth(points, outcome, window_growth(logarithms), logarithms, end)
 
-    def _growth(self, state, amplitude, n_periods, poll):
-        """Logarithm of the growth of a tangent vector in each period; none if the solver fails."""
-        n = self.structure.n_floors
-        ones = np.full((2 * n, 1), (2 * n) ** -0.5) * self.structure.state_units[:, None]
+    def _growth(self, state, amplitude, n_periods, poll, direction=None):
+        """Logarithm of the growth of a tangent vector in each period, and its end.
+
+        Both are empty if the solver fails.
+        """
         start = self._frame.into(state)
         size = start.size
-        z = np.concatenate((start, self._frame.tangent_into(ones).ravel()))
+        vector = self._frame.tangent_into(tangent_column(self.structure, direction))
+        z = np.concatenate((start, vector.ravel()))
         logarithms = np.empty(n_periods)
         for period in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, columns=1)
             if outcome is not Outcome.COMPLETE:
-                return np.empty(0)
+                return np.empty(0), np.empty(0)
             length = np.linalg.norm(z[size:])
             logarithms[period] = math.log(length) if length > 0 else -math.inf
             z[size:] /= length or 1.0
-        return logarithms
+        return logarithms, self._frame.tangent_out_of(z[size:, None]).ravel()
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int

@@ -1,7 +1,7 @@
 """What a solver returns of a stretch of forcing periods."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -135,12 +135,28 @@ class Growth:
     ----------
     points, outcome, growth, logarithms
         As in `Observation`.
+    direction : ndarray, shape (2n,)
+        The tangent vector at the end, by which the next stretch goes on.
     """
 
     points: np.ndarray
     outcome: Outcome
     growth: float
     logarithms: np.ndarray
+    direction: np.ndarray
+
+    def followed_by(self, more: "Growth") -> "Growth":
+        """Put a stretch that goes on where this one ends behind it."""
+        points = np.concatenate((self.points, more.points))
+        logarithms = np.concatenate((self.logarithms, more.logarithms))
+        growth = window_growth(logarithms)
+        return Growth(points, more.outcome, growth, logarithms, more.direction)
+
+    def last(self, n_periods: int) -> "Growth":
+        """Give its last periods."""
+        logarithms = self.logarithms[-n_periods:]
+        growth = window_growth(logarithms)
+        return replace(self, points=self.points[-n_periods:], growth=growth, logarithms=logarithms)
 
 
 def window_growth(logarithms: np.ndarray) -> float:

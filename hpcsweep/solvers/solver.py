@@ -138,8 +138,12 @@ class Solver(Protocol):
         amplitude: float,
         n_periods: int,
         poll: Callable[[], None] | None = None,
+        direction: np.ndarray | None = None,
     ) -> Growth:
-        """Integrate, keeping points and growth of a tangent."""
+        """Integrate, keeping points and growth of a tangent vector.
+
+        That is `direction` at first, of a `Growth` that has ended in `state`; else (1, ..., 1).
+        """
         ...
 
     def monodromy(

@@ -4,95 +4,16 @@ import math
 
 import numpy as np
 import pytest
+from maps import GOLDEN, circle, delayed_logistic, focus, henon, logistic
 
-from hpcsweep.dynamics.birkhoff import agreeing_digits
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.decide import CONFIRMED, decide
-from hpcsweep.dynamics.exponent import aligned, growth_interval
-from hpcsweep.dynamics.orbit import (
-    closed_period,
-    orbit_period,
-    returning_period,
-    smallest_period,
-)
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach, Growth, Observation, window_growth
+from hpcsweep.solvers.records import Observation
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.settings import SweepSettings
 
 SETTINGS = SweepSettings(period_tolerance=1e-8)
-GOLDEN = (math.sqrt(5) - 1) / 2
-
-
-class MapSolver:
-    """A map of the plane behind the interface of the solvers; Omega = 2 pi makes T = 1."""
-
-    omega = 2 * math.pi
-    structure = Structure(1)
-
-    def __init__(self, step, tangent):
-        self.step, self.tangent = step, tangent
-
-    def points(self, state, amplitude, n_periods, poll=None):
-        points = np.empty((n_periods, 2))
-        z = np.array(state, float)
-        for k in range(n_periods):
-            z = points[k] = self.step(z)
-        return points, Outcome.COMPLETE
-
-    def settle(self, state, amplitude, n_periods, *rules):
-        points, outcome = self.points(state, amplitude, n_periods)
-        return Approach(points[-1], n_periods, 0, 0, math.nan, outcome)
-
-    def grow(self, state, amplitude, n_periods, poll=None):
-        points, outcome = self.points(state, amplitude, n_periods)
-        vector = np.full(2, math.sqrt(0.5))
-        logarithms = np.empty(n_periods)
-        for k, z in enumerate([np.asarray(state, float), *points[:-1]]):
-            vector = self.tangent(z) @ vector
-            length = np.linalg.norm(vector)
-            logarithms[k] = math.log(length) if length > 0 else -math.inf
-            vector = vector / (length or 1.0)
-        return Growth(points, outcome, window_growth(logarithms), logarithms)
-
-    def monodromy(self, state, amplitude, n_periods):
-        z, matrix = np.array(state, float), np.eye(2)
-        for _ in range(n_periods):
-            matrix = self.tangent(z) @ matrix
-            z = self.step(z)
-        return z, matrix
-
-
-def focus(modulus, turns):
-    """A fixed point at (1, 2) with multipliers modulus exp(+-2 pi i turns)."""
-    c, s = math.cos(2 * math.pi * turns), math.sin(2 * math.pi * turns)
-    matrix = modulus * np.array([[c, -s], [s, c]])
-    centre = np.array([1.0, 2.0])
-    return MapSolver(lambda z: centre + matrix @ (z - centre), lambda z: matrix)
-
-
-def logistic(r):
-    """x -> r x (1 - x), beside it a coordinate that decays."""
-    return MapSolver(
-        lambda z: np.array([r * z[0] * (1 - z[0]), 0.3 * z[1]]),
-        lambda z: np.array([[r * (1 - 2 * z[0]), 0.0], [0.0, 0.3]]),
-    )
-
-
-def henon(a):
-    return MapSolver(
-        lambda z: np.array([1 - a * z[0] ** 2 + z[1], 0.3 * z[0]]),
-        lambda z: np.array([[-2 * a * z[0], 1.0], [0.3, 0.0]]),
-    )
-
-
-def delayed_logistic(a):
-    """x' = a x (1 - y), y' = x: a torus is born at a = 2 (Maynard Smith 1968)."""
-    return MapSolver(
-        lambda z: np.array([a * z[0] * (1 - z[1]), z[0]]),
-        lambda z: np.array([[a * (1 - z[1]), -a * z[0]], [1.0, 0.0]]),
-    )
 
 
 def told(solver, start=(0.3, 0.4), max_cycles=50_000, **more):
@@ -164,6 +85,37 @@ def test_before_the_torus_and_locked_on_it():
 
 
 @pytest.mark.parametrize(
+    ("period", "pull"), [(89, 1e-4), (89, 2e-5), (233, 1e-5), (377, 3e-5), (377, 1e-6)]
+)
+def test_what_a_circle_is_locked_to(period, pull):
+    """Angles k pi / order attract for odd k; those around are approached by 1 - order pull."""
+    turns = {89: 34, 233: 144, 377: 144}[period] / period
+    motion = told(circle(turns, period, pull))
+    assert (motion.kind, motion.period) == (MotionClass.PERIODIC, period)
+    assert motion.multiplier == pytest.approx((1 - period * pull) ** period, abs=1e-6)
+    # each turn takes `period`: at most 40 turns, and what finding out takes
+    assert motion.cycles < 40 * period + 3000
+
+
+@pytest.mark.parametrize("pull", [0.0, 0.3, 0.9])
+def test_a_circle_without_a_lock_is_a_torus_soon(pull):
+    motion = told(circle(GOLDEN, 1, pull))
+    assert motion.kind is MotionClass.QUASI_PERIODIC
+    assert motion.cycles <= 3000
+    assert motion.exponent_low <= 0 <= motion.exponent_high
+
+
+def test_chaos_that_stays_within_the_near_of_an_orbit_is_chaos():
+    """Beyond the doublings there are 2^k bands; those of 3.56996 are narrower than `NEAR`."""
+    solver = logistic(3.56996)
+    points, _ = solver.points((0.3, 0.0), 1.0, 3000)
+    assert 1e-6 < np.ptp(points[2000::64, 0]) < 1e-3
+    motion = told(solver)
+    assert motion.kind is MotionClass.CHAOTIC
+    assert motion.exponent_low > 0
+
+
+@pytest.mark.parametrize(
     "state",
     [
         (0.251, 0.154, 0.053, -0.95, 0.194, -0.313),
@@ -179,15 +131,6 @@ def test_a_torus_locked_to_a_long_orbit_that_is_approached_slowly(state):
     motion = decide(solver, np.array(state), 0.1014964, SweepSettings(), 50_000)
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 100)
     assert motion.multiplier == pytest.approx(0.94, abs=2e-3)
-
-
-def test_what_returns_nearest_is_found_and_nothing_on_a_golden_rotation():
-    angle = 2 * np.pi * np.outer(np.arange(900), (GOLDEN, 13 / 34))
-    golden, locked = (np.stack((np.cos(a), np.sin(a)), axis=1) for a in angle.T)
-    assert returning_period(golden, 450, 1e-3) == 0
-    assert returning_period(golden, 450, 0.02) == 377
-    assert returning_period(locked * 0.999 ** np.arange(900)[:, None], 450, 0.05) == 34
-    assert returning_period(locked, 33, 0.05) == 0
 
 
 def test_a_point_that_repels_is_left():
@@ -230,76 +173,3 @@ def test_motions_of_a_building(amplitude):
     assert np.abs(again - motion.points[-1]).max() < 1e-9
     assert motion.multiplier == pytest.approx(np.abs(np.linalg.eigvals(matrix)).max(), abs=1e-5)
     assert motion.multiplier < 1
-
-
-# --- the pieces
-
-
-def test_weighted_means_tell_a_torus_from_chaos_and_from_an_approach():
-    def digits(solver, start, count=800):
-        return agreeing_digits(solver.points(start, 1.0, 4000 + count)[0][4000:])
-
-    for a in (2.05, 2.1):
-        assert digits(delayed_logistic(a), (0.4, 0.4)) > 7
-    assert digits(logistic(3.9), (0.3, 0.0)) < 3
-    for modulus in (0.999, 0.9999):
-        assert digits(focus(modulus, GOLDEN), (0.3, 0.4)) < 2
-    angle = 2 * np.pi * GOLDEN * np.arange(100.0)
-    assert agreeing_digits(np.stack((np.cos(angle), np.zeros(100)), axis=1)) > 4
-    assert agreeing_digits(np.zeros((8, 2))) == math.inf
-    with pytest.raises(ValueError, match="points must be at least 4, are 3"):
-        agreeing_digits(np.zeros((3, 2)))
-
-
-def approach(limit, amplitudes, multipliers, count=100):
-    """Points that approach `limit`, a list that repeats, along real multipliers."""
-    k = np.arange(count)
-    points = np.array(limit, float)[k % len(limit)][:, None]
-    for a, mu in zip(amplitudes, multipliers, strict=True):
-        points = points + (a * float(mu) ** k)[:, None]
-    return points
-
-
-def test_an_approach_is_no_orbit_of_twice_the_period():
-    points = approach([0.5], [1e-4], [-0.99])
-    assert orbit_period(points, 16, 1e-5) == 2  # what the plain test says
-    assert closed_period(points, 16, 1e-5) == 0
-    assert closed_period(approach([0.5], [1e-4], [-0.99], 2000), 16, 1e-5) == 1
-
-
-def test_neighbours_that_still_come_closer_are_no_orbit():
-    points = approach([0.5], [1e-3], [0.999])
-    assert orbit_period(points, 16, 1e-5) == 1
-    assert closed_period(points, 16, 1e-5) == 0
-
-
-@pytest.mark.parametrize("apart", [1e-4, 3e-5, 1.1e-5])
-@pytest.mark.parametrize("mu", [0.5, -0.9, 0.97])
-def test_branches_that_are_close_are_an_orbit(apart, mu):
-    points = approach([0.5, 0.5 + apart], [1e-6], [mu])
-    assert closed_period(points, 16, 1e-5) == 2
-
-
-def test_smallest_period():
-    orbit = np.random.default_rng(1).normal(size=(6, 4))
-    assert smallest_period(orbit, 1e-9) == 6
-    assert smallest_period(np.tile(orbit[:3], (4, 1)), 1e-9) == 3
-    assert smallest_period(np.tile(orbit[:1], (5, 1)), 1e-9) == 1
-
-
-def test_intervals_hold_the_mean_as_often_as_they_promise():
-    random = np.random.default_rng(4)
-    held = 0
-    for _ in range(1000):
-        noise = random.normal(size=401)
-        found = growth_interval(0.3 + noise[1:] + 0.5 * noise[:-1])
-        held += found.low <= 0.3 <= found.high
-    assert 0.92 <= held / 1000 <= 0.98
-
-
-def test_what_tells_no_growth():
-    assert math.isnan(growth_interval(np.zeros(3)).mean)
-    assert math.isnan(growth_interval(np.array([-math.inf] * 100)).mean)
-    assert growth_interval(np.full(100, 0.25)) == (0.25, 0.25, 0.25)
-    assert growth_interval(np.full(100, 0.25)).times(2.0).high == 0.5
-    assert aligned(np.arange(100.0)).tolist() == list(range(10, 100))

@@ -307,6 +307,23 @@ def test_step_limit_is_an_outcome(name, monkeypatch):
     assert points.shape == (0, 6)
 
 
+def test_a_tangent_vector_goes_on_from_stretch_to_stretch(name):
+    solver = solver_for(name, IMPACTING)
+    whole = solver.grow(np.zeros(6), 0.08, 3)
+    first = solver.grow(np.zeros(6), 0.08, 1)
+    second = solver.grow(first.points[-1], 0.08, 2, direction=first.direction)
+    put = first.followed_by(second)
+    assert put.points == pytest.approx(whole.points, abs=1e-7)
+    assert put.logarithms == pytest.approx(whole.logarithms, abs=1e-6)
+    assert put.growth == pytest.approx(whole.growth, abs=1e-5)
+    assert put.direction == pytest.approx(whole.direction, abs=1e-6)
+    last = put.last(2)
+    assert last.logarithms.tolist() == second.logarithms.tolist()
+    assert last.points.tolist() == second.points.tolist()
+    with pytest.raises(ValueError, match=r"direction must have shape \(6,\)"):
+        solver.grow(np.zeros(6), 0.08, 1, direction=np.zeros(5))
+
+
 def test_unknown_solver():
     with pytest.raises(ValueError, match="solver must be one of flow, bdf, is 'euler'"):
         make_solver("euler", IMPACTING, OMEGA, 1e-9)

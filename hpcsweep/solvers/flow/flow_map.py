@@ -13,6 +13,7 @@ from hpcsweep.solvers.arguments import (
     motion,
     points_array,
     solver_arguments,
+    tangent_column,
 )
 from hpcsweep.solvers.flow.free import NOTHING
 from hpcsweep.solvers.flow.march import march
@@ -241,7 +242,7 @@ class FlowMap:
         clear.py_func(tally)
         tangent = logarithms = None
         if growth:
-            tangent = self._vector()
+            tangent = self._frame.tangent_into(tangent_column(self.structure, None))
             logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, wanted, tangent, logarithms)
         free = tally.free_time[0]
@@ -261,22 +262,15 @@ class FlowMap:
         amplitude: float,
         n_periods: int,
         poll: Callable[[], None] | None = None,
+        direction: np.ndarray | None = None,
     ) -> Growth:
-        """Integrate `n_periods` with a tangent vector, (1, ..., 1) at first; gather only points."""
+        """Integrate `n_periods` with a tangent vector; gather only points."""
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
+        tangent = self._frame.tangent_into(tangent_column(self.structure, direction))
         logarithms = points_array(n_periods, 1).ravel()
-        points, outcome = self._points(
-            z, amplitude, n_periods, poll, NO_TALLY, self._vector(), logarithms
-        )
-        return Growth(
-            points, outcome, *_growth_of(logarithms if outcome is Outcome.COMPLETE else None)
-        )
-
-    def _vector(self) -> np.ndarray:
-        """Give the tangent vector (1, ..., 1), of length 1 in the units of the state."""
-        n = self.structure.n_floors
-        ones = np.full((2 * n, 1), math.sqrt(0.5 / n)) * self.structure.state_units[:, None]
-        return self._frame.tangent_into(ones)
+        points, outcome = self._points(z, amplitude, n_periods, poll, NO_TALLY, tangent, logarithms)
+        growth = _growth_of(logarithms if outcome is Outcome.COMPLETE else None)
+        return Growth(points, outcome, *growth, self._frame.tangent_out_of(tangent).ravel())
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int

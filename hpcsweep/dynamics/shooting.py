@@ -1,0 +1,78 @@
+"""An orbit near a point, by Newton's method on the map of p forcing periods (single shooting).
+
+With F that map and M its tangent at z, a step solves (M - 1) d = z - F(z). Its length is the
+distance from the orbit to first order; a residual is not: where a multiplier is near 1 a small one
+is far away. The motion of the first point is proved to go to an orbit that attracts if the map from
+it is as good as linear: F(z) - o = M (z - o) but for `LINEAR` of F(z) - o, o the orbit.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.dynamics.stability import floquet_multipliers
+
+STEPS = 8
+REACHED = 1e-12
+"""Distance from which on another step has nothing to gain."""
+LINEAR = 0.05
+"""Share of the distance to an orbit by which the map may differ from its tangent."""
+ROUNDING = 1e-10
+"""What the map may differ by besides."""
+
+
+class Shot(NamedTuple):
+    """What Newton's method came to; distances are in units of the state."""
+
+    point: np.ndarray
+    """Of the orbit, shape (2n,)."""
+    multiplier: float
+    """Modulus of the largest Floquet multiplier over p periods; NaN if the solver has failed."""
+    distance: float
+    """Of the point from the orbit; inf if the solver has failed."""
+    bent: float
+    """Distance of F from its tangent at the first point."""
+    left: float
+    """Distance of F of the first point from the orbit."""
+    cycles: int
+    """Forcing periods integrated."""
+
+    def attracts(self, tolerance: float) -> bool:
+        """Tell whether the first point is proved to go to the orbit, found to `tolerance`."""
+        linear = self.bent <= LINEAR * self.left + ROUNDING
+        return self.distance <= tolerance and self.multiplier < 1.0 and linear
+
+
+def shoot(solver, z: np.ndarray, amplitude: float, period: int) -> Shot:
+    """Take a point near an orbit of `period` forcing periods onto it.
+
+    Parameters
+    ----------
+    solver : Solver
+    z : ndarray, shape (2n,)
+    amplitude : float
+    period : int
+    """
+    units = solver.structure.state_units
+    start, first, best, matrix = z, z, z, np.eye(z.size)
+    least, cycles = math.inf, 0
+    try:
+        for step in range(STEPS):
+            image, tangent = solver.monodromy(z, amplitude, period)
+            cycles += period
+            first = first if step else image
+            move = np.linalg.solve(tangent - np.eye(z.size), image - z)
+            distance = float(np.abs(move / units).max())
+            if not distance < least:
+                break
+            least, best, matrix = distance, z, tangent
+            if distance <= REACHED:
+                break
+            z = z - move
+        multiplier = float(abs(floquet_multipliers(matrix)[0]))
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return Shot(start, math.nan, math.inf, math.inf, 0.0, cycles)
+    left = (first - best) / units
+    bent = np.abs(left - (matrix @ (start - best)) / units).max()
+    return Shot(best, multiplier, least, float(bent), float(np.abs(left).max()), cycles)

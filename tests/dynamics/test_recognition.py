@@ -1,0 +1,160 @@
+"""The pieces that motions are recognised by: weighted means, returns, shooting, intervals."""
+
+import math
+
+import numpy as np
+import pytest
+from maps import GOLDEN, MapSolver, circle, delayed_logistic, focus, logistic
+
+from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
+from hpcsweep.dynamics.exponent import aligned, growth_interval
+from hpcsweep.dynamics.orbit import (
+    closed_period,
+    closing_period,
+    orbit_period,
+    returning_period,
+    smallest_period,
+)
+from hpcsweep.dynamics.shooting import shoot
+
+
+def test_the_tangent_of_the_circle_is_its_derivative():
+    solver, z = circle(GOLDEN, 3, 0.2), np.array([0.7, 0.9])
+    for column in np.eye(2):
+        difference = solver.step(z + 1e-6 * column) - solver.step(z - 1e-6 * column)
+        assert difference / 2e-6 == pytest.approx(solver.tangent(z) @ column, abs=1e-9)
+
+
+def test_what_returns_nearest_is_found_and_nothing_on_a_golden_rotation():
+    angle = 2 * np.pi * np.outer(np.arange(900), (GOLDEN, 13 / 34))
+    golden, locked = (np.stack((np.cos(a), np.sin(a)), axis=1) for a in angle.T)
+    assert returning_period(golden, 450, 1e-3) == 0
+    assert returning_period(golden, 450, 0.02) == 377
+    assert returning_period(locked * 0.999 ** np.arange(900)[:, None], 450, 0.05) == 34
+    assert returning_period(locked, 33, 0.05) == 0
+
+
+def test_weighted_means_tell_a_torus_from_chaos_and_from_an_approach():
+    def digits(solver, start, count=800):
+        return agreeing_digits(solver.points(start, 1.0, 4000 + count)[0][4000:])
+
+    for a in (2.05, 2.1):
+        assert digits(delayed_logistic(a), (0.4, 0.4)) > 7
+    assert digits(logistic(3.9), (0.3, 0.0)) < 3
+    for modulus in (0.999, 0.9999):
+        assert digits(focus(modulus, GOLDEN), (0.3, 0.4)) < 2
+    angle = 2 * np.pi * GOLDEN * np.arange(100.0)
+    assert agreeing_digits(np.stack((np.cos(angle), np.zeros(100)), axis=1)) > 4
+    assert agreeing_digits(np.zeros((8, 2))) == math.inf
+    with pytest.raises(ValueError, match="points must be at least 4, are 3"):
+        agreeing_digits(np.zeros((3, 2)))
+
+
+def test_weighted_growth_is_none_on_a_torus_and_the_exponent_of_a_lock():
+    def both(solver):
+        seen = solver.grow(solver.points((0.3, 0.4), 1.0, 4000)[0][-1], 1.0, 1000)
+        return weighted_growth(seen.logarithms[200:]), seen.logarithms[200:].sum()
+
+    swings = []
+    for pull in (0.3, 0.6, 0.9):
+        growth, plain = both(circle(GOLDEN, 1, pull))
+        assert max(map(abs, growth)) < 0.05
+        swings.append(abs(plain))
+    assert max(swings) > 0.2  # what the plain sum makes of it
+    growth, _ = both(circle(34 / 89, 89, 1e-4))
+    assert growth == pytest.approx([800 * math.log(1 - 0.0089)] * 3, rel=0.01)
+    assert weighted_growth(np.full(9, 0.5)) == pytest.approx([4.5] * 3)
+    with pytest.raises(ValueError, match="logarithms must be at least 4, are 3"):
+        weighted_growth(np.zeros(3))
+
+
+def test_what_closes_is_told_from_what_only_returns():
+    turn = 2 * np.pi * np.outer(np.arange(1200), (GOLDEN, 34 / 89))
+    golden, locked = (np.stack((np.cos(a), np.sin(a)), axis=1) for a in turn.T)
+    assert closing_period(golden, 65, 400, 0.05, 1e-9).period == 0
+    falling = locked * (1 + 0.01 * 0.9 ** (np.arange(1200) / 89))[:, None]
+    found = closing_period(falling, 65, 400, 0.05, 1e-9)
+    assert found.period == 89
+    assert found.ratio == pytest.approx(0.9, abs=1e-6)
+    rest = found.distance * 0.9 ** found.turns_to(1e-9)
+    assert rest == pytest.approx(1e-9)
+    assert closing_period(falling, 90, 400, 0.05, 1e-9).period == 178
+    closed = closing_period(locked, 65, 400, 0.05, 1e-9)
+    assert (closed.period, closed.turns_to(1e-9)) == (89, 0.0)
+
+
+def test_a_shot_lands_on_the_orbit_and_says_who_goes_there():
+    solver = logistic(3.3)
+    orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real  # of period 2
+    shot = shoot(solver, np.array([orbit[0] + 1e-4, 1e-4]), 1.0, 2)
+    assert shot.point == pytest.approx([orbit[0], 0.0], abs=1e-12)
+    assert shot.multiplier == pytest.approx(abs(4 + 2 * 3.3 - 3.3**2), abs=1e-9)
+    assert shot.attracts(1e-9)
+    assert not shoot(solver, np.array([orbit[0] + 0.05, 0.0]), 1.0, 2).attracts(1e-9)  # bent
+    repels = shoot(solver, np.array([1 - 1 / 3.3 + 1e-5, 0.0]), 1.0, 1)
+    assert repels.multiplier == pytest.approx(1.3)
+    assert not repels.attracts(1e-9)
+
+
+def test_a_shot_that_fails_says_so():
+    class Failing(MapSolver):
+        def monodromy(self, state, amplitude, n_periods):
+            raise ArithmeticError("no")
+
+    shot = shoot(Failing(None, None), np.zeros(2), 1.0, 3)
+    assert math.isnan(shot.multiplier)
+    assert not shot.attracts(1e-9)
+
+
+def approach(limit, amplitudes, multipliers, count=100):
+    """Points that approach `limit`, a list that repeats, along real multipliers."""
+    k = np.arange(count)
+    points = np.array(limit, float)[k % len(limit)][:, None]
+    for a, mu in zip(amplitudes, multipliers, strict=True):
+        points = points + (a * float(mu) ** k)[:, None]
+    return points
+
+
+def test_an_approach_is_no_orbit_of_twice_the_period():
+    points = approach([0.5], [1e-4], [-0.99])
+    assert orbit_period(points, 16, 1e-5) == 2  # what the plain test says
+    assert closed_period(points, 16, 1e-5) == 0
+    assert closed_period(approach([0.5], [1e-4], [-0.99], 2000), 16, 1e-5) == 1
+
+
+def test_neighbours_that_still_come_closer_are_no_orbit():
+    points = approach([0.5], [1e-3], [0.999])
+    assert orbit_period(points, 16, 1e-5) == 1
+    assert closed_period(points, 16, 1e-5) == 0
+
+
+@pytest.mark.parametrize("apart", [1e-4, 3e-5, 1.1e-5])
+@pytest.mark.parametrize("mu", [0.5, -0.9, 0.97])
+def test_branches_that_are_close_are_an_orbit(apart, mu):
+    points = approach([0.5, 0.5 + apart], [1e-6], [mu])
+    assert closed_period(points, 16, 1e-5) == 2
+
+
+def test_smallest_period():
+    orbit = np.random.default_rng(1).normal(size=(6, 4))
+    assert smallest_period(orbit, 1e-9) == 6
+    assert smallest_period(np.tile(orbit[:3], (4, 1)), 1e-9) == 3
+    assert smallest_period(np.tile(orbit[:1], (5, 1)), 1e-9) == 1
+
+
+def test_intervals_hold_the_mean_as_often_as_they_promise():
+    random = np.random.default_rng(4)
+    held = 0
+    for _ in range(1000):
+        noise = random.normal(size=401)
+        found = growth_interval(0.3 + noise[1:] + 0.5 * noise[:-1])
+        held += found.low <= 0.3 <= found.high
+    assert 0.92 <= held / 1000 <= 0.98
+
+
+def test_what_tells_no_growth():
+    assert math.isnan(growth_interval(np.zeros(3)).mean)
+    assert math.isnan(growth_interval(np.array([-math.inf] * 100)).mean)
+    assert growth_interval(np.full(100, 0.25)) == (0.25, 0.25, 0.25)
+    assert growth_interval(np.full(100, 0.25)).times(2.0).high == 0.5
+    assert aligned(np.arange(100.0)).tolist() == list(range(10, 100))

@@ -14,8 +14,6 @@ numbers scatter less than independent ones do, make it safer still.
 
 import math
 
-from scipy.special import betaincinv
-
 from hpcsweep.model.arguments import count, number
 
 
@@ -47,6 +45,8 @@ def share_interval(hits: int, starts: int, confidence: float) -> tuple[float, fl
     low, high : float
         (0, 1) without starts.
     """
+    from scipy.special import betaincinv  # the other commands do not wait for it
+
     starts = count("starts", starts)
     hits = count("hits", hits, 0, starts)
     tail = 0.5 * (1.0 - number("confidence", confidence, "between 0 and 1", 0.0, 1.0))

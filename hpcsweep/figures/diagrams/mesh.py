@@ -1,5 +1,6 @@
 """Panels over amplitude and frequency: one cell a run, or one point where runs are scattered."""
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -162,7 +163,9 @@ def grazing_keys(results) -> list:
     return [Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")]
 
 
+@functools.lru_cache(maxsize=8)
 def _curve(structure, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    # panels and pages of one study share it, and its closed form takes longer than to draw it
     omega = np.linspace(low, high, 800)
     with np.errstate(divide="ignore"):
         return np.array([_grazing(structure, value) for value in omega]), omega

@@ -1,11 +1,18 @@
 """Fixtures of all tests; the tools they share are in `campaigns/tools.py`."""
 
 import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
+import gc
 import shutil
 from pathlib import Path
 
 import pytest
 from tools import SMALL
+
+
+def pytest_collection_finish():
+    """Leave the libraries, which stay, out of every look for garbage, here and in forks."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

@@ -62,6 +62,25 @@ amplitude = {from = 0.6, to = 0.7, count = 6}
 max_points = 32
 block = 2
 """
+BASINS = """
+[study]
+kind = "basins"
+horizontal = {from = -0.9, to = 1.0, count = 9}
+vertical = {from = -1.0, to = 1.0, count = 7}
+starts = 16
+seed = 2
+max_cycles = 600
+[structure]
+n_floors = 1
+gap = 0.5
+gap_left = 0.5
+stiffness_ratio = 50.0
+sharpness = inf
+[sweep]
+omega = 1.0
+amplitude = 0.7
+"""
+"""Two orbits, each the mirror image of the other (jobs/clearance.toml)."""
 
 
 def of_study(job, kind: type):
@@ -132,15 +151,41 @@ def load() -> None:
 
 def forked(arguments: list[str], cwd: Path | None = None) -> subprocess.CompletedProcess:
     """Run a command in a fork of this process, with streams of its own."""
+    from hpcsweep.commands import cli
+
     load()
+    return _in_a_fork(lambda: cli.main(arguments), ["hpcsweep", *arguments], cwd)
+
+
+def python(code: str, *arguments: object, cwd: Path | None = None, **extra: str):
+    """Run a program in a fork of this process, which has libraries loaded and not this package.
+
+    It is for what the package does when it is loaded. What the libraries read of the environment
+    they have read before: a program that is about that needs a process of its own.
+    """
+    import numba  # noqa: F401
+
+    def run() -> None:
+        os.environ.update(environment(**extra))
+        tempfile.tempdir = None
+        sys.argv = ["-c", *map(str, arguments)]
+        sys.path.insert(0, "")
+        for name in [name for name in sys.modules if name.partition(".")[0] == "hpcsweep"]:
+            del sys.modules[name]
+        exec(code, {"__name__": "__main__"})
+
+    done = _in_a_fork(run, [sys.executable, "-c", code, *map(str, arguments)], cwd)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def _in_a_fork(main: Callable, told: list[str], cwd: Path | None) -> subprocess.CompletedProcess:
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        child = fork(lambda: _command(arguments, cwd, out.fileno(), err.fileno()))
+        child = fork(lambda: _alone(main, cwd, out.fileno(), err.fileno()))
         code = _exit_code(child)
         out.seek(0)
         err.seek(0)
-        return subprocess.CompletedProcess(
-            ["hpcsweep", *arguments], code, out.read().decode(), err.read().decode()
-        )
+        return subprocess.CompletedProcess(told, code, out.read().decode(), err.read().decode())
 
 
 def fork(function: Callable[[], int | None]) -> int:
@@ -171,10 +216,8 @@ def _exit_code(child: int) -> int:
     return os.waitstatus_to_exitcode(status)
 
 
-def _command(arguments: list[str], cwd: Path | None, out: int, err: int) -> int:
-    """Be the command; return its exit code."""
-    from hpcsweep.commands import cli
-
+def _alone(main: Callable, cwd: Path | None, out: int, err: int) -> int:
+    """Be a program; return its exit code."""
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(out, 1)
     os.dup2(err, 2)
@@ -186,7 +229,7 @@ def _command(arguments: list[str], cwd: Path | None, out: int, err: int) -> int:
     for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
         warnings.simplefilter("ignore", kind)  # as Python does
     try:
-        code = cli.main(arguments)
+        code = main()
     except SystemExit as end:
         code = end.code
     except BaseException:

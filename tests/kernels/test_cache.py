@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numba
 import pytest
-from tools import environment
+from tools import environment, python
 
 import hpcsweep
 from hpcsweep.kernels import cache as jit
@@ -75,14 +75,8 @@ MODULE = "model.contact"
 
 
 def started_in(folder: Path, cache: Path) -> tuple[str, int, int]:
-    done = subprocess.run(
-        [sys.executable, "-c", CODE.format(module=MODULE), str(folder)],
-        env=environment(NUMBA_CACHE_DIR=str(cache)),
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    code = CODE.format(module=MODULE)
+    done = python(code, folder, cwd=folder, NUMBA_CACHE_DIR=str(cache))
     key, hits, misses = done.stdout.split()
     return key, int(hits), int(misses)
 
@@ -125,13 +119,7 @@ print(cache.source_hash(), len(parsed))
 
 def hashed(cache: Path) -> tuple[str, bool]:
     """Key of the kernels, and whether their files were parsed for it."""
-    done = subprocess.run(
-        [sys.executable, "-c", HASHED],
-        env=environment(NUMBA_CACHE_DIR=str(cache)),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python(HASHED, NUMBA_CACHE_DIR=str(cache))
     key, parsed = done.stdout.split()
     return key, int(parsed) > 0
 

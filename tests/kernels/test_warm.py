@@ -171,7 +171,7 @@ def command(*arguments, **variables) -> subprocess.CompletedProcess:
 
 
 def test_warmup_refuses_no_processes():
-    done = command("warmup", "--jobs", "0")
+    done = tools.hpcsweep(0, "warmup", "--jobs", "0")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "hpcsweep: error: --jobs 0: must be at least 1\n"
 
@@ -217,13 +217,7 @@ print(sum(switch.stats.cache_hits.values()), sum(switch.stats.cache_misses.value
 
 
 def compiled_in(**variables) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-c", COMPILED],
-        env=environment(**variables),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    return tools.python(COMPILED, **variables)
 
 
 def test_a_cache_that_cannot_be_written_takes_one_line(tmp_path):
@@ -300,13 +294,7 @@ def test_a_disk_that_fills_up_in_mid_write_takes_one_line(tmp_path, elsewhere):
     said = f"hpcsweep: {cache} cannot be written (No space left on device): {place}\n"
     variables = {"NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(temporary)}
     for hits in (0, 0 if elsewhere == "full" else 1):
-        done = subprocess.run(
-            [sys.executable, "-c", FULL + COMPILED, *map(str, full)],
-            env=environment(**variables),
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        done = tools.python(FULL + COMPILED, *full, **variables)
         assert done.stdout.split() == [str(hits), str(1 - hits)]
         assert done.stderr == ("" if hits else said)
     assert not [path for path in cache.rglob("*") if path.is_file()], "half a file is left"
@@ -403,11 +391,20 @@ HASWELL = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+
 
 
 def test_processors_keep_their_kernels_side_by_side(tmp_path):
-    cache = str(tmp_path)
-    assert compiled_in(NUMBA_CACHE_DIR=cache).stdout.split() == ["0", "1"]
-    assert compiled_in(NUMBA_CACHE_DIR=cache, **HASWELL).stdout.split() == ["0", "1"]
-    assert compiled_in(NUMBA_CACHE_DIR=cache).stdout.split() == ["1", "0"]
-    assert compiled_in(NUMBA_CACHE_DIR=cache, **HASWELL).stdout.split() == ["1", "0"]
+    def started(**variables):
+        done = subprocess.run(
+            [sys.executable, "-c", COMPILED],
+            env=environment(NUMBA_CACHE_DIR=str(tmp_path), **variables),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout.split()
+
+    for variables in ({}, HASWELL):
+        assert started(**variables) == ["0", "1"]
+    for variables in ({}, HASWELL):
+        assert started(**variables) == ["1", "0"]
 
 
 @pytest.mark.slow

@@ -7,12 +7,22 @@ libraries once.
 import faults
 import numpy as np
 import pytest
-from tools import ATTRACTORS, GRID, JOBS, assert_same_datasets, datasets, hpcsweep, run_script
+from tools import (
+    ATTRACTORS,
+    BASINS,
+    GRID,
+    JOBS,
+    assert_same_datasets,
+    datasets,
+    hpcsweep,
+    run_script,
+)
 
 STUDIES = {
     "amplitude_sweep": (JOBS / "ci.toml").read_text(),
     "points": GRID,
     "attractors": ATTRACTORS,
+    "basins": BASINS,
 }
 EACH = """
 import sys

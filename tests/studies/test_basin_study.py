@@ -8,6 +8,7 @@ import faults
 import h5py
 import numpy as np
 import pytest
+from tools import BASINS as JOB
 from tools import assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
@@ -21,26 +22,6 @@ from hpcsweep.job import JobError, parse_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.settings import SweepSettings
-
-JOB = """
-[study]
-kind = "basins"
-horizontal = {from = -0.9, to = 1.0, count = 9}
-vertical = {from = -1.0, to = 1.0, count = 7}
-starts = 16
-seed = 2
-max_cycles = 600
-[structure]
-n_floors = 1
-gap = 0.5
-gap_left = 0.5
-stiffness_ratio = 50.0
-sharpness = inf
-[sweep]
-omega = 1.0
-amplitude = 0.7
-"""
-"""Two orbits, each the mirror image of the other (jobs/clearance.toml)."""
 
 
 @pytest.fixture(scope="module")
@@ -59,15 +40,6 @@ def whole(job):
 
 
 @pytest.mark.mpi
-def test_every_number_of_ranks_gives_the_same_bytes(tmp_path, job, whole):
-    for ranks in (2, 3):
-        path = tmp_path / f"{ranks}.h5"
-        done = hpcsweep(ranks, "run", job, "-o", path)
-        assert done.returncode == 0, done.stderr
-        assert_same_datasets(whole, path)
-
-
-@pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
     cut = tmp_path / "cut.h5"
     process = faults.start(2, "run", job, "-o", cut, sync=0.0)
@@ -76,7 +48,7 @@ def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole
     process.end()
     process.finish()
     assert len(faults.valid(cut)) >= 1
-    assert hpcsweep(3, "run", job, "-o", cut).returncode == 0
+    assert hpcsweep(0, "run", job, "-o", cut).returncode == 0
     assert_same_datasets(whole, cut)
 
 

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import faults
 import h5py
 import numpy as np
 import pytest
@@ -104,25 +105,24 @@ def wait_for_commits(process: subprocess.Popen, path: Path, least: int) -> set:
 )
 def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(tmp_path, victim):
     job = tmp_path / "long.toml"
-    job.write_text(SECONDS)
+    job.write_text(faults.JOB)
     assert hpcsweep(0, "run", job, "-o", tmp_path / "whole.h5").returncode == 0
     path = tmp_path / "killed.h5"
-    process = start(2, "run", job, "-o", path)
-    wait_for_commits(process, path, 4)
-    pids = rank_pids(process.pid)
-    target = {"rank": pids[-1], "master": pids[0], "mpirun": process.pid}[victim]
+    process = faults.start(2, "run", job, "-o", path)
+    assert faults.wait_for_commits(process, path, 4)
+    ranks = process.ranks()
+    target = {"rank": ranks[1], "master": ranks[0], "mpirun": process.launcher.pid}[victim]
     # on a busy machine the others would finish before the kill
-    for pid in pids:
+    for pid in ranks.values():
         os.kill(pid, signal.SIGSTOP)
     os.kill(target, signal.SIGKILL)
-    for pid in pids:
+    for pid in ranks.values():
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGCONT)
-    process.wait(60)
-    process.communicate()
-    assert process.returncode != 0
+    code, _, _ = process.finish()
+    assert code not in (None, 0)
     before = committed(path)
-    assert len(before) < 24
+    assert len(before) < 48
     first_session = len(journal(path, "block"))
     resumed = hpcsweep(3, "run", job, "-o", path)
     assert resumed.returncode == 0, resumed.stderr
@@ -130,7 +130,7 @@ def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(
         (b["direction"], b["frame"], b["block"]) for b in journal(path, "block")[first_session:]
     }
     assert not again & before
-    assert len(again) == 24 - len(before)
+    assert len(again) == 48 - len(before)
     assert_same_datasets(tmp_path / "whole.h5", path)
 
 
@@ -140,14 +140,14 @@ def test_sigterm_stops_in_good_order_within_seconds(tmp_path, ranks):
     job = tmp_path / "long.toml"
     job.write_text(LONG)
     path = tmp_path / "stopped.h5"
-    process = start(ranks, "run", job, "-o", path)
-    wait_for_commits(process, path, 1)
+    process = faults.start(ranks, "run", job, "-o", path)
+    assert faults.wait_for_commits(process, path, 1)
     begun = time.monotonic()
-    for pid in rank_pids(process.pid) or [process.pid]:
+    for pid in process.ranks().values():
         os.kill(pid, signal.SIGTERM)
-    _, errors = process.communicate(timeout=60)
+    code, _, errors = process.finish()
     assert time.monotonic() - begun < 10
-    assert process.returncode == 75, errors
+    assert code == 75, errors
     assert "run again to resume" in errors
     assert journal(path, "end")[-1]["reason"] == "SIGTERM"
     assert not Path(f"{path}.lock").exists()
@@ -155,9 +155,9 @@ def test_sigterm_stops_in_good_order_within_seconds(tmp_path, ranks):
 
 def test_time_limit_stops_in_good_order_and_the_next_run_goes_on(tmp_path):
     job = tmp_path / "long.toml"
-    job.write_text(SECONDS)
+    job.write_text(long_job(5_000))
     path = tmp_path / "limited.h5"
-    stopped = hpcsweep(0, "run", job, "-o", path, "--max-hours", 0.5 / 3600)
+    stopped = hpcsweep(0, "run", job, "-o", path, "--max-hours", 0.25 / 3600)
     assert stopped.returncode == 75, stopped.stderr
     assert journal(path, "end")[-1]["reason"] == "time limit"
     done = len(committed(path))
@@ -251,17 +251,17 @@ def test_a_second_campaign_on_the_file_is_refused_and_told_who_holds_it(tmp_path
     job = tmp_path / "long.toml"
     job.write_text(LONG)
     path = tmp_path / "long.h5"
-    first = start(0, "run", job, "-o", path)
+    first = faults.start(0, "run", job, "-o", path)
     try:
-        wait_for_commits(first, path, 1)
-        first.send_signal(signal.SIGSTOP)  # it holds its lock for as long as the second needs
-        assert first.poll() is None
-        refuse(
-            hpcsweep(0, "run", job, "-o", path), "another campaign", f"process {first.pid}", "rank"
-        )
+        assert faults.wait_for_commits(first, path, 1)
+        # it holds its lock for as long as the second needs
+        first.launcher.send_signal(signal.SIGSTOP)
+        assert first.launcher.poll() is None
+        holder = f"process {first.launcher.pid}"
+        refuse(hpcsweep(0, "run", job, "-o", path), "another campaign", holder, "rank")
     finally:
-        first.kill()
-        first.communicate()
+        first.end()
+        first.finish()
 
 
 @pytest.mark.mpi

@@ -189,8 +189,8 @@ from hpcsweep.parallel.schedule import simulate
 comm = mpi.world()
 rng = np.random.default_rng(7)
 jobs = {
-    "equal": [np.full(24, 0.03)] * 4,
-    "hundredfold": [np.full(12, c / 12) for c in 0.02 * 100 ** rng.uniform(0, 1, 12)],
+    "equal": [np.full(24, 0.02)] * 4,
+    "hundredfold": [np.full(12, c / 12) for c in 0.01 * 100 ** rng.uniform(0, 1, 12)],
 }
 computing = sys.argv[1] == "computing"
 found = []
@@ -198,6 +198,7 @@ for name, pieces in jobs.items():
     makespan, traffic = replay.replay(comm, pieces, computing)
     told = simulate(pieces, comm.size, computing_master=computing, poll_seconds=replay.SLICE)
     found.append((name, makespan, told.makespan, told.bound, traffic.recalls, told.recalls))
+replay.EMPTY_TASKS = 500
 messages = replay.time_messages(comm)
 if comm.rank == 0:
     print(json.dumps([found, messages and messages.capacity]))
@@ -227,7 +228,7 @@ def test_predicted_makespan_is_the_measured_one_on_oversubscribed_ranks(tmp_path
         # who is free first may differ by chance and with it the schedule, both ways
         assert measured > 0.92 * predicted, name
         # sleeping ranks wake up late on a busy machine
-        assert measured < 1.15 * predicted + 0.2, name
+        assert measured < 1.15 * predicted + 0.15, name
         if name == "equal" and told:
             assert moved > 0
     assert capacity is None if ranks == 1 else capacity > 1000
@@ -309,9 +310,11 @@ class Nothing(AmplitudeSweep):
         result["final_state"][:], result["outcome"][:] = 0.0, 1
         return result
 
-job = load_job(sys.argv[1])
-job = of_study(job, Nothing) if sys.argv[3] == "none" else job
-sys.exit(campaign.run(job, Path(sys.argv[2]), mpi.world()))
+for name in sys.argv[2:]:
+    job = load_job(name)
+    job = of_study(job, Nothing) if sys.argv[1] == "none" else job
+    if code := campaign.run(job, Path(name).with_suffix(".h5"), mpi.world()):
+        sys.exit(code)
 """
 
 
@@ -322,15 +325,15 @@ sys.exit(campaign.run(job, Path(sys.argv[2]), mpi.world()))
 def test_memory_of_a_rank_does_not_grow_with_the_frames(tmp_path, physics, frames):
     script = tmp_path / "run.py"
     script.write_text(NO_PHYSICS)
-    peaks = []
+    jobs = []
     for count in (20, frames):
-        job = tmp_path / f"{count}.toml"
+        jobs.append(tmp_path / f"{count}.toml")
         text = SMALL.replace("to = 0.8, count = 4", f"to = 0.52, count = {count}")
-        job.write_text(text.replace("to = 0.3, count = 11", "to = 0.021, count = 2"))
-        path = tmp_path / f"{count}.h5"
-        done = run_script(2, script, job, path, physics)
-        assert done.returncode == 0, done.stderr
-        peaks.append(journal(path, "end")[0]["peak_memory"])
+        jobs[-1].write_text(text.replace("to = 0.3, count = 11", "to = 0.021, count = 2"))
+    # the peak of a process never falls: the second has what it needs beyond the first
+    done = run_script(2, script, physics, *jobs)
+    assert done.returncode == 0, done.stderr
+    peaks = [journal(job.with_suffix(".h5"), "end")[0]["peak_memory"] for job in jobs]
     (few, few_largest), (many, many_largest) = peaks
     assert many_largest < few_largest + 16e6
     assert many < few + 16e6

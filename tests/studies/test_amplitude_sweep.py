@@ -72,7 +72,11 @@ def labels(results, direction: str, period: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("name", "expected"), [("figure3", PRINTED), ("figure3-described", DESCRIBED)]
+    ("name", "expected"),
+    [
+        ("figure3", PRINTED),
+        pytest.param("figure3-described", DESCRIBED, marks=pytest.mark.slow),
+    ],
 )
 def test_figure_3_has_its_regions_from_the_command_line(tmp_path, name, expected):
     path = tmp_path / "f.h5"

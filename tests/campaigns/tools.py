@@ -141,7 +141,12 @@ def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: s
 @functools.cache
 def load() -> None:
     """Load what commands need, once for all forks."""
-    from hpcsweep.commands import cli, one_thread  # noqa: F401
+    import xarray  # noqa: F401
+    from matplotlib import pyplot  # noqa: F401
+
+    from hpcsweep.checks import validate  # noqa: F401
+    from hpcsweep.commands import cli, one_thread, plot  # noqa: F401
+    from hpcsweep.figures.film import frame  # noqa: F401
     from hpcsweep.studies.runs import warm_up
     from hpcsweep.studies.settings import SweepSettings
 

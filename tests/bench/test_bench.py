@@ -200,6 +200,7 @@ def test_without_a_launcher_ranks_are_left_out_by_name(monkeypatch):
     assert "not measured: no mpirun found" in scaling.ranks_as_text(scaling.ranks())
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_scaling_over_ranks(monkeypatch):
     monkeypatch.setenv("OMPI_MCA_rmaps_base_oversubscribe", "1")

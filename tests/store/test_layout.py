@@ -68,7 +68,9 @@ def test_the_packed_file_of_version_1_holds_the_same():
     assert open_results(PLAIN).identical(open_results(PACKED))
 
 
-@pytest.mark.parametrize(("path", "samples"), [(PLAIN, 2), (PACKED, 1)])
+@pytest.mark.parametrize(
+    ("path", "samples"), [pytest.param(PLAIN, 2, marks=pytest.mark.slow), (PACKED, 1)]
+)
 def test_a_file_of_version_1_is_sound_and_the_other_solver_agrees(path, samples):
     report = validate(path, samples=samples, seed=2)
     assert report.problems == []

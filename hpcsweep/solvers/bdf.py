@@ -136,7 +136,7 @@ class BdfMap:
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
-            logarithms, _ = self._growth(state, amplitude, n_periods, poll)
+            logarithms, _, _ = self._growth(state, amplitude, n_periods, poll)
         return Observation(
             points,
             self.structure.contact_bits(tally.contact),
@@ -159,13 +159,14 @@ class BdfMap:
         points, outcome = self.points(state, amplitude, n_periods, poll)
         logarithms, end = np.empty(0), np.empty(0)
         if outcome is Outcome.COMPLETE:
-            logarithms, end = self._growth(state, amplitude, n_periods, poll, direction)
+            found = self._growth(state, amplitude, n_periods, poll, direction)
+            logarithms, end, outcome = found
         return Growth(points, outcome, window_growth(logarithms), logarithms, end)
 
     def _growth(self, state, amplitude, n_periods, poll, direction=None):
-        """Logarithm of the growth of a tangent vector in each period, and its end.
+        """Logarithm of the growth of a tangent vector in each period, its end, and the outcome.
 
-        Both are empty if the solver fails.
+        The first two are empty if the solver fails.
         """
         start = self._frame.into(state)
         size = start.size
@@ -175,11 +176,12 @@ class BdfMap:
         for period in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, columns=1)
             if outcome is not Outcome.COMPLETE:
-                return np.empty(0), np.empty(0)
+                return np.empty(0), np.empty(0), outcome
             length = np.linalg.norm(z[size:])
             logarithms[period] = math.log(length) if length > 0 else -math.inf
             z[size:] /= length or 1.0
-        return logarithms, self._frame.tangent_out_of(z[size:, None]).ravel()
+        end = self._frame.tangent_out_of(z[size:, None]).ravel()
+        return logarithms, end, Outcome.COMPLETE
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int

@@ -105,3 +105,19 @@ def test_tolerances_scipy_refuses_are_raised():
     points, outcome = solver.points(np.zeros(2), 0.0, 1)
     assert outcome is Outcome.COMPLETE
     assert not points.any()
+
+
+def test_a_tangent_that_cannot_be_integrated_is_no_growth(monkeypatch):
+    solver = BdfMap(Structure(damping_ratio=0.05), 0.5, 1e-6)
+    period = BdfMap._period
+
+    def failing(self, *arguments, columns=0, **more):
+        if columns:
+            return arguments[0], Outcome.SOLVER_FAILED
+        return period(self, *arguments, **more)
+
+    monkeypatch.setattr(BdfMap, "_period", failing)
+    seen = solver.grow(np.zeros(6), 0.02, 2)
+    assert seen.outcome is Outcome.SOLVER_FAILED
+    assert len(seen.logarithms) == 0
+    assert math.isnan(seen.growth)

@@ -131,6 +131,7 @@ def test_no_difference_is_left_unexplained():
     assert result["periods_per_point"] < 40
 
 
+@pytest.mark.slow
 def test_every_peer_solves_the_equations():
     rows = work_precision.work_precision([P1], repeats=1)
     asked = {(name, rtol) for name, rtol, _ in peers.methods()}

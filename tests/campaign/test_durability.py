@@ -43,6 +43,7 @@ def test_a_share_of_the_kill_campaign(capsys):
         assert kind in printed
 
 
+@pytest.mark.slow
 def test_the_kill_campaign_sees_damage(tmp_path):
     """It must be able to fail: a block that was computed again, a value that differs."""
     job = tmp_path / "small.toml"

@@ -315,6 +315,7 @@ def test_wrong_metrics_are_found_out_by_the_other_solver(tmp_path, name, change,
     assert any(finding in problem for problem in report.problems), report.problems
 
 
+@pytest.mark.slow
 def test_a_bdf_file_is_compared_with_flow(tmp_path):
     text = JOB.replace("count = 11", "count = 3").replace("count = 2", "count = 2")
     text = text.replace("transient_cycles = 30", "transient_cycles = 4")

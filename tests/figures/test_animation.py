@@ -234,6 +234,7 @@ def test_colours_tell_the_class_of_the_run(made, tmp_path, color):
         assert picture[y, x, :3].tolist() == rgb(of(a)).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_ranks_and_processes_make_the_same_film(made, monkeypatch):
     folder = made.output.parent

@@ -103,7 +103,13 @@ KEYS = {
 }
 
 
-@pytest.fixture(scope="module", params=JOBS)
+QUICK = ("two sides", "pounding", "no stop")
+
+
+@pytest.fixture(
+    scope="module",
+    params=[name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in JOBS],
+)
 def general(request, tmp_path_factory):
     """Name and results file of a small study of each structure."""
     from hpcsweep.campaign import run as campaign
@@ -212,6 +218,7 @@ def test_floors_are_chosen_and_fit_a_page():
         choose_floors(20, [21])
 
 
+@pytest.mark.slow
 def test_twenty_floors_fit_a_page(tmp_path, drawn_figure):
     from hpcsweep import open_results
     from hpcsweep.campaign import run as campaign

@@ -330,6 +330,7 @@ def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
         assert output.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_every_kind_is_drawn_of_single_points(tmp_path):
     """A study without sweeps has one direction, with a colour and words of its own."""
     from tools import SMALL

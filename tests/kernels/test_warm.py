@@ -390,6 +390,7 @@ def test_what_others_cannot_hand_over_is_compiled_here(told, monkeypatch):
 HASWELL = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,-avx512f"}
 
 
+@pytest.mark.slow
 def test_processors_keep_their_kernels_side_by_side(tmp_path):
     def started(**variables):
         done = subprocess.run(

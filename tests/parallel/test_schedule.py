@@ -319,9 +319,8 @@ for name in sys.argv[2:]:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(
-    ("physics", "frames"), [("none", 2000), pytest.param("flow", 800, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("physics", "frames"), [("none", 2000), ("flow", 800)])
 def test_memory_of_a_rank_does_not_grow_with_the_frames(tmp_path, physics, frames):
     script = tmp_path / "run.py"
     script.write_text(NO_PHYSICS)

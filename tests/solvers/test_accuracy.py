@@ -128,10 +128,12 @@ def check_general(number, seed):
     assert np.quantile(errors, 0.9) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_few_general_structures():
     check_general(15, seed=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [3, 74])
 def test_contacts_that_push_each_other_inside_their_layers(number):
     # the softening of one that is switched on once hid the stiffness of the others

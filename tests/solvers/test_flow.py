@@ -80,6 +80,7 @@ def test_the_rule_that_checks_a_layer_step_sees_what_the_gauss_rule_misses():
         assert tableau.NODES**degree @ tableau.CHECK_ROWS == pytest.approx(exact, abs=1e-15)
 
 
+@pytest.mark.slow
 @compiled_only
 def test_error_of_a_layer_step_is_measured():
     """Against six parts of the step, at random places, speeds and lengths."""

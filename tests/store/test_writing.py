@@ -53,7 +53,9 @@ def wait_until_nobody_writes(path: Path) -> None:
             return
 
 
-@pytest.mark.parametrize("ranks", [0, pytest.param(2, marks=pytest.mark.mpi)])
+@pytest.mark.parametrize(
+    "ranks", [pytest.param(0, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.mpi)]
+)
 def test_a_full_disk_takes_one_line_and_the_run_goes_on_when_there_is_room(
     tmp_path, small_job, ranks
 ):

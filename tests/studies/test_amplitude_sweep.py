@@ -172,7 +172,7 @@ def test_linear_rule_is_the_closed_form_and_says_so():
     assert np.abs(plain["final_state"][0] - swept["final_state"][0]).max() < 1e-12
 
 
-@pytest.mark.parametrize("solver", ["flow", "bdf"])
+@pytest.mark.parametrize("solver", ["flow", pytest.param("bdf", marks=pytest.mark.slow)])
 def test_blocks_join_without_a_seam(solver):
     structure = Structure(n_floors=2, stiffness_ratio=300.0, sharpness=4e3)
     settings = SweepSettings(

@@ -52,6 +52,7 @@ def test_only_the_stored_points_change():
         np.testing.assert_array_equal(rows[0][name], rows[1][name], err_msg=name)
 
 
+@pytest.mark.slow
 def test_such_a_file_is_valid_and_read_by_all(tmp_path):
     path = tmp_path / "few.toml"
     path.write_text(OPEN + "max_points = 12\nlyapunov = true\n")

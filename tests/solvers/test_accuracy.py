@@ -172,6 +172,7 @@ def test_no_contact_of_a_general_structure_is_missed():
     assert worst.error < 2e-9
 
 
+@pytest.mark.slow
 def test_conditioning_of_a_linear_case_in_closed_form():
     # undamped and free: the tangent map is a rotation in the energy norm
     case = Case("anywhere", 1000.0, math.inf, 0.0, 1.0, 0.0, (0.1, 0.0))

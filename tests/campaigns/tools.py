@@ -141,8 +141,10 @@ def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: s
 @functools.cache
 def load() -> None:
     """Load what commands need, once for all forks."""
-    import xarray  # noqa: F401
-    from matplotlib import pyplot  # noqa: F401
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an old matplotlib is not made for every pyparsing
+        import xarray  # noqa: F401
+        from matplotlib import pyplot  # noqa: F401
 
     from hpcsweep.checks import validate  # noqa: F401
     from hpcsweep.commands import cli, one_thread, plot  # noqa: F401

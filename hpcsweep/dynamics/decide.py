@@ -24,11 +24,7 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics.birkhoff import WeightedGrowth, agreeing_digits, weighted_growth
-from hpcsweep.dynamics.classify import (
-    CHAOS_GROWTH,
-    NEUTRAL_GROWTH,
-    MotionClass,
-)
+from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
 from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.orbit import (
@@ -71,7 +67,7 @@ TORUS_GROWTH = 0.5
 TORUS_RATE = 3e-4
 """The same a period: of a torus that is nearly broken the weighted growth falls slowly. Orbits of
 period 300 to 1,600 to which such tori are locked are approached by 1e-3 to 1e-2 a period."""
-ROUNDING = 36.0
+DRIVEN_AWAY = 36.0
 """Growth by which a rounding error becomes as large as the motion: -ln 2^-52."""
 TURNS = 6
 """An orbit of long period is waited for if it should have closed in so many turns; else it is
@@ -90,6 +86,9 @@ REPELS = 1e-5
 """Excess over 1 of the largest multiplier above which an orbit repels; it is exact to less."""
 PUSH = 1e-8
 """In units of the state."""
+
+Step = tuple[np.ndarray, Motion | None]
+"""The state from which a motion goes on, and what it is found to be."""
 
 
 def decide(
@@ -168,7 +167,7 @@ class _Search:
         last = self._last if len(self._last) else z[None]
         return self.motion(MotionClass.UNDECIDED, last, growth=self.growth)
 
-    def watch(self, z: np.ndarray, n_periods: int) -> tuple[np.ndarray, Motion | None]:
+    def watch(self, z: np.ndarray, n_periods: int) -> Step:
         """Integrate until the motion has reached an orbit or is proved to."""
         most = min(n_periods, self.left)
         end = self._solver.settle(
@@ -189,9 +188,7 @@ class _Search:
         self.cycles += len(seen.points)
         return seen
 
-    def judge_round(
-        self, z: np.ndarray, seen: Observation | Growth
-    ) -> tuple[np.ndarray, Motion | None]:
+    def judge_round(self, z: np.ndarray, seen: Observation | Growth) -> Step:
         """Tell the motion from one round; give where it goes on."""
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
@@ -199,7 +196,7 @@ class _Search:
         end, motion = self._judge(seen, len(seen.points) // 2)
         return end, self._confirmed(motion, end)
 
-    def carry_on(self, z: np.ndarray) -> tuple[np.ndarray, Motion | None]:
+    def carry_on(self, z: np.ndarray) -> Step:
         """Observe the motion for longer, and judge it by the end of all that follows on."""
         before = self._stretch
         length = LEAST_TORUS
@@ -215,7 +212,7 @@ class _Search:
         end, motion = self._closing(stretch.points)
         if motion is None and np.array_equal(end, start):
             judged = max(LEAST_TORUS, int(JUDGED * len(stretch.points)))
-            end, motion = self._judge(stretch.last(judged), LONGEST)
+            end, motion = self._judge(stretch.last(judged))
         if not np.array_equal(end, start):  # an orbit that repels was left
             self._stretch, self._asked, self._tried = None, 0, 0
         return end, self._confirmed(motion, end)
@@ -227,19 +224,19 @@ class _Search:
         _, ended = self.watch(z, CONFIRMED)
         return ended or replace(motion, cycles=self.cycles)
 
-    def _closing(self, stretch: np.ndarray) -> tuple[np.ndarray, Motion | None]:
+    def _closing(self, stretch: np.ndarray) -> Step:
         """Look for an orbit of long period to which a stretch closes; ask for as much as it needs.
 
         It is claimed where the last two turns have closed to the turn before each.
         """
-        end, size = stretch[-1], len(stretch)
+        points, size, end = stretch / self._units, len(stretch), stretch[-1]
         self._asked = 0
-        found = closing_period(stretch / self._units, LONGEST + 1, size // 3, NEAR, self._same)
+        found = closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
         period = found.period
         if not period:
             return end, None
         turns = found.turns_to(self._same)
-        if turns == 0.0 and self._closed(stretch[-3 * period :] / self._units, 3 * period // 2):
+        if turns == 0.0 and self._closed(points[-3 * period :], 3 * period // 2):
             return self._orbit(end, period, None)
         if turns <= TURNS:
             self._asked = min(math.ceil(turns + 1.0) * period, size)
@@ -250,21 +247,24 @@ class _Search:
                 return motion.points[-1], motion
         return end, None
 
-    def _judge(self, seen: Observation | Growth, longest: int) -> tuple[np.ndarray, Motion | None]:
-        """Tell the motion from what was observed, if that is enough; give where it goes on."""
+    def _judge(self, seen: Observation | Growth, longest: int = 0) -> Step:
+        """Tell the motion from what was observed, if that is enough; give where it goes on.
+
+        `longest` is the longest period to which all of it may have closed.
+        """
         points, size, end = seen.points / self._units, len(seen.points), seen.points[-1]
         whole = seen if isinstance(seen, Observation) else None
         growth, self._last = self.growth, seen.points
         self.growing = seen.growth > NEUTRAL_GROWTH
         # short orbits where the last points have closed, long ones where all have
-        period = next(filter(None, (self._closed(points, p) for p in (LONGEST, longest))), 0)
+        period = self._closed(points, LONGEST) or (longest and self._closed(points, longest))
         if period:
             return self._orbit(end, period, None)
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
             # beside an orbit that repels it is that orbit's growth
             third = size // 3
             beside = stays_near_orbit(points[:third], LONGEST, NEAR)
-            if not beside or seen.logarithms[:third].sum() > ROUNDING:
+            if not beside or seen.logarithms[:third].sum() > DRIVEN_AWAY:
                 return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
         period = approached_period(points, LONGEST, NEAR)
         if period:
@@ -298,9 +298,9 @@ class _Search:
         return halves and abs(growth.whole) <= max(TORUS_GROWTH, TORUS_RATE * size)
 
     def _closed(self, points: np.ndarray, max_period: int) -> int:
-        return closed_period(points, max(max_period, 1), self._same)
+        return closed_period(points, max_period, self._same)
 
-    def _orbit(self, z, period: int, multiplier: float | None) -> tuple[np.ndarray, Motion | None]:
+    def _orbit(self, z, period: int, multiplier: float | None) -> Step:
         """Make the motion of an orbit that was reached; where it repels, leave it.
 
         `multiplier` is None if the orbit was not proved by Newton's method.

@@ -159,9 +159,8 @@ class BdfMap:
         points, outcome = self.points(state, amplitude, n_periods, poll)
         logarithms, end = np.empty(0), np.empty(0)
         if outcome is Outcome.COMPLETE:
-            found = self._growth(state, amplitude, n_periods, poll, direction)
-            logarithms, end, outcome = found
-        return Growth(points, outcome, window_growth(logarithms), logarithms, end)
+            logarithms, end, outcome = self._growth(state, amplitude, n_periods, poll, direction)
+        return Growth(points, outcome, logarithms, end)
 
     def _growth(self, state, amplitude, n_periods, poll, direction=None):
         """Logarithm of the growth of a tangent vector in each period, its end, and the outcome.

@@ -133,7 +133,7 @@ class Growth:
 
     Attributes
     ----------
-    points, outcome, growth, logarithms
+    points, outcome, logarithms
         As in `Observation`.
     direction : ndarray, shape (2n,)
         The tangent vector at the end, by which the next stretch goes on.
@@ -141,22 +141,24 @@ class Growth:
 
     points: np.ndarray
     outcome: Outcome
-    growth: float
     logarithms: np.ndarray
     direction: np.ndarray
+
+    @property
+    def growth(self) -> float:
+        """As in `Observation`."""
+        return window_growth(self.logarithms)
 
     def followed_by(self, more: "Growth") -> "Growth":
         """Put a stretch that goes on where this one ends behind it."""
         points = np.concatenate((self.points, more.points))
         logarithms = np.concatenate((self.logarithms, more.logarithms))
-        growth = window_growth(logarithms)
-        return Growth(points, more.outcome, growth, logarithms, more.direction)
+        return replace(more, points=points, logarithms=logarithms)
 
     def last(self, n_periods: int) -> "Growth":
         """Give its last periods."""
-        logarithms = self.logarithms[-n_periods:]
-        growth = window_growth(logarithms)
-        return replace(self, points=self.points[-n_periods:], growth=growth, logarithms=logarithms)
+        points, logarithms = self.points[-n_periods:], self.logarithms[-n_periods:]
+        return replace(self, points=points, logarithms=logarithms)
 
 
 def window_growth(logarithms: np.ndarray) -> float:

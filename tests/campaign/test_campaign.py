@@ -17,7 +17,6 @@ from tools import (
     JOBS,
     SMALL,
     assert_same_datasets,
-    command,
     datasets,
     environment,
     hpcsweep,
@@ -34,64 +33,11 @@ def long_job(cycles: int) -> str:
 
 LONG = long_job(30_000)
 """Not run to its end."""
-SECONDS = long_job(10_000)
 
 
 def journal(path: Path, kind: str) -> list[dict]:
     lines = Path(f"{path}.journal").read_text().splitlines()
     return [record for record in map(json.loads, lines) if record["kind"] == kind]
-
-
-def committed(path: Path) -> set[tuple[int, ...]]:
-    """Blocks that have a checksum now."""
-    try:
-        with h5py.File(path, "r", locking=False) as file:
-            return set(map(tuple, np.argwhere(file["commit"][...] != 0).tolist()))
-    except (OSError, KeyError):
-        return set()
-
-
-def rank_pids(parent: int) -> list[int]:
-    """Living Python processes below a process, by rank's start order."""
-    found, children = [], {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                fields = (entry / "stat").read_text().rsplit(")", 1)[1].split()
-                name = (entry / "cmdline").read_bytes()
-            except OSError:
-                continue
-            if fields[0] != "Z":
-                children.setdefault(int(fields[1]), []).append((int(entry.name), name))
-    stack = [parent]
-    while stack:
-        for pid, name in children.get(stack.pop(), []):
-            stack.append(pid)
-            if b"-m\x00hpcsweep" in name and b"mpirun" not in name.split(b"\x00")[0]:
-                found.append(pid)
-    return sorted(found)
-
-
-def start(ranks: int, *arguments) -> subprocess.Popen:
-    return subprocess.Popen(
-        command(ranks, *arguments),
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-
-
-def wait_for_commits(process: subprocess.Popen, path: Path, least: int) -> set:
-    deadline = time.monotonic() + 120
-    while time.monotonic() < deadline:
-        done = committed(path)
-        if len(done) >= least:
-            return done
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.02)
-    raise AssertionError("no block was committed in time")
 
 
 @pytest.mark.mpi
@@ -121,7 +67,7 @@ def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(
             os.kill(pid, signal.SIGCONT)
     code, _, _ = process.finish()
     assert code not in (None, 0)
-    before = committed(path)
+    before = faults.committed(path)
     assert len(before) < 48
     first_session = len(journal(path, "block"))
     resumed = hpcsweep(3, "run", job, "-o", path)
@@ -160,9 +106,9 @@ def test_time_limit_stops_in_good_order_and_the_next_run_goes_on(tmp_path):
     stopped = hpcsweep(0, "run", job, "-o", path, "--max-hours", 0.25 / 3600)
     assert stopped.returncode == 75, stopped.stderr
     assert journal(path, "end")[-1]["reason"] == "time limit"
-    done = len(committed(path))
+    done = len(faults.committed(path))
     assert hpcsweep(0, "run", job, "-o", path).returncode == 0
-    assert len(committed(path)) == 24 > done
+    assert len(faults.committed(path)) == 24 > done
 
 
 def test_a_flipped_byte_is_not_believed_and_is_computed_again(tmp_path, small_job):
@@ -323,13 +269,14 @@ def test_h5py_mpio_writes_the_same_bytes_and_survives_a_kill(tmp_path):
     for name in "bcd":
         assert_same_datasets(tmp_path / "a.h5", tmp_path / f"{name}.h5")
     long = tmp_path / "long.toml"
-    long.write_text(SECONDS)
+    long.write_text(long_job(10_000))
     assert hpcsweep(0, "run", long, "-o", tmp_path / "whole.h5").returncode == 0
     path = tmp_path / "killed.h5"
-    process = start(2, "run", long, "-o", path)
-    wait_for_commits(process, path, 4)
-    os.kill(rank_pids(process.pid)[-1], signal.SIGKILL)
-    process.communicate(timeout=60)
+    process = faults.start(2, "run", long, "-o", path)
+    assert faults.wait_for_commits(process, path, 4)
+    os.kill(process.ranks()[1], signal.SIGKILL)
+    code, _, _ = process.finish()
+    assert code not in (None, 0)
     assert journal(path, "start")[0]["transport"] == "mpio"
     assert hpcsweep(2, "run", long, "-o", path).returncode == 0
     assert_same_datasets(tmp_path / "whole.h5", path)

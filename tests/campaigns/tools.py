@@ -40,7 +40,16 @@ max_orbit_period = 6
 block = 4
 """
 GRID = '[study]\nkind = "points"\n' + SMALL.replace("block = 4", "lyapunov = true")
-ATTRACTORS = """
+TWO_STOPS = """
+[structure]
+n_floors = 1
+gap = 0.5
+gap_left = 0.5
+stiffness_ratio = 50.0
+sharpness = inf
+"""
+"""One mass between stops (jobs/clearance.toml): two orbits, mirror images of each other."""
+ATTRACTORS = f"""
 [study]
 kind = "attractors"
 starts = 24
@@ -49,38 +58,27 @@ displacement = [-1.0, 0.9]
 max_attractors = 4
 max_cycles = 600
 match_distance = 0.3
-[structure]
-n_floors = 1
-gap = 0.5
-gap_left = 0.5
-stiffness_ratio = 50.0
-sharpness = inf
+{TWO_STOPS}
 [sweep]
 omega = [0.9, 1.0, 1.1]
-amplitude = {from = 0.6, to = 0.7, count = 6}
+amplitude = {{from = 0.6, to = 0.7, count = 6}}
 [output]
 max_points = 32
 block = 2
 """
-BASINS = """
+BASINS = f"""
 [study]
 kind = "basins"
-horizontal = {from = -0.9, to = 1.0, count = 9}
-vertical = {from = -1.0, to = 1.0, count = 7}
+horizontal = {{from = -0.9, to = 1.0, count = 9}}
+vertical = {{from = -1.0, to = 1.0, count = 7}}
 starts = 16
 seed = 2
 max_cycles = 600
-[structure]
-n_floors = 1
-gap = 0.5
-gap_left = 0.5
-stiffness_ratio = 50.0
-sharpness = inf
+{TWO_STOPS}
 [sweep]
 omega = 1.0
 amplitude = 0.7
 """
-"""Two orbits, each the mirror image of the other (jobs/clearance.toml)."""
 
 
 def of_study(job, kind: type):

@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach, Growth, window_growth
+from hpcsweep.solvers.records import Approach, Growth
 
 GOLDEN = (math.sqrt(5) - 1) / 2
 
@@ -40,7 +40,7 @@ class MapSolver:
             length = np.linalg.norm(vector)
             logarithms[k] = math.log(length) if length > 0 else -math.inf
             vector = vector / (length or 1.0)
-        return Growth(points, outcome, window_growth(logarithms), logarithms, vector)
+        return Growth(points, outcome, logarithms, vector)
 
     def monodromy(self, state, amplitude, n_periods):
         z, matrix = np.array(state, float), np.eye(2)

@@ -269,8 +269,9 @@ class FlowMap:
         tangent = self._frame.tangent_into(tangent_column(self.structure, direction))
         logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, NO_TALLY, tangent, logarithms)
-        growth = _growth_of(logarithms if outcome is Outcome.COMPLETE else None)
-        return Growth(points, outcome, *growth, self._frame.tangent_out_of(tangent).ravel())
+        if outcome is not Outcome.COMPLETE:
+            logarithms = np.empty(0)
+        return Growth(points, outcome, logarithms, self._frame.tangent_out_of(tangent).ravel())
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int

@@ -1,4 +1,17 @@
-"""Whether a contact at its stop may pass its layer apart from all other contacts."""
+r"""Whether a contact at its stop may pass its layer apart from all other contacts.
+
+While contact 1 is inside its layer, another one, 2, that passes its own moves it through the
+coupling c = |D_12| + |K_12| t alone (they do not push each other), and the closed form has this in
+another order: all of the impulse J_2 at the time t_2 of the stop, and, if that is earlier, on the
+whole way of contact 1. Before t_2 its speed is therefore wrong by J_2 c (|t - t_2| + s_2), s_2
+the mean distance in time of the force of contact 2 from t_2, and its impulse, by parts, by
+
+    1 / v_1 int r_1 J_2 c (|t - t_2| + s_2) dt <= J_1 J_2 c (s_1 + s_2) / v_1,
+
+t_1 = 0, as |t - t_2| < |t| where t < t_2 < 0. With the speed v and r = beta |x| / (1 + exp(rho |x|))
+of `crossing`, J = beta pi^2 / (6 rho^2 v) and s = 2.19 / (rho v), where 2.19 is the mean of y with
+the weight y / (1 + exp(y)).
+"""
 
 import math
 from typing import NamedTuple
@@ -7,10 +20,15 @@ import numpy as np
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.model.contact import FULL_POTENTIAL
-from hpcsweep.solvers.flow.contacts import contact_bit, distance
+from hpcsweep.solvers.flow.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.crossing import NEGLECTED, passage_is_fast
 from hpcsweep.solvers.flow.forcing import steepest_forcing
 
+MEAN_WAY = 3.0
+"""rho v s, no less than 2.19 where the speed changes on the way."""
+LATEST = 1.25
+"""Longest time of a fast passage from the stop to the edge of the layer, at the speed at the stop.
+Where its square falls evenly by `crossing.FAST` of itself it is 1.09."""
 SLOWED = 0.6
 """Least mean speed of a slow passage, in units of that at the stop. Where the square of the speed
 falls evenly by `slow_passage.FALL` of itself it is 0.66."""
@@ -50,10 +68,8 @@ def passes_apart(arrival, z, a, amplitude, model):
     """Tell whether the contact at its stop may pass its layer apart from all other contacts.
 
     That holds where no other comes near its layer meanwhile, and also where those that do will
-    pass as fast. While two are inside their layers the force of one moves the other only through
-    the coupling D_12 + K_12 t, t the time both take: it changes the speed of the second by J_1
-    coupling t and hence its impulse J_2 by J_1 J_2 coupling t / v, which must be negligible. It
-    does not hold for contacts that push each other directly.
+    pass as fast, if what they do to each other is negligible; see the module. It does not hold for
+    contacts that push each other directly.
 
     Returns
     -------
@@ -68,7 +84,7 @@ def passes_apart(arrival, z, a, amplitude, model):
     n = stiffness.shape[0]
     end = 2.0 * math.pi / omega
     least = abs(z[n + contacts.row[arrival.contact]])
-    span = 2.0 * layer / least
+    span = LATEST * layer / least
     strongest = contacts.beta[arrival.contact]
     promised = np.uint64(0)
     found = contact_bit(arrival.contact)
@@ -80,30 +96,33 @@ def passes_apart(arrival, z, a, amplitude, model):
         for k in range(contacts.row.shape[0]):
             bit = contact_bit(k)
             i = contacts.row[k]
-            x = abs(distance(k, z, contacts))
-            w = abs(z[n + i])
+            x, w = abs(distance(k, z, contacts)), approach_speed(k, z, contacts)
+            arrives = (w < 0.0) == (key & bit != np.uint64(0))
+            w = abs(w)
             if found & bit or x - (w + abs(a[i]) * span) * span > layer:
                 continue
             beta = contacts.beta[k]
-            way = 2.0 * layer + x
-            square = w * w - 2.0 * (abs(a[i]) + beta * way) * way
+            way = layer + x if arrives else max(layer - x, 0.0)
+            square = w * w - (2.0 * abs(a[i]) + beta * way) * way
             if not square > 0.25 * w * w:
                 return False, promised
             slowest = math.sqrt(square)
             span = max(span, way / slowest)
-            least = min(least, slowest)
             strongest = max(strongest, beta)
             energy = 2.0 * FULL_POTENTIAL * strongest / (rho * rho)
             jerk = steepest_forcing(amplitude, model) * abs(model.forcing[i])
             for j in range(n):
                 jerk += abs(stiffness[i, j] * z[n + j]) + abs(damping[i, j] * a[j])
             coupling = _coupling(k, model, span)
-            if not energy * energy * coupling * span <= NEGLECTED * least**3:
+            times = MEAN_WAY / rho * (1.0 / least + 1.0 / slowest)
+            cube = least * slowest * min(least, slowest)
+            least = min(least, slowest)
+            if not energy * energy * coupling * times <= NEGLECTED * cube:
                 return False, promised
             if not passage_is_fast(slowest, abs(a[i]), jerk, k, model):
                 return False, promised
             found |= bit
-            if (contacts.sign[k] * z[n + i] < 0.0) == (key & bit != np.uint64(0)):
+            if arrives:
                 promised |= bit
             searching = True
     return True, promised
@@ -121,7 +140,7 @@ def is_alone(arrival, z, a, amplitude, model):
     contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
     n = stiffness.shape[0]
     speed = SLOWED * abs(z[n + contacts.row[arrival.contact]])
-    span = 2.0 * model.layer / speed
+    span = model.layer / speed
     if arrival.tau - span < 0.0 or arrival.tau + span > 2.0 * math.pi / model.omega:
         return False
     steepest = steepest_forcing(amplitude, model)

@@ -87,16 +87,20 @@ def first_event(segment, span, model, poly, work):
         -1 if none does (proved), `UNDECIDED` if rounding forbids to tell.
     bracket : Bracket
         See `first_passage`. No other contact reaches the edge of its layer before b.
+    near : uint64
+        Contacts that are not known to keep away from their layers within `span`.
     """
     key, index, h = segment.key, segment.index, segment.h
     x, z_end, rows, expanded = work.x, work.z_end, work.rows, work.expanded
     contact = -1
+    near = np.uint64(0)
     first = Bracket(span, 0.0, span, 0.0)
     for k in range(model.contacts.row.shape[0]):
         i = model.contacts.row[k]
         place, speed_place = model.contacts.places[k, 0], model.contacts.places[k, 1]
         if is_clear(key, k, span, x, z_end, model, work.bounds[place]):
             continue
+        near |= contact_bit(k)
         if not expanded[i]:
             expand_row(poly, index, i, x, rows)
             expanded[i] = True
@@ -111,7 +115,7 @@ def first_event(segment, span, model, poly, work):
         part = Part(0.0, start[0], start[1], first.b, end[0], end[1])
         found = first_passage(curve, part, edge, work.bounds[place], work.stack)
         if found.a == UNDECIDED:
-            return UNDECIDED, found
+            return UNDECIDED, found, near
         if found.a < 0.0:
             continue
         if contact >= 0:
@@ -124,4 +128,4 @@ def first_event(segment, span, model, poly, work):
                 continue
             found = Bracket(b, 0.0, b, 0.0)
         contact, first = k, found
-    return contact, first
+    return contact, first, near

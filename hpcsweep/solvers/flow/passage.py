@@ -14,8 +14,9 @@ from hpcsweep.solvers.flow.apart import Arrival, is_alone, passes_apart
 from hpcsweep.solvers.flow.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.crossing import add_kick, moments, passage_is_fast
 from hpcsweep.solvers.flow.forcing import forcing_rate, total_forcing
-from hpcsweep.solvers.flow.polynomials import value_and_slope
+from hpcsweep.solvers.flow.polynomials import value_and_slope, value_slope_bend
 from hpcsweep.solvers.flow.propagators import table_at_hand
+from hpcsweep.solvers.flow.search import LAST_STEP
 from hpcsweep.solvers.flow.segment import SEGMENT
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import (
@@ -40,27 +41,31 @@ def time_at_stop(rows, k, contacts, h, s, direction):
 
     `direction` is 1 on the way in, -1 on the way out.
     """
-    row, sign = contacts.row[k], contacts.sign[k]
-    stop = sign * contacts.gap[k]
+    row, sign = contacts.row[k], direction * contacts.sign[k]
+    stop = contacts.sign[k] * contacts.gap[k]
     for _ in range(40):
-        value, slope = value_and_slope(rows, row, h, s)
-        if not direction * sign * slope > 0.0:
+        value, slope, bend = value_slope_bend(rows, row, h, s)
+        left, speed = sign * (stop - value), sign * slope
+        if not speed > 0.0:
             return math.nan
-        step = (stop - value) / slope
+        square = speed * speed + 2.0 * left * sign * bend
+        step = 2.0 * left / (speed + math.sqrt(square)) if square > 0.0 else left / speed
         s += step
-        if abs(step) <= 1e-15 * h:
+        # what is left, u''' step^3 / 6, is below rounding
+        if abs(step) <= LAST_STEP * h:
             return s
     return s
 
 
 @kernel
-def first_at_stop(contact, at_stop, key, rows, h, contacts):
+def first_at_stop(contact, at_stop, near, key, rows, h, contacts):
     """Choose the contact that is first at its stop, not after `at_stop`.
 
-    The one that is first at the edge of its layer may be overtaken inside by a faster one.
+    The one that is first at the edge of its layer may be overtaken inside by a faster one, out of
+    `near`.
     """
     for k in range(contacts.row.shape[0]):
-        if k != contact and at_stop <= h * EXTRAPOLATION:
+        if k != contact and near & contact_bit(k) and at_stop <= h * EXTRAPOLATION:
             direction = -1.0 if key & contact_bit(k) else 1.0
             sign = direction * contacts.sign[k]
             value, slope = value_and_slope(rows, contacts.row[k], h, at_stop)

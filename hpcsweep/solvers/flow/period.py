@@ -49,6 +49,7 @@ from hpcsweep.solvers.flow.search import UNDECIDED, Bracket, Curve, Level, risin
 from hpcsweep.solvers.flow.segment import Ending, Segment
 from hpcsweep.solvers.flow.tables import product, product_of_moduli
 from hpcsweep.solvers.flow.tally import NO_TALLY
+from hpcsweep.solvers.flow.tangent import coasted_tangent
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
@@ -116,15 +117,16 @@ def _step(segment, known, tables, work):
 
 
 @inlined
-def _end_at_event(segment, contact, bracket, promised, z, amplitude, packed, shared):
-    """End a segment where `contact` passes its stop, or else at the edge of its layer.
+def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
+    """End a segment where a contact passes its stop, or else at the edge of its layer.
 
-    `bracket` is that of `first_event`. Without a passage ``work.z_end`` is the state at the end.
+    `event` is what `first_event` gives. Without a passage ``work.z_end`` is the state at the end.
     """
     model, work = shared.model, shared.work
     rows, h, tau = work.rows, segment.h, segment.tau
     expand_rows(shared.tables.poly, segment.index, work.x, rows, work.expanded, z.shape[0])
     contacts = model.contacts
+    contact, bracket, near = event
     edge = layer_edge(segment.key, contact, model)
     direction = -1.0 if segment.key & contact_bit(contact) else 1.0
     curve = Curve(rows, contacts.row[contact], h)
@@ -135,10 +137,13 @@ def _end_at_event(segment, contact, bracket, promised, z, amplitude, packed, sha
         stop = contacts.sign[contact] * contacts.gap[contact]
         at_stop = rising_root(curve, through, Level(edge.sign, stop))
     else:
-        at_edge = rising_root(curve, bracket, edge)
-        bracket = Bracket(at_edge, bracket.ga, at_edge, bracket.gb)
-        at_stop = time_at_stop(rows, contact, contacts, h, at_edge, direction)
-        contact, at_stop = first_at_stop(contact, at_stop, segment.key, rows, h, contacts)
+        if model.rho == math.inf:
+            at_edge = rising_root(curve, bracket, edge)
+            bracket = Bracket(at_edge, bracket.ga, at_edge, bracket.gb)
+        at_stop = time_at_stop(rows, contact, contacts, h, bracket.b, direction)
+        if not at_stop <= segment.end - tau:
+            near = ~np.uint64(0)
+        contact, at_stop = first_at_stop(contact, at_stop, near, segment.key, rows, h, contacts)
     how = INTEGRATED
     jerk = 0.0
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
@@ -224,7 +229,6 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
     end = 2.0 * math.pi / model.omega
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    plain = wanted == NO_TALLY and tangent.shape[1] == 0
     tau, steps, index = 0.0, 0, NO_TABLE
     key = promised = np.uint64(0)
     while tau < end:
@@ -248,22 +252,22 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
             start(work.x, z, work.forcing)
         segment = Segment(key, index, tables.h[index], tau, end)
         known = False
-        if plain:
+        if wanted == NO_TALLY:
             steps_left = shared.max_steps - steps
             tau, coasted, known = _coast(segment, steps_left, model, tables, work)
+            coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)
             counts[0] += coasted
             steps += coasted
         counts[0] += 1
         span = _step(segment, known, tables, work)
-        contact, bracket = first_event(segment, span, model, tables.poly, work)
+        event = first_event(segment, span, model, tables.poly, work)
+        contact = event[0]
         if contact == UNDECIDED:
             return SOLVER_FAILED
         ending = Ending(span, contact, INTEGRATED, False, False, 0.0, promised)
         if contact >= 0:
-            ending = _end_at_event(
-                segment, contact, bracket, promised, z, amplitude, packed, shared
-            )
+            ending = _end_at_event(segment, event, promised, z, amplitude, packed, shared)
             promised = ending.promised
             counts[1] += ending.how != INTEGRATED
         if tangent.shape[1] > 0:

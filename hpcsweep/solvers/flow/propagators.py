@@ -20,6 +20,7 @@ from hpcsweep.solvers.flow.tables import (
     MODAL_NODES,
     N_COEFFICIENTS,
     N_MODAL,
+    N_POWERS,
     TAYLOR,
     THETA,
     THETA_FREE,
@@ -208,6 +209,10 @@ def _build(key, model, tables, index):
     _square(half, full)
     for k in range(size):
         _write_rows(full, unit, k, model, tables.step[index, place_of(k, n, n_rows)])
+    powers = tables.powers[index]
+    _square(tables.step[index, : 2 * n_rows], powers[0])
+    for k in range(1, N_POWERS):
+        _square(powers[k - 1], powers[k])
     _expand(generator, h, half, full, model, tables, index)
     poly = tables.poly[index]
     for p in range(N_COEFFICIENTS):

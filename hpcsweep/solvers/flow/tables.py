@@ -40,6 +40,8 @@ THETA_FREE = 2.2
 """Free flight: shorter, because the proof that no floor reaches the stop weakens with h^4."""
 MAX_TABLES = 64
 """Tables kept; when more contact sets occur the table store is emptied and filled anew."""
+N_POWERS = 4
+"""Powers of the propagator of a step that are kept: exp(M h 2^k), k = 1, .., `N_POWERS`."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
 MODAL_NODES, MODAL_WEIGHTS = np.polynomial.legendre.leggauss(2 * LANES)
 """Of the modal norms (`modal_norm`), on a step."""
@@ -60,6 +62,8 @@ class Tables(NamedTuple):
     step: np.ndarray
     """(MAX_TABLES, N, padded 2R): column k of exp(M h), its first 2R rows, contiguous; rows are
     padded with zeros to a multiple of `LANES`."""
+    powers: np.ndarray
+    """(MAX_TABLES, N_POWERS, 2R, padded 2R): the same over 2, 4, .. steps, without the forcing."""
     poly: np.ndarray
     """(MAX_TABLES, 2R, N, N_COEFFICIENTS)"""
     columns: np.ndarray
@@ -103,6 +107,7 @@ def empty_tables(model: Model) -> Tables:
         keys=np.zeros(capacity, dtype=np.uint64),
         h=np.zeros(capacity),
         step=aligned_zeros(capacity, size, padded(2 * n)),
+        powers=aligned_zeros(capacity, N_POWERS, 2 * n, padded(2 * n)),
         poly=aligned_zeros(capacity, 2 * n, size, N_COEFFICIENTS),
         columns=aligned_zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
         bound4=aligned_zeros(capacity, size, padded(n)),

@@ -28,7 +28,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.vectors import LANES, aligned_zeros, combine, fma
 from hpcsweep.solvers.flow.crossing import add_kick, half_passage, sums
-from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO, padded
+from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, N_POWERS, ZERO, padded
 
 
 class TangentWorkspace(NamedTuple):
@@ -102,6 +102,22 @@ def linear_tangent(tables, index, s, tangent, work):
             N_COEFFICIENTS,
         )
     _multiply(work.propagator, 0, tangent, work)
+
+
+@inlined
+def coasted_tangent(tables, index, n_steps, tangent, work):
+    """Multiply `tangent` by exp(M n h) of table `index`, in place, by the powers kept."""
+    if tangent.shape[1] == 0:
+        return
+    size, rows = tables.powers.shape[2], tables.powers.shape[3]
+    if n_steps & 1:
+        _multiply(tables.step, index * tables.step.shape[1] * rows, tangent, work)
+    left = n_steps >> 1
+    for power in range(N_POWERS):
+        times = left & 1 if power < N_POWERS - 1 else left
+        for _ in range(times):
+            _multiply(tables.powers, (index * N_POWERS + power) * size * rows, tangent, work)
+        left >>= 1
 
 
 @inlined

@@ -24,7 +24,7 @@ PERIODS = {
     "two floors, fast passages": (2, SMOOTH, 0.06, 0.9, 0.4),
     "two floors, stop without layer": (2, STOP, 0.06, 0.9, 0.4),
     "two floors, layer": (2, SOFT, 0.06, 0.9, 0.4),
-    "three floors, passages and layer": (3, SMOOTH, 0.06, 0.9, 0.4),
+    "three floors, passages and layer": (3, SMOOTH, 0.06, 0.9, 0.2),
     "three floors, stop without layer": (3, STOP, 0.25, 0.9, 0.4),
     "at rest at the stop": (2, STOP, 0.06, 1.0, 0.0),
 }

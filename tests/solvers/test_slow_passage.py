@@ -88,9 +88,9 @@ def state_before_a_passage(speed, rng):
     )
 
 
-@pytest.mark.parametrize(("beta", "rho", "late"), [(1000.0, 1e4, 0), (300.0, 3e3, 10)])
+@pytest.mark.parametrize(("beta", "rho", "late"), [(1000.0, 1e4, 0), (300.0, 3e3, 8)])
 @pytest.mark.parametrize(
-    ("speed", "most_steps"), [(0.16, 12), (0.13, 12), (0.09, 16), (0.06, 24), (0.03, 40)]
+    ("speed", "most_steps"), [(0.16, 0), (0.13, 0), (0.09, 12), (0.06, 12), (0.03, 10)]
 )
 def test_slow_passages_are_those_of_the_reference(beta, rho, late, speed, most_steps):
     """`speed` is that for beta = 1000 and rho = 1e4; the turn lies as deep in the layer for all.

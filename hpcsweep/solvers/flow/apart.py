@@ -8,9 +8,9 @@ the mean distance in time of the force of contact 2 from t_2, and its impulse, b
 
     1 / v_1 int r_1 J_2 c (|t - t_2| + s_2) dt <= J_1 J_2 c (s_1 + s_2) / v_1,
 
-t_1 = 0, as |t - t_2| < |t| where t < t_2 < 0. With the speed v and r = beta |x| / (1 + exp(rho |x|))
-of `crossing`, J = beta pi^2 / (6 rho^2 v) and s = 2.19 / (rho v), where 2.19 is the mean of y with
-the weight y / (1 + exp(y)).
+t_1 = 0, as |t - t_2| < |t| where t < t_2 < 0. With the speed v and the force
+r = beta |x| / (1 + exp(rho |x|)) of `crossing`, J = beta pi^2 / (6 rho^2 v) and s = 2.19 / (rho v),
+where 2.19 is the mean of y with the weight y / (1 + exp(y)).
 """
 
 import math

@@ -8,7 +8,6 @@ from hpcsweep.solvers.flow.contacts import contact_bit
 from hpcsweep.solvers.flow.drift import drift_on_segment
 from hpcsweep.solvers.flow.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.passage import FAST, INTEGRATED, SLOW
-from hpcsweep.solvers.flow.polynomials import evaluate_rows
 from hpcsweep.solvers.flow.propagators import table_of
 from hpcsweep.solvers.flow.slow_tangent import half_tangent
 from hpcsweep.solvers.flow.tally import NORMS
@@ -22,7 +21,6 @@ def segment_tangent(segment, ending, packed, shared, tangent):
     linear_tangent(tables, segment.index, ending.span, tangent, work.tangent)
     if ending.how == FAST:
         z = work.z_end
-        evaluate_rows(work.rows, segment.h, ending.span, z)
         contact = ending.contact
         z[model.contacts.row[contact]] = model.contacts.sign[contact] * model.contacts.gap[contact]
         arrival = Arrival(

@@ -182,20 +182,20 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
 @inlined
 def _pass_slowly(how, arrival, z, index, packed, shared):
     """Take the contact at its stop by `slow_passage`; say how it was taken."""
-    contact, z_end = arrival.contact, shared.work.z_end
+    contact, moved = arrival.contact, shared.work.moved
     after = index
     if how == SLOW:
         after = table_at_hand(arrival.key ^ contact_bit(contact), shared.tables, packed)
         if after < 0:
             return INTEGRATED
     for i in range(z.shape[0]):
-        z_end[i] = z[i]
-    if cross_half(-1.0, index, contact, z_end, packed) == 0:
+        moved[i] = z[i]
+    if cross_half(-1.0, index, contact, moved, packed) == 0:
         return INTEGRATED
-    if how == SLOW and cross_half(1.0, after, contact, z_end, packed) == 0:
+    if how == SLOW and cross_half(1.0, after, contact, moved, packed) == 0:
         return INTEGRATED
     for i in range(z.shape[0]):
-        z[i] = z_end[i]
+        z[i] = moved[i]
     return how
 
 

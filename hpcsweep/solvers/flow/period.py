@@ -148,6 +148,7 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
     jerk = 0.0
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
         evaluate_rows(rows, h, at_stop, z)
+        copy_state(z, work.z_end)
         forcing_at(tau + at_stop, amplitude, model, work.forcing, 0)
         how, jerk, promised = pass_layer(
             contact, segment, tau + at_stop, z, promised, amplitude, packed

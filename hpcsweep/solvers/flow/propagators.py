@@ -11,6 +11,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, INT, KEY, separate
 from hpcsweep.kernels.vectors import LANES, combine, fma, greatest, load, maximum, modulus, store
+from hpcsweep.solvers.flow.layer.solitary.store import forget
 from hpcsweep.solvers.flow.series import build_series, place_of
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.spectrum import spectral_radius
@@ -71,6 +72,7 @@ def lookup(key, packed):
         return index
     if tables.count[0] == tables.keys.shape[0]:
         tables.count[0] = 0
+        forget(shared.responses)
     index = tables.count[0]
     _build(key, shared.model, tables, index)
     tables.keys[index] = key

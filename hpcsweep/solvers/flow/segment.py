@@ -31,7 +31,7 @@ class Ending(NamedTuple):
     """The contact at its end, -1 if there is none."""
     how: int
     """How it passes its stop (`passage`). Unless the passage is integrated the state after it is in
-    z, that before it follows from ``work.rows``, the forcing is in ``work.forcing``."""
+    z, that before it in ``work.z_end``, the forcing is in ``work.forcing``."""
     beyond: bool
     """The stop is reached after this step: try again from the edge of the layer."""
     rounded: bool

@@ -12,6 +12,7 @@ import numpy as np
 from hpcsweep.kernels.packing import Packing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.layer.solitary.store import Responses, empty_responses
 from hpcsweep.solvers.flow.tables import Tables, empty_tables
 from hpcsweep.solvers.flow.tally import Tally, new_tally
 from hpcsweep.solvers.flow.workspace import Workspace, new_workspace
@@ -22,6 +23,7 @@ class Shared(NamedTuple):
 
     model: Model
     tables: Tables
+    responses: Responses
     work: Workspace
     tally: Tally
     counts: np.ndarray
@@ -67,9 +69,11 @@ class Watch(NamedTuple):
 def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
     """Allocate tables and workspace for a structure."""
     n = model.stiffness.shape[0]
+    tables = empty_tables(model)
     return Shared(
         model=model,
-        tables=empty_tables(model),
+        tables=tables,
+        responses=empty_responses(model, tables.keys.shape[0]),
         work=new_workspace(model),
         tally=new_tally(model.modal_transform.shape[0]),
         counts=np.zeros(4, np.int64),

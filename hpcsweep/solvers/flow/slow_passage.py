@@ -24,12 +24,15 @@ gains a factor of the size of delta each time. p and exp(M s) e are series of Ta
 `LANES` terms. Tangent vectors obey the same equations with r' and g, at the same nodes.
 """
 
+import math
+
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate
 from hpcsweep.kernels.vectors import (
     LANES,
     combine,
     fma,
+    greatest,
     load,
     maximum,
     modulus,
@@ -63,6 +66,9 @@ SLOWEST = 0.2
 DISPLACED = 0.1
 """Largest delta; its exponential is a polynomial."""
 SWEEPS = 5
+SETTLED = 1e-6
+"""Change of delta after which one more sweep is the last: each changes it 2,000 times less at
+least than the one before (as far as was tried, 500 times where delta is near `DISPLACED`)."""
 EXPONENTIAL = (-1.0 / 720.0 / 7.0, 1.0 / 720.0, -1.0 / 120.0, 1.0 / 24.0, -1.0 / 6.0, 0.5, -1.0)
 """(exp(-delta) - 1) / delta, falling orders."""
 
@@ -172,13 +178,22 @@ def _find_times(beta, rho, work):
 
 @inlined
 def respond(values, initial, work):
-    """Write `initial` and what forces at the nodes add to it into ``work.moved``."""
+    """Write `initial` and what forces at the nodes add to it into ``work.moved``.
+
+    Returns
+    -------
+    float
+        The largest change.
+    """
+    change = load(ZERO, 0)
     for block in range(0, N_NODES, LANES):
         even, odd = load(initial, block), load(ZERO, 0)
         for node in range(0, N_NODES, 2):
             even = fma(load(work.response, node * N_NODES + block), values[node], even)
             odd = fma(load(work.response, (node + 1) * N_NODES + block), values[node + 1], odd)
+        change = greatest(change, modulus(even + odd - load(work.moved, block)))
         store(work.moved, block, even + odd)
+    return maximum(change)
 
 
 @inlined
@@ -262,13 +277,15 @@ def take_half(direction, index, contact, model, tables, work):
     for block in range(0, N_NODES, LANES):
         store(initial, block, beyond)
         store(moved, block, beyond)
+    change = math.inf
     for sweep in range(SWEEPS):
         for block in range(0, N_NODES, LANES):
             delta = load(moved, block) * (-side * rho)
             less = fma(load(SWITCHED, block), _exponential_less_one(delta), 1.0)
             store(work.forces, block, load(shares, block) * (load(NODES, block) - delta) / less)
-        if sweep < SWEEPS - 1:
-            respond(work.forces, initial, work)
+        if sweep == SWEEPS - 1 or change <= SETTLED:
+            break
+        change = rho * respond(work.forces, initial, work)
     for block in range(0, N_NODES, LANES):
         delta = load(moved, block) * (-side * rho)
         less = _exponential_less_one(delta)

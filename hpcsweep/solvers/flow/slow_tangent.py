@@ -4,13 +4,17 @@ A variation of the distance is that of the linear motion and what the variations
 force add to it, at the nodes of the passage.
 """
 
+import math
+
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, separate
-from hpcsweep.kernels.vectors import LANES, fma, load, store
+from hpcsweep.kernels.vectors import LANES, fma, greatest, load, maximum, modulus, store
 from hpcsweep.solvers.flow.passage_rule import N_NODES
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import expand_series, respond, sum_up
 
 TANGENT_SWEEPS = 7
+SETTLED = 1e-10
+"""Change after which one more sweep is the last, relative."""
 
 
 @separate(INT, FLOAT, INT, INT, MATRIX, BYTES, inner=True)
@@ -48,11 +52,14 @@ def half_tangent(direction, index, contact, tangent, shared):
                 value = fma(value, t, work.series[k])
             store(shares, block, value)
             store(moved, block, value)
+        largest = maximum(greatest(modulus(load(moved, 0)), modulus(load(moved, LANES))))
+        change = math.inf
         for sweep in range(TANGENT_SWEEPS):
             for block in range(0, N_NODES, LANES):
                 store(forces, block, load(work.slopes, block) * load(moved, block))
-            if sweep < TANGENT_SWEEPS - 1:
-                respond(forces, shares, work)
+            if sweep == TANGENT_SWEEPS - 1 or change <= SETTLED * largest:
+                break
+            change = respond(forces, shares, work)
         sum_up(direction, place * LANES * tables.impulses.shape[3], tables, work)
         for i in range(size):
             tangent[i, column] += work.kicked[i]

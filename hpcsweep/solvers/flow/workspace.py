@@ -7,7 +7,12 @@ import numpy as np
 from hpcsweep.kernels.vectors import LANES, aligned_zeros
 from hpcsweep.model.kernel_model import Model
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
-from hpcsweep.solvers.flow.layer.workspace import LayerWorkspace, new_layer_workspace
+from hpcsweep.solvers.flow.layer.workspace import (
+    LayerWorkspace,
+    SolitaryWorkspace,
+    new_layer_workspace,
+    new_solitary_workspace,
+)
 from hpcsweep.solvers.flow.search import MAX_DEPTH
 from hpcsweep.solvers.flow.slow_workspace import HalfPassage, new_half_passage
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, N_MODAL, padded
@@ -19,6 +24,8 @@ class Workspace(NamedTuple):
 
     x: np.ndarray
     z_end: np.ndarray
+    moved: np.ndarray
+    """(2R,): a state on trial."""
     wide: np.ndarray
     """Padded 2R: the end of a step."""
     bounds: np.ndarray
@@ -46,6 +53,7 @@ class Workspace(NamedTuple):
     departing: HalfPassage
     tangent: TangentWorkspace
     layer: LayerWorkspace
+    solitary: SolitaryWorkspace
     stage_u: np.ndarray
     stage_v: np.ndarray
     stage_a: np.ndarray
@@ -58,6 +66,7 @@ def new_workspace(model: Model) -> Workspace:
     return Workspace(
         x=aligned_zeros(2 * n + n_forcing + 1),
         z_end=np.zeros(2 * n),
+        moved=np.zeros(2 * n),
         wide=aligned_zeros(padded(2 * n)),
         bounds=aligned_zeros(padded(n)),
         rows=aligned_zeros(2 * n, N_COEFFICIENTS),
@@ -78,6 +87,7 @@ def new_workspace(model: Model) -> Workspace:
         departing=new_half_passage(n, 2 * n + n_forcing + 1),
         tangent=new_tangent_workspace(n),
         layer=new_layer_workspace(n, model.contacts.row.size),
+        solitary=new_solitary_workspace(),
         stage_u=np.zeros(N_STAGES),
         stage_v=np.zeros(N_STAGES),
         stage_a=np.zeros(N_STAGES),

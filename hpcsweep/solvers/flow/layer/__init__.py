@@ -3,7 +3,8 @@
 What a layer integrator must supply
 -----------------------------------
 A visit, `visit.visit_layer`, takes steps from the edge of a layer until no contact is inside its
-one. It asks five things of the scheme, which is Gauss collocation here and can be another:
+one. Where one contact alone is inside, they are those of `solitary`; else it asks five things of
+the scheme, which is Gauss collocation here and can be another:
 
 - step: `scheme.collocate` takes a step of length h from a state and its accelerations and leaves
   its stages in ``work.layer``; it may decline (False), and h is halved;

@@ -4,7 +4,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, combine, fma, load, maximum, modulus, root, total
-from hpcsweep.solvers.flow.contacts import distance
+from hpcsweep.solvers.flow.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.modal_norm import TINY
 from hpcsweep.solvers.flow.tables import ZERO
@@ -52,7 +52,7 @@ def observe_layer_step(h, z0, z1, model, norms, tally, work):
                 tally.peak_drift[0] = max(tally.peak_drift[0], peak)
     if norms:
         modes = tally.modal.shape[0]
-        share = _free_share(z0, z1, contacts) if touching else 1.0
+        share = _free_share(h, z0, z1, contacts) if touching else 1.0
         if share > 0.0:
             tally.free_time[0] += share * h
             q = work.modal_nodes
@@ -79,18 +79,35 @@ def observe_layer_step(h, z0, z1, model, norms, tally, work):
 
 
 @kernel
-def _free_share(z0, z1, contacts):
+def _free_share(h, z0, z1, contacts):
     """Share of a step in which nothing touches, where a contact begins or ends touching in it."""
     share = 1.0
     for k in range(contacts.row.shape[0]):
         x0, x1 = distance(k, z0, contacts), distance(k, z1, contacts)
         if x0 >= 0.0 and x1 >= 0.0:
             return 0.0
-        if x0 < 0.0 <= x1:
-            share = min(share, x0 / (x0 - x1))
-        elif x1 < 0.0 <= x0:
-            share = min(share, x1 / (x1 - x0))
+        if (x0 < 0.0) != (x1 < 0.0):
+            v0, v1 = h * approach_speed(k, z0, contacts), h * approach_speed(k, z1, contacts)
+            part = _crossing(x0, v0, x1, v1)
+            share = min(share, part if x0 < 0.0 else 1.0 - part)
     return share
+
+
+@kernel
+def _crossing(x0, v0, x1, v1):
+    """Find where a distance crosses 0 on [0, 1], of its values and slopes at both ends (cubic)."""
+    bend, third = 3.0 * (x1 - x0) - 2.0 * v0 - v1, 2.0 * (x0 - x1) + v0 + v1
+    low, high, s = 0.0, 1.0, x0 / (x0 - x1)
+    for _ in range(4):
+        value = x0 + s * (v0 + s * (bend + s * third))
+        if (value < 0.0) == (x0 < 0.0):
+            low = s
+        else:
+            high = s
+        slope = v0 + s * (2.0 * bend + 3.0 * s * third)
+        step = s - value / slope if slope != 0.0 else low
+        s = step if low <= step <= high else 0.5 * (low + high)
+    return s
 
 
 @kernel

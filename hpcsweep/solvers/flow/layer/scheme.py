@@ -85,6 +85,22 @@ def _stage_accelerations(u, v, ground, active, model, out):
 
 
 @inlined
+def accelerations_at_stages(tau, h, z, amplitude, pairs, model, work):
+    """Evaluate G at stages whose displacements and velocities are in ``work.layer``.
+
+    Parameters
+    ----------
+    tau, h, z, amplitude, pairs, model
+        Those of `collocate`.
+    work : Workspace
+    """
+    stage = work.layer
+    _forcing_at_stages(tau, h, amplitude, pairs, model, stage.ground)
+    _find_active(h, z, work.a, model, stage.active)
+    _stage_accelerations(stage.u, stage.v, stage.ground, stage.active, model, stage.g)
+
+
+@inlined
 def distances(k, u, contacts):
     """Give the distance of contact k past its stop at all stages."""
     return fma(load(u, contacts.row[k] * N_STAGES), contacts.sign[k], -contacts.gap[k])

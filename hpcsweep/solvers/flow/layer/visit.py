@@ -1,6 +1,7 @@
-"""A visit to the layer: collocation steps until no contact is inside its one, and their length.
+"""A visit to the layer: steps until no contact is inside its one; the length of collocated ones.
 
-The step has two limits.
+A step with one contact alone in its layer is that of `solitary`, all others are collocated. These
+have two limits.
 
 - The sigmoid has poles at y = rho x = +-i pi (2 m + 1). On a step on which y moves by L, Gauss
   quadrature converges as kappa^-16, kappa the parameter of the Bernstein ellipse about the step
@@ -23,7 +24,7 @@ promises, and taken again.
 import math
 from typing import NamedTuple
 
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
 from hpcsweep.model.contact import (
     FAR,
@@ -38,9 +39,11 @@ from hpcsweep.solvers.flow.layer.error import quadrature_error
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
     accelerations,
+    accelerations_at_stages,
     collocate,
     finish,
 )
+from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
 from hpcsweep.solvers.flow.passage import leave_layer
@@ -213,6 +216,47 @@ def shortening(allowed, error):
     return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
 
 
+@inlined
+def _collocated_step(interval, most, z, amplitude, shared):
+    """Take a collocation step from z, to ``work.z_end``, whose error is within the tolerance.
+
+    Returns
+    -------
+    h : float
+        Its length.
+    contact : int
+        The contact that is back at its stop at its end, see `landing`; -1 if there is none.
+    outcome : int
+    steps : int
+        Steps tried.
+    """
+    model, work = shared.model, shared.work
+    tau, left = interval.tau, interval.end - interval.tau
+    h, stiffness = step_limit(z, work.a, model, min(left, most))
+    contact, h = landing(h, z, work.a, model)
+    if h >= left:
+        contact, h = -1, left
+    if not tau + h > tau:
+        return h, -1, SOLVER_FAILED, 0
+    for steps in range(1, interval.steps_left + 1):
+        if collocate(tau, h, z, work.a, amplitude, work.forcing, stiffness, model, work.layer):
+            finish(h, z, work.layer.g, work.z_end)
+            error = quadrature_error(h, z, model, work.layer)
+            size = 1.0
+            for i in range(work.z_end.shape[0]):
+                size = max(size, abs(work.z_end[i]))
+            allowed = shared.tolerance * size
+            if error <= allowed:
+                return h, contact, COMPLETE, steps
+            h *= shortening(allowed, error)
+        else:
+            h *= 0.5
+        contact = -1
+        if not h > 1e-14 * left:
+            return h, -1, SOLVER_FAILED, steps
+    return h, -1, STEP_LIMIT, interval.steps_left
+
+
 @separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, INT, MATRIX, inner=True)
 def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     """Integrate from tau until no contact is inside its layer, or until `end`.
@@ -236,7 +280,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     """
     shared = read_shared(packed)
     tau, end, steps_left = interval
-    model, work, tolerance = shared.model, shared.work, shared.tolerance
+    model, work = shared.model, shared.work
     pairs = work.forcing
     forcing_at(tau, amplitude, model, pairs, 0)
     accelerations(total_forcing(pairs, 0, model), z, model, work.a)
@@ -244,36 +288,27 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     steps = 0
     while True:
         left = end - tau
-        h, stiffness = step_limit(z, work.a, model, min(left, most))
-        contact, h = landing(h, z, work.a, model)
-        planned = h
-        if h >= left:
-            contact, h = -1, left
-        if not tau + h > tau:
-            return tau, SOLVER_FAILED, steps
-        while True:
+        contact = -1
+        if steps == steps_left:
+            return tau, STEP_LIMIT, steps
+        h = solitary_step(left, z, wanted, tangent, packed)
+        solitary = h > 0.0
+        if solitary:
             steps += 1
-            if steps > steps_left:
-                return tau, STEP_LIMIT, steps
-            if collocate(tau, h, z, work.a, amplitude, pairs, stiffness, model, work.layer):
-                finish(h, z, work.layer.g, work.z_end)
-                error = quadrature_error(h, z, model, work.layer)
-                speed = 1.0
-                for i in range(work.z_end.shape[0]):
-                    speed = max(speed, abs(work.z_end[i]))
-                if error <= tolerance * speed:
-                    break
-                h *= shortening(tolerance * speed, error)
-            else:
-                h *= 0.5
-            if not h > 1e-14 * left:
-                return tau, SOLVER_FAILED, steps
+            if wanted != NO_TALLY:
+                accelerations_at_stages(tau, h, z, amplitude, pairs, model, work)
+        else:
+            interval = Interval(tau, end, steps_left - steps)
+            h, contact, outcome, used = _collocated_step(interval, most, z, amplitude, shared)
+            steps += used
+            if outcome != COMPLETE:
+                return tau, outcome, steps
         tau = end if h >= left else tau + h
         later_forcing(tau, h, amplitude, model, pairs)
         accelerations(total_forcing(pairs, 0, model), work.z_end, model, work.a_end)
         if wanted != NO_TALLY:
             observe_layer_step(h, z, work.z_end, model, wanted == NORMS, shared.tally, work)
-        if tangent.shape[1] > 0:
+        if tangent.shape[1] > 0 and not solitary:
             layer_tangent(h, model, work.layer, tangent)
         copy_state(work.z_end, z)
         if not is_ordinary(z):
@@ -282,7 +317,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
             work.a[i] = work.a_end[i]
         if tau >= end or not inside_layer(z, model):
             return tau, COMPLETE, steps
-        if contact >= 0 and h == planned:
+        if contact >= 0:
             index = leave_layer(contact, tau, z, amplitude, packed)
             if index >= 0:
                 if tangent.shape[1] > 0:

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.vectors import aligned_zeros
+from hpcsweep.kernels.vectors import LANES, aligned_zeros
+from hpcsweep.solvers.flow.layer.solitary.rule import N_NODES
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 
 
@@ -47,4 +48,30 @@ def new_layer_workspace(n: int, n_contacts: int) -> LayerWorkspace:
         free=aligned_zeros(*stages),
         speeds=aligned_zeros(*stages),
         spring=aligned_zeros(n_contacts, N_STAGES),
+    )
+
+
+class SolitaryWorkspace(NamedTuple):
+    """What a step with one contact in its layer has at its nodes, (N_NODES,) each.
+
+    Attributes
+    ----------
+    free : ndarray
+        Distances without the force of the contact.
+    x, forces : ndarray
+        Distances, and what of the force the linear motion has not.
+    moments : ndarray, shape (LANES, N_STAGES)
+        Workspace.
+    """
+
+    free: np.ndarray
+    x: np.ndarray
+    forces: np.ndarray
+    moments: np.ndarray
+
+
+def new_solitary_workspace() -> SolitaryWorkspace:
+    """Allocate it."""
+    return SolitaryWorkspace(
+        *(aligned_zeros(N_NODES) for _ in range(3)), aligned_zeros(LANES, N_STAGES)
     )

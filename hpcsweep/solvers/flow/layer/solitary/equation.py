@@ -1,0 +1,202 @@
+r"""The integral equation of a step with one contact alone in its layer.
+
+Let no other contact change, so that without the force of this one, or with its spring on all the
+time, the motion is the linear one of a contact set, x' = M x. With it (variation of constants, e
+what a unit impulse of the contact does)
+
+    x(t) = exp(M t) x_0 - int_0^t exp(M (t - s)) e f(s) ds,      f = beta S(rho d) d - c d,
+
+d the distance past the stop, c = 0 where the step starts before the stop and c = beta where it
+starts beyond it, and M that of the set without the contact or with it: an integral equation of
+Volterra for a single function. f is replaced by the polynomial through its values at the Gauss
+nodes c_j of the step,
+
+    d_j = d(exp(M c_j h) x_0) - sum_k W_jk f(d_k),
+
+which `tables` has, and solved by iteration: after k of them an error of f is at most
+(h^2 |df/dd|)^k / (2 k)! of what it was. The nodes make the state at the end right to the order of
+their rule, 2 N_NODES, as for the collocation of differential equations (exponential collocation:
+M. Hochbruck and A. Ostermann, Appl. Numer. Math. 53 (2005) 323). All that is linear is exact.
+
+The error of the Gauss rule goes as the square of that of the polynomial, and how wrong that is
+is seen at both ends of the step, where f is known.
+"""
+
+import math
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.vectors import (
+    LANES,
+    combine,
+    fma,
+    greatest,
+    load,
+    maximum,
+    modulus,
+    store,
+    switches,
+    total,
+)
+from hpcsweep.model.contact import contact_force
+from hpcsweep.solvers.flow.augmented import start
+from hpcsweep.solvers.flow.contacts import distance
+from hpcsweep.solvers.flow.layer.solitary.rule import AT_END, AT_START, N_NODES, NODES
+from hpcsweep.solvers.flow.tables import ZERO
+
+MAX_ITERATIONS = 60
+ROUNDING = 2e-17
+"""Error left of the distances (gaps): that of displacements about the gap is 1e-16."""
+VARIED = 1e-13
+"""Last change of a variation of the distances, relative."""
+MEASURED = 0.1
+"""What a step was found wrong by, over h times the square of what extrapolation to its ends misses
+(over beta / rho): 0.05 to 0.3 where that is 1e-9, less where it is less."""
+TINY = 1e-300
+
+
+@inlined
+def _forces(d, beta, rho, linear):
+    """Evaluate f of Lanes; `linear` is the stiffness that the linear motion has."""
+    return (switches(rho * d) * beta - linear) * d
+
+
+@inlined
+def less_responses(free, table, place, forces):
+    """Give the distances `free` less what `forces` at the nodes do to them, in two registers."""
+    first = place * N_NODES * N_NODES
+    low, high = load(free, 0), load(free, LANES)
+    low_odd, high_odd = load(ZERO, 0), load(ZERO, 0)
+    for k in range(0, N_NODES, 2):
+        at = first + k * N_NODES
+        even, odd = -forces[k], -forces[k + 1]
+        low = fma(load(table, at), even, low)
+        high = fma(load(table, at + LANES), even, high)
+        low_odd = fma(load(table, at + N_NODES), odd, low_odd)
+        high_odd = fma(load(table, at + N_NODES + LANES), odd, high_odd)
+    return low + low_odd, high + high_odd
+
+
+@inlined
+def _largest_of(low, high):
+    """Find the largest modulus."""
+    return maximum(greatest(modulus(low), modulus(high)))
+
+
+@inlined
+def _state_at_end(place, x, width, responses, forces, out):
+    """Write the state at the end of a step into `out`, of `width` components of x."""
+    size, rows = x.shape[0], responses.step.shape[2]
+    for row in range(0, rows, LANES):
+        at = place * size * rows + row
+        combine(out, row, ZERO, 0, 1.0, responses.step, at, rows, x, 0, width)
+        at = place * N_NODES * rows + row
+        combine(out, row, out, row, -1.0, responses.kick, at, rows, forces, 0, N_NODES)
+
+
+@inlined
+def take_step(contact, place, h, stiffness, linear, z, model, responses, work):
+    """Take a step whose table is at `place`, from z and ``work.forcing``, to ``work.z_end``.
+
+    Parameters
+    ----------
+    contact, place : int
+    h : float
+        Length of the step.
+    stiffness : float
+        Largest |df/dd| expected.
+    linear : float
+        Stiffness of the contact in the linear motion: 0 or beta.
+    z : ndarray, shape (2R,)
+    model, responses, work
+
+    Returns
+    -------
+    float
+        Estimated error of the velocity of the contact; inf if the iteration has not converged.
+    """
+    contacts, rho = model.contacts, model.rho
+    beta, gap = contacts.beta[contact], contacts.gap[contact]
+    solitary = work.solitary
+    x, free, forces, distances = work.x, solitary.free, solitary.forces, solitary.x
+    start(x, z, work.forcing)
+    size = x.shape[0]
+    first = place * size * N_NODES
+    x0 = distance(contact, z, contacts)
+    force = contact_force(x0, beta, rho) - linear * x0
+    for block in range(0, N_NODES, LANES):
+        combine(free, block, ZERO, 0, 1.0, responses.linear, first + block, N_NODES, x, 0, size)
+        unforced = load(free, block) - gap
+        store(free, block, unforced)
+        t = load(NODES, block) * h
+        store(distances, block, fma(t * t, -0.5 * force, unforced))
+    low, high = load(distances, 0), load(distances, LANES)
+    square = h * h * stiffness
+    previous = math.inf
+    for iteration in range(MAX_ITERATIONS):
+        store(forces, 0, _forces(low, beta, rho, linear))
+        store(forces, LANES, _forces(high, beta, rho, linear))
+        old_low, old_high = low, high
+        low, high = less_responses(free, responses.response, place, forces)
+        change = _largest_of(low - old_low, high - old_high)
+        if not change < math.inf:
+            return math.inf
+        # the next change is smaller at least by
+        ratio = square / ((2 * iteration + 3) * (2 * iteration + 4))
+        if change * min(ratio, 1.0) <= ROUNDING:
+            break
+        if ratio < 0.5 and change >= previous:
+            if change <= 100.0 * ROUNDING:
+                break
+            return math.inf
+        previous = change
+    else:
+        return math.inf
+    store(distances, 0, low)
+    store(distances, LANES, high)
+    low, high = _forces(low, beta, rho, linear), _forces(high, beta, rho, linear)
+    store(forces, 0, low)
+    store(forces, LANES, high)
+    _state_at_end(place, x, size, responses, forces, work.wide)
+    for i in range(z.shape[0]):
+        work.z_end[i] = work.wide[i]
+    early = total(fma(load(AT_START, 0), low, load(AT_START, LANES) * high))
+    late = total(fma(load(AT_END, 0), low, load(AT_END, LANES) * high))
+    x1 = distance(contact, work.z_end, contacts)
+    end = contact_force(x1, beta, rho) - linear * x1
+    extrapolated = max(abs(early - force), abs(late - end))
+    scale = max(min(_largest_of(low, high), beta / rho), TINY)
+    return MEASURED * h * extrapolated * min(extrapolated / scale, 1.0)
+
+
+@inlined
+def solitary_tangent(contact, place, linear, model, responses, work, tangent):
+    """Multiply `tangent` by the tangent map of the step that `take_step` has taken, in place."""
+    rho, beta = model.rho, model.contacts.beta[contact]
+    solitary = work.solitary
+    x, free, forces = work.x, solitary.free, solitary.forces
+    d_low, d_high = load(solitary.x, 0), load(solitary.x, LANES)
+    s_low, s_high = switches(rho * d_low), switches(rho * d_high)
+    slope_low = fma(s_low * (1.0 + rho * d_low * (1.0 - s_low)), beta, -linear)
+    slope_high = fma(s_high * (1.0 + rho * d_high * (1.0 - s_high)), beta, -linear)
+    size, width = x.shape[0], tangent.shape[0]
+    first = place * size * N_NODES
+    for column in range(tangent.shape[1]):
+        for i in range(width):
+            x[i] = tangent[i, column]
+        for block in range(0, N_NODES, LANES):
+            at = first + block
+            combine(free, block, ZERO, 0, 1.0, responses.linear, at, N_NODES, x, 0, width)
+        low, high = load(free, 0), load(free, LANES)
+        for _ in range(MAX_ITERATIONS):
+            store(forces, 0, slope_low * low)
+            store(forces, LANES, slope_high * high)
+            old_low, old_high = low, high
+            low, high = less_responses(free, responses.response, place, forces)
+            change = _largest_of(low - old_low, high - old_high)
+            if not change > VARIED * _largest_of(low, high):
+                break
+        store(forces, 0, slope_low * low)
+        store(forces, LANES, slope_high * high)
+        _state_at_end(place, x, width, responses, forces, work.wide)
+        for i in range(width):
+            tangent[i, column] = work.wide[i]

@@ -1,0 +1,50 @@
+"""Displacements and velocities along a step with one contact in its layer, for `observation`."""
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.vectors import LANES, combine, fma, load, store
+from hpcsweep.solvers.flow.augmented import start
+from hpcsweep.solvers.flow.layer.solitary.rule import N_NODES, RESPONSES
+from hpcsweep.solvers.flow.layer.tableau import NODES as STAGE_NODES
+from hpcsweep.solvers.flow.polynomials import expand_row
+from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
+
+
+@inlined
+def dense_output(contact, index, h, z, model, tables, work):
+    """Write displacements and velocities at the stages of `scheme` into ``work.layer``.
+
+    The linear motion is that of the tables, what the forces add to it a sum of powers of time.
+    """
+    solitary, stage, rows = work.solitary, work.layer, work.rows
+    x, forces, moments = work.x, solitary.forces, solitary.moments
+    n = model.stiffness.shape[0]
+    start(x, z, work.forcing)
+    factor = h
+    for m in range(LANES):
+        combine(
+            moments,
+            m * LANES,
+            ZERO,
+            0,
+            factor,
+            RESPONSES,
+            m * N_NODES * LANES,
+            LANES,
+            forces,
+            0,
+            N_NODES,
+        )
+        factor *= h
+    sigma = fma(load(STAGE_NODES, 0), 2.0 * h / tables.h[index], load(ZERO, 0) - 1.0)
+    for row in range(2 * n):
+        expand_row(tables.poly, index, row, x, rows)
+        value = load(ZERO, 0) + rows[row, N_COEFFICIENTS - 1]
+        for p in range(N_COEFFICIENTS - 2, -1, -1):
+            value = fma(value, sigma, rows[row, p])
+        for m in range(LANES):
+            moved = tables.impulses[index, contact, m, row]
+            value = fma(load(moments, m * LANES), -moved, value)
+        if row < n:
+            store(stage.u, row * LANES, value)
+        else:
+            store(stage.v, (row - n) * LANES, value)

@@ -1,0 +1,70 @@
+"""The step: planned, tried, and tried shorter where its error is too large."""
+
+import math
+
+from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
+from hpcsweep.solvers.flow.contacts import distance
+from hpcsweep.solvers.flow.layer.solitary.equation import solitary_tangent, take_step
+from hpcsweep.solvers.flow.layer.solitary.output import dense_output
+from hpcsweep.solvers.flow.layer.solitary.plan import (
+    level_of,
+    linear_table,
+    others_stay_away,
+    plan_step,
+    solitary_contact,
+)
+from hpcsweep.solvers.flow.layer.solitary.store import LEVELS
+from hpcsweep.solvers.flow.layer.solitary.tables import response_table
+from hpcsweep.solvers.flow.shared import read_shared
+from hpcsweep.solvers.flow.tally import NO_TALLY
+
+
+@separate(FLOAT, FLOAT, VECTOR, INT, MATRIX, BYTES)
+def solitary_step(left, z, wanted, tangent, packed):
+    """Take a step if one contact alone is in its layer; see `equation`.
+
+    Parameters
+    ----------
+    left : float
+        Longest step.
+    z : ndarray, shape (2R,)
+        State at the start, ``work.a`` its accelerations and ``work.forcing`` the forcing; that at
+        the end is left in ``work.z_end``.
+    wanted : int
+        If anything is, ``work.layer`` receives displacements and velocities at its stages.
+    tangent : ndarray, shape (2R, m)
+        Multiplied by the tangent map of the step, in place.
+    packed : ndarray of bytes
+        A packed `Shared`.
+
+    Returns
+    -------
+    float
+        Length of the step, 0 if none could be taken.
+    """
+    shared = read_shared(packed)
+    model, tables, work, responses = shared.model, shared.tables, shared.work, shared.responses
+    contact = solitary_contact(z, model)
+    if contact < 0 or not model.rho > 0.0:
+        return 0.0
+    h, stiffness = plan_step(contact, z, work.a, left, model)
+    if not h > 0.0:
+        return 0.0
+    linear = model.contacts.beta[contact] if distance(contact, z, model.contacts) > 0.0 else 0.0
+    index = linear_table(contact, z, model, tables, packed)
+    level, h = level_of(h, tables.h[index])
+    while level < LEVELS:
+        place = response_table(index, contact, level, packed, responses)
+        error = take_step(contact, place, h, stiffness, linear, z, model, responses, work)
+        size = 1.0
+        for i in range(z.shape[0]):
+            size = max(size, abs(work.z_end[i]))
+        if error <= shared.tolerance * size and others_stay_away(contact, z, work.z_end, model):
+            if wanted != NO_TALLY:
+                dense_output(contact, index, h, z, model, tables, work)
+            if tangent.shape[1] > 0:
+                solitary_tangent(contact, place, linear, model, responses, work, tangent)
+            return h
+        level += 1
+        h *= math.sqrt(0.5)
+    return 0.0

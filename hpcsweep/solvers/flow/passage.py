@@ -9,7 +9,6 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, KEY, VECTOR, separate
-from hpcsweep.model.contact import contact_force
 from hpcsweep.solvers.flow.apart import Arrival, is_alone, passes_apart
 from hpcsweep.solvers.flow.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.crossing import add_kick, moments, passage_is_fast
@@ -20,7 +19,6 @@ from hpcsweep.solvers.flow.search import LAST_STEP
 from hpcsweep.solvers.flow.segment import SEGMENT
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.slow_passage import (
-    DISPLACED,
     cross_half,
     half_is_smooth,
     passage_is_smooth,
@@ -197,53 +195,3 @@ def _pass_slowly(how, arrival, z, index, packed, shared):
     for i in range(z.shape[0]):
         z[i] = moved[i]
     return how
-
-
-@separate(INT, INT, FLOAT, VECTOR, FLOAT, BYTES, inner=True)
-def leave_layer(contact, tau, z, amplitude, shared):
-    """Go over to the linear motion before a stop that a contact has just reached from beyond it.
-
-    Parameters
-    ----------
-    contact : int
-    tau : float
-    z : ndarray, shape (2R,)
-        True state; on success that of the linear motion. ``work.a`` has its accelerations and
-        ``work.forcing`` the forcing.
-    amplitude : float
-    shared : ndarray of bytes
-        A packed `Shared`.
-
-    Returns
-    -------
-    int
-        The table of that motion; -1, with z unchanged, if the passage has to be integrated.
-    """
-    common = read_shared(shared)
-    model, tables, work = common.model, common.tables, common.work
-    contacts, a, forcing = model.contacts, work.a, work.forcing
-    key = np.uint64(0)
-    for k in range(contacts.row.shape[0]):
-        x = distance(k, z, contacts)
-        if k == contact:
-            if not model.rho * abs(x) <= 0.8 * DISPLACED:
-                return -1
-        elif abs(x) < model.layer:
-            return -1
-        elif x > 0.0:
-            key |= contact_bit(k)
-    row, sign = contacts.row[contact], contacts.sign[contact]
-    arrival = Arrival(contact, key, tau, forcing)
-    v = sign * z[model.stiffness.shape[0] + row]
-    pushed = sign * a[row] + contact_force(
-        distance(contact, z, contacts), contacts.beta[contact], model.rho
-    )
-    bend = sign * jerk_at_stop(arrival, z, a, model)
-    if not (v < 0.0 and half_is_smooth(v, pushed, bend, False, contact, model)):
-        return -1
-    if not is_alone(arrival, z, a, amplitude, model):
-        return -1
-    index = table_at_hand(key, tables, shared)
-    if index >= 0 and cross_half(1.0, index, contact, z, shared) == 1:
-        return index
-    return -1

@@ -26,7 +26,6 @@ from hpcsweep.solvers.flow.events import (
 from hpcsweep.solvers.flow.forcing import forcing_at, rotate_forcing
 from hpcsweep.solvers.flow.gather import observe_segment, segment_tangent
 from hpcsweep.solvers.flow.layer.visit import (
-    DEPARTED,
     OVERFLOW,
     Interval,
     copy_state,
@@ -191,19 +190,6 @@ def _next_segment(segment, ending, tau, z, amplitude, packed, shared):
 
 
 @inlined
-def _after_visit(outcome, tau, z, amplitude, packed, shared):
-    """Give the contact set and the table after a visit; `NO_TABLE` where they are to be found."""
-    model, tables, work = shared.model, shared.tables, shared.work
-    key, index = np.uint64(0), NO_TABLE
-    if outcome >= DEPARTED:
-        key = contact_key(tau, z, amplitude, model, work) & ~contact_bit(outcome - DEPARTED)
-        index = table_of(key, tables, packed)
-        forcing_at(tau, amplitude, model, work.forcing, 0)
-        start(work.x, z, work.forcing)
-    return key, index
-
-
-@inlined
 def march_period(packed, z, amplitude, shared, wanted, tangent):
     """Advance z over one forcing period, in place.
 
@@ -242,9 +228,9 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
             tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
             counts[2] += used
             steps += used
-            if outcome != COMPLETE and outcome < DEPARTED:
+            if outcome != COMPLETE:
                 return outcome
-            key, index = _after_visit(outcome, tau, z, amplitude, packed, shared)
+            index = NO_TABLE
             continue
         if index == NO_TABLE:
             key = contact_key(tau, z, amplitude, model, work)

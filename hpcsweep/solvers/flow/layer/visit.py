@@ -30,7 +30,6 @@ from hpcsweep.model.contact import (
     FAR,
     MOST_STIFFNESS,
     STIFFEST,
-    contact_force,
     contact_stiffness,
 )
 from hpcsweep.solvers.flow.contacts import approach_speed, distance
@@ -46,10 +45,7 @@ from hpcsweep.solvers.flow.layer.scheme import (
 from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
-from hpcsweep.solvers.flow.passage import leave_layer
 from hpcsweep.solvers.flow.shared import read_shared
-from hpcsweep.solvers.flow.slow_passage import half_is_smooth
-from hpcsweep.solvers.flow.slow_tangent import half_tangent
 from hpcsweep.solvers.flow.tally import NO_TALLY, NORMS
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
@@ -60,15 +56,6 @@ DISTANT = 100.0
 """rho |x| from which on a contact that takes half its way to the stop stays beyond `FAR`."""
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
-
-
-DEPARTED = 1000
-"""And the number of a contact, in place of an outcome: the state is that of the linear motion on
-which this contact leaves its layer."""
-NEAR = 0.5
-"""rho x below which a contact is too near its stop to be taken there by a step of its own."""
-LONGER = 1.1
-"""Part by which a step may be longer to end where a contact is at its stop."""
 
 
 class Interval(NamedTuple):
@@ -176,41 +163,6 @@ def step_limit(z, a, model, most):
 
 
 @kernel
-def landing(h, z, a, model):
-    """Find the contact that will be back at its stop by the end of a step, alone in its layer.
-
-    Returns
-    -------
-    contact : int
-        -1 if there is none.
-    h : float
-        When it is there, else as given.
-    """
-    contacts = model.contacts
-    found = -1
-    for k in range(contacts.row.shape[0]):
-        if abs(distance(k, z, contacts)) < model.layer:
-            if found >= 0:
-                return -1, h
-            found = k
-    if found < 0:
-        return -1, h
-    x, v = distance(found, z, contacts), approach_speed(found, z, contacts)
-    if not (model.rho * x > NEAR and v < 0.0):
-        return -1, h
-    force = contact_force(x, contacts.beta[found], model.rho)
-    pushed = contacts.sign[found] * a[contacts.row[found]] + force
-    if not half_is_smooth(v, pushed, 0.0, False, found, model):
-        return -1, h
-    # the force falls about linearly in time
-    square = v * v - 2.0 * (pushed - 2.0 / 3.0 * force) * x
-    if not square > 0.0:
-        return -1, h
-    time = 2.0 * x / (math.sqrt(square) - v)
-    return (found, time) if time <= LONGER * h else (-1, h)
-
-
-@kernel
 def shortening(allowed, error):
     """Choose by how much a step is cut whose error, of order h^(2 N_STAGES + 1), is too large."""
     return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
@@ -224,8 +176,6 @@ def _collocated_step(interval, most, z, amplitude, shared):
     -------
     h : float
         Its length.
-    contact : int
-        The contact that is back at its stop at its end, see `landing`; -1 if there is none.
     outcome : int
     steps : int
         Steps tried.
@@ -233,11 +183,8 @@ def _collocated_step(interval, most, z, amplitude, shared):
     model, work = shared.model, shared.work
     tau, left = interval.tau, interval.end - interval.tau
     h, stiffness = step_limit(z, work.a, model, min(left, most))
-    contact, h = landing(h, z, work.a, model)
-    if h >= left:
-        contact, h = -1, left
     if not tau + h > tau:
-        return h, -1, SOLVER_FAILED, 0
+        return h, SOLVER_FAILED, 0
     for steps in range(1, interval.steps_left + 1):
         if collocate(tau, h, z, work.a, amplitude, work.forcing, stiffness, model, work.layer):
             finish(h, z, work.layer.g, work.z_end)
@@ -247,14 +194,13 @@ def _collocated_step(interval, most, z, amplitude, shared):
                 size = max(size, abs(work.z_end[i]))
             allowed = shared.tolerance * size
             if error <= allowed:
-                return h, contact, COMPLETE, steps
+                return h, COMPLETE, steps
             h *= shortening(allowed, error)
         else:
             h *= 0.5
-        contact = -1
         if not h > 1e-14 * left:
-            return h, -1, SOLVER_FAILED, steps
-    return h, -1, STEP_LIMIT, interval.steps_left
+            return h, SOLVER_FAILED, steps
+    return h, STEP_LIMIT, interval.steps_left
 
 
 @separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, INT, MATRIX, inner=True)
@@ -288,7 +234,6 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     steps = 0
     while True:
         left = end - tau
-        contact = -1
         if steps == steps_left:
             return tau, STEP_LIMIT, steps
         h = solitary_step(left, z, wanted, tangent, packed)
@@ -299,7 +244,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
                 accelerations_at_stages(tau, h, z, amplitude, pairs, model, work)
         else:
             interval = Interval(tau, end, steps_left - steps)
-            h, contact, outcome, used = _collocated_step(interval, most, z, amplitude, shared)
+            h, outcome, used = _collocated_step(interval, most, z, amplitude, shared)
             steps += used
             if outcome != COMPLETE:
                 return tau, outcome, steps
@@ -317,9 +262,3 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
             work.a[i] = work.a_end[i]
         if tau >= end or not inside_layer(z, model):
             return tau, COMPLETE, steps
-        if contact >= 0:
-            index = leave_layer(contact, tau, z, amplitude, packed)
-            if index >= 0:
-                if tangent.shape[1] > 0:
-                    half_tangent(1.0, index, contact, tangent, packed)
-                return tau, DEPARTED + contact, steps

@@ -140,7 +140,7 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
             at_edge = rising_root(curve, bracket, edge)
             bracket = Bracket(at_edge, bracket.ga, at_edge, bracket.gb)
         at_stop = time_at_stop(rows, contact, contacts, h, bracket.b, direction)
-        if not at_stop <= segment.end - tau:
+        if not at_stop <= min(h, segment.end - tau):
             near = ~np.uint64(0)
         contact, at_stop = first_at_stop(contact, at_stop, near, segment.key, rows, h, contacts)
     how = INTEGRATED

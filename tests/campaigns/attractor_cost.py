@@ -20,7 +20,7 @@ from pathlib import Path
 import numba
 import numpy as np
 from scipy.integrate._ivp import dop853_coefficients as tableau
-from tools import JOBS, hpcsweep
+from tools import DESCRIBED, JOBS, hpcsweep
 
 from hpcsweep import attractors
 from hpcsweep.dynamics.orbit import orbit_period
@@ -31,7 +31,6 @@ from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import make_solver
 
-DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 POINTS = (
     ("P2 and P1", 0.05, 0.12, 0.445),
     ("three orbits", 0.05, 0.2188, 0.445),

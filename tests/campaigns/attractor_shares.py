@@ -12,6 +12,7 @@ import time
 from collections import Counter
 
 import numpy as np
+from tools import DESCRIBED
 
 from hpcsweep.dynamics.attractors import portrait
 from hpcsweep.dynamics.resemblance import distance
@@ -20,7 +21,6 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.settings import SweepSettings
 
-DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 STARTS, PROMISED, CYCLES, CONFIDENCE = 459, 0.01, 3000, 0.95
 DEAR = 0.15
 """Milliseconds a start above which a point of orbits alone is drawn anew."""

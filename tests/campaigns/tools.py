@@ -19,6 +19,8 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 JOBS = ROOT / "jobs"
+DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
+"""Damping ratios of the building as the paper describes it, see jobs/figure3-described.toml."""
 LIMIT = 300
 """Seconds after which a command hangs."""
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import binom
+from tools import DESCRIBED
 
 import hpcsweep
 from hpcsweep.dynamics.attractors import Search, portrait
@@ -20,7 +21,6 @@ from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.settings import SweepSettings
 
-DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 PAPER, AS_DESCRIBED = Structure(), Structure(damping_ratio=DESCRIBED)
 MACHINE = Structure(1, 50.0, math.inf, gap=0.5, gap_left=0.5)
 """Of jobs/clearance.toml: its own mirror image."""

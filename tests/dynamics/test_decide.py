@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from maps import GOLDEN, circle, delayed_logistic, focus, henon, logistic
+from tools import DESCRIBED
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.decide import CONFIRMED, decide
@@ -126,8 +127,7 @@ def test_chaos_that_stays_within_the_near_of_an_orbit_is_chaos():
 )
 def test_a_torus_locked_to_a_long_orbit_that_is_approached_slowly(state):
     """P100 of multiplier 0.94: 6e-4 a period, less than the growth over 800 periods can tell."""
-    ratios = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
-    solver = make_solver("flow", Structure(damping_ratio=ratios), 0.445, 1e-9)
+    solver = make_solver("flow", Structure(damping_ratio=DESCRIBED), 0.445, 1e-9)
     motion = decide(solver, np.array(state), 0.1014964, SweepSettings(), 50_000)
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 100)
     assert motion.multiplier == pytest.approx(0.94, abs=2e-3)

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from tools import DESCRIBED
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.reference import reference_points
 
-AS_DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 OMEGA = 2.0 * math.pi / 0.06
 """A period that ends before a floor is back at its stop."""
 
@@ -25,7 +25,7 @@ def states(rng, slowest, fastest, apart):
     return np.concatenate((u, v))
 
 
-@pytest.mark.parametrize("damping", [0.05, AS_DESCRIBED])
+@pytest.mark.parametrize("damping", [0.05, DESCRIBED])
 def test_fast_floors_that_pass_together_need_no_integration(damping):
     rng = np.random.default_rng(3)
     structure = Structure(3, 1000.0, 1e4, damping)
@@ -41,7 +41,7 @@ def test_fast_floors_that_pass_together_need_no_integration(damping):
     assert worst < 1e-12
 
 
-@pytest.mark.parametrize("damping", [0.05, AS_DESCRIBED])
+@pytest.mark.parametrize("damping", [0.05, DESCRIBED])
 def test_floors_that_pass_together_are_those_of_the_reference(damping):
     """Slower ones are integrated where what they do to each other is not negligible."""
     rng = np.random.default_rng(4)

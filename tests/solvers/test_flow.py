@@ -6,6 +6,7 @@ import math
 import numba
 import numpy as np
 import pytest
+from building import generator
 from numpy.polynomial import chebyshev
 
 from hpcsweep.kernels import vectors
@@ -214,23 +215,14 @@ def test_tables_are_the_matrix_exponential(key):
     index = propagators.lookup(np.uint64(key), flow._packed)
     assert propagators.lookup(np.uint64(key), flow._packed) == index
     n = 3
-    generator = np.zeros((2 * n + 3, 2 * n + 3))
-    touching = np.array([key >> i & 1 for i in range(n)], float)
-    generator[:n, n : 2 * n] = np.eye(n)
-    generator[n : 2 * n, :n] = -structure.stiffness_matrix - 1000.0 * np.diag(touching)
-    generator[n : 2 * n, n : 2 * n] = -structure.damping_matrix
-    generator[n : 2 * n, 2 * n] = -1.0
-    generator[n : 2 * n, 2 * n + 2] = 1000.0 * touching
-    generator[2 * n, 2 * n + 1], generator[2 * n + 1, 2 * n] = OMEGA, -OMEGA
+    field = generator(structure, key, OMEGA)
     h = store.h[index]
-    exact = expm(generator * h)[: 2 * n]
+    exact = expm(field * h)[: 2 * n]
     scale = np.abs(exact).max()
     assert np.abs(store.step[index, :, : 2 * n].T - exact).max() < 2e-13 * scale
     for s in (0.0, 0.31 * h, h):
         powers = (2 * s / h - 1) ** np.arange(tables.N_COEFFICIENTS)
-        assert np.abs(store.poly[index] @ powers - expm(generator * s)[: 2 * n]).max() < (
-            2e-13 * scale
-        )
+        assert np.abs(store.poly[index] @ powers - expm(field * s)[: 2 * n]).max() < (2e-13 * scale)
 
 
 def test_fourth_derivative_bound_holds():

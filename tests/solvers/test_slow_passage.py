@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from building import generator
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap, passage_rule, propagators, slow_passage
@@ -63,17 +64,9 @@ def test_series_are_those_of_the_exponential(key):
     flow = FlowMap(structure, omega)
     store = flow._shared.tables
     index = propagators.lookup(np.uint64(key), flow._packed)
-    touching = np.array([key >> i & 1 for i in range(3)], float)
-    generator = np.zeros((9, 9))
-    generator[:3, 3:6] = np.eye(3)
-    generator[3:6, :3] = -structure.stiffness_matrix - 1000.0 * np.diag(touching)
-    generator[3:6, 3:6] = -structure.damping_matrix
-    generator[3:6, 6] = -1.0
-    generator[3:6, 8] = 1000.0 * touching
-    generator[6, 7], generator[7, 6] = omega, -omega
     s = 1e-3
     powers = s ** np.arange(slow_passage.LANES)
-    exact = expm(generator * s)
+    exact = expm(generator(structure, key, omega) * s)
     for contact in range(3):
         assert store.series[index, contact] @ powers == pytest.approx(exact[contact], abs=1e-15)
         assert powers @ store.impulses[index, contact][:, :6] == pytest.approx(

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from building import generator
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.special import expit
@@ -19,27 +20,13 @@ RHO = 1e4
 NO_TANGENT = np.empty((6, 0))
 
 
-def generator_of(structure, key):
-    """Give M of a uniform building under one harmonic, written down independently."""
-    n = structure.n_floors
-    pushing = structure.stiffness_ratio * np.array([key >> i & 1 for i in range(n)], float)
-    matrix = np.zeros((2 * n + 3, 2 * n + 3))
-    matrix[:n, n : 2 * n] = np.eye(n)
-    matrix[n : 2 * n, :n] = -structure.stiffness_matrix - np.diag(pushing)
-    matrix[n : 2 * n, n : 2 * n] = -structure.damping_matrix
-    matrix[n : 2 * n, 2 * n] = -1.0
-    matrix[n : 2 * n, -1] = pushing
-    matrix[2 * n, 2 * n + 1], matrix[2 * n + 1, 2 * n] = OMEGA, -OMEGA
-    return matrix
-
-
 @pytest.mark.parametrize(("key", "contact", "level"), [(0, 2, 6), (4, 2, 1), (5, 1, 4), (0, 0, 9)])
 def test_tables_are_those_of_the_exponential(key, contact, level):
     structure = Structure(3, 1000.0, RHO, (0.05, 0.3, 1.4))
     flow = FlowMap(structure, OMEGA)
     index = propagators.lookup(np.uint64(key), flow._packed)
     place = tables.build_response(index, contact, level, flow._packed)
-    responses, matrix = flow._shared.responses, generator_of(structure, key)
+    responses, matrix = flow._shared.responses, generator(structure, key, OMEGA)
     h = flow._shared.tables.h[index] * 2.0 ** (-0.5 * level)
     pushed = np.eye(9)[3 + contact]
     scale = math.sqrt(1.0 + structure.stiffness_ratio)  # of velocities by displacements

@@ -1,6 +1,6 @@
 """The motion along a linear step as polynomials in sigma = 2 s / h - 1, from the tables."""
 
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.vectors import LANES, combine, fma
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
 
@@ -41,6 +41,15 @@ def expand_row(poly, index, row, x, rows):
             0,
             x.shape[0],
         )
+
+
+@inlined
+def evaluate(coefficients, sigma):
+    """Evaluate a polynomial of a step at sigma, a number or Lanes."""
+    value = sigma * 0.0
+    for p in range(N_COEFFICIENTS - 1, -1, -1):
+        value = fma(value, sigma, coefficients[p])
+    return value
 
 
 @kernel

@@ -67,8 +67,8 @@ DISPLACED = 0.1
 """Largest delta; its exponential is a polynomial."""
 SWEEPS = 5
 SETTLED = 1e-6
-"""Change of delta after which one more sweep is the last: each changes it 2,000 times less at
-least than the one before (as far as was tried, 500 times where delta is near `DISPLACED`)."""
+"""Change of delta after which one more sweep is the last. In the passages tried, delta up to 0.01,
+each changed it 2,000 times less at least than the one before."""
 EXPONENTIAL = (-1.0 / 720.0 / 7.0, 1.0 / 720.0, -1.0 / 120.0, 1.0 / 24.0, -1.0 / 6.0, 0.5, -1.0)
 """(exp(-delta) - 1) / delta, falling orders."""
 

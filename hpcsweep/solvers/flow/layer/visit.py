@@ -3,14 +3,8 @@
 A step with one contact alone in its layer is that of `solitary`, all others are collocated. These
 have two limits.
 
-- The sigmoid has poles at y = rho x = +-i pi (2 m + 1). On a step on which y moves by L, Gauss
-  quadrature converges as kappa^-16, kappa the parameter of the Bernstein ellipse about the step
-  on which the nearest poles lie: |i pi - y| + |i pi - y - L| = `ELLIPSE` L / 2 with `ELLIPSE` =
-  kappa + 1 / kappa. Hence, y negative on the way to the stop::
-
-      L = (ELLIPSE sqrt(pi^2 + y^2) + 2 y) / (ELLIPSE^2 / 4 - 1).
-
-  The force has the size beta / rho there, so that kappa^-16 = 2e-12 leaves a velocity error of
+- The poles of the sigmoid (`limits`), with kappa + 1 / kappa = `ELLIPSE`.
+  The force has the size beta / rho, so that kappa^-16 = 2e-12 leaves a velocity error of
   about 1e-14 on a step of h = 1e-3 to 1e-2. The limit also keeps a contact that is still far away
   from stepping over its layer.
 - The iteration contracts as h^2 |dG/du| / 2, so h <= `CONTRACTION` / sqrt(|dG/du|), and likewise
@@ -26,15 +20,10 @@ from typing import NamedTuple
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
-from hpcsweep.model.contact import (
-    FAR,
-    MOST_STIFFNESS,
-    STIFFEST,
-    contact_stiffness,
-)
 from hpcsweep.solvers.flow.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.forcing import forcing_at, later_forcing, total_forcing
 from hpcsweep.solvers.flow.layer.error import quadrature_error
+from hpcsweep.solvers.flow.layer.limits import allowed_error, reach, stiffness_up_to
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
     accelerations,
@@ -53,7 +42,7 @@ ELLIPSE = 5.5
 """kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 1.2
 DISTANT = 100.0
-"""rho |x| from which on a contact that takes half its way to the stop stays beyond `FAR`."""
+"""rho |x| from which on a contact that takes half its way to the stop stays where S is 0 or 1."""
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
 
@@ -96,12 +85,6 @@ def inside_layer(z, model):
 
 
 @kernel
-def _reach(y):
-    """Choose how far y may move on a step from y (negative: towards the stop); see the module."""
-    return (ELLIPSE * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ELLIPSE**2 - 1.0)
-
-
-@kernel
 def longest_step(model):
     """Limit the steps by damping and forcing, see the module."""
     n = model.stiffness.shape[0]
@@ -141,22 +124,17 @@ def step_limit(z, a, model, most):
         elif model.rho > 0.0:
             y = model.rho * x
             along = y if v >= 0.0 else -y
-            reach = _reach(along) / model.rho
-            if v * pushed <= 0.0 and v * v < 2.0 * abs(pushed) * reach:
-                reach = min(reach, _reach(-along) / model.rho)
+            way = reach(along, ELLIPSE) / model.rho
+            if v * pushed <= 0.0 and v * v < 2.0 * abs(pushed) * way:
+                way = min(way, reach(-along, ELLIPSE) / model.rho)
             v = abs(v)
-            root = math.sqrt(v * v + 2.0 * abs(pushed) * reach)
+            root = math.sqrt(v * v + 2.0 * abs(pushed) * way)
             if root > 0.0:
-                h = min(h, 2.0 * reach / (v + root))
-            nearest = x + reach
+                h = min(h, 2.0 * way / (v + root))
+            nearest = x + way
         else:
             nearest = 0.0
-        if model.rho * nearest >= STIFFEST:
-            stiff = MOST_STIFFNESS * contacts.beta[k]
-        elif model.rho * nearest > -FAR:
-            stiff = contact_stiffness(nearest, contacts.beta[k], model.rho)
-        else:
-            continue
+        stiff = stiffness_up_to(nearest, contacts.beta[k], model.rho)
         # a contact that is switched on softens at first, which must not hide what others add
         hardest = hardest + max(stiff, 0.0) if contacts.is_oblique else max(hardest, stiff)
     return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
@@ -189,10 +167,7 @@ def _collocated_step(interval, most, z, amplitude, shared):
         if collocate(tau, h, z, work.a, amplitude, work.forcing, stiffness, model, work.layer):
             finish(h, z, work.layer.g, work.z_end)
             error = quadrature_error(h, z, model, work.layer)
-            size = 1.0
-            for i in range(work.z_end.shape[0]):
-                size = max(size, abs(work.z_end[i]))
-            allowed = shared.tolerance * size
+            allowed = allowed_error(work.z_end, shared.tolerance)
             if error <= allowed:
                 return h, COMPLETE, steps
             h *= shortening(allowed, error)

@@ -34,10 +34,9 @@ from hpcsweep.kernels.vectors import (
     maximum,
     modulus,
     store,
-    switches,
     total,
 )
-from hpcsweep.model.contact import contact_force
+from hpcsweep.model.contact import contact_force, contact_forces, contact_stiffnesses
 from hpcsweep.solvers.flow.augmented import start
 from hpcsweep.solvers.flow.contacts import distance
 from hpcsweep.solvers.flow.layer.solitary.rule import AT_END, AT_START, N_NODES, NODES
@@ -57,7 +56,7 @@ TINY = 1e-300
 @inlined
 def _forces(d, beta, rho, linear):
     """Evaluate f of Lanes; `linear` is the stiffness that the linear motion has."""
-    return (switches(rho * d) * beta - linear) * d
+    return fma(d, -linear, contact_forces(d, beta, rho))
 
 
 @inlined
@@ -174,10 +173,8 @@ def solitary_tangent(contact, place, linear, model, responses, work, tangent):
     rho, beta = model.rho, model.contacts.beta[contact]
     solitary = work.solitary
     x, free, forces = work.x, solitary.free, solitary.forces
-    d_low, d_high = load(solitary.x, 0), load(solitary.x, LANES)
-    s_low, s_high = switches(rho * d_low), switches(rho * d_high)
-    slope_low = fma(s_low * (1.0 + rho * d_low * (1.0 - s_low)), beta, -linear)
-    slope_high = fma(s_high * (1.0 + rho * d_high * (1.0 - s_high)), beta, -linear)
+    slope_low = contact_stiffnesses(load(solitary.x, 0), beta, rho) - linear
+    slope_high = contact_stiffnesses(load(solitary.x, LANES), beta, rho) - linear
     size, width = x.shape[0], tangent.shape[0]
     first = place * size * N_NODES
     for column in range(tangent.shape[1]):

@@ -5,8 +5,8 @@ from hpcsweep.kernels.vectors import LANES, combine, fma, load, store
 from hpcsweep.solvers.flow.augmented import start
 from hpcsweep.solvers.flow.layer.solitary.rule import N_NODES, RESPONSES
 from hpcsweep.solvers.flow.layer.tableau import NODES as STAGE_NODES
-from hpcsweep.solvers.flow.polynomials import expand_row
-from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.polynomials import evaluate, expand_row
+from hpcsweep.solvers.flow.tables import ZERO
 
 
 @inlined
@@ -38,9 +38,7 @@ def dense_output(contact, index, h, z, model, tables, work):
     sigma = fma(load(STAGE_NODES, 0), 2.0 * h / tables.h[index], load(ZERO, 0) - 1.0)
     for row in range(2 * n):
         expand_row(tables.poly, index, row, x, rows)
-        value = load(ZERO, 0) + rows[row, N_COEFFICIENTS - 1]
-        for p in range(N_COEFFICIENTS - 2, -1, -1):
-            value = fma(value, sigma, rows[row, p])
+        value = evaluate(rows[row], sigma)
         for m in range(LANES):
             moved = tables.impulses[index, contact, m, row]
             value = fma(load(moments, m * LANES), -moved, value)

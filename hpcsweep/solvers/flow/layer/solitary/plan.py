@@ -1,7 +1,7 @@
 """How long a step with one contact in its layer may be, and what the linear motion is meanwhile.
 
-The limit by the poles of the sigmoid is that of `layer.visit`, for a rule of more nodes. Damping,
-forcing and floors do not limit the step; that others stay away from their layers does.
+The poles of the sigmoid limit it (`layer.limits`). Damping, forcing and floors do not; that others
+stay away from their layers does.
 """
 
 import math
@@ -9,8 +9,8 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, contact_stiffness
 from hpcsweep.solvers.flow.contacts import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.layer.limits import reach, stiffness_up_to
 from hpcsweep.solvers.flow.layer.solitary.store import LEVELS
 from hpcsweep.solvers.flow.propagators import table_of
 
@@ -24,12 +24,6 @@ AT_EDGE = 1.001
 """Distance, in half-widths of the layer, of a contact that counts as being inside."""
 LEAST_PART = 0.1
 """Of a step that is shortened because another contact comes near its layer."""
-
-
-@kernel
-def _reach(y):
-    """Choose how far y may move on a step from y (negative: towards the stop); see `visit`."""
-    return (ELLIPSE * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ELLIPSE**2 - 1.0)
 
 
 @kernel
@@ -63,24 +57,20 @@ def plan_step(contact, z, a, most, model):
     ahead = 1.0 if v >= 0.0 else -1.0
     slowing, v = ahead * pushed < 0.0, abs(v)
     pushed = abs(pushed)
-    reach = _reach(ahead * y) / rho
+    way = reach(ahead * y, ELLIPSE) / rho
     turn = 0.5 * v * v / pushed
-    nearest = x + reach
-    if slowing and turn < reach:
+    nearest = x + way
+    if slowing and turn < way:
         # to where it turns, and as far as it may go from there
-        reach = _reach(-ahead * (y + ahead * rho * turn)) / rho
-        h = v / pushed + math.sqrt(2.0 * reach / pushed)
+        way = reach(-ahead * (y + ahead * rho * turn), ELLIPSE) / rho
+        h = v / pushed + math.sqrt(2.0 * way / pushed)
         nearest = x + turn
     else:
-        square = v * v + (-2.0 if slowing else 2.0) * pushed * reach
-        h = 2.0 * reach / (v + math.sqrt(max(square, 0.0)))
-    stiff = 0.0
-    if y > 0.0:
-        stiff = 0.5 * contacts.beta[contact]
-    elif rho * nearest >= STIFFEST:
-        stiff = MOST_STIFFNESS * contacts.beta[contact]
-    elif rho * nearest > -FAR:
-        stiff = abs(contact_stiffness(nearest, contacts.beta[contact], rho))
+        square = v * v + (-2.0 if slowing else 2.0) * pushed * way
+        h = 2.0 * way / (v + math.sqrt(max(square, 0.0)))
+    beta = contacts.beta[contact]
+    # beyond the stop the spring is part of the linear motion
+    stiff = 0.5 * beta if y > 0.0 else abs(stiffness_up_to(nearest, beta, rho))
     if h * h * stiff > CONTRACTION * CONTRACTION:
         h = CONTRACTION / math.sqrt(stiff)
     if h > 2.0 * most:
@@ -120,7 +110,7 @@ def level_of(h, longest):
 
 
 @inlined
-def linear_table(contact, z, model, tables, packed):
+def linear_table(z, model, tables, packed):
     """Give the table of the contacts that touch in state z."""
     contacts = model.contacts
     key = np.uint64(0)

@@ -8,24 +8,26 @@ from hpcsweep.solvers.flow.layer import tableau
 N_NODES = 2 * LANES
 
 
-def _ends(nodes: np.ndarray, barycentric: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give the factors with which values at the nodes are extrapolated to 0 and to 1."""
-    rows = []
-    for end in (0.0, 1.0):
-        shares = barycentric / (end - nodes)
-        rows.append(shares / shares.sum())
-    return rows[0], rows[1]
-
-
-def _rule():
+def _rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give nodes and weights, and the barycentric weights of interpolation."""
     x, w = np.polynomial.legendre.leggauss(N_NODES)
     # of Gauss-Legendre nodes: Wang and Xiang, Math. Comp. 81 (2012) 861
     barycentric = (-1.0) ** np.arange(N_NODES) * np.sqrt((1.0 - x * x) * w)
-    nodes = 0.5 * (x + 1.0)
-    return nodes, 0.5 * w, barycentric, *_ends(nodes, barycentric)
+    return 0.5 * (x + 1.0), 0.5 * w, barycentric
 
 
-def _responses():
+def _lagrange(times) -> np.ndarray:
+    """Evaluate the Lagrange polynomials of the nodes at times (any,), none a node.
+
+    Returns
+    -------
+    ndarray, shape (any, N_NODES)
+    """
+    shares = BARYCENTRIC / (np.asarray(times)[..., None] - NODES)
+    return shares / shares.sum(axis=-1, keepdims=True)
+
+
+def _responses() -> np.ndarray:
     """Integrate (t - s)^m l_k(s) from 0 to the nodes t of `tableau`.
 
     Returns
@@ -34,24 +36,15 @@ def _responses():
         By m, k and t.
     """
     found = np.empty((LANES, N_NODES, tableau.N_STAGES))
-    for q, (t, lagrange) in enumerate(zip(tableau.NODES, _lagrange(tableau.NODES), strict=True)):
+    for q, t in enumerate(tableau.NODES):
         for m in range(LANES):
-            found[m, :, q] = (t * WEIGHTS * (t - t * NODES) ** m) @ lagrange
+            found[m, :, q] = (t * WEIGHTS * (t - t * NODES) ** m) @ _lagrange(t * NODES)
     return found
 
 
-def _lagrange(times) -> np.ndarray:
-    """Evaluate the Lagrange polynomials at t times each node, for each of some times.
-
-    Returns
-    -------
-    ndarray, shape (times, N_NODES, N_NODES)
-        By time, node and polynomial.
-    """
-    shares = BARYCENTRIC / (np.multiply.outer(times, NODES)[:, :, None] - NODES)
-    return shares / shares.sum(axis=2, keepdims=True)
-
-
-NODES, WEIGHTS, BARYCENTRIC, AT_START, AT_END = _rule()
-LAGRANGE = _lagrange(NODES)
+NODES, WEIGHTS, BARYCENTRIC = _rule()
+AT_START, AT_END = _lagrange([0.0, 1.0])
+"""(N_NODES,) each: factors with which values at the nodes are extrapolated to the ends."""
+LAGRANGE = _lagrange(np.multiply.outer(NODES, NODES))
+"""(N_NODES, N_NODES, N_NODES): l_k(c_j c_q) by j, q and k."""
 RESPONSES = _responses()

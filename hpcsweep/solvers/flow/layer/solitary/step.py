@@ -4,6 +4,7 @@ import math
 
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
 from hpcsweep.solvers.flow.contacts import distance
+from hpcsweep.solvers.flow.layer.limits import allowed_error
 from hpcsweep.solvers.flow.layer.solitary.equation import solitary_tangent, take_step
 from hpcsweep.solvers.flow.layer.solitary.output import dense_output
 from hpcsweep.solvers.flow.layer.solitary.plan import (
@@ -51,15 +52,13 @@ def solitary_step(left, z, wanted, tangent, packed):
     if not h > 0.0:
         return 0.0
     linear = model.contacts.beta[contact] if distance(contact, z, model.contacts) > 0.0 else 0.0
-    index = linear_table(contact, z, model, tables, packed)
+    index = linear_table(z, model, tables, packed)
     level, h = level_of(h, tables.h[index])
     while level < LEVELS:
         place = response_table(index, contact, level, packed, responses)
         error = take_step(contact, place, h, stiffness, linear, z, model, responses, work)
-        size = 1.0
-        for i in range(z.shape[0]):
-            size = max(size, abs(work.z_end[i]))
-        if error <= shared.tolerance * size and others_stay_away(contact, z, work.z_end, model):
+        allowed = allowed_error(work.z_end, shared.tolerance)
+        if error <= allowed and others_stay_away(contact, z, work.z_end, model):
             if wanted != NO_TALLY:
                 dense_output(contact, index, h, z, model, tables, work)
             if tangent.shape[1] > 0:

@@ -60,7 +60,4 @@ def empty_responses(model: Model, n_tables: int) -> Responses:
 def forget(responses):
     """Empty the store."""
     responses.count[0] = 0
-    for index in range(responses.place.shape[0]):
-        for contact in range(responses.place.shape[1]):
-            for level in range(responses.place.shape[2]):
-                responses.place[index, contact, level] = -1
+    responses.place[:] = -1

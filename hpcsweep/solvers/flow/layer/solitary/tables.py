@@ -15,9 +15,10 @@ and l = 0, 1, .., so that each table serves often.
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, INT, separate
-from hpcsweep.kernels.vectors import LANES, combine, fma, load, store
+from hpcsweep.kernels.vectors import LANES, combine, load, store
 from hpcsweep.solvers.flow.layer.solitary.rule import LAGRANGE, N_NODES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.layer.solitary.store import forget
+from hpcsweep.solvers.flow.polynomials import evaluate
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
 
@@ -39,24 +40,6 @@ def _impulse_row(poly, row, contact, model, out):
             out[p] += poly[row, n_rows + i, p] * model.contacts.kick[contact, i]
 
 
-@kernel
-def _at(coefficients, sigma):
-    """Evaluate a polynomial in sigma, a number."""
-    value = 0.0
-    for p in range(N_COEFFICIENTS - 1, -1, -1):
-        value = fma(value, sigma, coefficients[p])
-    return value
-
-
-@inlined
-def _at_nodes(coefficients, sigma):
-    """Evaluate a polynomial in sigma (Lanes)."""
-    value = sigma * 0.0
-    for p in range(N_COEFFICIENTS - 1, -1, -1):
-        value = fma(value, sigma, coefficients[p])
-    return value
-
-
 @separate(INT, INT, INT, INT, BYTES)
 def build_response(index, contact, level, packed):
     """Make the table of a step; give its place.
@@ -64,7 +47,7 @@ def build_response(index, contact, level, packed):
     Parameters
     ----------
     index : int
-        Of the table of the contact set, in which `contact` does not touch.
+        Of the table of the contact set.
     contact : int
     level : int
         The step is that of the table over 2^(level / 2).
@@ -89,13 +72,13 @@ def build_response(index, contact, level, packed):
     for x in range(poly.shape[1]):
         for block in range(0, N_NODES, LANES):
             sigma = load(NODES, block) * span - 1.0
-            store(linear, x * N_NODES + block, _at_nodes(poly[row, x], sigma) * sign)
+            store(linear, x * N_NODES + block, evaluate(poly[row, x], sigma) * sign)
         for i in range(n_rows):
-            step[x, i] = _at(poly[i, x], span - 1.0)
+            step[x, i] = evaluate(poly[i, x], span - 1.0)
     for i in range(n_rows):
         _impulse_row(poly, i, contact, model, impulse)
         for block in range(0, N_NODES, LANES):
-            later = _at_nodes(impulse, (1.0 - load(NODES, block)) * span - 1.0)
+            later = evaluate(impulse, (1.0 - load(NODES, block)) * span - 1.0)
             store(values, block, later * load(WEIGHTS, block) * h)
         for k in range(N_NODES):
             kick[k, i] = values[k]
@@ -103,7 +86,7 @@ def build_response(index, contact, level, packed):
     for j in range(N_NODES):
         part = NODES[j]
         for block in range(0, N_NODES, LANES):
-            later = _at_nodes(impulse, (1.0 - load(NODES, block)) * (span * part) - 1.0)
+            later = evaluate(impulse, (1.0 - load(NODES, block)) * (span * part) - 1.0)
             store(values, block, later * load(WEIGHTS, block) * (sign * h * part))
         for block in range(0, N_NODES, LANES):
             at = j * N_NODES * N_NODES + block

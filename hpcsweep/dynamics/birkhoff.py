@@ -19,6 +19,7 @@ orbit on a locked one.
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -79,6 +80,7 @@ def weighted_growth(logarithms: np.ndarray) -> WeightedGrowth:
     return WeightedGrowth(*(float(mean) * size for mean in means))
 
 
+@lru_cache(maxsize=128)
 def _weights(size: int) -> np.ndarray:
     t = np.arange(1, size + 1) / (size + 1)
     weights = np.exp(-1.0 / (t * (1.0 - t)))

@@ -178,8 +178,7 @@ class _Search:
             return end.state, self.motion(MotionClass.FAILED, end.state[None], outcome=end.outcome)
         if not end.period:
             return end.state, None
-        multiplier = None if math.isnan(end.multiplier) else end.multiplier
-        return self._orbit(end.state, end.period, multiplier)
+        return self._orbit(end.state, end.period, end.multiplier)
 
     def observe(self, z: np.ndarray, n_periods: int, direction=None) -> Growth:
         """Integrate with a tangent vector."""
@@ -237,7 +236,7 @@ class _Search:
             return end, None
         turns = found.turns_to(self._same)
         if turns == 0.0 and self._closed(points[-3 * period :], 3 * period // 2):
-            return self._orbit(end, period, None)
+            return self._orbit(end, period)
         if turns <= TURNS:
             self._asked = min(math.ceil(turns + 1.0) * period, size)
         elif TURNS * period <= size and size >= 2 * self._tried:
@@ -259,7 +258,7 @@ class _Search:
         # short orbits where the last points have closed, long ones where all have
         period = self._closed(points, LONGEST) or (longest and self._closed(points, longest))
         if period:
-            return self._orbit(end, period, None)
+            return self._orbit(end, period)
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
             # beside an orbit that repels it is that orbit's growth
             third = size // 3
@@ -300,32 +299,33 @@ class _Search:
     def _closed(self, points: np.ndarray, max_period: int) -> int:
         return closed_period(points, max_period, self._same)
 
-    def _orbit(self, z, period: int, multiplier: float | None) -> Step:
+    def _orbit(self, z, period: int, multiplier: float = math.nan, points=None) -> Step:
         """Make the motion of an orbit that was reached; where it repels, leave it.
 
-        `multiplier` is None if the orbit was not proved by Newton's method.
+        `multiplier` is NaN if the orbit was not proved by Newton's method.
         """
         start = z
-        if multiplier is None:
+        if math.isnan(multiplier):
             shot = shoot(self._solver, z, self._amplitude, period)
             self.cycles += shot.cycles
             if math.isnan(shot.multiplier):
                 return z, None
-            z, multiplier = shot.point, shot.multiplier
-        points, outcome = self._solver.points(z, self._amplitude, period, self._poll)
-        self.cycles += len(points)
-        if outcome is not Outcome.COMPLETE:
-            return z, self.motion(MotionClass.FAILED, points, outcome=outcome)
+            z, multiplier, points = shot.point, shot.multiplier, shot.points
+        if points is None:
+            points, outcome = self._solver.points(z, self._amplitude, period, self._poll)
+            self.cycles += len(points)
+            if outcome is not Outcome.COMPLETE:
+                return z, self.motion(MotionClass.FAILED, points, outcome=outcome)
         if multiplier > 1 + REPELS:
             if np.abs((start - z) / self._units).max() > PUSH:
                 return start, None  # on its way already
-            turns = np.cos(np.arange(z.size))  # into no direction that a structure prefers
-            return z + PUSH * self._units * turns, None
+            # into no direction that a structure prefers
+            return z + PUSH * self._units * np.cos(np.arange(z.size)), None
         smallest = smallest_period(points / self._units, self._same)
         multiplier **= smallest / period
         exponent = Interval.exact(exponent_of_multiplier(multiplier, smallest))
-        orbit = points[-smallest:]
-        return z, self.motion(MotionClass.PERIODIC, orbit, smallest, multiplier, exponent)
+        last = points[-smallest:]
+        return z, self.motion(MotionClass.PERIODIC, last, smallest, multiplier, exponent)
 
     def _jump(self, z: np.ndarray, period: int) -> Motion | None:
         """Solve for the orbit that is approached; give it if the motion is proved to go there."""
@@ -333,7 +333,7 @@ class _Search:
         self.cycles += shot.cycles
         if not shot.attracts(0.1 * self._same):
             return None
-        return self._orbit(shot.point, period, shot.multiplier)[1]
+        return self._orbit(shot.point, period, shot.multiplier, shot.points)[1]
 
     def motion(
         self,

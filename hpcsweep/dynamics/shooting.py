@@ -2,8 +2,9 @@
 
 With F that map and M its tangent at z, a step solves (M - 1) d = z - F(z). Its length is the
 distance from the orbit to first order; a residual is not: where a multiplier is near 1 a small one
-is far away. The motion of the first point is proved to go to an orbit that attracts if the map from
-it is as good as linear: F(z) - o = M (z - o) but for `LINEAR` of F(z) - o, o the orbit.
+is far away. After a step shorter than `SAME` M is kept, and F alone tells the distance, with the
+points of the orbit. The motion of the first point is proved to go to an orbit that attracts if the
+map from it is as good as linear: F(z) - o = M (z - o) but for `LINEAR` of F(z) - o, o the orbit.
 """
 
 import math
@@ -12,10 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.solvers.outcome import Outcome
 
 STEPS = 8
 REACHED = 1e-12
-"""Distance from which on another step has nothing to gain."""
+"""Distance from which on another step has nothing to gain ..."""
+ON_ORBIT = 1e-10
+"""... and one that is enough where the points are at hand."""
+SAME = 1e-8
+"""Distance between points whose tangent maps are taken for the same; what the matrix tells, the
+multiplier too, is then right to about that."""
 LINEAR = 0.05
 """Share of the distance to an orbit by which the map may differ from its tangent."""
 ROUNDING = 1e-10
@@ -37,6 +44,8 @@ class Shot(NamedTuple):
     """Distance of F of the first point from the orbit."""
     cycles: int
     """Forcing periods integrated."""
+    points: np.ndarray | None = None
+    """Of the orbit, shape (p, 2n), the last one as near to `point` as `distance`; if at hand."""
 
     def attracts(self, tolerance: float) -> bool:
         """Tell whether the first point is proved to go to the orbit, found to `tolerance`."""
@@ -55,24 +64,34 @@ def shoot(solver, z: np.ndarray, amplitude: float, period: int) -> Shot:
     period : int
     """
     units = solver.structure.state_units
-    start, first, best, matrix = z, z, z, np.eye(z.size)
+    start, first, best, matrix, taken = z, z, z, np.eye(z.size), np.eye(z.size)
     least, cycles = math.inf, 0
+    points = None
     try:
         for step in range(STEPS):
-            image, tangent = solver.monodromy(z, amplitude, period)
+            follows = least <= SAME
+            if follows:
+                points, outcome = solver.points(z, amplitude, period)
+                if outcome is not Outcome.COMPLETE:
+                    raise ArithmeticError(f"{outcome.name} on the way round an orbit")
+                image = points[-1]
+            else:
+                image, taken = solver.monodromy(z, amplitude, period)
             cycles += period
             first = first if step else image
-            move = np.linalg.solve(tangent - np.eye(z.size), image - z)
+            move = np.linalg.solve(taken - np.eye(z.size), image - z)
             distance = float(np.abs(move / units).max())
             if not distance < least:
+                points = None
                 break
-            least, best, matrix = distance, z, tangent
-            if distance <= REACHED:
+            least, best, matrix = distance, z, taken
+            if distance <= (ON_ORBIT if follows else REACHED):
                 break
-            z = z - move
+            z, points = z - move, None
         multiplier = float(abs(floquet_multipliers(matrix)[0]))
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return Shot(start, math.nan, math.inf, math.inf, 0.0, cycles)
     left = (first - best) / units
     bent = np.abs(left - (matrix @ (start - best)) / units).max()
-    return Shot(best, multiplier, least, float(bent), float(np.abs(left).max()), cycles)
+    largest = float(np.abs(left).max())
+    return Shot(best, multiplier, least, float(bent), largest, cycles, points)

@@ -96,6 +96,19 @@ def test_a_shot_lands_on_the_orbit_and_says_who_goes_there():
     assert not repels.attracts(1e-9)
 
 
+def test_a_shot_from_the_orbit_goes_round_it_once_more_and_gives_its_points():
+    solver = logistic(3.3)
+    orbit = np.sort(np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real)
+    shot = shoot(solver, np.array([orbit[1] + 1e-9, 1e-9]), 1.0, 2)
+    assert shot.cycles == 4
+    assert shot.points == pytest.approx(np.stack((orbit, [0.0, 0.0]), axis=1), abs=1e-12)
+    assert shot.points[-1] == pytest.approx(shot.point, abs=shot.distance + 1e-15)
+    assert shot.distance <= 1e-10
+    assert shot.multiplier == pytest.approx(abs(4 + 2 * 3.3 - 3.3**2), abs=1e-7)
+    assert shot.attracts(1e-9)
+    assert shoot(solver, np.array([orbit[1] + 1e-5, 1e-5]), 1.0, 2).cycles > 4
+
+
 def test_a_shot_that_fails_says_so():
     class Failing(MapSolver):
         def monodromy(self, state, amplitude, n_periods):

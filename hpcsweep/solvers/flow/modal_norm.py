@@ -53,14 +53,45 @@ SUMMARY[:, MEAN] = MODAL_TRANSFORM[:, 0]
 SUMMARY[:, LAST], SUMMARY[:, BUT_LAST] = MODAL_TRANSFORM[:, -1], MODAL_TRANSFORM[:, -2]
 SUMMARY[:, LEFT] = MODAL_TRANSFORM @ (-1.0) ** np.arange(N_MODAL)
 SUMMARY[:, RIGHT] = MODAL_TRANSFORM.sum(axis=1)
-ALL_NEGATIVE = 2 ** (N_MODAL + 2) - 1
+ALL_CHANGES = 2 ** (N_MODAL + 1) - 1
 PLACES = np.concatenate(([-1.0], MODAL_NODES, [1.0]))
 TINY = 1e-300
 """Added to the square of ||q||, which may vanish."""
-_K = np.arange(N_MODAL + 1)
-LEGENDRE_UP, LEGENDRE_DOWN = (2 * _K + 1) / (_K + 1), _K / (_K + 1)
-"""Of the recurrence P_(k+1) = up_k s P_k - down_k P_(k-1)."""
-LEGENDRE_INTEGRAL = 1 / (2 * _K + 1)
+
+
+def _between_places() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Express the interpolant between two neighbouring `PLACES` by its values at the nodes.
+
+    Between them, u in [-1, 1], it is a polynomial of degree `LANES` - 1, economised: at most 0.19
+    apart, an interpolant that is resolved has nothing above it that counts.
+
+    Returns
+    -------
+    local : ndarray, shape (N_MODAL + 1, N_MODAL, LANES)
+        Coefficient of u^k per value at the nodes.
+    before : ndarray, shape (N_MODAL + 1, N_MODAL)
+        Integral from -1 to u = 0, likewise.
+    half : ndarray, shape (N_MODAL + 1,)
+        Length of u.
+    """
+    legendre, chebyshev = np.polynomial.legendre, np.polynomial.chebyshev
+    middle, half = 0.5 * (PLACES[1:] + PLACES[:-1]), 0.5 * np.diff(PLACES)
+    u = chebyshev.chebpts1(N_MODAL)
+    series = np.linalg.inv(chebyshev.chebvander(u, N_MODAL - 1))[:LANES]
+    powers = np.array(
+        [np.pad(chebyshev.cheb2poly(row), (0, LANES))[:LANES] for row in np.eye(LANES)]
+    )
+    local = np.empty((N_MODAL + 1, N_MODAL, LANES))
+    for place in range(N_MODAL + 1):
+        values = legendre.legvander(middle[place] + half[place] * u, N_MODAL - 1)
+        local[place] = (powers.T @ series @ values @ MODAL_TRANSFORM.T).T
+    antiderivatives = np.array(
+        [legendre.legval(middle, legendre.legint(row, lbnd=-1.0)) for row in np.eye(N_MODAL)]
+    )
+    return local, np.ascontiguousarray((MODAL_TRANSFORM @ antiderivatives).T), half
+
+
+LOCAL, BEFORE, HALF = _between_places()
 
 
 @inlined
@@ -166,68 +197,80 @@ def _add_interval(length, accept, n, tally, work):
         signs = np.int64(summary[LEFT] < 0.0) | np.int64(summary[RIGHT] < 0.0) << (N_MODAL + 1)
         for node in range(0, N_MODAL, LANES):
             signs |= negative(load(f, start + node)) << (node + 1)
-        if signs == 0 or signs == ALL_NEGATIVE:
+        changes = (signs ^ (signs >> 1)) & ALL_CHANGES
+        if changes == 0:
             work.modal_part[j] = abs(summary[MEAN])
         else:
-            work.modal_part[j] = 0.5 * _integral_of_modulus(f, start, summary, work.modal_series)
+            whole = _integral_of_modulus(f, start, changes, summary, work.modal_series)
+            work.modal_part[j] = 0.5 * whole
     for j in range(n):
         tally.modal[j] += length * work.modal_part[j]
     return True
 
 
 @kernel
-def _integral_of_modulus(f, start, summary, c):
-    """Integrate the modulus of a Legendre series over [-1, 1]; f[start:] are its node values.
+def _integral_of_modulus(f, start, changes, summary, c):
+    """Integrate the modulus of the interpolant over [-1, 1]; f[start:] are its node values.
 
-    It is that of the series between its zeros. At s beside a zero the antiderivative at the zero is
-    F(s) - f(s)^2 / (2 f'(s)), up to the cube of the distance. `c` is workspace.
+    It is that of the interpolant between its zeros. There is one beside `PLACES`[k] where bit k of
+    `changes` is set; with F the antiderivative F(u) - f(u)^2 / (2 f'(u)) is its value at a zero
+    near u, up to the cube of the distance. `c` is workspace.
     """
-    for k in range(0, N_MODAL, LANES):
-        combine(c, k, ZERO, 0, 1.0, MODAL_TRANSFORM, k, N_MODAL, f, start, N_MODAL)
-    fa = summary[LEFT]
     whole, done = 0.0, 0.0
-    for place in range(1, N_MODAL + 2):
-        fb = f[start + place - 1] if place <= N_MODAL else summary[RIGHT]
-        if fa * fb < 0.0:
-            a, b = PLACES[place - 1], PLACES[place]
-            s = b - fb * (b - a) / (fb - fa)
-            integral = 0.0
-            for _ in range(60):
-                value, slope, integral = _series(c, s)
-                if value * fb > 0.0:
-                    b = s
-                else:
-                    a = s
-                step = -value / slope if slope != 0.0 else math.inf
-                if abs(step) < ZERO_TOLERANCE or b - a < ZERO_TOLERANCE:
-                    if abs(step) < ZERO_TOLERANCE:
-                        integral += 0.5 * value * step
-                    break
-                s = s + step if a < s + step < b else 0.5 * (a + b)
+    place = 0
+    while changes != 0:
+        if changes & 1 != 0:
+            combine(c, 0, ZERO, 0, 1.0, LOCAL, place * N_MODAL * LANES, LANES, f, start, N_MODAL)
+            left = f[start + place - 1] if place > 0 else summary[LEFT]
+            right = f[start + place] if place < N_MODAL else summary[RIGHT]
+            integral = HALF[place] * _integral_to_zero(c, left, right, ZERO_TOLERANCE / HALF[place])
+            row = place * N_MODAL
+            for node in range(0, N_MODAL, LANES):
+                integral += total(load(BEFORE, row + node) * load(f, start + node))
             whole += abs(integral - done)
             done = integral
-        fa = fb
-    return whole + abs(2.0 * c[0] - done)
+        changes >>= 1
+        place += 1
+    return whole + abs(2.0 * summary[MEAN] - done)
 
 
 @inlined
-def _series(c, s):
-    """Evaluate a Legendre series and its slope at s, and its integral from -1.
+def _integral_to_zero(c, left, right, tolerance):
+    """Integrate a polynomial from 0 to its zero in [-1, 1], by Newton's method.
 
-    P'_(k+1) = P'_(k-1) + (2 k + 1) P_k; the antiderivative of P_k is
-    (P_(k+1) - P_(k-1)) / (2 k + 1), 0 at -1.
+    Parameters
+    ----------
+    c : ndarray, shape (LANES,)
+        Its coefficients, ascending.
+    left, right : float
+        Its values at both ends, of different sign.
+    tolerance : float
+        Of the zero.
     """
-    before, current = 1.0, s
-    slope_before, slope_current = 0.0, 1.0
-    value = c[0]
-    slope = 0.0
-    integral = c[0] * (s + 1.0)
-    for k in range(1, N_MODAL):
-        following = fma(LEGENDRE_UP[k] * s, current, -LEGENDRE_DOWN[k] * before)
-        slope_following = fma(2.0 * k + 1.0, current, slope_before)
-        value = fma(c[k], current, value)
-        slope = fma(c[k], slope_current, slope)
-        integral = fma(c[k] * LEGENDRE_INTEGRAL[k], following - before, integral)
-        before, current = current, following
-        slope_before, slope_current = slope_current, slope_following
-    return value, slope, integral
+    a, b = -1.0, 1.0
+    u = (left + right) / (left - right)
+    integral = 0.0
+    for _ in range(60):
+        square = u * u
+        fourth = square * square
+        low = fma(fma(c[3], u, c[2]), square, fma(c[1], u, c[0]))
+        high = fma(fma(c[7], u, c[6]), square, fma(c[5], u, c[4]))
+        value = fma(high, fourth, low)
+        low = fma(fma(4.0 * c[4], u, 3.0 * c[3]), square, fma(2.0 * c[2], u, c[1]))
+        high = fma(7.0 * c[7], square, fma(6.0 * c[6], u, 5.0 * c[5]))
+        slope = fma(high, fourth, low)
+        low = fma(fma(0.25 * c[3], u, (1.0 / 3.0) * c[2]), square, fma(0.5 * c[1], u, c[0]))
+        high = fma((1.0 / 6.0) * c[5], u, 0.2 * c[4])
+        high = fma(fma(0.125 * c[7], u, (1.0 / 7.0) * c[6]), square, high)
+        integral = u * fma(high, fourth, low)
+        if value * right > 0.0:
+            b = u
+        else:
+            a = u
+        step = -value / slope if slope != 0.0 else math.inf
+        if abs(step) < tolerance:
+            return integral + 0.5 * value * step
+        if b - a < tolerance:
+            return integral
+        u = u + step if a < u + step < b else 0.5 * (a + b)
+    return integral

@@ -75,7 +75,7 @@ def new_workspace(model: Model) -> Workspace:
         modal_rows=aligned_zeros(n_modes, N_COEFFICIENTS),
         modal_nodes=aligned_zeros(padded(n_modes * N_MODAL)),
         modal_part=aligned_zeros(n_modes),
-        modal_series=aligned_zeros(N_MODAL),
+        modal_series=aligned_zeros(LANES),
         modal_powers=aligned_zeros(N_COEFFICIENTS, N_MODAL),
         modal_summary=aligned_zeros(LANES),
         forcing=np.zeros(n_forcing),

@@ -231,7 +231,7 @@ def _exponential_less_one(delta):
     return series * delta
 
 
-@kernel
+@inlined
 def take_half(direction, index, contact, model, tables, work):
     """Find what r does to the state ``work.x`` on one side of the stop; it is in ``work.kicked``.
 

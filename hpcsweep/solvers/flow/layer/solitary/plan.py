@@ -1,7 +1,17 @@
 """How long a step with one contact in its layer may be, and what the linear motion is meanwhile.
 
-The poles of the sigmoid limit it (`layer.limits`). Damping, forcing and floors do not; that others
-stay away from their layers does.
+The force is an analytic function of time but where the contact is at a pole of the sigmoid,
+rho x = +-i pi. As it moves at the start, x + v t + a t^2 / 2, that is at two complex times, ahead
+or behind, and their conjugates,
+
+    t = -2 (x - i pi / rho) / (v + w),  -(v + w) / a,        w^2 = v^2 - 2 a (x - i pi / rho).
+
+A Gauss rule of N nodes converges as kappa^(-2 N), kappa the parameter of the Bernstein ellipse
+about the step [0, h] through t: |t| + |t - h| = E h / 2 with E = kappa + 1 / kappa, hence
+
+    h = (E |t| - 2 Re t) / (E^2 / 4 - 1).
+
+Damping, forcing and floors do not limit it; that others stay away from their layers does.
 """
 
 import math
@@ -10,12 +20,12 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.layer.limits import reach, stiffness_up_to
+from hpcsweep.solvers.flow.layer.limits import stiffness_up_to
 from hpcsweep.solvers.flow.layer.solitary.store import LEVELS
 from hpcsweep.solvers.flow.propagators import table_of
 
-ELLIPSE = 2.82
-"""kappa + 1 / kappa with kappa = 2.41: kappa^-32 = 6e-13."""
+ELLIPSE = 3.0
+"""kappa + 1 / kappa with kappa = 2.62: kappa^-32 = 4e-14."""
 CONTRACTION = 4.0
 """Most h sqrt(|df/dd|)."""
 SURE = 1.5
@@ -40,6 +50,38 @@ def solitary_contact(z, model):
 
 
 @kernel
+def until_poles(x, v, pushed, rho):
+    """Choose the length of a step by the times at which the contact is at a pole; see the module.
+
+    Parameters
+    ----------
+    x, v, pushed : float
+        Distance past the stop, speed and acceleration towards it.
+    rho : float
+    """
+    pole = math.pi / rho
+    # w = u + i s, the root of v^2 - 2 a (x - i pi / rho) that has the sign of v
+    square, twist = v * v - 2.0 * pushed * x, 2.0 * pushed * pole
+    larger = math.sqrt(0.5 * (math.sqrt(square * square + twist * twist) + abs(square)))
+    smaller = 0.5 * abs(twist) / larger if larger > 0.0 else 0.0
+    u, s = (larger, smaller) if square >= 0.0 else (smaller, larger)
+    ahead = 1.0 if v >= 0.0 else -1.0
+    pushing = 1.0 if pushed >= 0.0 else -1.0
+    s *= pushing * ahead
+    # v + w
+    u = u * ahead + v
+    size = u * u + s * s
+    if not size > 0.0:
+        return math.inf
+    # t = -2 (x - i pi / rho) / (v + w) and -(v + w) / a
+    first = math.sqrt((x * x + pole * pole) / size)
+    h = ELLIPSE * 2.0 * first + 4.0 * (x * u - pole * s) / size
+    if pushed != 0.0:
+        h = min(h, (ELLIPSE * math.sqrt(size) + 2.0 * u * pushing) / abs(pushed))
+    return h / (0.25 * ELLIPSE**2 - 1.0)
+
+
+@kernel
 def plan_step(contact, z, a, most, model):
     """Choose the length of a step, `most` at most, from state z and accelerations a.
 
@@ -53,24 +95,14 @@ def plan_step(contact, z, a, most, model):
     contacts, rho = model.contacts, model.rho
     x, v = distance(contact, z, contacts), approach_speed(contact, z, contacts)
     pushed = contacts.sign[contact] * a[contacts.row[contact]]
-    y = rho * x
-    ahead = 1.0 if v >= 0.0 else -1.0
-    slowing, v = ahead * pushed < 0.0, abs(v)
-    pushed = abs(pushed)
-    way = reach(ahead * y, ELLIPSE) / rho
-    turn = 0.5 * v * v / pushed
-    nearest = x + way
-    if slowing and turn < way:
-        # to where it turns, and as far as it may go from there
-        way = reach(-ahead * (y + ahead * rho * turn), ELLIPSE) / rho
-        h = v / pushed + math.sqrt(2.0 * way / pushed)
-        nearest = x + turn
-    else:
-        square = v * v + (-2.0 if slowing else 2.0) * pushed * way
-        h = 2.0 * way / (v + math.sqrt(max(square, 0.0)))
     beta = contacts.beta[contact]
-    # beyond the stop the spring is part of the linear motion
-    stiff = 0.5 * beta if y > 0.0 else abs(stiffness_up_to(nearest, beta, rho))
+    h = until_poles(x, v, pushed, rho)
+    if x > 0.0:
+        stiff = 0.5 * beta  # the spring is part of the linear motion
+    else:
+        turn = min(h, v / -pushed) if v > 0.0 and pushed < 0.0 else h
+        nearest = x + max(0.0, v + 0.5 * pushed * turn) * turn
+        stiff = abs(stiffness_up_to(nearest, beta, rho))
     if h * h * stiff > CONTRACTION * CONTRACTION:
         h = CONTRACTION / math.sqrt(stiff)
     if h > 2.0 * most:

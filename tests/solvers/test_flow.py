@@ -1,6 +1,7 @@
 """The flow map against independent references and closed forms; its parts by themselves."""
 
 import dataclasses
+import itertools
 import math
 
 import numba
@@ -18,6 +19,7 @@ from hpcsweep.solvers.flow import (
     FlowMap,
     crossing,
     forcing,
+    modal_norm,
     polynomials,
     propagators,
     search,
@@ -175,12 +177,21 @@ def test_lanes_reckon_as_numbers_do():
 def test_derivatives_of_a_passage_are_those_of_its_moments(v):
     @kernel
     def differentiate(v, a, j, beta, rho, out):
-        free = tangent._differentiated(-1.0, v, a, j, beta, rho)
-        contact = tangent._differentiated(1.0, v, a, j, beta, rho)
-        for row in range(3):
-            sums = crossing.sums(free[row], contact[row])
+        stop = crossing.at_stop(v, a, j, beta, rho)
+        free = tangent._differentiated(-1.0, stop)
+        contact = tangent._differentiated(1.0, stop)
+        found = crossing.sums(free[0], contact[0])
+        moments = crossing.since_linear(found, stop)
+        for k in range(7):
+            out[0, k] = moments[k]
+        for row in range(1, 3):
+            by_v, by_a = 2.0 - row, row - 1.0
+            rates = crossing.sums(
+                tangent._rates(free, by_v, by_a), tangent._rates(contact, by_v, by_a)
+            )
+            rates = crossing.rates_since_linear(found, rates, by_v, stop)
             for k in range(7):
-                out[row, k] = sums[k]
+                out[row, k] = rates[k]
 
     a, j, beta, rho = 3.0, 40.0, 1000.0, 3000.0
     out = np.zeros((3, 7))
@@ -190,7 +201,7 @@ def test_derivatives_of_a_passage_are_those_of_its_moments(v):
     step = 1e-4
     for row, (dv, da) in enumerate(((step, 0.0), (0.0, step)), start=1):
         ends = [crossing.moments(v + k * dv, a + k * da, j, beta, rho) for k in (1, -1)]
-        assert out[row] == pytest.approx(np.subtract(*ends) / (2 * step), rel=1e-5)
+        assert out[row] == pytest.approx(np.subtract(*ends) / (2 * step), rel=2e-5)
 
 
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-250])
@@ -578,6 +589,20 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
     assert seen.modal_norm == pytest.approx(closed, abs=1e-8)
     assert closed == pytest.approx(dense, abs=1e-9)
     assert closed.shape == (n,)
+
+
+def test_between_its_nodes_an_interpolant_is_a_polynomial_of_lower_degree():
+    coefficients = np.random.default_rng(4).standard_normal(16) * 2.0 ** -np.arange(16)
+    series = np.polynomial.Legendre(coefficients)
+    values, whole = series(modal_norm.MODAL_NODES), series.integ(lbnd=-1.0)
+    ends = itertools.pairwise(modal_norm.PLACES)
+    u = np.linspace(-1.0, 1.0, 9)
+    for place, (a, b) in enumerate(ends):
+        middle, half = 0.5 * (a + b), modal_norm.HALF[place]
+        assert half == pytest.approx(0.5 * (b - a), rel=1e-14)
+        local = np.polynomial.Polynomial(values @ modal_norm.LOCAL[place])
+        assert local(u) == pytest.approx(series(middle + half * u), abs=1e-9)
+        assert modal_norm.BEFORE[place] @ values == pytest.approx(whole(middle), abs=1e-14)
 
 
 def test_what_the_kernels_would_misread_is_not_packed():

@@ -108,3 +108,25 @@ def test_slow_passages_are_those_of_the_reference(beta, rho, late, speed, most_s
         along = rng.standard_normal(6)
         ends = [flow.advance(state + k * 1e-6 * along, 0.02, 1).state for k in (1, -1)]
         assert tangent @ along == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5 * kappa)
+
+
+@pytest.mark.parametrize(
+    ("speed", "error"),
+    [(0.17, 4e-13), (0.2, 2e-13), (0.25, 1e-13), (0.35, 3e-14), (0.5, 1e-14), (1.5, 1e-14)],
+)
+def test_fast_passages_are_those_of_the_reference(speed, error):
+    rng = np.random.default_rng(6)
+    structure, omega = Structure(3, 1000.0, 1e4, 0.05), 2.0 * math.pi / PERIOD
+    flow = FlowMap(structure, omega)
+    for _ in range(6):
+        state = state_before_a_passage(speed, rng)
+        after, tangent = flow.monodromy(state, 0.02, 1)
+        kappa = np.abs(tangent).max()
+        exact = reference_points(structure, 0.02, omega, state, 1)[-1]
+        assert np.abs(after - exact).max() < error * kappa
+        along = rng.standard_normal(6)
+        ends = [flow.advance(state + k * 1e-6 * along, 0.02, 1).state for k in (1, -1)]
+        assert tangent @ along == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-8 * kappa)
+    passages, layer_steps = flow.counts[1:3]
+    assert passages == 36
+    assert layer_steps == 0

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.contact import FULL_POTENTIAL
 from hpcsweep.solvers.flow.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.crossing import NEGLECTED, passage_is_fast
@@ -26,9 +26,9 @@ from hpcsweep.solvers.flow.forcing import steepest_forcing
 
 MEAN_WAY = 3.0
 """rho v s, no less than 2.19 where the speed changes on the way."""
-LATEST = 1.25
+LATEST = 1.6
 """Longest time of a fast passage from the stop to the edge of the layer, at the speed at the stop.
-Where its square falls evenly by `crossing.FAST` of itself it is 1.09."""
+Where its square falls evenly by `crossing.FAST` of itself it is 1.52."""
 SLOWED = 0.6
 """Least mean speed of a slow passage, in units of that at the stop. Where the square of the speed
 falls evenly by `slow_passage.FALL` of itself it is 0.66."""
@@ -63,7 +63,7 @@ def _coupling(k, model, span):
     return coupling
 
 
-@kernel
+@inlined
 def passes_apart(arrival, z, a, amplitude, model):
     """Tell whether the contact at its stop may pass its layer apart from all other contacts.
 

@@ -8,6 +8,11 @@ from hpcsweep.kernels.vectors import fma
 SHORT_ANGLE = 0.03
 """Angle up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
 
+WIDE_ANGLE = 1.0
+SINE = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(9, -1, -1))
+COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(9, -1, -1))
+"""Falling orders; what is left out is 1 / 20! = 4e-19."""
+
 
 @kernel
 def forcing_at(tau, amplitude, model, out, first):
@@ -38,6 +43,33 @@ def short_turn(s):
     sine = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
     cosine = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
     return sine, cosine
+
+
+@inlined
+def _turn(s):
+    """Give sine and cosine of an angle of `WIDE_ANGLE` at most."""
+    q = s * s
+    sine, cosine = SINE[0], COSINE[0]
+    for k in range(1, len(SINE)):
+        sine = fma(q, sine, SINE[k])
+        cosine = fma(q, cosine, COSINE[k])
+    return s * sine, cosine
+
+
+@inlined
+def forcing_after(s, tau, amplitude, x, first, model, out):
+    """Write the pairs at tau from those in x[first:] at tau - s, 0 <= s, with their rounding."""
+    fastest = 0.0
+    for k in range(model.harmonics.shape[0]):
+        fastest = max(fastest, model.harmonics[k, 0] * model.omega * s)
+    if fastest > WIDE_ANGLE:
+        forcing_at(tau, amplitude, model, out, 0)
+        return
+    for k in range(model.harmonics.shape[0]):
+        turned, kept = _turn(model.harmonics[k, 0] * model.omega * s)
+        sine, cosine = x[first + 2 * k], x[first + 2 * k + 1]
+        out[2 * k] = fma(turned, cosine, kept * sine)
+        out[2 * k + 1] = fma(-turned, sine, kept * cosine)
 
 
 @kernel

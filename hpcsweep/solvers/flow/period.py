@@ -23,7 +23,7 @@ from hpcsweep.solvers.flow.events import (
     is_clear,
     layer_edge,
 )
-from hpcsweep.solvers.flow.forcing import forcing_at, rotate_forcing
+from hpcsweep.solvers.flow.forcing import forcing_after, forcing_at, rotate_forcing
 from hpcsweep.solvers.flow.gather import observe_segment, segment_tangent
 from hpcsweep.solvers.flow.layer.visit import (
     OVERFLOW,
@@ -148,7 +148,7 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
         evaluate_rows(rows, h, at_stop, z)
         copy_state(z, work.z_end)
-        forcing_at(tau + at_stop, amplitude, model, work.forcing, 0)
+        forcing_after(at_stop, tau + at_stop, amplitude, work.x, z.shape[0], model, work.forcing)
         how, jerk, promised = pass_layer(
             contact, segment, tau + at_stop, z, promised, amplitude, packed
         )

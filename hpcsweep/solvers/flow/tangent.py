@@ -12,8 +12,9 @@ segment of `period` give
 
   The kick depends on z through the speed v and the acceleration a (and through the jerk, so little
   that it is left out). Its moments are sums over nodes X of c t^k / w, with w(X)^2 of `crossing`
-  and t = +-2 X / (|v*| + w), so that their derivatives are those sums with the factors
-  -w' / w - k (|v*|' + w') / (|v*| + w), where, upper signs at x > 0,
+  and t = +-2 X / (|v*| + w) (1 + b + c), b and c the delays. The derivatives of these sums have the
+  factors -w' / w - k ((1 + 2 b + c) (|v*|' + w') / (|v*| + w) + c |v*|' / |v*|), where, upper signs
+  at x > 0,
 
       d|v*|/dv = v / |v*|,    dw/dv = (v - sigma j X^2 v / (2 |v*|^3)) / w,    dw/da = +-X / w;
 
@@ -27,7 +28,15 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.vectors import LANES, aligned_zeros, combine, fma
-from hpcsweep.solvers.flow.crossing import add_kick, half_passage, sums
+from hpcsweep.solvers.flow.crossing import (
+    add_kick,
+    at_stop,
+    delays,
+    half_passage,
+    rates_since_linear,
+    since_linear,
+    sums,
+)
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, N_POWERS, ZERO, padded
 
 
@@ -40,7 +49,10 @@ class TangentWorkspace(NamedTuple):
         By columns.
     powers : ndarray, shape (N_COEFFICIENTS,)
     column, product : ndarray, shape (padded 2R,)
-    kicks : ndarray, shape (4, 2R)
+    kicks : ndarray, shape (3, 2R)
+        Of a fast passage: two derivatives of the kick, and the kick.
+    drift : ndarray, shape (2R,)
+        M_+ k
     """
 
     propagator: np.ndarray
@@ -48,6 +60,7 @@ class TangentWorkspace(NamedTuple):
     column: np.ndarray
     product: np.ndarray
     kicks: np.ndarray
+    drift: np.ndarray
 
 
 def new_tangent_workspace(n: int) -> TangentWorkspace:
@@ -58,7 +71,8 @@ def new_tangent_workspace(n: int) -> TangentWorkspace:
         aligned_zeros(N_COEFFICIENTS),
         aligned_zeros(rows),
         aligned_zeros(rows),
-        aligned_zeros(4, 2 * n),
+        np.zeros((3, 2 * n)),
+        np.zeros(2 * n),
     )
 
 
@@ -137,8 +151,11 @@ def _multiply(table, start, tangent, work):
 
 
 @inlined
-def _rates(powers, shares, times):
-    """Differentiate c t^k / w, k = 0 to 4, of logarithmic derivatives -`shares` and -`times`."""
+def _rates(half, faster, pushed):
+    """Differentiate c t^k / w, k = 0 to 4, of `half`, where v and a change at these rates."""
+    powers, shares_v, times_v, shares_a, times_a = half
+    shares = fma(faster, shares_v, pushed * shares_a)
+    times = fma(faster, times_v, pushed * times_a)
     return (
         -1.0 * powers[0] * shares,
         -1.0 * powers[1] * (shares + times),
@@ -149,38 +166,41 @@ def _rates(powers, shares, times):
 
 
 @inlined
-def _differentiated(side, v, a, j, beta, rho):
-    """Give the moments of half a passage node by node; see the module.
+def _differentiated(side, stop):
+    """Give the moments of half a passage node by node, and what differentiates them.
 
     Parameters
     ----------
     side : float
         1 for the half at x > 0, -1 for that at x < 0.
-    beta : float
-    v, a, j, rho : float
-        As for `crossing.moments`.
+    stop : crossing.AtStop
 
     Returns
     -------
-    moments, by_speed, by_acceleration : tuple of Lanes
-        m_0 to m_4 and their derivatives.
+    moments : tuple of Lanes
+        m_0 to m_4.
+    shares_v, times_v, shares_a, times_a : Lanes
+        Logarithmic derivatives of w and of 1 / t by v and by a; see the module.
     """
-    powers, x, w, speed = half_passage(side, v, a, j, beta, rho)
+    powers, x, w = half_passage(side, stop)
     inverse = 1.0 / w
-    later = 1.0 / (w + speed)
-    bend = j / speed if v > 0.0 else -j / speed
-    faster = fma(x * x, -0.5 * bend * v / (speed * speed), v) * inverse
+    later = 1.0 / (w + stop.speed)
+    square = stop.slowness * stop.slowness
+    bend = -0.5 * stop.sign * stop.j * stop.v * square * stop.slowness
+    faster = fma(x * x, bend, stop.v) * inverse
     pushed = x * inverse * side
-    return (
-        powers,
-        _rates(powers, faster * inverse, (faster + v / speed) * later),
-        _rates(powers, pushed * inverse, pushed * later),
-    )
+    bent, delayed = delays(side, stop, x, later)
+    share = fma(2.0, bent, delayed + 1.0)
+    rising = stop.v * stop.slowness
+    earlier = fma((faster + rising) * later, share, delayed * (rising * stop.slowness))
+    return powers, faster * inverse, earlier, pushed * inverse, pushed * later * share
 
 
 @inlined
 def passage_tangent(arrival, z, a, jerk, model, work, tangent):
     """Multiply `tangent` by the matrix S of a fast passage, in place.
+
+    The kick is differentiated by v and by a; for a single column at once as that asks.
 
     Parameters
     ----------
@@ -200,47 +220,66 @@ def passage_tangent(arrival, z, a, jerk, model, work, tangent):
     beta, rho = contacts.beta[contact], model.rho
     if rho == math.inf or beta == 0.0:
         return
-    stiffness, damping = model.stiffness, model.damping
-    n = stiffness.shape[0]
+    n, n_columns = model.stiffness.shape[0], tangent.shape[1]
     row, sign = contacts.row[contact], contacts.sign[contact]
     v, pushed_by, bend = sign * z[n + row], sign * a[row], sign * jerk
-    free = _differentiated(-1.0, v, pushed_by, bend, beta, rho)
-    inside = _differentiated(1.0, v, pushed_by, bend, beta, rho)
-    kicks = work.kicks
+    stop = at_stop(v, pushed_by, bend, beta, rho)
+    free, inside = _differentiated(-1.0, stop), _differentiated(1.0, stop)
+    found = sums(free[0], inside[0])
+    kicks, drift = work.kicks, work.drift
     kicks[:] = 0.0
-    for which in range(3):
-        add_kick(sums(free[which], inside[which]), contact, key_after, model, kicks[which])
-    kick, by_speed, by_acceleration, drift = kicks[0], kicks[1], kicks[2], kicks[3]
-    # along f_- the speed changes by a and the acceleration by the jerk; less M_+ k
+    add_kick(since_linear(found, stop), contact, key_after, model, kicks[2])
+    _drift_of_kick(key_after, kicks[2], model, drift)
+    for column in range(n_columns):
+        later = sign * tangent[row, column] / v
+        # along f_- the speed changes by a and the acceleration by the jerk
+        faster = sign * tangent[n + row, column] - later * pushed_by
+        pushed = sign * _pushed(contact, key_after, column, tangent, model) - later * bend
+        if column == 0:
+            for which in range(min(n_columns, 2)):
+                by_v, by_a = 1.0 - which, 0.0 + which
+                if n_columns == 1:
+                    by_v, by_a = faster, pushed
+                rates = sums(_rates(free, by_v, by_a), _rates(inside, by_v, by_a))
+                rates = rates_since_linear(found, rates, by_v, stop)
+                add_kick(rates, contact, key_after, model, kicks[which])
+        if n_columns == 1:
+            faster, pushed = 1.0, 0.0
+        for i in range(2 * n):
+            tangent[i, column] += kicks[0, i] * faster + kicks[1, i] * pushed + drift[i] * later
+
+
+@inlined
+def _drift_of_kick(key, kick, model, drift):
+    """Write M_+ k, `key` the contact set after the passage."""
+    contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
+    n = stiffness.shape[0]
     for i in range(n):
-        drift[i] = -kick[n + i]
-        drift[n + i] = 0.0
+        drift[i] = kick[n + i]
+        force = 0.0
+        for j in range(n):
+            force -= stiffness[i, j] * kick[j] + damping[i, j] * kick[n + j]
+        drift[n + i] = force
     for k in range(contacts.row.shape[0]):
-        if (key_after >> np.uint64(k)) & np.uint64(1):
+        if (key >> np.uint64(k)) & np.uint64(1):
             force = contacts.beta[k] * contacts.sign[k] * kick[contacts.row[k]]
             for p in range(contacts.first[k], contacts.first[k + 1]):
-                drift[n + contacts.push_row[p]] += contacts.push[p] * force
-    for i in range(n):
-        force = drift[n + i]
-        for j in range(n):
-            force += stiffness[i, j] * kick[j] + damping[i, j] * kick[n + j]
-        drift[n + i] = force
-    for i in range(2 * n):
-        drift[i] += by_speed[i] * pushed_by + by_acceleration[i] * bend
-    for column in range(tangent.shape[1]):
-        later = sign * tangent[row, column] / v
-        faster = sign * tangent[n + row, column]
-        pushed = 0.0
-        for j in range(n):
-            pushed -= stiffness[row, j] * tangent[j, column]
-            pushed -= damping[row, j] * tangent[n + j, column]
-        pushed *= sign
-        if contacts.is_oblique:
-            for k in range(contacts.row.shape[0]):
-                if k != contact and (key_after >> np.uint64(k)) & np.uint64(1):
-                    stretched = contacts.sign[k] * tangent[contacts.row[k], column]
-                    pushed -= contacts.oblique[contact, k] * contacts.beta[k] * stretched
-        for i in range(2 * n):
-            tangent[i, column] += (
-                by_speed[i] * faster + by_acceleration[i] * pushed - drift[i] * later
-            )
+                drift[n + contacts.push_row[p]] -= contacts.push[p] * force
+
+
+@inlined
+def _pushed(contact, key, column, tangent, model):
+    """Give the variation of the acceleration in the row of a contact, without its own force."""
+    contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
+    n, row = stiffness.shape[0], contacts.row[contact]
+    pushed = 0.0
+    for j in range(n):
+        pushed -= stiffness[row, j] * tangent[j, column]
+        pushed -= damping[row, j] * tangent[n + j, column]
+    if contacts.is_oblique:
+        for k in range(contacts.row.shape[0]):
+            if k != contact and (key >> np.uint64(k)) & np.uint64(1):
+                stretched = contacts.sign[k] * tangent[contacts.row[k], column]
+                oblique = contacts.sign[contact] * contacts.oblique[contact, k]
+                pushed -= oblique * contacts.beta[k] * stretched
+    return pushed

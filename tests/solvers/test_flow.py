@@ -591,6 +591,18 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
     assert closed.shape == (n,)
 
 
+@pytest.mark.parametrize("s", [0.0, 1e-9, 0.3, 0.49, 0.51, 7.0])
+def test_the_forcing_is_turned_as_it_is_taken(s):
+    harmonics = ((1, 1.0, 0.4), (2, -0.3, 2.0))
+    model = FlowMap(Structure(2, harmonics=harmonics), 1.0)._shared.model
+    exact, turned, x = np.zeros(4), np.zeros(4), np.zeros(6)
+    forcing.forcing_at(2.5, 0.7, model, x, 1)
+    forcing.forcing_at(2.5 + s, 0.7, model, exact, 0)
+    forcing.forcing_after(s, 2.5 + s, 0.7, x, 1, model, turned)
+    assert turned == pytest.approx(exact, abs=1e-15)
+    assert abs(exact).max() > 0.1
+
+
 def test_between_its_nodes_an_interpolant_is_a_polynomial_of_lower_degree():
     coefficients = np.random.default_rng(4).standard_normal(16) * 2.0 ** -np.arange(16)
     series = np.polynomial.Legendre(coefficients)

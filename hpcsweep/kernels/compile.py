@@ -43,4 +43,8 @@ numba counts the references to each array by atomic operations, which were half 
 forcing period. What allocates is compiled by `jit`, and may be called from a kernel.
 """
 inlined = functools.partial(kernel, forceinline=True)
-"""Compile a kernel that becomes part of its callers, with their arguments as constants."""
+"""Compile a kernel that becomes part of its callers, with their arguments as constants.
+
+A plain kernel may be called instead, if it or its caller is long. A `Model` is then handed over as
+250 words on the stack, which takes 0.1 us: what is called once an event and takes one is inlined.
+"""

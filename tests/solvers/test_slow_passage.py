@@ -130,3 +130,14 @@ def test_fast_passages_are_those_of_the_reference(speed, error):
     passages, layer_steps = flow.counts[1:3]
     assert passages == 36
     assert layer_steps == 0
+
+
+def test_the_rule_reaches_beyond_the_layer_of_a_sharp_contact():
+    structure = Structure(2, 13.051890929725143, 5877295.249625286, 0.013653302493347801)
+    omega, amplitude = 1.5323498536217297, 0.03762823835611273
+    state = np.array(
+        [-0.1660290282199215, 0.319497829505839, 0.2600508941402061, 0.9025608122791418]
+    )
+    found = FlowMap(structure, omega).advance(state, amplitude, 1)
+    exact = reference_points(structure, amplitude, omega, state, 1)[-1]
+    assert found.state == pytest.approx(exact, abs=1e-9)

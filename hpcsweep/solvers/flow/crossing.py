@@ -80,20 +80,21 @@ def _gauss_rule(n_nodes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nd
 
 
 NODES, WEIGHTS, POTENTIAL, DELAY = _gauss_rule(N_NODES)
+LAST = float(NODES[-1])
 
 
 @inlined
 def passage_is_fast(v, a, j, contact, model):
     """Tell whether the closed form holds for a passage at velocity v (see the module).
 
-    The relative change of w^2 inside the layer, on which the quadrature rests, must be below
-    `FAST`. What the expansion leaves out must be below `NEGLECTED`: with t = 1 / (rho |v|), the
-    impulse J and kappa = beta + |K|, for the coordinate that feels most of it (`Contacts.gain`), of
-    the terms k = 4 (m_4 = 144 J t^4) those without beta^2, the terms k = 5 (m_5 = 875 J t^5) and
-    k = 6 (m_6 = 6100 J t^6) with their highest power of kappa; of w^2, at y = 3, where r has its
-    centre of mass, jerk and spring together (an eighth: tried), and the fourth derivative of u and
-    jerk and acceleration together: odd functions of time, which add up over both halves as far as
-    these are uneven, and in displacements.
+    The relative change of w^2 inside the layer, and up to the last node of the quadrature, must be
+    below `FAST`. What the expansion leaves out must be below `NEGLECTED`: with t = 1 / (rho |v|),
+    the impulse J and kappa = beta + |K|, for the coordinate that feels most of it
+    (`Contacts.gain`), of the terms k = 4 (m_4 = 144 J t^4) those without beta^2, the terms k = 5
+    (m_5 = 875 J t^5) and k = 6 (m_6 = 6100 J t^6) with their highest power of kappa; of w^2, at
+    y = 3, where r has its centre of mass, jerk and spring together (an eighth: tried), and the
+    fourth derivative of u and jerk and acceleration together: odd functions of time, which add up
+    over both halves as far as these are uneven, and in displacements.
     """
     beta, rho, layer = model.contacts.beta[contact], model.rho, model.layer
     if rho == math.inf:
@@ -101,7 +102,8 @@ def passage_is_fast(v, a, j, contact, model):
     square = v * v
     inverse, width = 1.0 / abs(v), 1.0 / rho
     potential = 2.0 * FULL_POTENTIAL * beta * width * width
-    change = (2.0 * abs(a) + (abs(j) * inverse + beta) * layer) * layer + 2.0 * potential
+    reach = max(layer, LAST * width)
+    change = (2.0 * abs(a) + (abs(j) * inverse + beta) * reach) * reach + 2.0 * potential
     if not change <= FAST * square:
         return False
     time = inverse * width

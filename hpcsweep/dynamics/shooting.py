@@ -65,11 +65,10 @@ def shoot(solver, z: np.ndarray, amplitude: float, period: int) -> Shot:
     """
     units = solver.structure.state_units
     start, first, best, matrix, taken = z, z, z, np.eye(z.size), np.eye(z.size)
-    least, cycles = math.inf, 0
-    points = None
+    least, cycles, seen = math.inf, 0, None
     try:
         for step in range(STEPS):
-            follows = least <= SAME
+            points, follows = None, least <= SAME
             if follows:
                 points, outcome = solver.points(z, amplitude, period)
                 if outcome is not Outcome.COMPLETE:
@@ -82,16 +81,15 @@ def shoot(solver, z: np.ndarray, amplitude: float, period: int) -> Shot:
             move = np.linalg.solve(taken - np.eye(z.size), image - z)
             distance = float(np.abs(move / units).max())
             if not distance < least:
-                points = None
                 break
-            least, best, matrix = distance, z, taken
+            least, best, matrix, seen = distance, z, taken, points
             if distance <= (ON_ORBIT if follows else REACHED):
                 break
-            z, points = z - move, None
+            z = z - move
         multiplier = float(abs(floquet_multipliers(matrix)[0]))
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return Shot(start, math.nan, math.inf, math.inf, 0.0, cycles)
     left = (first - best) / units
     bent = np.abs(left - (matrix @ (start - best)) / units).max()
     largest = float(np.abs(left).max())
-    return Shot(best, multiplier, least, float(bent), largest, cycles, points)
+    return Shot(best, multiplier, least, float(bent), largest, cycles, seen)

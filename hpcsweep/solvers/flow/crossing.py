@@ -153,13 +153,18 @@ def at_stop(v, a, j, beta, rho):
 
 
 @inlined
+def _bend(side, stop):
+    """Give g, the coefficient of X^2 in w^2."""
+    spring = stop.beta if side > 0.0 else 0.0
+    return stop.sign * stop.j * stop.slowness - spring
+
+
+@inlined
 def delays(side, stop, x, later):
     """Give the relative delays at the nodes, of g X^2 and of R; `later` is 1 / (|v*| + w)."""
-    spring = stop.beta if side > 0.0 else 0.0
-    bend = stop.sign * stop.j * stop.slowness - spring
     part = x * later
     delayed = load(DELAY, 0) * later * (-2.0 * side * stop.unit * stop.slowness)
-    return part * part * (bend * (1.0 / 3.0)), delayed
+    return part * part * (_bend(side, stop) * (1.0 / 3.0)), delayed
 
 
 @inlined
@@ -178,11 +183,9 @@ def half_passage(side, stop):
     x, w : Lanes
         Distances from the stop, and the speeds there.
     """
-    spring = stop.beta if side > 0.0 else 0.0
-    bend = stop.sign * stop.j * stop.slowness - spring
     x = load(NODES, 0) * stop.width
     work = fma(x, stop.a, load(POTENTIAL, 0) * stop.unit) * (2.0 * side)
-    w = root(fma(x * x, bend, work + stop.speed * stop.speed))
+    w = root(fma(x * x, _bend(side, stop), work + stop.speed * stop.speed))
     later = 1.0 / (w + stop.speed)
     t = x * later * (2.0 * stop.sign * side)
     bent, delayed = delays(side, stop, x, later)

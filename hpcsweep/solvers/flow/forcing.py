@@ -58,7 +58,10 @@ def _turn(s):
 
 @inlined
 def forcing_after(s, tau, amplitude, x, first, model, out):
-    """Write the pairs at tau from those in x[first:] at tau - s, 0 <= s, with their rounding."""
+    """Write the pairs at tau from those in x[first:] at tau - s, 0 <= s, with their rounding.
+
+    `out` may be x, if `first` is 0.
+    """
     fastest = 0.0
     for k in range(model.harmonics.shape[0]):
         fastest = max(fastest, model.harmonics[k, 0] * model.omega * s)
@@ -70,23 +73,6 @@ def forcing_after(s, tau, amplitude, x, first, model, out):
         sine, cosine = x[first + 2 * k], x[first + 2 * k + 1]
         out[2 * k] = fma(turned, cosine, kept * sine)
         out[2 * k + 1] = fma(-turned, sine, kept * cosine)
-
-
-@kernel
-def later_forcing(tau, h, amplitude, model, pairs):
-    """Bring the pairs from the start of a step h to its end tau, rounding added up."""
-    fastest = 0.0
-    for k in range(model.harmonics.shape[0]):
-        fastest = max(fastest, model.harmonics[k, 0] * model.omega * h)
-    if fastest > SHORT_ANGLE:
-        forcing_at(tau, amplitude, model, pairs, 0)
-        return
-    for k in range(model.harmonics.shape[0]):
-        s, c = short_turn(model.harmonics[k, 0] * model.omega * h)
-        sine = pairs[2 * k]
-        cosine = pairs[2 * k + 1]
-        pairs[2 * k] = fma(s, cosine, c * sine)
-        pairs[2 * k + 1] = fma(-s, sine, c * cosine)
 
 
 @inlined

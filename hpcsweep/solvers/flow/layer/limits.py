@@ -1,23 +1,30 @@
 """What limits a step inside a layer, whatever its scheme.
 
-The sigmoid has poles at y = rho x = +-i pi (2 m + 1). On a step on which y moves by L, a Gauss rule
-of N nodes converges as kappa^(-2 N), kappa the parameter of the Bernstein ellipse about the step
-on which the nearest poles lie: |i pi - y| + |i pi - y - L| = E L / 2 with E = kappa + 1 / kappa.
-Hence, y negative on the way to the stop::
+The sigmoid has poles at y = rho x = +-i pi (2 m + 1). A Gauss rule of N nodes on a step from 0 to L
+converges as kappa^(-2 N), kappa the parameter of the Bernstein ellipse about the step on which the
+nearest pole p lies: |p| + |p - L| = E L / 2 with E = kappa + 1 / kappa. Hence::
 
-    L = (E sqrt(pi^2 + y^2) + 2 y) / (E^2 / 4 - 1).
+    L = (E |p| - 2 Re p) / (E^2 / 4 - 1).
+
+In y, counted from where the step starts, p = -y + i pi; in time see `solitary.plan`.
 """
-
-import math
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, contact_stiffness
 
 
 @inlined
-def reach(y, ellipse):
-    """Choose how far y may move on a step from y (negative: towards the stop); see the module."""
-    return (ellipse * math.sqrt(math.pi**2 + y * y) + 2.0 * y) / (0.25 * ellipse**2 - 1.0)
+def reach(size, ahead, ellipse):
+    """Give the length of the step on whose ellipse a pole lies; see the module.
+
+    Parameters
+    ----------
+    size, ahead : float
+        Distance of the pole from the start of the step, and its part along the step.
+    ellipse : float
+        E
+    """
+    return (ellipse * size - 2.0 * ahead) / (0.25 * ellipse**2 - 1.0)
 
 
 @kernel

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
 from hpcsweep.solvers.flow.contacts import approach_speed, distance
-from hpcsweep.solvers.flow.forcing import forcing_at, later_forcing, total_forcing
+from hpcsweep.solvers.flow.forcing import forcing_after, forcing_at, total_forcing
 from hpcsweep.solvers.flow.layer.error import quadrature_error
 from hpcsweep.solvers.flow.layer.limits import allowed_error, reach, stiffness_up_to
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
@@ -124,9 +124,10 @@ def step_limit(z, a, model, most):
         elif model.rho > 0.0:
             y = model.rho * x
             along = y if v >= 0.0 else -y
-            way = reach(along, ELLIPSE) / model.rho
+            size = math.sqrt(math.pi**2 + y * y)
+            way = reach(size, -along, ELLIPSE) / model.rho
             if v * pushed <= 0.0 and v * v < 2.0 * abs(pushed) * way:
-                way = min(way, reach(-along, ELLIPSE) / model.rho)
+                way = min(way, reach(size, along, ELLIPSE) / model.rho)
             v = abs(v)
             root = math.sqrt(v * v + 2.0 * abs(pushed) * way)
             if root > 0.0:
@@ -224,7 +225,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
             if outcome != COMPLETE:
                 return tau, outcome, steps
         tau = end if h >= left else tau + h
-        later_forcing(tau, h, amplitude, model, pairs)
+        forcing_after(h, tau, amplitude, pairs, 0, model, pairs)
         accelerations(total_forcing(pairs, 0, model), work.z_end, model, work.a_end)
         if wanted != NO_TALLY:
             observe_layer_step(h, z, work.z_end, model, wanted == NORMS, shared.tally, work)

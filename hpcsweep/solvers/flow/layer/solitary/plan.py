@@ -6,11 +6,7 @@ or behind, and their conjugates,
 
     t = -2 (x - i pi / rho) / (v + w),  -(v + w) / a,        w^2 = v^2 - 2 a (x - i pi / rho).
 
-A Gauss rule of N nodes converges as kappa^(-2 N), kappa the parameter of the Bernstein ellipse
-about the step [0, h] through t: |t| + |t - h| = E h / 2 with E = kappa + 1 / kappa, hence
-
-    h = (E |t| - 2 Re t) / (E^2 / 4 - 1).
-
+The step is as long as the ellipse of `layer.limits` keeps off the nearer of them.
 Damping, forcing and floors do not limit it; that others stay away from their layers does.
 """
 
@@ -20,7 +16,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.layer.limits import stiffness_up_to
+from hpcsweep.solvers.flow.layer.limits import reach, stiffness_up_to
 from hpcsweep.solvers.flow.layer.solitary.store import LEVELS
 from hpcsweep.solvers.flow.propagators import table_of
 
@@ -74,11 +70,11 @@ def until_poles(x, v, pushed, rho):
     if not size > 0.0:
         return math.inf
     # t = -2 (x - i pi / rho) / (v + w) and -(v + w) / a
-    first = math.sqrt((x * x + pole * pole) / size)
-    h = ELLIPSE * 2.0 * first + 4.0 * (x * u - pole * s) / size
+    first = 2.0 * math.sqrt((x * x + pole * pole) / size)
+    h = reach(first, -2.0 * (x * u - pole * s) / size, ELLIPSE)
     if pushed != 0.0:
-        h = min(h, (ELLIPSE * math.sqrt(size) + 2.0 * u * pushing) / abs(pushed))
-    return h / (0.25 * ELLIPSE**2 - 1.0)
+        h = min(h, reach(math.sqrt(size), -u * pushing, ELLIPSE) / abs(pushed))
+    return h
 
 
 @kernel

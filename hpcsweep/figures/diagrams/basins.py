@@ -115,7 +115,7 @@ def _legend(figure, study, keys: list, index: np.ndarray) -> None:
         ncols=min(len(handles), MOST_COLUMNS),
         fontsize=8,
         frameon=False,
-        title=f"{total} starts; {_rest(study)}",
+        title=f"{total:,} starts; {_rest(study)}",
         title_fontsize=7.5,
     )
 

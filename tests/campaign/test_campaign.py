@@ -224,7 +224,8 @@ def test_an_exception_on_a_worker_ends_the_job_with_one_traceback(tmp_path, smal
         "        raise RuntimeError('the worker broke')\n"
         "    return good(*a, **k)\n"
         "sweep.sweep_block = broken\n"
-        "sys.exit(cli.main(sys.argv[1:]))\n"
+        "if __name__ == '__main__':  # not in a process that compiles\n"
+        "    sys.exit(cli.main(sys.argv[1:]))\n"
     )
     done = run_script(2, script, "run", small_job, "-o", tmp_path / "b.h5")
     assert done.returncode not in (0, 2, 75)

@@ -140,7 +140,8 @@ def test_a_signal_to_a_campaign_that_still_loads_its_libraries_is_obeyed(tmp_pat
         "    os.kill(os.getpid(), signal.SIGTERM)\n"
         "    return load(*arguments)\n"
         "job.load_job = load_job\n"
-        "sys.exit(cli.main(sys.argv[1:]))\n"
+        "if __name__ == '__main__':  # not in a process that compiles\n"
+        "    sys.exit(cli.main(sys.argv[1:]))\n"
     )
     done = subprocess.run(
         [sys.executable, script, "run", small_job, "-o", tmp_path / "small.h5"],

@@ -24,7 +24,8 @@ def on_a_full_disk(*arguments):
     resource.setrlimit(resource.RLIMIT_FSIZE, (@, @))
     return opened(*arguments)
 campaign.open_campaign = on_a_full_disk
-sys.exit(cli.main(sys.argv[1:]))
+if __name__ == "__main__":  # not in a process that compiles
+    sys.exit(cli.main(sys.argv[1:]))
 """
 
 

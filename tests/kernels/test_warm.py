@@ -191,10 +191,7 @@ def test_warmup_fills_a_cache_that_is_only_read_later(tmp_path):
     cache = tmp_path / "cache"
     job = tmp_path / "small.toml"
     job.write_text(SMALL)
-    temporary = tmp_path / "temporary"
-    temporary.mkdir()
-    variables = {"NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(temporary)}
-    done = command("warmup", "--jobs", "2", **variables)
+    done = command("warmup", "--jobs", "2", NUMBA_CACHE_DIR=str(cache))
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(f"compiling {len(FLOW_KERNELS)} kernels")
     assert str(cache) in done.stdout.splitlines()[-1]
@@ -202,6 +199,9 @@ def test_warmup_fills_a_cache_that_is_only_read_later(tmp_path):
     assert kept
     for path in kept:
         path.chmod(path.stat().st_mode & ~0o222)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    variables = {"NUMBA_CACHE_DIR": str(cache), "TMPDIR": str(temporary)}
     done = command("run", job, "-o", tmp_path / "one.h5", **variables)
     assert done.returncode == 0, done.stderr
     assert "compil" not in done.stdout + done.stderr

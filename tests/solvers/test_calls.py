@@ -5,14 +5,13 @@ stack, 250 to 470 of them, which takes as long as what most such kernels do.
 """
 
 import platform
-import re
 
 import numba
 import pytest
 
 from hpcsweep.kernels import separate
 from hpcsweep.kernels.parts import KernelDispatcher
-from hpcsweep.solvers.flow import FlowMap, propagators
+from hpcsweep.solvers import flow
 
 if numba.config.DISABLE_JIT:
     pytest.skip("nothing is compiled", allow_module_level=True)
@@ -21,17 +20,14 @@ if platform.machine() not in ("x86_64", "AMD64"):
 
 MOST = 60
 """Words; a state, a part of a step and some arrays."""
-KERNELS = [
-    one for one in separate.ALL if one.name.startswith(FlowMap.__module__.rpartition(".")[0])
-]
+KERNELS = [one for one in separate.ALL if one.name.startswith(flow.__name__)]
 
 
 def words_on_the_stack(kernel) -> int:
     """Compile a kernel anew; give the most words that are pushed for one call."""
     separate.load_all()
     (signature,) = kernel.signatures
-    options = dict(kernel.dispatcher.targetoptions)
-    fresh = KernelDispatcher(kernel.py_func, options)
+    fresh = KernelDispatcher(kernel.py_func, kernel.dispatcher.targetoptions)
     fresh.compile(signature)
     assembly = fresh.overloads[signature].library.get_asm_str()
     most = pushed = 0
@@ -39,7 +35,7 @@ def words_on_the_stack(kernel) -> int:
         instruction = line.split(maxsplit=1)[0] if line.strip() else ""
         if instruction.startswith("push"):
             pushed += 1
-        elif re.fullmatch(r"callq?", instruction):
+        elif instruction in ("call", "callq"):
             most, pushed = max(most, pushed), 0
         elif instruction.endswith(":"):
             pushed = 0
@@ -50,5 +46,5 @@ def words_on_the_stack(kernel) -> int:
 @pytest.mark.parametrize("kernel", KERNELS, ids=lambda kernel: kernel.name.rpartition(".")[2])
 def test_calls_hand_over_little(kernel):
     # a table that is missing is built once: there the words do not matter, and are found
-    builds = kernel is propagators.lookup
+    builds = kernel is flow.propagators.lookup
     assert (words_on_the_stack(kernel) > MOST) is builds

@@ -119,7 +119,7 @@ def starts_text(results, frame) -> str:
     """Write how many starts there are, and the share of them that reached no drawn attractor."""
     study = job_of(results).study
     done = max(int((frame["outcome"].values > 0).sum()), 1) * study.starts
-    parts = [f"{study.starts} starts a point"]
+    parts = [f"{study.starts:,} starts a point"]
     for name in ("undecided", "failed", "elsewhere"):
         count = int(frame[f"n_{name}"].values.sum())
         if count or name == "undecided":

@@ -76,7 +76,7 @@ def draw(results, path: Path, sweep: Path | None = None) -> None:
     starts = job_of(results).study.starts
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * starts, 1)
     figure.suptitle(
-        f"{caption(results)}\n{starts} starts a point, undecided {percent(float(undecided))}",
+        f"{caption(results)}\n{starts:,} starts a point, undecided {percent(float(undecided))}",
         fontsize=10,
     )
     save(figure, path)

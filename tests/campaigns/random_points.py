@@ -20,6 +20,7 @@ differs by more than `ORBIT`, are listed.
 import argparse
 import sys
 from collections import Counter
+from functools import cache
 
 import numpy as np
 from tools import JOBS
@@ -30,44 +31,58 @@ from hpcsweep.studies.runs import FrameRuns
 
 ORBIT = 1e-9
 NEXT = 1.001
-TRIES = 40
+TRIES = 200
 OFF = 1e-10
 """As much as a change of a solver may move a passage of a contact (gaps, gaps omega_0)."""
-WHICH = {
-    (True, True): "both motions",
+BOTH = "both motions found from beside rest"
+FOUND = {
+    (True, True): BOTH,
     (True, False): "the motion before alone",
     (False, True): "the motion after alone",
     (False, False): "neither motion",
 }
-STUDIES = [load_job(JOBS / f"bluecrystal{name}.toml").study for name in ("", "-described")]
 KEPT = ("motion", "orbit_period", "contact", "outcome", "lyapunov", "drift", "cycles")
 
 
-def pair(damping: int, omega: float, amplitude: float, offset, rows: dict[str, list]) -> None:
-    """Compute the two runs of a point from a state beside rest, and add their rows."""
-    study = STUDIES[damping]
-    frame = FrameRuns(study.structure, omega, study.settings)
-    found = frame.follow([amplitude, NEXT * amplitude], study.initial_state + offset)
-    for row in range(2):
-        for name in KEPT:
-            rows[name].append(found[name][row])
-        points = np.full((study.settings.max_orbit_period, study.initial_state.size), np.nan)
-        period = int(found["orbit_period"][row])
-        points[:period] = found["poincare"][row, :period]
-        rows["points"].append(points)
-        rows["at"].append((damping, omega, amplitude, row))
+@cache
+def study(damping: int):
+    """Give the whole study, as printed or as described."""
+    return load_job(JOBS / f"bluecrystal{('', '-described')[damping]}.toml").study
 
 
-def drawn(n_points: int, seed: int, nudge: float) -> dict[str, np.ndarray]:
-    """Compute the runs, two a point."""
-    random = np.random.default_rng(seed)
+def computed(cases) -> dict[str, np.ndarray]:
+    """Compute two runs of each case: damping, Omega, A, and what is added to rest."""
     rows: dict[str, list] = {name: [] for name in (*KEPT, "points", "at")}
-    for k in range(n_points):
-        study = STUDIES[k % 2]
-        omega = float(random.uniform(study.omega[0], study.omega[-1]))
-        amplitude = float(random.uniform(study.amplitude[0], study.amplitude[-1]))
-        pair(k % 2, omega, amplitude, nudge, rows)
+    for damping, omega, amplitude, offset in cases:
+        own = study(damping)
+        frame = FrameRuns(own.structure, omega, own.settings)
+        found = frame.follow([amplitude, NEXT * amplitude], own.initial_state + offset)
+        for row in range(2):
+            for name in KEPT:
+                rows[name].append(found[name][row])
+            points = np.full((own.settings.max_orbit_period, own.initial_state.size), np.nan)
+            period = int(found["orbit_period"][row])
+            points[:period] = found["poincare"][row, :period]
+            rows["points"].append(points)
+            rows["at"].append((damping, omega, amplitude, row))
     return {name: np.array(values) for name, values in rows.items()}
+
+
+def drawn(n_points: int, seed: int, nudge: float):
+    """Draw the cases."""
+    random = np.random.default_rng(seed)
+    for k in range(n_points):
+        own = study(k % 2)
+        omega = float(random.uniform(own.omega[0], own.omega[-1]))
+        yield k % 2, omega, float(random.uniform(own.amplitude[0], own.amplitude[-1])), nudge
+
+
+@cache
+def beside_rest(damping: int, omega: float, amplitude: float, nudge: float):
+    """Compute the runs of a point from `TRIES` states."""
+    size = study(damping).initial_state.size
+    offsets = np.random.default_rng(0).uniform(-nudge, nudge, (TRIES, size))
+    return computed((damping, omega, amplitude, offset) for offset in offsets)
 
 
 def nearest(left: np.ndarray, right: np.ndarray) -> float:
@@ -93,43 +108,37 @@ def told(one: dict, k: int) -> str:
     return f"{motion} P{period} C{one['contact'][k]:b} exponent {one['lyapunov'][k]:.4g}"
 
 
-def compare(before: dict, after: dict, explain: float = 0.0) -> int:
+def compare(before: dict, after: dict, nudge: float = 0.0) -> int:
     """List the runs that differ, with a nudge each with why; return how many stay unexplained."""
     if not np.array_equal(before["at"], after["at"]):
         sys.exit("random_points: the files hold other points")
-    worst, reasons = 0.0, []
+    worst, kinds = 0.0, Counter()
     for k, (damping, omega, amplitude, row) in enumerate(before["at"]):
         same, distance = agree(before, k, after, k)
         if same:
             worst = max(worst, distance)
             continue
-        reasons.append(reason(before, after, k, explain) if explain else "differ")
+        kind, counts = reason(before, after, k, nudge) if nudge else ("differ", "")
+        kinds[kind] += 1
         print(
             f"{('printed', 'described')[int(damping)]} Omega {omega:.6f} A {amplitude:.6f} "
-            f"run {int(row)}: {told(before, k)} | {told(after, k)} | {distance:.1e}",
-            f"| {reasons[-1]}",
+            f"run {int(row)}: {told(before, k)} | {told(after, k)} | {distance:.1e}{counts}",
             flush=True,
         )
     print(f"{len(before['at'])} runs, orbits of those that agree by {worst:.1e} at most")
-    for what, count in Counter(one.partition(":")[0] for one in reasons).most_common():
-        print(f"{count} {what}")
+    for kind, count in kinds.most_common():
+        print(f"{count} {kind}")
     print(f"forcing periods {before['cycles'].sum()} and {after['cycles'].sum()}")
-    return sum(not one.startswith(WHICH[True, True]) for one in reasons)
+    return kinds.total() - kinds[BOTH]
 
 
-def reason(before: dict, after: dict, k: int, nudge: float) -> str:
-    """Tell by runs from beside rest why a run differs."""
+def reason(before: dict, after: dict, k: int, nudge: float) -> tuple[str, str]:
+    """Tell by runs from beside rest why a run differs: what they find, and how often."""
     damping, omega, amplitude, row = before["at"][k]
-    random = np.random.default_rng(k)
-    rows: dict[str, list] = {name: [] for name in (*KEPT, "points", "at")}
-    for _ in range(TRIES):
-        size = STUDIES[int(damping)].initial_state.size
-        pair(int(damping), omega, amplitude, random.uniform(-nudge, nudge, size), rows)
-    found = range(int(row), 2 * TRIES, 2)
-    as_before = sum(agree(before, k, rows, j)[0] for j in found)
-    as_after = sum(agree(after, k, rows, j)[0] for j in found)
-    kind = WHICH[as_before > 0, as_after > 0]
-    return f"{kind} from beside rest: {as_before} and {as_after} of {TRIES}"
+    tries = beside_rest(int(damping), omega, amplitude, nudge)
+    own = range(int(row), 2 * TRIES, 2)
+    first, second = (sum(agree(one, k, tries, j)[0] for j in own) for one in (before, after))
+    return FOUND[first > 0, second > 0], f" | {first} and {second} of {TRIES}"
 
 
 def main() -> None:
@@ -149,7 +158,7 @@ def main() -> None:
         before, after = (dict(np.load(name)) for name in files)
         nudge = (given.nudge or OFF) if given.explain else 0.0
         sys.exit(1 if compare(before, after, nudge) else 0)
-    np.savez_compressed(given.output, **drawn(given.points, given.seed, given.nudge))
+    np.savez_compressed(given.output, **computed(drawn(given.points, given.seed, given.nudge)))
 
 
 if __name__ == "__main__":

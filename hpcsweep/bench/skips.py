@@ -19,7 +19,8 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.runs import FrameRuns, warm_up
+from hpcsweep.studies.compilation import warm_up
+from hpcsweep.studies.runs import FrameRuns
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
 

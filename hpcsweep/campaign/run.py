@@ -86,7 +86,7 @@ def run(
         hosts = comm.gather(provenance.host())
         if comm.rank != 0:
             # loads what takes long to load, while rank 0 prepares the file
-            job.study.is_compiled()
+            job.study.is_compiled(comm.size)
         _on_master(comm, lambda: _prepare(layout, output, lock, comm, hosts, say))
         lock.join()
         try:
@@ -182,16 +182,16 @@ def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
     flag.at_once = leave
     if flag.reason is not None:
         leave(flag.reason)
-    at_once = comm.gather(study.is_compiled())
+    at_once = comm.gather(study.is_compiled(comm.size))
     if comm.bcast(at_once and all(at_once)):
-        study.warm_up()
+        study.warm_up(n_ranks=comm.size)
     else:
         first = comm.node_rank() == 0
         if first:
-            study.warm_up(say if comm.rank == 0 else None)
+            study.warm_up(say if comm.rank == 0 else None, comm.size)
         comm.barrier()
         if not first:
-            study.warm_up()
+            study.warm_up(n_ranks=comm.size)
     # no rank writes as long as another might leave at once
     comm.barrier()
     flag.at_once = None

@@ -1,17 +1,24 @@
 """`hpcsweep warmup`: compile the kernels before they are needed."""
 
+from pathlib import Path
+
 from hpcsweep.commands import RAW, USER_ERROR, complain
 
 WARMUP_HELP = """\
 Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsweep or
 ~/.cache/hpcsweep. `run` does so by itself; this does it before an allocation is spent, or into a
 folder that is only read later. Kernels are compiled for the type of processor of this machine:
-do it on a node of the type that will compute."""
+do it on a node of the type that will compute.
+
+Given jobs, it also compiles the kernels fitted to their structures, which take 0.65 to 0.8 of the
+time and give the same results to the last bit. `run` fits kernels by itself from half a million
+histories a rank on, and takes fitted ones wherever the cache has them."""
 
 WARMUP_EXAMPLE = """\
 examples:
   hpcsweep warmup                                      on all processors at hand
   srun -n 1 -c 4 hpcsweep warmup --jobs 4              on a node of a cluster
+  hpcsweep warmup jobs/bluecrystal.toml                fitted to its structure, too
   NUMBA_CACHE_DIR=/opt/kernels hpcsweep warmup         for all users of an image"""
 
 
@@ -25,6 +32,13 @@ def add_to(commands) -> None:
         formatter_class=RAW,
     )
     warmup.add_argument(
+        "job",
+        type=Path,
+        nargs="*",
+        metavar="JOB.toml",
+        help="jobs to whose structures kernels are fitted, too",
+    )
+    warmup.add_argument(
         "--jobs", type=int, metavar="N", help="processes that compile (default: one a processor)"
     )
     warmup.set_defaults(function=_warmup)
@@ -33,17 +47,30 @@ def add_to(commands) -> None:
 def _warmup(options) -> int:
     import time
 
+    from hpcsweep.job import JobError, load_job
     from hpcsweep.kernels.cache import cache_folder, processor
     from hpcsweep.parallel.mpi import launched_rank
-    from hpcsweep.studies.runs import warm_up_all
+    from hpcsweep.studies.compilation import warm_up, warm_up_all
 
     if options.jobs is not None and options.jobs < 1:
         complain(f"--jobs {options.jobs}: must be at least 1")
         return USER_ERROR
+    try:
+        studies = [load_job(path).study for path in options.job]
+    except JobError as error:
+        complain(str(error))
+        return USER_ERROR
     if launched_rank() != 0:
         return 0
     begun = time.perf_counter()
-    warm_up_all(lambda text: print(text, flush=True), options.jobs)
+
+    def say(text: str) -> None:
+        print(text, flush=True)
+
+    warm_up_all(say, options.jobs)
+    for study in studies:
+        if study.settings.solver == "flow":
+            warm_up(study.settings, say, options.jobs, fitted_to=study.structure)
     seconds = time.perf_counter() - begun
     print(f"ready in {seconds:.1f} s: kernels for {processor().split()[0]} in {cache_folder()}")
     return 0

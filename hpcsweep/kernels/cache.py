@@ -34,6 +34,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLoca
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 
+from hpcsweep.kernels.fitting import KEY_LENGTH, fitted_name
 from hpcsweep.kernels.folders import cache_root, own_folder, say_unwritable, write_whole
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -181,6 +182,17 @@ class KernelCache(FunctionCache):
         place = self._path(sig, target_context.codegen())
         roots = cache_root(), own_folder()
         return any(root is not None and os.access(root / place, os.R_OK) for root in roots)
+
+    def fits(self) -> frozenset[str]:
+        """Give the keys of the fits (`fitting`) for which there is a kernel, of any processor."""
+        found = set()
+        for root in (cache_root(), own_folder()):
+            if root is None:
+                continue
+            folder = root / source_hash() / self._impl.locator.place
+            for path in folder.glob(f"{fitted_name(self._py_func, '*')}-*{SUFFIX}"):
+                found.add(path.name.rpartition("-")[0][-KEY_LENGTH:])
+        return frozenset(found)
 
     def save_overload(self, sig, data):
         """Keep a compiled kernel where that is possible."""

@@ -9,7 +9,7 @@ import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
 
-from hpcsweep.kernels import twins
+from hpcsweep.kernels import fitting, twins
 from hpcsweep.kernels.compile import jit, kernel
 
 _INDEX = types.intp
@@ -59,11 +59,36 @@ def reader(kind):
 
         def generate(context, builder, signature, arguments):
             place = _place_of(context, builder, signature, arguments, 0, kind)
-            return builder.load(place, align=8)
+            value = builder.load(place, align=8)
+            return fitting.with_known_sizes(context, builder, kind, value)
 
         return kind(buffer), generate
 
     return read
+
+
+@intrinsic
+def _as_long_as(typingctx, array, other):
+    del typingctx
+
+    def generate(context, builder, signature, arguments):
+        ours, its = (
+            context.make_array(kind)(context, builder, value)
+            for kind, value in zip(signature.args, arguments, strict=True)
+        )
+        length = builder.extract_value(its.shape, 0)
+        ours.shape = builder.insert_value(ours.shape, length, 0)
+        return ours._getvalue()
+
+    return array(array, other), generate
+
+
+as_long_as = twins.as_long_as if numba.config.DISABLE_JIT else _as_long_as
+"""``as_long_as(array, other)``, kernels only: `array`, whose length is that of `other`.
+
+Nothing is checked. The length of an array that was read from a packing may be known when a kernel
+is compiled (`fitting`), that of an argument is not.
+"""
 
 
 @jit
@@ -93,6 +118,10 @@ class Packing:
     def __init__(self, example: tuple):
         self._kind = numba.typeof(example)
         self.read = twins.read if numba.config.DISABLE_JIT else reader(self._kind)
+
+    def fit(self, shapes: fitting.Shapes) -> fitting.Fit:
+        """Tell what kernels are to be fitted to for tuples of these shapes, see `shapes_of`."""
+        return fitting.Fit(self._kind, shapes)
 
     def pack(self, value: tuple) -> np.ndarray | tuple:
         """Write a tuple into a buffer for the kernels.

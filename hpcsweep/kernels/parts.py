@@ -15,6 +15,8 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_machinery import register_pass
 from numba.core.registry import CPUDispatcher
 
+from hpcsweep.kernels import fitting
+
 
 class _PartLibrary(JITCodeLibrary):
     """A library that is there to be linked into others: not optimised, not given to the engine."""
@@ -52,6 +54,7 @@ class _WholeLibrary(JITCodeLibrary):
         for library in called:
             if isinstance(library, _PartLibrary):
                 library.link_into(self._final_module)
+        fitting.rename_addresses(self._final_module)
         self._linking_libraries = [one for one in called if not isinstance(one, _PartLibrary)]
         super().finalize()
 
@@ -92,7 +95,8 @@ class _LowerPart(typed_passes.NativeLowering):
         codegen = state.targetctx.codegen()
         state.library = _PartLibrary(codegen, state.func_id.func_qualname)
         state.flags.no_compile = True
-        super().run_pass(state)
+        with fitting.unfitted():
+            super().run_pass(state)
         lowered = state["cr"]
         state.library.finalize()
         entry = _Entry()
@@ -162,6 +166,10 @@ class KernelDispatcher(CPUDispatcher):
     def is_kept(self, sig) -> bool:
         """Tell whether the cache has the kernel compiled for a signature."""
         return self._cache.holds(sig, self.targetctx)
+
+    def kept_fits(self) -> frozenset[str]:
+        """Give the keys of the fits that the cache has the kernel for."""
+        return self._cache.fits()
 
     def get_overload(self, sig):
         """Give numba what a kernel calls."""

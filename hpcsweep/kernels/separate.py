@@ -6,8 +6,13 @@ made `separate`: its types are declared, each has one address, and callers read 
 known to them by name. A caller can so be compiled, and kept, before what it calls has been.
 
 `load_all` fills the cells: it compiles each separate kernel or loads it from the cache.
+
+Kernels that read a packing may be fitted to the sizes in it (`fitting`). All that are fitted alike
+are a `FittedKernels`: separate kernels once more, with addresses of their own.
 """
 
+import contextlib
+import types as python_types
 from collections.abc import Callable
 
 import numba
@@ -19,6 +24,7 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import lower_builtin
 
 from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.fitting import Fit, fitted_name
 from hpcsweep.kernels.twins import plain
 
 BYTES = types.uint8[::1]
@@ -47,22 +53,29 @@ class Separate:
     inner : bool
         Whether kernels alone call it: what looks into the arguments of a call by Python takes up
         to a second to compile.
+    fits : bool
+        Whether it can be fitted to the sizes in a packing.
     """
 
-    def __init__(self, function: Callable, result, arguments, inner: bool):
+    def __init__(self, function: Callable, result, arguments, inner: bool, fits: bool):
         self.name = f"{function.__module__}.{function.__qualname__}"
+        self.fits = fits
         self.__doc__ = function.__doc__
         self.__name__ = function.__name__
         self.__module__ = function.__module__
+        self.result, self.arguments, self.inner = result, arguments, inner
         result = types.Tuple(result) if isinstance(result, tuple) else result
         self._signature = signature(result, *arguments)
         self.dispatcher = kernel(function, no_cpython_wrapper=inner)
-        self._inner = inner
         self.py_func = function
         self._all_loaded = False
         self._cell = np.zeros(1, np.int64)
-        self._symbol = f"address of {self.name}"
-        binding.add_symbol(self._symbol, self._cell.ctypes.data)
+        self.symbol = f"address of {self.name}"
+        binding.add_symbol(self.symbol, self._cell.ctypes.data)
+        self._declare(arguments)
+
+    def _declare(self, arguments) -> None:
+        """Let kernels call it."""
 
         class Template(ConcreteTemplate):
             key = self
@@ -72,6 +85,13 @@ class Separate:
         lower_builtin(self, *arguments)(self._call)
         ALL.append(self)
 
+    is_fitted = False
+
+    @property
+    def cost_name(self) -> str:
+        """What it takes to compile is known by this name."""
+        return self.name
+
     def __call__(self, *arguments):
         """Call the kernel from Python.
 
@@ -80,12 +100,15 @@ class Separate:
         TypeError
             If only kernels can call it.
         """
-        if self._inner:
+        if self.inner:
             raise TypeError(f"{self.name} can be called by kernels alone")
         if not self._all_loaded:
-            load_all()
+            self._load_what_is_called()
             self._all_loaded = True
         return self.dispatcher(*arguments)
+
+    def _load_what_is_called(self) -> None:
+        load_all()
 
     @property
     def is_loaded(self) -> bool:
@@ -97,6 +120,10 @@ class Separate:
         """Whether the cache has the kernel."""
         return self.dispatcher.is_kept(self._signature)
 
+    def kept_fits(self) -> frozenset[str]:
+        """Give the keys of the fits that the cache has the kernel for, on any processor."""
+        return self.dispatcher.kept_fits()
+
     @property
     def signatures(self) -> list:
         """The types for which the kernel is compiled."""
@@ -106,20 +133,24 @@ class Separate:
         """Compile the kernel, or load it from the cache, and let all know its address."""
         if self.is_loaded:
             return
-        self.dispatcher.compile(self._signature)
+        with self._compiling():
+            self.dispatcher.compile(self._signature)
         compiled = self.dispatcher.overloads[self._signature.args]
         self.dispatcher.disable_compile()
         name = compiled.fndesc.llvm_func_name
         self._cell[0] = compiled.library.get_pointer_to_function(name)
+
+    def _compiling(self) -> contextlib.AbstractContextManager:
+        return contextlib.nullcontext()
 
     def _call(self, context, builder, sig, arguments):
         """Generate a call of what the cell points at."""
         convention = context.call_conv
         kind = convention.get_function_type(sig.return_type, sig.args)
         address = ir.IntType(64)
-        cell = builder.module.globals.get(self._symbol)
+        cell = builder.module.globals.get(self.symbol)
         if cell is None:
-            cell = ir.GlobalVariable(builder.module, address, self._symbol)
+            cell = ir.GlobalVariable(builder.module, address, self.symbol)
         function = builder.inttoptr(builder.load(cell), kind.as_pointer())
         status, result = convention.call_function(
             builder, function, sig.return_type, sig.args, arguments
@@ -133,7 +164,79 @@ ALL: list[Separate] = []
 """All separate kernels of the modules that are imported."""
 
 
-def separate(result, *arguments, inner: bool = False):
+class _Fitted(Separate):
+    """A separate kernel fitted to sizes; kernels that are fitted to others call another."""
+
+    is_fitted = True
+
+    def __init__(self, one: Separate, kernels: "FittedKernels"):
+        function, key = one.py_func, kernels.fit.key
+        again = python_types.FunctionType(
+            function.__code__,
+            function.__globals__,
+            function.__name__,
+            function.__defaults__,
+            function.__closure__,
+        )
+        again.__module__, again.__doc__ = function.__module__, function.__doc__
+        # names the file of the kernel, and its function of LLVM
+        again.__qualname__ = fitted_name(function, key)
+        self.origin, self._kernels = one, kernels
+        super().__init__(again, one.result, one.arguments, one.inner, True)
+        self.__name__ = one.__name__
+
+    def _declare(self, arguments) -> None:
+        """Kernels ask for the one that is not fitted, see `fitting.rename_addresses`."""
+
+    @property
+    def cost_name(self) -> str:
+        """What it takes to compile depends little on the sizes."""
+        return f"{self.origin.name} fitted"
+
+    def _load_what_is_called(self) -> None:
+        self._kernels.load()
+
+    def _compiling(self) -> contextlib.AbstractContextManager:
+        return self._kernels.fit.compiling(self._kernels.renamed)
+
+
+class FittedKernels:
+    """The separate kernels fitted to the sizes of one packing.
+
+    Parameters
+    ----------
+    fit : fitting.Fit
+
+    Attributes
+    ----------
+    all : list of Separate
+        The fitted ones, and those others that cannot be fitted: all that a motion asks for.
+    renamed : dict of str to str
+        Symbols of the addresses of the fitted ones, by those in whose place they are.
+    """
+
+    def __init__(self, fit: Fit):
+        self.fit = fit
+        self._by_origin = {one: _Fitted(one, self) for one in ALL if one.fits}
+        self.renamed = {one.symbol: fitted.symbol for one, fitted in self._by_origin.items()}
+        self.all = [self._by_origin.get(one, one) for one in ALL]
+
+    def __getitem__(self, one: Separate) -> Separate:
+        """Give a kernel fitted."""
+        return self._by_origin[one]
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether all are loaded, or the cache has them."""
+        return all(one.is_loaded or one.is_kept for one in self.all)
+
+    def load(self) -> None:
+        """Compile all, or load them from the cache."""
+        for one in self.all:
+            one.load()
+
+
+def separate(result, *arguments, inner: bool = False, fits: bool = False):
     """Compile a kernel on its own: ``@separate(result, type of argument, ...)``; see `Separate`.
 
     With NUMBA_DISABLE_JIT=1 the kernel stays Python.
@@ -142,7 +245,7 @@ def separate(result, *arguments, inner: bool = False):
     def decorate(function):
         if numba.config.DISABLE_JIT:
             return plain(function)
-        return Separate(function, result, arguments, inner)
+        return Separate(function, result, arguments, inner, fits)
 
     return decorate
 

@@ -122,3 +122,10 @@ def read(packed: tuple) -> tuple:
     if isinstance(packed, tuple):
         return type(packed)(*map(read, packed))
     return _ieee(packed)
+
+
+def as_long_as(array, other):
+    """Give back an array that is as long as another."""
+    if len(array) != len(other):
+        raise IndexError(f"an array of {len(array)} is taken for one of {len(other)}")
+    return array

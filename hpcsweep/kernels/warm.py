@@ -20,7 +20,8 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import NamedTuple
 
 from hpcsweep.kernels import folders, separate
-from hpcsweep.kernels.separate import Separate
+from hpcsweep.kernels.fitting import Fit
+from hpcsweep.kernels.separate import FittedKernels, Separate
 
 SECONDS = "seconds.json"
 """Beside the cache: process time that each kernel took when it was last compiled (s)."""
@@ -45,12 +46,17 @@ def processors() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def missing() -> list[Separate]:
-    """List the kernels that are neither loaded nor in the cache."""
-    return [one for one in separate.ALL if not one.is_loaded and not one.is_kept]
+def missing(fitted: FittedKernels | None = None) -> list[Separate]:
+    """List the kernels, those for any structure or fitted ones, that are to be compiled yet."""
+    asked = separate.ALL if fitted is None else fitted.all
+    return [one for one in asked if not one.is_loaded and not one.is_kept]
 
 
-def load_all(tell: Callable[[Progress], None] | None = None, jobs: int = 1) -> None:
+def load_all(
+    tell: Callable[[Progress], None] | None = None,
+    jobs: int = 1,
+    fitted: FittedKernels | None = None,
+) -> None:
     """Compile all separate kernels, or load them from the cache.
 
     Parameters
@@ -59,8 +65,10 @@ def load_all(tell: Callable[[Progress], None] | None = None, jobs: int = 1) -> N
         Told of the progress, if there is anything to compile: at the start and after each kernel.
     jobs : int
         Processes that compile, at most.
+    fitted : FittedKernels, optional
+        In place of the kernels for any structure.
     """
-    lost = missing()
+    lost = missing(fitted)
     if lost:
         learnt = _learnt_seconds()
         if not _keep_seconds(learnt) and folders.own_folder() is None:
@@ -69,23 +77,27 @@ def load_all(tell: Callable[[Progress], None] | None = None, jobs: int = 1) -> N
         outlook = _Outlook(lost, learnt, jobs)
         if tell is not None:
             tell(outlook.progress(""))
-        for one, seconds in _compile(lost, learnt, jobs):
-            learnt[one.name] = seconds
+        fit = None if fitted is None else fitted.fit
+        for one, seconds in _compile(lost, learnt, jobs, fit):
+            learnt[one.cost_name] = seconds
             outlook.done.append(one.name)
             if tell is not None:
                 tell(outlook.progress(one.__name__))
         _keep_seconds(learnt)
-    separate.load_all()
+    if fitted is None:
+        separate.load_all()
+    else:
+        fitted.load()
 
 
 class _Outlook:
     """Foretells what is left from what kernels took the last time and the pace of this one."""
 
     def __init__(self, lost: list[Separate], learnt: dict[str, float], jobs: int):
-        known = [learnt[one.name] for one in lost if one.name in learnt]
+        known = [learnt[one.cost_name] for one in lost if one.cost_name in learnt]
         typical = sum(known) / len(known) if known else math.nan
         self.done: list[str] = []
-        self._expected = {one.name: learnt.get(one.name, typical) for one in lost}
+        self._expected = {one.name: learnt.get(one.cost_name, typical) for one in lost}
         self._jobs = min(jobs, len(lost))
         self._begun = time.perf_counter()
 
@@ -100,15 +112,15 @@ class _Outlook:
 
 
 def _compile(
-    lost: list[Separate], learnt: dict[str, float], jobs: int
+    lost: list[Separate], learnt: dict[str, float], jobs: int, fit: Fit | None
 ) -> Iterator[tuple[Separate, float]]:
     """Compile kernels, the costliest first; yield each with the process time it took."""
-    left = sorted(lost, key=lambda one: -learnt.get(one.name, math.inf))
+    left = sorted(lost, key=lambda one: -learnt.get(one.cost_name, math.inf))
     groups = _groups(lost, learnt)
     if min(jobs, len(groups)) > 1:
         # where processes cannot be had, or one is killed for want of memory, this one goes on alone
         with contextlib.suppress(BrokenProcessPool, OSError, NotImplementedError):
-            for one, seconds in _compile_side_by_side(groups, min(jobs, len(groups))):
+            for one, seconds in _compile_side_by_side(groups, min(jobs, len(groups)), fit):
                 left.remove(one)
                 yield one, seconds
     for one in list(left):
@@ -126,13 +138,13 @@ def _groups(lost: list[Separate], learnt: dict[str, float]) -> list[list[Separat
         found.setdefault(one.__module__, []).append(one)
 
     def cost(group: list[Separate]) -> tuple[float, int]:
-        return sum(learnt.get(one.name, math.inf) for one in group), len(group)
+        return sum(learnt.get(one.cost_name, math.inf) for one in group), len(group)
 
     return sorted(found.values(), key=cost, reverse=True)
 
 
 def _compile_side_by_side(
-    groups: list[list[Separate]], jobs: int
+    groups: list[list[Separate]], jobs: int, fit: Fit | None
 ) -> Iterator[tuple[Separate, float]]:
     """Compile groups of kernels, each in one process; a process that is done takes the next."""
     context = multiprocessing.get_context("spawn")
@@ -145,7 +157,9 @@ def _compile_side_by_side(
 
         def hand_out(pool: ProcessPoolExecutor) -> None:
             for one in queue.pop(0) if queue else ():
-                waiting[pool.submit(_compile_named, one.__module__, one.__name__)] = one, pool
+                named = one.__module__, one.__name__
+                its_fit = fit if one.is_fitted else None
+                waiting[pool.submit(_compile_named, *named, its_fit)] = one, pool
 
         for pool in pools:
             hand_out(pool)
@@ -174,9 +188,10 @@ def _start_worker() -> None:
 _unsaid: list[str] = []
 
 
-def _compile_named(module: str, name: str) -> tuple[float, list[str]]:
+def _compile_named(module: str, name: str, fit: Fit | None) -> tuple[float, list[str]]:
     """Compile a kernel into the cache; return the process time, and what is to be said."""
-    return _timed(getattr(importlib.import_module(module), name)), _unsaid
+    one = getattr(importlib.import_module(module), name)
+    return _timed(one if fit is None else FittedKernels(fit)[one]), _unsaid
 
 
 def _timed(one: Separate) -> float:

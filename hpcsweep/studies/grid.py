@@ -15,7 +15,6 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies import runs
 from hpcsweep.studies.invariants import broken_invariants
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
@@ -293,19 +292,20 @@ class RunGrid:
     def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
         """Tell what a run is: ``direction``, ``omega``, ``amplitude``."""
         direction, frame, at = run
-        return {
-            "direction": self.directions[direction],
-            "omega": float(self.omega[frame]),
-            "amplitude": float(self.amplitudes_of(frame)[at]),
-        }
+        omega, amplitude = float(self.omega[frame]), float(self.amplitudes_of(frame)[at])
+        return {"direction": self.directions[direction], "omega": omega, "amplitude": amplitude}
 
-    def is_compiled(self) -> bool:
+    def is_compiled(self, n_ranks: int | None = None) -> bool:
         """Tell whether the cache is known to have all that its runs call."""
-        return runs.is_compiled(self.settings)
+        from hpcsweep.studies.compilation import is_compiled, worth_fitting
 
-    def warm_up(self, say: Callable[[str], None] | None = None) -> None:
+        return is_compiled(self.settings, worth_fitting(self, n_ranks))
+
+    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks=None) -> None:
         """Compile all that its runs call, or load it from the disk."""
-        runs.warm_up(self.settings, say)
+        from hpcsweep.studies.compilation import warm_up, worth_fitting
+
+        warm_up(self.settings, say, fitted_to=worth_fitting(self, n_ranks))
 
     def meaning(self) -> tuple[list, tuple[np.ndarray, ...], frozenset[str]]:
         """Give what the fingerprint of a job is made of: see `hpcsweep.job.fingerprint`.

@@ -40,7 +40,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation, normalised_drift
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.decided import Told, tell_orbit, tell_window
-from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes
 
@@ -66,7 +66,7 @@ class FrameRuns:
         self.solver: Solver = solver or make_solver(*made)
         self._free = None
         if "linear" in settings.skip:
-            # here and in `warm_up`, where runs are computed: who only reads them loads no kernel
+            # here, where runs are computed: who only reads them loads no kernel
             from hpcsweep.solvers.free_motion import FreeMotion
 
             self._free = FreeMotion(
@@ -300,51 +300,3 @@ def empty_rows(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.nda
 def frame_runs(structure: Structure, omega: float, settings: SweepSettings) -> FrameRuns:
     """Give the runs of a frame; the tables of the last few frames are kept."""
     return FrameRuns(structure, omega, settings)
-
-
-def is_compiled(settings: SweepSettings) -> bool:
-    """Tell whether the cache is known to have what runs with these settings call."""
-    from hpcsweep.kernels.warm import missing
-
-    SOLVERS[settings.solver].load()
-    return settings.solver == "flow" and not missing()
-
-
-def warm_up(
-    settings: SweepSettings,
-    say: Callable[[str], None] | None = None,
-    jobs: int | None = None,
-) -> None:
-    """Compile what runs with these settings call, or load it from the disk, by a few periods.
-
-    Parameters
-    ----------
-    settings : SweepSettings
-    say : callable, optional
-        Told how far the compilation has come, if there is anything to compile.
-    jobs : int, optional
-        Processes that compile; default one for each processor at hand.
-    """
-    from hpcsweep.kernels.warm import load_all, processors
-    from hpcsweep.studies.compilation import Report
-
-    SOLVERS[settings.solver].load()
-    if settings.solver == "flow":
-        tell = None if say is None else Report(say)
-        load_all(tell, processors() if jobs is None else jobs)
-    solver = make_solver(settings.solver, Structure(1, 10.0), 1.0, settings.rtol)
-    z = np.zeros(2)
-    if "converged" in settings.skip:
-        solver.settle(z, 1.0, 1, 1, SETTLED, SETTLED)
-    else:
-        solver.advance(z, 1.0, 1)
-    solver.observe(z, 1.0, 1)
-    if "lyapunov" in settings.metrics:
-        solver.observe(z, 1.0, 1, growth=True)
-        solver.monodromy(z, 1.0, 1)
-
-
-def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
-    """Compile what runs of any settings call, or load it from the disk."""
-    for name in SOLVERS:
-        warm_up(SweepSettings(solver=name, metrics=frozenset(METRICS)), say, jobs)

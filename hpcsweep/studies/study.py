@@ -284,12 +284,16 @@ class Study(Protocol):
         """Tell a task by its frequency, and what else is its own."""
         ...
 
-    def is_compiled(self) -> bool:
-        """Tell whether the cache is known to have all that its runs call."""
+    def is_compiled(self, n_ranks: int | None = None) -> bool:
+        """Tell whether the cache is known to have all that its runs call; see `warm_up`."""
         ...
 
-    def warm_up(self, say: Callable[[str], None] | None = None) -> None:
-        """Compile all that its runs call."""
+    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
+        """Compile all that its runs call, or load it from the disk.
+
+        With `n_ranks` it is for all of its runs on so many ranks: if that is worth it the kernels
+        are fitted to the structure.
+        """
         ...
 
     def meaning(self) -> tuple[list, tuple[np.ndarray, ...], frozenset[str]]:

@@ -149,7 +149,7 @@ def load() -> None:
     from hpcsweep.checks import validate  # noqa: F401
     from hpcsweep.commands import cli, one_thread, plot  # noqa: F401
     from hpcsweep.figures.film import frame  # noqa: F401
-    from hpcsweep.studies.runs import warm_up
+    from hpcsweep.studies.compilation import warm_up
     from hpcsweep.studies.settings import SweepSettings
 
     for solver in ("flow", "bdf"):

@@ -302,7 +302,7 @@ from hpcsweep.studies.runs import empty_rows
 from tools import of_study
 
 class Nothing(AmplitudeSweep):
-    def warm_up(self, say=None):
+    def warm_up(self, say=None, n_ranks=None):
         pass
 
     def rows(self, frame, amplitudes, state, poll=None):

@@ -211,7 +211,7 @@ LEFT_TO_COMPILE = """
 import numpy as np
 from hpcsweep.studies import amplitude_sweep as sweep
 from hpcsweep.solvers.flow import march, transient
-from hpcsweep.studies.runs import warm_up
+from hpcsweep.studies.compilation import warm_up
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.model.structure import Structure
 

@@ -15,20 +15,11 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
+from hpcsweep.solvers.flow.fitted import kernels_for
 from hpcsweep.solvers.flow.free import NOTHING
-from hpcsweep.solvers.flow.march import march
-from hpcsweep.solvers.flow.path import (
-    MORE,
-    OPEN,
-    Rules,
-    follow_orbits,
-    new_rows,
-    new_run,
-    orbits_of,
-)
+from hpcsweep.solvers.flow.path import MORE, OPEN, Rules, new_rows, new_run, orbits_of
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, Watch, new_shared, new_watch
 from hpcsweep.solvers.flow.tally import MAXIMA, NO_TALLY, NORMS, clear
-from hpcsweep.solvers.flow.transient import end_of_transient
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.pieces import Pieces
@@ -66,10 +57,16 @@ class FlowMap:
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         self._shared = new_shared(model, tolerance, MAX_STEPS)
         self._packed = SHARED.pack(self._shared)
+        self._kernels = kernels_for(self._shared)
         self._watches: dict[int, tuple] = {}
         self._watch_for(1)
         self.counts = self._shared.counts
         self._pieces = Pieces()
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether its kernels are fitted to the structure, see `fitted`."""
+        return self._kernels.fitted
 
     @property
     def n_tables(self) -> int:
@@ -139,7 +136,7 @@ class FlowMap:
         multiplier = math.nan
         outcome = int(Outcome.COMPLETE)
         for first, last in self._pieces.cut(n_periods, poll):
-            more, by_newton, period, multiplier, near, outcome = end_of_transient(
+            more, by_newton, period, multiplier, near, outcome = self._kernels.end_of_transient(
                 self._packed, self._packed_watch, z, amplitude, last - first, closing
             )
             closing = (*closing[:3], near)
@@ -183,7 +180,7 @@ class FlowMap:
         rows = new_rows(len(amplitudes), n, closing[0])
         why = MORE
         while why == MORE:
-            why, n_periods, outcome = follow_orbits(
+            why, n_periods, outcome = self._kernels.follow_orbits(
                 self._packed,
                 self._packed_watch,
                 NOTHING if free is None else free.packed,
@@ -325,7 +322,7 @@ class FlowMap:
         return self._frame.out_of(points[:done]), Outcome(outcome)
 
     def _march(self, z, amplitude, n_periods, points, wanted=NO_TALLY, tangent=None, growth=None):
-        return march(
+        return self._kernels.march(
             self._packed,
             z,
             amplitude,

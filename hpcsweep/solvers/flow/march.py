@@ -3,6 +3,7 @@
 import math
 
 from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
 from hpcsweep.solvers.flow.augmented import renew_rows
 from hpcsweep.solvers.flow.period import march_period
@@ -11,7 +12,7 @@ from hpcsweep.solvers.flow.tally import NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE
 
 
-@separate((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX, INT, MATRIX, VECTOR)
+@separate((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX, INT, MATRIX, VECTOR, fits=True)
 def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     """Advance z over `n_periods` forcing periods, in place, and gather what is wanted of it.
 
@@ -33,6 +34,8 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     outcome : int
     """
     common = read_shared(shared)
+    z = as_long_as(z, common.previous)
+    tangent = as_long_as(tangent, common.previous)
     previous = common.previous
     for period in range(n_periods):
         for k in range(z.shape[0]):

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, KEY, VECTOR, separate
 from hpcsweep.solvers.flow.apart import Arrival, is_alone, passes_apart
 from hpcsweep.solvers.flow.contacts import contact_bit, distance
@@ -93,7 +94,7 @@ def jerk_at_stop(arrival, z, a, model):
     return jerk
 
 
-@separate((INT, FLOAT, KEY), INT, SEGMENT, FLOAT, VECTOR, KEY, FLOAT, BYTES, inner=True)
+@separate((INT, FLOAT, KEY), INT, SEGMENT, FLOAT, VECTOR, KEY, FLOAT, BYTES, inner=True, fits=True)
 def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     """Take the contact at its stop, in state z, through its layer if it need not be integrated.
 
@@ -122,6 +123,7 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
         date.
     """
     shared = read_shared(packed)
+    z = as_long_as(z, shared.previous)
     model, work = shared.model, shared.work
     arrival = Arrival(contact, before.key, tau, work.forcing)
     contacts, a = model.contacts, work.a

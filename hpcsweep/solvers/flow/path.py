@@ -126,7 +126,9 @@ ROWS = type_of(new_rows(1, 1, 1))
 
 
 @separate(
-    (INT, INT, INT), BYTES, BYTES, BYTES, VECTOR, VECTOR, VECTOR, FLOAT, INT, RULES, RUN, ROWS
+    (INT, INT, INT),
+    *(BYTES, BYTES, BYTES, VECTOR, VECTOR, VECTOR, FLOAT, INT, RULES, RUN, ROWS),
+    fits=True,
 )
 def follow_orbits(
     shared, watch, free, amplitudes, state, units, amplitude_unit, n_periods, rules, run, rows

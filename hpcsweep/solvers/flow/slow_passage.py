@@ -27,6 +27,7 @@ gains a factor of the size of delta each time. p and exp(M s) e are series of Ta
 import math
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate
 from hpcsweep.kernels.vectors import (
     LANES,
@@ -300,7 +301,7 @@ def take_half(direction, index, contact, model, tables, work):
     return True
 
 
-@separate(INT, FLOAT, INT, INT, VECTOR, BYTES, inner=True)
+@separate(INT, FLOAT, INT, INT, VECTOR, BYTES, inner=True, fits=True)
 def cross_half(direction, index, contact, z, shared):
     """Go over from the linear motion to the true one at the stop, or back.
 
@@ -319,6 +320,7 @@ def cross_half(direction, index, contact, z, shared):
         1, or 0 if the passage is not as the module asks.
     """
     common = read_shared(shared)
+    z = as_long_as(z, common.previous)
     model, tables, work = common.model, common.tables, common.work
     half = work.departing if direction > 0.0 else work.arriving
     start(half.x, z, work.forcing)

@@ -6,6 +6,7 @@ force add to it, at the nodes of the passage.
 
 import math
 
+from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, separate
 from hpcsweep.kernels.vectors import LANES, fma, greatest, load, maximum, modulus, store
 from hpcsweep.solvers.flow.passage_rule import N_NODES
@@ -17,7 +18,7 @@ SETTLED = 1e-10
 """Change after which one more sweep is the last, relative."""
 
 
-@separate(INT, FLOAT, INT, INT, MATRIX, BYTES, inner=True)
+@separate(INT, FLOAT, INT, INT, MATRIX, BYTES, inner=True, fits=True)
 def half_tangent(direction, index, contact, tangent, shared):
     """Multiply `tangent` by the tangent map of the half that `cross_half` has taken last.
 
@@ -33,6 +34,7 @@ def half_tangent(direction, index, contact, tangent, shared):
         m
     """
     common = read_shared(shared)
+    tangent = as_long_as(tangent, common.previous)
     model, tables, workspace = common.model, common.tables, common.work
     work = workspace.departing if direction > 0.0 else workspace.arriving
     contacts = model.contacts

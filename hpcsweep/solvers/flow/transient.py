@@ -17,6 +17,7 @@ import math
 from typing import NamedTuple
 
 from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate, type_of
 from hpcsweep.solvers.flow.march import advance
 from hpcsweep.solvers.flow.newton import newton_orbit
@@ -123,6 +124,7 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     FLOAT,
     INT,
     type_of((1, 0.0, 0.0, 0.0)),
+    fits=True,
 )
 def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     """Advance z to the end of its transient: until its orbit is known, for `n_periods` at most.
@@ -152,6 +154,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     outcome : int
     """
     common = read_shared(shared)
+    z = as_long_as(z, common.previous)
     kept = read_watch(watch)
     max_period, settled, same, near = closing
     rules = Closing(max_period, settled, same, near)

@@ -19,6 +19,7 @@ import math
 from typing import NamedTuple
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
 from hpcsweep.solvers.flow.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.forcing import forcing_after, forcing_at, total_forcing
@@ -179,7 +180,7 @@ def _collocated_step(interval, most, z, amplitude, shared):
     return h, STEP_LIMIT, interval.steps_left
 
 
-@separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, INT, MATRIX, inner=True)
+@separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, INT, MATRIX, inner=True, fits=True)
 def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     """Integrate from tau until no contact is inside its layer, or until `end`.
 
@@ -201,6 +202,8 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
         Steps taken.
     """
     shared = read_shared(packed)
+    z = as_long_as(z, shared.previous)
+    tangent = as_long_as(tangent, shared.previous)
     tau, end, steps_left = interval
     model, work = shared.model, shared.work
     pairs = work.forcing

@@ -2,6 +2,7 @@
 
 import math
 
+from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
 from hpcsweep.solvers.flow.contacts import distance
 from hpcsweep.solvers.flow.layer.limits import allowed_error
@@ -20,7 +21,7 @@ from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.tally import NO_TALLY
 
 
-@separate(FLOAT, FLOAT, VECTOR, INT, MATRIX, BYTES)
+@separate(FLOAT, FLOAT, VECTOR, INT, MATRIX, BYTES, fits=True)
 def solitary_step(left, z, wanted, tangent, packed):
     """Take a step if one contact alone is in its layer; see `equation`.
 
@@ -44,6 +45,8 @@ def solitary_step(left, z, wanted, tangent, packed):
         Length of the step, 0 if none could be taken.
     """
     shared = read_shared(packed)
+    z = as_long_as(z, shared.previous)
+    tangent = as_long_as(tangent, shared.previous)
     model, tables, work, responses = shared.model, shared.tables, shared.work, shared.responses
     contact = solitary_contact(z, model)
     if contact < 0 or not model.rho > 0.0:

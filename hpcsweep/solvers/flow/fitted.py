@@ -1,0 +1,73 @@
+"""The kernels that motions are computed by: fitted to a structure where that has been done.
+
+Kernels fitted to the number of floors, contacts and harmonics (`hpcsweep.kernels.fitting`) take
+0.65 to 0.8 of the time and give the same results to the last bit, but have to be compiled once
+more. `fit` does so, where it pays or is asked for. Whoever makes a solver gets them if the cache
+has them, and those for any structure otherwise.
+"""
+
+import functools
+from typing import NamedTuple
+
+from hpcsweep.kernels.fitting import Shapes, shapes_of
+from hpcsweep.kernels.separate import FittedKernels, Separate
+from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.march import march
+from hpcsweep.solvers.flow.path import follow_orbits
+from hpcsweep.solvers.flow.shared import SHARED, Shared, new_shared
+from hpcsweep.solvers.flow.transient import end_of_transient
+
+MOST_FITS = 8
+"""Structures of different size for which fitted kernels are held loaded in a process."""
+
+
+class MotionKernels(NamedTuple):
+    """The kernels that a solver calls."""
+
+    march: Separate
+    end_of_transient: Separate
+    follow_orbits: Separate
+    fitted: bool
+
+
+FOR_ANY = MotionKernels(march, end_of_transient, follow_orbits, fitted=False)
+
+
+def kernels_for(shared: Shared) -> MotionKernels:
+    """Give the kernels for a structure: fitted ones if the cache has them."""
+    if not _kept_keys():
+        return FOR_ANY
+    return _kernels_for(shapes_of(shared))
+
+
+def fitted_kernels(structure: Structure) -> FittedKernels:
+    """Give the kernels fitted to a structure, which may be compiled or not."""
+    return _fitted(shapes_of(new_shared(kernel_model(structure, 1.0), 0.0, 0)))
+
+
+def use_what_is_kept() -> None:
+    """Look into the cache anew: kernels have been fitted since."""
+    _kept_keys.cache_clear()
+    _kernels_for.cache_clear()
+
+
+@functools.cache
+def _kept_keys() -> frozenset[str]:
+    return march.kept_fits() if isinstance(march, Separate) else frozenset()
+
+
+@functools.lru_cache(maxsize=MOST_FITS)
+def _fitted(shapes: Shapes) -> FittedKernels:
+    return FittedKernels(SHARED.fit(shapes))
+
+
+@functools.lru_cache(maxsize=64)
+def _kernels_for(shapes: Shapes) -> MotionKernels:
+    if SHARED.fit(shapes).key not in _kept_keys():
+        return FOR_ANY
+    kernels = _fitted(shapes)
+    if not kernels.is_kept:
+        return FOR_ANY
+    kernels.load()
+    return MotionKernels(*(kernels[one] for one in FOR_ANY[:3]), fitted=True)

@@ -1,0 +1,106 @@
+"""Kernels fitted to a structure: when they are made, and that they change no result."""
+
+from dataclasses import astuple
+
+import numba
+import numpy as np
+import pytest
+from tools import JOBS, hpcsweep
+
+from hpcsweep.job import load_job
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow import FlowMap, fitted
+from hpcsweep.studies import compilation
+from hpcsweep.studies.compilation import warm_up, worth_fitting
+from hpcsweep.studies.runs import FrameRuns
+
+if numba.config.DISABLE_JIT:
+    pytest.skip("nothing is compiled", allow_module_level=True)
+
+
+def everything(study, omega, amplitudes) -> list:
+    """What the solver gives at one frequency, and a path with all decided."""
+    structure = study.structure
+    solver = FlowMap(structure, omega)
+    found = []
+    for amplitude in amplitudes:
+        z = solver.advance(np.zeros(2 * structure.n_floors), amplitude, 30).state
+        seen = solver.observe(z, amplitude, 30, modal_norm=True, growth=True)
+        found += [z, *astuple(seen), *astuple(solver.grow(z, amplitude, 10))]
+        found += astuple(solver.settle(z, amplitude, 60, 16, 1e-10, 1e-6, 1e-3))
+        found += solver.monodromy(z, amplitude, 2)
+    runs = FrameRuns(structure, omega, study.settings, solver)
+    found += runs.follow(amplitudes, np.zeros(2 * structure.n_floors)).values()
+    return [*found, solver.counts.copy(), solver.is_fitted]
+
+
+@pytest.fixture
+def nothing_fitted(monkeypatch):
+    """Let solvers be made as if the cache had no fitted kernels, until they are looked for."""
+    fitted.use_what_is_kept()
+    monkeypatch.setattr(fitted, "_kept_keys", frozenset)
+    yield lambda: monkeypatch.undo()
+    monkeypatch.undo()
+    fitted.use_what_is_kept()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "omega", "amplitudes"),
+    [
+        # slow impacts, grazing, chaos, two contacts at once; and rows of relative displacements
+        ("bluecrystal", 0.2023, (0.01, 0.05, 0.16, 0.2, 0.28)),
+        ("pounding", 0.3, (0.02, 0.05, 0.1)),
+    ],
+)
+def test_fitted_kernels_give_the_same_to_the_last_bit(nothing_fitted, name, omega, amplitudes):
+    study = load_job(JOBS / f"{name}.toml").study
+    *plain, was_fitted = everything(study, omega, amplitudes)
+    assert not was_fitted
+    nothing_fitted()
+    warm_up(study.settings, fitted_to=study.structure)
+    *again, is_fitted = everything(study, omega, amplitudes)
+    assert is_fitted
+    for one, other in zip(plain, again, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_structure_of_other_sizes_has_other_kernels():
+    one, same, other = (
+        fitted.fitted_kernels(Structure(n, stiffness))
+        for n, stiffness in ((2, 9.0), (2, 5.0), (3, 9.0))
+    )
+    assert one is same
+    assert one.fit.key != other.fit.key
+    assert {kernel.name for kernel in one.all if not kernel.is_fitted} == {
+        "hpcsweep.solvers.flow.free.is_free",
+        "hpcsweep.solvers.flow.propagators.lookup",
+        "hpcsweep.solvers.flow.layer.solitary.tables.build_response",
+    }
+
+
+def test_kernels_are_fitted_where_the_histories_of_a_rank_earn_it():
+    study = load_job(JOBS / "bluecrystal.toml").study
+    assert worth_fitting(study, None) is None
+    assert worth_fitting(study, 10) is study.structure
+    assert worth_fitting(study, 11) is None
+    assert worth_fitting(load_job(JOBS / "figure6.toml").study, 1) is None
+    searched = load_job(JOBS / "attractors-map.toml").study
+    n_ranks = searched.n_runs * searched.starts // compilation.FITTED_FROM
+    assert n_ranks > 1
+    assert worth_fitting(searched, n_ranks) is searched.structure
+    assert worth_fitting(searched, n_ranks + 1) is None
+
+
+def test_only_one_solver_has_kernels_to_fit(tmp_path):
+    text = (JOBS / "bluecrystal.toml").read_text().replace("figure2", str(JOBS / "figure2"))
+    (tmp_path / "job.toml").write_text(f'{text}\n[solver]\nmethod = "bdf"\n')
+    assert worth_fitting(load_job(tmp_path / "job.toml").study, 1) is None
+
+
+def test_warmup_refuses_what_is_no_job(tmp_path):
+    job = tmp_path / "none.toml"
+    done = hpcsweep(0, "warmup", JOBS / "ci.toml", job)
+    assert done.returncode == 2
+    assert str(job) in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,6 +1,7 @@
 """A campaign: a job run to its end, or to a stop, on all ranks, into one file."""
 
 import contextlib
+import gc
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -195,3 +196,5 @@ def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
     # no rank writes as long as another might leave at once
     comm.barrier()
     flag.at_once = None
+    # what is loaded stays, and is not looked through for garbage again and again
+    gc.freeze()

@@ -7,6 +7,7 @@ mean is that of the growth a period, and Student's t with B - 1 degrees of freed
 interval (method of batch means; Law, Simulation Modeling and Analysis, 5th ed., section 9.5.3).
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -72,11 +73,17 @@ def growth_interval(
     length = len(logarithms) // batches
     if length == 0 or not np.all(np.isfinite(logarithms)):
         return UNKNOWN
+    kept = logarithms[len(logarithms) - length * batches :]
+    means = (kept.reshape(batches, length).sum(axis=1) / length).tolist()
+    mean = math.fsum(means) / batches
+    variance = math.fsum((one - mean) ** 2 for one in means) / (batches - 1)
+    half = math.sqrt(variance / batches) * _quantile(batches - 1, 0.5 + 0.5 * confidence)
+    return Interval(mean, mean - half, mean + half)
+
+
+@functools.lru_cache(maxsize=64)
+def _quantile(freedom: int, probability: float) -> float:
+    """Give that of Student's t distribution."""
     from scipy.special import stdtrit  # who only reads results does not wait for it
 
-    kept = logarithms[len(logarithms) - length * batches :]
-    means = kept.reshape(batches, length).mean(axis=1)
-    mean = float(means.mean())
-    spread = float(means.std(ddof=1)) / math.sqrt(batches)
-    half = spread * float(stdtrit(batches - 1, 0.5 + 0.5 * confidence))
-    return Interval(mean, mean - half, mean + half)
+    return float(stdtrit(freedom, probability))

@@ -1,13 +1,15 @@
 """Kernels fitted to a structure: when they are made, and that they change no result."""
 
+import shutil
 from dataclasses import astuple
 
 import numba
 import numpy as np
 import pytest
-from tools import JOBS, hpcsweep
+from tools import JOBS, SMALL, assert_same_datasets, hpcsweep, run_script
 
 from hpcsweep.job import load_job
+from hpcsweep.kernels.cache import cache_folder
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap, fitted
 from hpcsweep.studies import compilation
@@ -104,3 +106,49 @@ def test_warmup_refuses_what_is_no_job(tmp_path):
     assert done.returncode == 2
     assert str(job) in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+FITTING = """
+import sys
+from pathlib import Path
+from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.progress import say_line
+from hpcsweep.job import load_job
+from hpcsweep.parallel import mpi
+from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies import compilation
+
+compilation.FITTED_FROM = float(sys.argv[1])
+job, out = load_job(sys.argv[2]), Path(sys.argv[3])
+code = campaign.run(job, out, mpi.world(), say=say_line)
+if code == 0 and mpi.world().rank == 0:
+    solver = make_solver("flow", job.study.structure, 0.5, 1e-9)
+    print("fitted" if solver.is_fitted else "for any")
+sys.exit(code)
+"""
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_a_large_study_fits_kernels_first_and_gives_the_same(tmp_path, monkeypatch):
+    # a cache with the kernels for any structure alone
+    kept = cache_folder()
+    fits = shutil.ignore_patterns("*_????????????-*")
+    shutil.copytree(kept, tmp_path / "cache" / kept.name, ignore=fits)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    script, job = tmp_path / "run.py", tmp_path / "job.toml"
+    script.write_text(FITTING)
+    job.write_text(SMALL)
+    n_runs = load_job(job).study.n_runs
+    outputs = [tmp_path / f"{k}.h5" for k in range(3)]
+    said = []
+    for least, output in zip((n_runs / 2 + 1, n_runs / 2, 1e9), outputs, strict=True):
+        done = run_script(2, script, least, job, output)
+        assert done.returncode == 0, done.stderr
+        said.append((done.stdout.split(), "fitted to the structure" in done.stdout + done.stderr))
+    (first, _), (second, compiled), (third, again) = said
+    assert (first[-2:], second[-1], third[-1]) == (["for", "any"], "fitted", "fitted")
+    assert compiled
+    assert not again
+    for output in outputs[1:]:
+        assert_same_datasets(outputs[0], output)

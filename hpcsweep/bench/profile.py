@@ -55,6 +55,8 @@ class FrameProfile:
         Forcing periods in each call, those of Newton's method among them.
     counts : dict of str to float
         Of `flow.shared.Shared`, all calls together.
+    fitted : bool
+        Whether the kernels are fitted to the structure.
     """
 
     omega: float
@@ -63,6 +65,7 @@ class FrameProfile:
     spent: dict[str, float] = field(default_factory=dict)
     periods: dict[str, float] = field(default_factory=dict)
     counts: dict[str, float] = field(default_factory=dict)
+    fitted: bool = False
 
 
 class _Watched:
@@ -142,6 +145,7 @@ def profile_frame(job: Job, frame: int) -> FrameProfile:
         a_run(watched.seconds, 1e6),
         a_run(watched.periods, 1.0),
         {name: float(count) / n_runs for name, count in zip(COUNTS, counts, strict=True)},
+        getattr(solver, "is_fitted", False),
     )
 
 
@@ -171,9 +175,10 @@ def as_json(rows: list[FrameProfile]) -> list[dict]:
 
 def as_text(rows: list[FrameProfile]) -> str:
     """Write the profile, a line a frame."""
+    kernels = "fitted to the structure" if rows[0].fitted else "for any structure"
     lines = [
         f"a run on its path, CPU time in us, {rows[0].n_runs} runs a frame (in brackets: forcing "
-        "periods):",
+        f"periods); kernels {kernels}:",
         f"  {'omega':>6s} {'us':>7s}"
         + "".join(f"  {title:16s}" for title in COLUMNS)
         + f" around {' '.join(f'{name:>12s}' for name in COUNTS)}",

@@ -14,6 +14,7 @@ from hpcsweep.bench.peers import Regime, absent, absent_text, methods
 from hpcsweep.job import Job
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.reference import reference_points
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.amplitude_sweep import sweep_block
@@ -52,6 +53,8 @@ class Ratio:
         25, 50 and 75 per cent of the ratios within each turn.
     error, flow_error : float
         After `SHORT` periods from the attractor, max norm.
+    fitted : bool
+        Whether the kernels of `flow` are fitted to the structure.
     """
 
     motion: str
@@ -64,6 +67,7 @@ class Ratio:
     quartiles: list[float]
     error: float
     flow_error: float
+    fitted: bool
 
 
 def pounding() -> Structure:
@@ -111,7 +115,7 @@ def motion_ratios(
     found = []
     for regime in motions() if compared is None else compared:
         structure, omega, amplitude = regime.structure, regime.omega, regime.amplitude
-        flow = make_solver("flow", structure, omega, 1e-9)
+        flow = FlowMap(structure, omega)
         rest = np.zeros(2 * structure.n_floors)
         start = flow.advance(rest, amplitude, regime.settle).state
         exact = reference_points(structure, amplitude, omega, start, regime.n_periods)
@@ -138,6 +142,7 @@ def motion_ratios(
                     quartiles.tolist(),
                     errors[k],
                     errors[0],
+                    flow.is_fitted,
                 )
             )
     return found
@@ -211,7 +216,7 @@ def as_text(motions: list[Ratio], sweep: dict) -> str:
             f"  {row.motion:9s}A = {row.amplitude:<7g}{row.method:18s}{row.rtol:6.0e} "
             f"{row.microseconds:9.4g} us, flow {row.flow_microseconds:.3g} us: ratio "
             f"{row.ratio:.4g} (in turn {low:.4g}, {middle:.4g}, {high:.4g}); error "
-            f"{row.error:.0e}, flow {row.flow_error:.0e}"
+            f"{row.error:.0e}, flow {row.flow_error:.0e}{', fitted' if row.fitted else ''}"
         )
     lines += absent_text()
     quartiles = ", ".join(f"{value:.4g}" for value in sweep["ratio_quartiles"])

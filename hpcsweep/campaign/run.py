@@ -13,6 +13,7 @@ from hpcsweep.job import Job
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import (
     DamagedError,
+    Journal,
     Layout,
     Lock,
     StoreError,
@@ -140,6 +141,7 @@ def _prepare(layout: Layout, output: Path, lock: Lock, comm, hosts: list[str], s
     try:
         if not (existing or output.exists()):
             create(output, layout, provenance.collect(comm.library, hosts))
+            Journal(output).begin()
             return
         try:
             # again, or for the first time: another campaign may have made it just now

@@ -31,6 +31,11 @@ class Journal:
         self._kept: list[str] = []
         self._last_write = -math.inf
 
+    def begin(self) -> None:
+        """Drop what an earlier file of this name has left behind: its costs are of another job."""
+        with contextlib.suppress(OSError):
+            self.path.unlink()
+
     def append(self, kind: str, **values) -> None:
         """Append one record, and those that were kept, in a single write.
 

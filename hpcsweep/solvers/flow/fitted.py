@@ -18,9 +18,6 @@ from hpcsweep.solvers.flow.path import follow_orbits
 from hpcsweep.solvers.flow.shared import SHARED, Shared, new_shared
 from hpcsweep.solvers.flow.transient import end_of_transient
 
-MOST_FITS = 8
-"""Structures of different size for which fitted kernels are held loaded in a process."""
-
 
 class MotionKernels(NamedTuple):
     """The kernels that a solver calls."""
@@ -57,8 +54,9 @@ def _kept_keys() -> frozenset[str]:
     return march.kept_fits() if isinstance(march, Separate) else frozenset()
 
 
-@functools.lru_cache(maxsize=MOST_FITS)
+@functools.cache
 def _fitted(shapes: Shapes) -> FittedKernels:
+    # for good: machine code that was loaded once is found by its name, and holds addresses
     return FittedKernels(SHARED.fit(shapes))
 
 

@@ -119,11 +119,12 @@ def warm_up(
     if settings.solver == "flow":
         kernels = "kernels" if fitted_to is None else "kernels fitted to the structure"
         tell = None if say is None else Report(say, kernels=kernels)
-        load_all(tell, processors() if jobs is None else jobs, _fitted(fitted_to))
+        fitted = _fitted(fitted_to)
+        load_all(tell, processors() if jobs is None else jobs, fitted)
         if fitted_to is not None:
-            from hpcsweep.solvers.flow.fitted import use_what_is_kept
+            from hpcsweep.solvers.flow.fitted import use
 
-            use_what_is_kept()
+            use(fitted)
             structure = fitted_to
     solver = make_solver(settings.solver, structure, 1.0, settings.rtol)
     z = np.zeros(2 * structure.n_floors)

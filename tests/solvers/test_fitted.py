@@ -38,12 +38,12 @@ def everything(study, omega, amplitudes) -> list:
 
 @pytest.fixture
 def nothing_fitted(monkeypatch):
-    """Let solvers be made as if the cache had no fitted kernels, until they are looked for."""
-    fitted.use_what_is_kept()
+    """Let solvers be made as if the cache had no fitted kernels, and could take none."""
     monkeypatch.setattr(fitted, "_kept_keys", frozenset)
-    yield lambda: monkeypatch.undo()
-    monkeypatch.undo()
-    fitted.use_what_is_kept()
+    monkeypatch.setattr(fitted, "_loaded", set())
+    fitted._kernels_for.cache_clear()
+    yield
+    fitted._kernels_for.cache_clear()
 
 
 @pytest.mark.slow
@@ -59,7 +59,6 @@ def test_fitted_kernels_give_the_same_to_the_last_bit(nothing_fitted, name, omeg
     study = load_job(JOBS / f"{name}.toml").study
     *plain, was_fitted = everything(study, omega, amplitudes)
     assert not was_fitted
-    nothing_fitted()
     warm_up(study.settings, fitted_to=study.structure)
     *again, is_fitted = everything(study, omega, amplitudes)
     assert is_fitted

@@ -2,8 +2,8 @@
 
 Kernels fitted to the number of floors, contacts and harmonics (`hpcsweep.kernels.fitting`) take
 0.65 to 0.8 of the time and give the same results to the last bit, but have to be compiled once
-more. `fit` does so, where it pays or is asked for. Whoever makes a solver gets them if the cache
-has them, and those for any structure otherwise.
+more: `hpcsweep run` does so where it pays, `hpcsweep warmup` where it is asked for. Whoever makes
+a solver gets them if they are loaded or the cache has them, else those for any structure.
 """
 
 import functools
@@ -32,8 +32,8 @@ FOR_ANY = MotionKernels(march, end_of_transient, follow_orbits, fitted=False)
 
 
 def kernels_for(shared: Shared) -> MotionKernels:
-    """Give the kernels for a structure: fitted ones if the cache has them."""
-    if not _kept_keys():
+    """Give the kernels for a structure: fitted ones if they are loaded or the cache has them."""
+    if not (_loaded or _kept_keys()):
         return FOR_ANY
     return _kernels_for(shapes_of(shared))
 
@@ -43,10 +43,14 @@ def fitted_kernels(structure: Structure) -> FittedKernels:
     return _fitted(shapes_of(new_shared(kernel_model(structure, 1.0), 0.0, 0)))
 
 
-def use_what_is_kept() -> None:
-    """Look into the cache anew: kernels have been fitted since."""
-    _kept_keys.cache_clear()
+def use(kernels: FittedKernels) -> None:
+    """Give fitted kernels, which are loaded, to solvers that are made from now on."""
+    _loaded.add(kernels.fit.key)
     _kernels_for.cache_clear()
+
+
+_loaded: set[str] = set()
+"""Keys of those to use, whether the cache could take them or not."""
 
 
 @functools.cache
@@ -62,7 +66,7 @@ def _fitted(shapes: Shapes) -> FittedKernels:
 
 @functools.lru_cache(maxsize=64)
 def _kernels_for(shapes: Shapes) -> MotionKernels:
-    if SHARED.fit(shapes).key not in _kept_keys():
+    if SHARED.fit(shapes).key not in _loaded | _kept_keys():
         return FOR_ANY
     kernels = _fitted(shapes)
     if not kernels.is_kept:

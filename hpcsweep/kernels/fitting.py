@@ -8,7 +8,7 @@ results are the same to the last bit, and a fitted kernel can take the place of 
 
 While a kernel is fitted (`Fit.compiling`), what reads a packing puts the sizes of `Fit.shapes` in
 the place of those that it reads, and calls of kernels that are fitted themselves go to these. Both
-happens in the kernel at hand alone: its parts are lowered once for all (`parts`), and know no sizes
+happen in the kernel at hand alone: its parts are lowered once for all (`parts`), and know no sizes
 until they are linked into it.
 """
 
@@ -53,8 +53,7 @@ class Fit:
         self.kind, self.shapes = kind, shapes
         self.key = hashlib.sha256(repr(shapes).encode()).hexdigest()[:KEY_LENGTH]
 
-    @contextlib.contextmanager
-    def compiling(self, renamed: dict[str, str]) -> Iterator[None]:
+    def compiling(self, renamed: dict[str, str]) -> contextlib.AbstractContextManager:
         """Fit what is compiled meanwhile.
 
         Parameters
@@ -62,12 +61,7 @@ class Fit:
         renamed : dict of str to str
             Symbols in the place of those that hold the addresses of kernels.
         """
-        global _current  # numba compiles under one lock
-        before, _current = _current, (self, renamed)
-        try:
-            yield
-        finally:
-            _current = before
+        return _meanwhile((self, renamed))
 
 
 def fitted_name(function, key: str) -> str:
@@ -78,11 +72,15 @@ def fitted_name(function, key: str) -> str:
 _current: tuple[Fit, dict[str, str]] | None = None
 
 
-@contextlib.contextmanager
-def unfitted() -> Iterator[None]:
+def unfitted() -> contextlib.AbstractContextManager:
     """Compile a part of kernels that may be fitted otherwise, or not at all."""
-    global _current
-    before, _current = _current, None
+    return _meanwhile(None)
+
+
+@contextlib.contextmanager
+def _meanwhile(current: tuple[Fit, dict[str, str]] | None) -> Iterator[None]:
+    global _current  # numba compiles under one lock
+    before, _current = _current, current
     try:
         yield
     finally:

@@ -85,7 +85,8 @@ class Separate:
         lower_builtin(self, *arguments)(self._call)
         ALL.append(self)
 
-    is_fitted = False
+    fit: Fit | None = None
+    """What it is fitted to."""
 
     @property
     def cost_name(self) -> str:
@@ -165,9 +166,7 @@ ALL: list[Separate] = []
 
 
 class _Fitted(Separate):
-    """A separate kernel fitted to sizes; kernels that are fitted to others call another."""
-
-    is_fitted = True
+    """A separate kernel fitted to sizes, called by Python and by those that are fitted alike."""
 
     def __init__(self, one: Separate, kernels: "FittedKernels"):
         function, key = one.py_func, kernels.fit.key
@@ -181,7 +180,7 @@ class _Fitted(Separate):
         again.__module__, again.__doc__ = function.__module__, function.__doc__
         # names the file of the kernel, and its function of LLVM
         again.__qualname__ = fitted_name(function, key)
-        self.origin, self._kernels = one, kernels
+        self.origin, self.fit, self._kernels = one, kernels.fit, kernels
         super().__init__(again, one.result, one.arguments, one.inner, True)
         self.__name__ = one.__name__
 
@@ -197,7 +196,7 @@ class _Fitted(Separate):
         self._kernels.load()
 
     def _compiling(self) -> contextlib.AbstractContextManager:
-        return self._kernels.fit.compiling(self._kernels.renamed)
+        return self.fit.compiling(self._kernels.renamed)
 
 
 class FittedKernels:

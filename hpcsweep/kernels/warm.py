@@ -77,8 +77,7 @@ def load_all(
         outlook = _Outlook(lost, learnt, jobs)
         if tell is not None:
             tell(outlook.progress(""))
-        fit = None if fitted is None else fitted.fit
-        for one, seconds in _compile(lost, learnt, jobs, fit):
+        for one, seconds in _compile(lost, learnt, jobs):
             learnt[one.cost_name] = seconds
             outlook.done.append(one.name)
             if tell is not None:
@@ -112,7 +111,7 @@ class _Outlook:
 
 
 def _compile(
-    lost: list[Separate], learnt: dict[str, float], jobs: int, fit: Fit | None
+    lost: list[Separate], learnt: dict[str, float], jobs: int
 ) -> Iterator[tuple[Separate, float]]:
     """Compile kernels, the costliest first; yield each with the process time it took."""
     left = sorted(lost, key=lambda one: -learnt.get(one.cost_name, math.inf))
@@ -120,7 +119,7 @@ def _compile(
     if min(jobs, len(groups)) > 1:
         # where processes cannot be had, or one is killed for want of memory, this one goes on alone
         with contextlib.suppress(BrokenProcessPool, OSError, NotImplementedError):
-            for one, seconds in _compile_side_by_side(groups, min(jobs, len(groups)), fit):
+            for one, seconds in _compile_side_by_side(groups, min(jobs, len(groups))):
                 left.remove(one)
                 yield one, seconds
     for one in list(left):
@@ -144,7 +143,7 @@ def _groups(lost: list[Separate], learnt: dict[str, float]) -> list[list[Separat
 
 
 def _compile_side_by_side(
-    groups: list[list[Separate]], jobs: int, fit: Fit | None
+    groups: list[list[Separate]], jobs: int
 ) -> Iterator[tuple[Separate, float]]:
     """Compile groups of kernels, each in one process; a process that is done takes the next."""
     context = multiprocessing.get_context("spawn")
@@ -158,8 +157,7 @@ def _compile_side_by_side(
         def hand_out(pool: ProcessPoolExecutor) -> None:
             for one in queue.pop(0) if queue else ():
                 named = one.__module__, one.__name__
-                its_fit = fit if one.is_fitted else None
-                waiting[pool.submit(_compile_named, *named, its_fit)] = one, pool
+                waiting[pool.submit(_compile_named, *named, one.fit)] = one, pool
 
         for pool in pools:
             hand_out(pool)

@@ -316,11 +316,11 @@ def test_a_rank_has_one_thread_of_linear_algebra():
 
 def test_a_new_file_does_not_go_on_with_the_journal_of_one_that_is_gone(tmp_path):
     job, path = tmp_path / "job.toml", tmp_path / "out.h5"
-    costs = []
+    sessions = []
     for count in (4, 2):
         job.write_text(SMALL.replace("count = 4", f"count = {count}"))
         assert hpcsweep(0, "run", job, "-o", path).returncode == 0
         state = json.loads(hpcsweep(0, "status", path, "--json").stdout)
-        costs.append(len(state["sessions"]))
+        sessions.append(len(state["sessions"]))
         path.unlink()
-    assert costs == [1, 1]
+    assert sessions == [1, 1]

@@ -1,8 +1,8 @@
 """What kernels fitted to a structure spare: a forcing period with them and with those for any.
 
-python tests/campaigns/fitted.py: a table in Markdown. Seven motions of the study, chaotic or of
-long period; microseconds a forcing period, the least of several turns, in turn in one run. It
-compiles what is not compiled yet.
+python tests/campaigns/fitted.py: a table in Markdown. Two periodic motions of the study, and
+seven that are chaotic or of long period; microseconds a forcing period, the least of several turns,
+in turn in one run. It compiles what is not compiled yet.
 """
 
 import time

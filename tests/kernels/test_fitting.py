@@ -119,7 +119,7 @@ def test_sizes_are_constants_of_the_fitted_ones_alone(fitted):
 
 def test_what_cannot_be_fitted_is_shared(fitted):
     kernels = fitted(packed_of(2, 3))
-    assert [one.name for one in kernels.all if not one.is_fitted] == [other.name]
+    assert [one.name for one in kernels.all if one.fit is None] == [other.name]
     assert kernels.is_kept
     with pytest.raises(KeyError):
         kernels[other]

@@ -33,7 +33,7 @@ class Fake:
 
     def __init__(self, name, takes, clock, kept=False):
         self.name = self.__name__ = self.cost_name = name
-        self.is_fitted = False
+        self.fit = None
         self.__module__ = f"{__name__}.{name.partition('.')[0]}"
         self.takes, self.clock, self.is_kept, self.is_loaded = takes, clock, kept, False
 

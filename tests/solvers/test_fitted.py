@@ -73,7 +73,7 @@ def test_a_structure_of_other_sizes_has_other_kernels():
     )
     assert one is same
     assert one.fit.key != other.fit.key
-    assert {kernel.name for kernel in one.all if not kernel.is_fitted} == {
+    assert {kernel.name for kernel in one.all if kernel.fit is None} == {
         "hpcsweep.solvers.flow.free.is_free",
         "hpcsweep.solvers.flow.propagators.lookup",
         "hpcsweep.solvers.flow.layer.solitary.tables.build_response",

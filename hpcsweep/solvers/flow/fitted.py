@@ -25,10 +25,9 @@ class MotionKernels(NamedTuple):
     march: Separate
     end_of_transient: Separate
     follow_orbits: Separate
-    fitted: bool
 
 
-FOR_ANY = MotionKernels(march, end_of_transient, follow_orbits, fitted=False)
+FOR_ANY = MotionKernels(march, end_of_transient, follow_orbits)
 
 
 def kernels_for(shared: Shared) -> MotionKernels:
@@ -72,4 +71,4 @@ def _kernels_for(shapes: Shapes) -> MotionKernels:
     if not kernels.is_kept:
         return FOR_ANY
     kernels.load()
-    return MotionKernels(*(kernels[one] for one in FOR_ANY[:3]), fitted=True)
+    return MotionKernels(*(kernels[one] for one in FOR_ANY))

@@ -15,7 +15,7 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
-from hpcsweep.solvers.flow.fitted import kernels_for
+from hpcsweep.solvers.flow.fitted import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.free import NOTHING
 from hpcsweep.solvers.flow.path import MORE, OPEN, Rules, new_rows, new_run, orbits_of
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, Watch, new_shared, new_watch
@@ -66,7 +66,7 @@ class FlowMap:
     @property
     def is_fitted(self) -> bool:
         """Whether its kernels are fitted to the structure, see `fitted`."""
-        return self._kernels.fitted
+        return self._kernels is not FOR_ANY
 
     @property
     def n_tables(self) -> int:

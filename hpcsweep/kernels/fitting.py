@@ -14,23 +14,15 @@ until they are linked into it.
 
 import contextlib
 import hashlib
+import math
 from collections.abc import Iterator
 
-import numpy as np
 from llvmlite import ir
 from numba.core import types
 
-Shapes = tuple
+from hpcsweep.kernels.placing import Shapes, first_place, next_place
+
 KEY_LENGTH = 12
-
-
-def shapes_of(value) -> Shapes:
-    """Give the shapes of the arrays in a tuple of tuples and arrays; () for a number."""
-    if isinstance(value, np.ndarray):
-        return value.shape
-    if isinstance(value, tuple):
-        return tuple(map(shapes_of, value))
-    return ()
 
 
 class Fit:
@@ -97,14 +89,20 @@ def rename_addresses(module) -> None:
             variable.name = renamed[variable.name]
 
 
-def with_known_sizes(context, builder, kind, value):
-    """Put the sizes that are known in the place of those in a value of the kernels."""
+def with_known_sizes(context, builder, kind, value, packed):
+    """Put the sizes that are known in the place of those in a value of the kernels.
+
+    The arrays are then found from the address `packed`, at which the value was read.
+    """
     if _current is None or _current[0].kind != kind:
         return value
-    return _with_shapes(context, builder, kind, value, _current[0].shapes)
+    start = builder.bitcast(packed, ir.IntType(8).as_pointer())
+    place = first_place(context.get_abi_sizeof(context.get_value_type(kind)))
+    return _with_shapes(context, builder, kind, value, _current[0].shapes, start, place)[0]
 
 
-def _with_shapes(context, builder, kind, value, shapes: Shapes):
+def _with_shapes(context, builder, kind, value, shapes: Shapes, start, place: int):
+    """Give the value with its sizes, and the place of what follows it."""
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
         word = ir.IntType(64)
@@ -112,14 +110,16 @@ def _with_shapes(context, builder, kind, value, shapes: Shapes):
         for length in shapes[:0:-1]:
             strides.insert(0, length * strides[0])
         sizes = ir.ArrayType(word, kind.ndim)
-        array.nitems = word(int(np.prod(shapes)))
-        array.itemsize = word(strides[-1])
+        count, itemsize = math.prod(shapes), strides[-1]
+        array.nitems, array.itemsize = word(count), word(itemsize)
         array.shape = sizes([word(length) for length in shapes])
         array.strides = sizes([word(stride) for stride in strides])
-        return array._getvalue()
+        data = builder.gep(start, [word(place)], inbounds=True)
+        array.data = builder.bitcast(data, array.data.type)
+        return array._getvalue(), next_place(place, count * itemsize)
     if isinstance(kind, types.BaseTuple):
-        for place, (inner, known) in enumerate(zip(kind.types, shapes, strict=True)):
-            old = builder.extract_value(value, place)
-            new = _with_shapes(context, builder, inner, old, known)
-            value = builder.insert_value(value, new, place)
-    return value
+        for at, (inner, known) in enumerate(zip(kind.types, shapes, strict=True)):
+            old = builder.extract_value(value, at)
+            new, place = _with_shapes(context, builder, inner, old, known, start, place)
+            value = builder.insert_value(value, new, at)
+    return value, place

@@ -1,31 +1,22 @@
 """Values of the kernels, tuples of arrays too, written into an array of bytes and read from it.
 
 numba looks into every array of a call; what is read from one buffer costs nothing to hand over.
-Where kernels are not compiled (`twins`) a tuple is handed over as it is.
+The arrays lie in it too (`placing`). Where kernels are not compiled (`twins`) a tuple is handed
+over as it is.
 """
+
+from functools import cached_property
+from typing import Any
 
 import numba
 import numpy as np
 from numba.core import types
+from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
 from hpcsweep.kernels import fitting, twins
-from hpcsweep.kernels.compile import jit, kernel
-
-_INDEX = types.intp
-
-
-@intrinsic
-def size_of(typingctx, value):
-    """Count the bytes of a value as the kernels hold it."""
-    del typingctx
-
-    def generate(context, builder, signature, arguments):
-        del builder, arguments
-        size = context.get_abi_sizeof(context.get_value_type(signature.args[0]))
-        return context.get_constant(_INDEX, size)
-
-    return _INDEX(value), generate
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.placing import Shapes, apart, in_one_piece, with_arrays
 
 
 def _place_of(context, builder, signature, arguments, which: int, kind):
@@ -60,7 +51,7 @@ def reader(kind):
         def generate(context, builder, signature, arguments):
             place = _place_of(context, builder, signature, arguments, 0, kind)
             value = builder.load(place, align=8)
-            return fitting.with_known_sizes(context, builder, kind, value)
+            return fitting.with_known_sizes(context, builder, kind, value, place)
 
         return kind(buffer), generate
 
@@ -91,11 +82,6 @@ is compiled (`fitting`), that of an argument is not.
 """
 
 
-@jit
-def _size(value):
-    return size_of(value)
-
-
 @kernel
 def _write(value, buffer):
     write(value, buffer)
@@ -116,28 +102,50 @@ class Packing:
     """
 
     def __init__(self, example: tuple):
-        self._kind = numba.typeof(example)
+        self._kind = numba.typeof(with_arrays(example, apart))
         self.read = twins.read if numba.config.DISABLE_JIT else reader(self._kind)
 
-    def fit(self, shapes: fitting.Shapes) -> fitting.Fit:
+    def fit(self, shapes: Shapes) -> fitting.Fit:
         """Tell what kernels are to be fitted to for tuples of these shapes, see `shapes_of`."""
         return fitting.Fit(self._kind, shapes)
 
-    def pack(self, value: tuple) -> np.ndarray | tuple:
-        """Write a tuple into a buffer for the kernels.
+    @cached_property
+    def _head(self) -> int:
+        """Bytes of such a tuple as the kernels hold it: its numbers, and what tells its arrays."""
+        context = cpu_target.target_context
+        return context.get_abi_sizeof(context.get_value_type(self._kind))
 
-        The buffer holds addresses: it is good as long as `value` is kept.
+    def place(self, value: tuple) -> tuple[Any, np.ndarray]:
+        """Copy a tuple into memory from which the kernels read it (`placing`).
+
+        Parameters
+        ----------
+        value : tuple
+            In place of an array it may have `placing.zeros`.
+
+        Returns
+        -------
+        value : tuple
+            The copy, whose arrays are those that the kernels work on.
+        packed : ndarray of bytes
+            What kernels are given.
 
         Raises
         ------
         TypeError
             If the value is of another type: the kernels would read nonsense.
         """
+        if numba.config.DISABLE_JIT:
+            value = packed = with_arrays(value, apart)
+        else:
+            value, packed = in_one_piece(value, self._head)
         kind = numba.typeof(value)
         if kind != self._kind:
             raise TypeError(f"the kernels read {self._kind}, not {kind}")
-        if numba.config.DISABLE_JIT:
-            return value
-        buffer = np.zeros(_size(value), np.uint8)
-        _write(value, buffer)
-        return buffer
+        if not numba.config.DISABLE_JIT:
+            _write(value, packed)
+        return value, packed
+
+    def pack(self, value: tuple) -> np.ndarray:
+        """Copy as `place`, and give what kernels are given."""
+        return self.place(value)[1]

@@ -6,9 +6,6 @@ LLVM (`instructions`). Where numba is told not to compile (NUMBA_DISABLE_JIT=1) 
 of numpy (`twins`), the kernels run as plain Python, and what reaches beyond an array is an error.
 """
 
-import math
-
-import numpy as np
 from numba import config
 
 if config.DISABLE_JIT:
@@ -31,15 +28,3 @@ root = _operations.root
 store = _operations.store
 switches = _operations.switches
 total = _operations.total
-
-
-def aligned_zeros(*shape: int) -> np.ndarray:
-    """Allocate zeros that begin where a vector does.
-
-    A vector that lies across two lines of the cache takes two accesses; so would all of an array
-    whose start is off.
-    """
-    size = math.prod(shape)
-    raw = np.zeros(size + LANES)
-    first = -(raw.ctypes.data // raw.itemsize) % LANES
-    return raw[first : first + size].reshape(shape)

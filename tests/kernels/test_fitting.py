@@ -7,8 +7,8 @@ from tools import python
 
 from hpcsweep.kernels import separate as rooms
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.fitting import shapes_of
 from hpcsweep.kernels.packing import Packing, as_long_as
+from hpcsweep.kernels.placing import shapes_of
 from hpcsweep.kernels.separate import BYTES, FLOAT, VECTOR, FittedKernels, separate
 
 if numba.config.DISABLE_JIT:

@@ -9,7 +9,7 @@ a solver gets them if they are loaded or the cache has them, else those for any 
 import functools
 from typing import NamedTuple
 
-from hpcsweep.kernels.fitting import Shapes, shapes_of
+from hpcsweep.kernels.placing import Shapes, shapes_of
 from hpcsweep.kernels.separate import FittedKernels, Separate
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure

@@ -55,8 +55,7 @@ class FlowMap:
         model = kernel_model(structure, self.omega)
         self._frame = Frame(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        self._shared = new_shared(model, tolerance, MAX_STEPS)
-        self._packed = SHARED.pack(self._shared)
+        self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
         self._kernels = kernels_for(self._shared)
         self._watches: dict[int, tuple] = {}
         self._watch_for(1)
@@ -204,8 +203,7 @@ class FlowMap:
     def _watch_for(self, max_period: int) -> Watch:
         """Take what is kept of a motion's points for orbits of up to `max_period`."""
         if max_period not in self._watches:
-            watch = new_watch(self._frame.size // 2, max_period)
-            self._watches[max_period] = watch, WATCH.pack(watch)
+            self._watches[max_period] = WATCH.place(new_watch(self._frame.size // 2, max_period))
         self._watch, self._packed_watch = self._watches[max_period]
         return self._watch
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.packing import Packing
+from hpcsweep.kernels.placing import zeros
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.layer.solitary.store import Responses, empty_responses
@@ -76,11 +77,11 @@ def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
         responses=empty_responses(model, tables.keys.shape[0]),
         work=new_workspace(model),
         tally=new_tally(model.modal_transform.shape[0]),
-        counts=np.zeros(4, np.int64),
-        previous=np.empty(2 * n),
-        no_points=np.empty((0, 2 * n)),
-        no_tangent=np.empty((2 * n, 0)),
-        no_growth=np.empty(0),
+        counts=zeros(4, dtype=int),
+        previous=zeros(2 * n),
+        no_points=zeros(0, 2 * n),
+        no_tangent=zeros(2 * n, 0),
+        no_growth=zeros(0),
         tolerance=float(tolerance),
         max_steps=int(max_steps),
     )
@@ -91,17 +92,17 @@ def new_watch(n: int, max_period: int) -> Watch:
     size = 2 * n
     ring = max_period + 1
     return Watch(
-        since=np.zeros(1, np.int64),
-        history=np.empty((2 * max_period + 1, size)),
-        distance=np.empty((ring, ring)),
-        close=np.zeros(ring, np.int64),
-        falling=np.zeros(ring, np.int64),
-        previous=np.empty(size),
-        point=np.empty(size),
-        taken=np.empty(size),
-        matrix=np.empty((size, size)),
-        factors=np.empty((size, size)),
-        left=np.empty(size),
+        since=zeros(1, dtype=int),
+        history=zeros(2 * max_period + 1, size),
+        distance=zeros(ring, ring),
+        close=zeros(ring, dtype=int),
+        falling=zeros(ring, dtype=int),
+        previous=zeros(size),
+        point=zeros(size),
+        taken=zeros(size),
+        matrix=zeros(size, size),
+        factors=zeros(size, size),
+        left=zeros(size),
     )
 
 

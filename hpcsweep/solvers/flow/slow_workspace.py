@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.vectors import LANES, aligned_zeros
+from hpcsweep.kernels.placing import zeros
+from hpcsweep.kernels.vectors import LANES
 from hpcsweep.solvers.flow.passage_rule import N_NODES
 from hpcsweep.solvers.flow.tables import padded
 
@@ -41,12 +42,12 @@ class HalfPassage(NamedTuple):
 
 def new_half_passage(n: int, size: int) -> HalfPassage:
     """Allocate the workspace for n rows of displacements, `size` of the augmented state."""
-    at_nodes = (aligned_zeros(N_NODES) for _ in range(5))
+    at_nodes = (zeros(N_NODES) for _ in range(5))
     return HalfPassage(
-        aligned_zeros(size),
-        aligned_zeros(padded(2 * n)),
-        aligned_zeros(LANES),
-        aligned_zeros(LANES),
+        zeros(size),
+        zeros(padded(2 * n)),
+        zeros(LANES),
+        zeros(LANES),
         *at_nodes,
-        aligned_zeros(N_NODES, N_NODES),
+        zeros(N_NODES, N_NODES),
     )

@@ -28,7 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.vectors import LANES, aligned_zeros, combine, combine_moduli
+from hpcsweep.kernels.placing import zeros
+from hpcsweep.kernels.vectors import LANES, combine, combine_moduli
 from hpcsweep.model.kernel_model import Model
 from hpcsweep.solvers.flow.economisation import economisation
 
@@ -103,22 +104,22 @@ def empty_tables(model: Model) -> Tables:
     size = 2 * n + 2 * n_harmonics + 1
     base = 2 * n_modes + 2 * n_harmonics + 1
     return Tables(
-        count=np.zeros(1, dtype=np.int64),
-        keys=np.zeros(capacity, dtype=np.uint64),
-        h=np.zeros(capacity),
-        step=aligned_zeros(capacity, size, padded(2 * n)),
-        powers=aligned_zeros(capacity, N_POWERS, 2 * n, padded(2 * n)),
-        poly=aligned_zeros(capacity, 2 * n, size, N_COEFFICIENTS),
-        columns=aligned_zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
-        bound4=aligned_zeros(capacity, size, padded(n)),
-        rotation=np.empty((capacity, 2 * n_harmonics)),
-        series=aligned_zeros(capacity, model.contacts.row.size, size, LANES),
-        impulses=aligned_zeros(capacity, model.contacts.row.size, LANES, padded(2 * n)),
-        work=aligned_zeros(4, base, padded(base)),
-        vectors=np.zeros((3, base)),
-        energy=np.zeros((n_modes, n_modes)),
-        rows=np.zeros(2 * n),
-        modal=aligned_zeros(1, size, padded(n_modes * N_MODAL)),
+        count=zeros(1, dtype=int),
+        keys=zeros(capacity, dtype=np.uint64),
+        h=zeros(capacity),
+        step=zeros(capacity, size, padded(2 * n)),
+        powers=zeros(capacity, N_POWERS, 2 * n, padded(2 * n)),
+        poly=zeros(capacity, 2 * n, size, N_COEFFICIENTS),
+        columns=zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
+        bound4=zeros(capacity, size, padded(n)),
+        rotation=zeros(capacity, 2 * n_harmonics),
+        series=zeros(capacity, model.contacts.row.size, size, LANES),
+        impulses=zeros(capacity, model.contacts.row.size, LANES, padded(2 * n)),
+        work=zeros(4, base, padded(base)),
+        vectors=zeros(3, base),
+        energy=zeros(n_modes, n_modes),
+        rows=zeros(2 * n),
+        modal=zeros(1, size, padded(n_modes * N_MODAL)),
     )
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.placing import zeros
 
 NO_TALLY, MAXIMA, NORMS = range(3)
 """What is wanted: nothing; contact set and drift; these and the modal norms."""
@@ -28,7 +29,7 @@ class Tally(NamedTuple):
 
 def new_tally(n: int) -> Tally:
     """Make a tally for n modes."""
-    return Tally(np.zeros(1, np.uint64), np.zeros(1), np.zeros(1), np.zeros(n))
+    return Tally(zeros(1, dtype=np.uint64), zeros(1), zeros(1), zeros(n))
 
 
 @kernel

@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.vectors import LANES, aligned_zeros, combine, fma
+from hpcsweep.kernels.placing import zeros
+from hpcsweep.kernels.vectors import LANES, combine, fma
 from hpcsweep.solvers.flow.crossing import (
     add_kick,
     at_stop,
@@ -67,12 +68,12 @@ def new_tangent_workspace(n: int) -> TangentWorkspace:
     """Allocate the workspace for n rows of displacements."""
     rows = padded(2 * n)
     return TangentWorkspace(
-        aligned_zeros(2 * n, rows),
-        aligned_zeros(N_COEFFICIENTS),
-        aligned_zeros(rows),
-        aligned_zeros(rows),
-        np.zeros((3, 2 * n)),
-        np.zeros(2 * n),
+        zeros(2 * n, rows),
+        zeros(N_COEFFICIENTS),
+        zeros(rows),
+        zeros(rows),
+        zeros(3, 2 * n),
+        zeros(2 * n),
     )
 
 

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.vectors import LANES, aligned_zeros
+from hpcsweep.kernels.placing import zeros
+from hpcsweep.kernels.vectors import LANES
 from hpcsweep.model.kernel_model import Model
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.workspace import (
@@ -64,31 +65,31 @@ def new_workspace(model: Model) -> Workspace:
     n, n_modes = model.stiffness.shape[0], model.modal_transform.shape[0]
     n_forcing = 2 * model.harmonics.shape[0]
     return Workspace(
-        x=aligned_zeros(2 * n + n_forcing + 1),
-        z_end=np.zeros(2 * n),
-        moved=np.zeros(2 * n),
-        wide=aligned_zeros(padded(2 * n)),
-        bounds=aligned_zeros(padded(n)),
-        rows=aligned_zeros(2 * n, N_COEFFICIENTS),
-        expanded=np.zeros(2 * n, np.bool_),
-        drift_rows=aligned_zeros(1, N_COEFFICIENTS),
-        modal_rows=aligned_zeros(n_modes, N_COEFFICIENTS),
-        modal_nodes=aligned_zeros(padded(n_modes * N_MODAL)),
-        modal_part=aligned_zeros(n_modes),
-        modal_series=aligned_zeros(LANES),
-        modal_powers=aligned_zeros(N_COEFFICIENTS, N_MODAL),
-        modal_summary=aligned_zeros(LANES),
-        forcing=np.zeros(n_forcing),
-        ways=np.zeros(n),
-        stack=np.zeros((MAX_DEPTH + 2, 3)),
-        a=np.zeros(n),
-        a_end=np.zeros(n),
+        x=zeros(2 * n + n_forcing + 1),
+        z_end=zeros(2 * n),
+        moved=zeros(2 * n),
+        wide=zeros(padded(2 * n)),
+        bounds=zeros(padded(n)),
+        rows=zeros(2 * n, N_COEFFICIENTS),
+        expanded=zeros(2 * n, dtype=bool),
+        drift_rows=zeros(1, N_COEFFICIENTS),
+        modal_rows=zeros(n_modes, N_COEFFICIENTS),
+        modal_nodes=zeros(padded(n_modes * N_MODAL)),
+        modal_part=zeros(n_modes),
+        modal_series=zeros(LANES),
+        modal_powers=zeros(N_COEFFICIENTS, N_MODAL),
+        modal_summary=zeros(LANES),
+        forcing=zeros(n_forcing),
+        ways=zeros(n),
+        stack=zeros(MAX_DEPTH + 2, 3),
+        a=zeros(n),
+        a_end=zeros(n),
         arriving=new_half_passage(n, 2 * n + n_forcing + 1),
         departing=new_half_passage(n, 2 * n + n_forcing + 1),
         tangent=new_tangent_workspace(n),
         layer=new_layer_workspace(n, model.contacts.row.size),
         solitary=new_solitary_workspace(),
-        stage_u=np.zeros(N_STAGES),
-        stage_v=np.zeros(N_STAGES),
-        stage_a=np.zeros(N_STAGES),
+        stage_u=zeros(N_STAGES),
+        stage_v=zeros(N_STAGES),
+        stage_a=zeros(N_STAGES),
     )

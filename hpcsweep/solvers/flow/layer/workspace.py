@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.vectors import LANES, aligned_zeros
+from hpcsweep.kernels.placing import zeros
+from hpcsweep.kernels.vectors import LANES
 from hpcsweep.solvers.flow.layer.solitary.rule import N_NODES
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 
@@ -39,15 +40,15 @@ def new_layer_workspace(n: int, n_contacts: int) -> LayerWorkspace:
     """Allocate the stages of n rows of displacements."""
     stages = (n, N_STAGES)
     return LayerWorkspace(
-        u=aligned_zeros(*stages),
-        v=aligned_zeros(*stages),
-        g=aligned_zeros(*stages),
-        fresh=aligned_zeros(*stages),
-        ground=aligned_zeros(N_STAGES),
-        active=np.zeros(n_contacts, np.int64),
-        free=aligned_zeros(*stages),
-        speeds=aligned_zeros(*stages),
-        spring=aligned_zeros(n_contacts, N_STAGES),
+        u=zeros(*stages),
+        v=zeros(*stages),
+        g=zeros(*stages),
+        fresh=zeros(*stages),
+        ground=zeros(N_STAGES),
+        active=zeros(n_contacts, dtype=int),
+        free=zeros(*stages),
+        speeds=zeros(*stages),
+        spring=zeros(n_contacts, N_STAGES),
     )
 
 
@@ -72,6 +73,4 @@ class SolitaryWorkspace(NamedTuple):
 
 def new_solitary_workspace() -> SolitaryWorkspace:
     """Allocate it."""
-    return SolitaryWorkspace(
-        *(aligned_zeros(N_NODES) for _ in range(3)), aligned_zeros(LANES, N_STAGES)
-    )
+    return SolitaryWorkspace(*(zeros(N_NODES) for _ in range(3)), zeros(LANES, N_STAGES))

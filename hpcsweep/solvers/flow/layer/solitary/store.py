@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.vectors import aligned_zeros
+from hpcsweep.kernels.placing import zeros
 from hpcsweep.model.kernel_model import Model
 from hpcsweep.solvers.flow.layer.solitary.rule import N_NODES
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, padded
@@ -44,15 +44,15 @@ def empty_responses(model: Model, n_tables: int) -> Responses:
     n, m = model.stiffness.shape[0], model.contacts.row.size
     size = 2 * n + 2 * model.harmonics.shape[0] + 1
     return Responses(
-        count=np.zeros(1, np.int64),
+        count=zeros(1, dtype=int),
         place=np.full((n_tables, m, LEVELS), -1),
-        linear=aligned_zeros(CAPACITY, size, N_NODES),
-        response=aligned_zeros(CAPACITY, N_NODES, N_NODES),
-        step=aligned_zeros(CAPACITY, size, padded(2 * n)),
-        kick=aligned_zeros(CAPACITY, N_NODES, padded(2 * n)),
-        impulse=aligned_zeros(N_COEFFICIENTS),
-        values=aligned_zeros(N_NODES),
-        column=aligned_zeros(N_NODES),
+        linear=zeros(CAPACITY, size, N_NODES),
+        response=zeros(CAPACITY, N_NODES, N_NODES),
+        step=zeros(CAPACITY, size, padded(2 * n)),
+        kick=zeros(CAPACITY, N_NODES, padded(2 * n)),
+        impulse=zeros(N_COEFFICIENTS),
+        values=zeros(N_NODES),
+        column=zeros(N_NODES),
     )
 
 

@@ -98,6 +98,21 @@ def negative(value):
     return np.int64(np.sum((value < 0.0) * 2 ** np.arange(LANES)))
 
 
+def first_not_negative(value):
+    """Give the first lane that is not negative, `LANES` if all are."""
+    return next((k for k, number in enumerate(value) if not number < 0.0), LANES)
+
+
+def lane(value, index):
+    """Read one lane."""
+    return value[index]
+
+
+def shifted(first, value):
+    """Put a number before the lanes; the last one falls off."""
+    return np.concatenate(([first], value[:-1]))
+
+
 def combine(out, o, init, i, scale, table, t, stride, x, s, n):
     """Write out[o:] = init[i:] + sum_k table[t + k stride:] (scale x[s + k]), k < n, all flat."""
     value = load(init, i)

@@ -19,7 +19,6 @@ from hpcsweep.kernels.placing import (
     zeros,
 )
 
-
 STATM = Path("/proc/self/statm")
 
 

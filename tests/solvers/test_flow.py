@@ -160,7 +160,6 @@ def test_lanes_reckon_as_numbers_do():
     rng = np.random.default_rng(2)
     a, b = rng.standard_normal(LANES), rng.random(LANES)
     out, folded = np.zeros((3, LANES)), np.zeros(3)
-    assert out.ctypes.data % (8 * LANES) == 0
     reckon(a, b, out, folded)
     assert out[0] == pytest.approx((a * b + 3) / (1 + 2 * b) - a, rel=1e-14)
     assert np.array_equal(out[1:], [np.sqrt(b), np.maximum(abs(a), 0.5)])
@@ -171,6 +170,65 @@ def test_lanes_reckon_as_numbers_do():
         a[place] = np.nan
         reckon(a, b, out, folded)
         assert np.isnan(folded[1])
+
+
+def test_lanes_are_moved_read_and_looked_through():
+    @kernel
+    def move(a, out, found):
+        x = vectors.load(a, 0)
+        vectors.store(out, 0, vectors.shifted(7.0, x))
+        for k in range(LANES):
+            out[LANES + k] = vectors.lane(x, k)
+        found[0] = vectors.first_not_negative(x)
+
+    a, out, found = np.arange(1.0, LANES + 1.0), np.zeros(2 * LANES), np.zeros(1)
+    move(a, out, found)
+    assert np.array_equal(out[:LANES], [7.0, *a[:-1]])
+    assert np.array_equal(out[LANES:], a)
+    for number in (0.0, 3.0, math.inf, math.nan):
+        for place in range(LANES):
+            a[:] = -1.0
+            a[place:] = number
+            move(a, out, found)
+            assert found[0] == place
+    a[:] = -5e-324
+    move(a, out, found)
+    assert found[0] == LANES
+
+
+def test_a_polynomial_and_its_slope_are_evaluated_at_many_times():
+    @kernel
+    def evaluate(rows, h, times, out):
+        value, slope = polynomials.values_and_slopes(rows, 1, h, vectors.load(times, 0))
+        vectors.store(out, 0, value)
+        vectors.store(out, LANES, slope)
+
+    rng = np.random.default_rng(5)
+    rows, h, out = rng.standard_normal((2, 16)), 0.3, np.zeros(2 * LANES)
+    times = np.sort(rng.uniform(0.0, h, LANES))
+    evaluate(rows, h, times, out)
+    for k, s in enumerate(times):
+        value, slope = polynomials.value_and_slope(rows, 1, h, s)
+        assert out[k] == pytest.approx(value, abs=1e-14)
+        assert out[LANES + k] == pytest.approx(slope, abs=1e-12)
+
+
+def test_a_modulus_is_bounded_by_the_larger_of_both_sides():
+    rng = np.random.default_rng(6)
+    told = 0
+    for _ in range(200):
+        g0, slope0, g1, slope1 = rng.standard_normal(4)
+        d, bound4, size = 10.0 ** rng.uniform([-2, 0, -1], [0, 3, 1])
+        d = float(d)
+        tops = [
+            search._top(d, sign * g0, sign * slope0, sign * g1, sign * slope1, bound4)
+            for sign in (1.0, -1.0)
+        ]
+        may = search.may_exceed(size, d, g0, slope0, g1, slope1, bound4)
+        if abs(max(tops) - size) > 1e-12 * size:
+            assert may == (max(tops) >= size)
+            told += may
+    assert 20 < told < 180
 
 
 @pytest.mark.parametrize("v", [0.7, -0.7])

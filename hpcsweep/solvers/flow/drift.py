@@ -8,7 +8,7 @@ import math
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.polynomials import expand_rows, value_and_slope, value_slope_bend
-from hpcsweep.solvers.flow.search import HERMITE_BEND, may_reach
+from hpcsweep.solvers.flow.search import HERMITE_BEND, may_exceed
 from hpcsweep.solvers.flow.tables import N_COEFFICIENTS
 
 SAME_PEAK = 1e-11
@@ -45,9 +45,7 @@ def drift_on_segment(index, x, z_end, s, model, tables, tally, work):
         peak *= 1.0 + SAME_PEAK
         if max(peak, bound4) < NOTHING:
             continue
-        if may_reach(s, d0 - peak, v0, d1 - peak, v1, bound4) or may_reach(
-            s, -d0 - peak, -v0, -d1 - peak, -v1, bound4
-        ):
+        if may_exceed(peak, s, d0, v0, d1, v1, bound4):
             expand_rows(tables.poly, index, x, work.rows, work.expanded, max(i, below) + 1)
             for p in range(N_COEFFICIENTS):
                 work.drift_rows[0, p] = work.rows[i, p]
@@ -76,9 +74,7 @@ def _search_peak(rows, h, s, bound4, tally, stack):
         known = max(tally.peak_drift[0], max(abs(ga), abs(gb)))
         tally.peak_drift[0] = known
         peak = known * (1.0 + SAME_PEAK)
-        if may_reach(d, ga - peak, da, gb - peak, db, bound4) or may_reach(
-            d, -ga - peak, -da, -gb - peak, -db, bound4
-        ):
+        if may_exceed(peak, d, ga, da, gb, db, bound4):
             if d > least and not _slope_is_monotone(d, ga, da, gb, db, bound4):
                 middle = 0.5 * (a + b)
                 gb, db = value_and_slope(rows, 0, h, middle)

@@ -118,7 +118,7 @@ def first_event(segment, span, model, poly, work):
             return UNDECIDED, found, near
         if found.a < 0.0:
             continue
-        if contact >= 0:
+        if contact >= 0 and found.b > first.a:
             # both within one interval: the time of the first
             known = Curve(rows, model.contacts.row[contact], h)
             a = rising_root(known, first, layer_edge(key, contact, model))

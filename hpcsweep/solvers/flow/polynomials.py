@@ -67,6 +67,12 @@ def evaluate_rows(rows, h, s, out):
         out[row] = value
 
 
+@inlined
+def _four(rows, row, p):
+    """Read four coefficients in a row."""
+    return rows[row, p], rows[row, p + 1], rows[row, p + 2], rows[row, p + 3]
+
+
 @kernel
 def value_slope_bend(rows, row, h, s):
     """Evaluate polynomial `row` of a step and its first two time derivatives at time s of the step.
@@ -83,17 +89,42 @@ def value_slope_bend(rows, row, h, s):
     square = sigma * sigma
     fourth = square * square
     cubic = 4.0 * sigma * square
-    value = 0.0
-    slope = 0.0
-    bend = 0.0
-    for p in range(N_COEFFICIENTS - 4, -1, -4):
-        c0, c1, c2, c3 = rows[row, p], rows[row, p + 1], rows[row, p + 2], rows[row, p + 3]
+    c0, c1, c2, c3 = _four(rows, row, N_COEFFICIENTS - 4)
+    bend = fma(6.0 * c3, sigma, 2.0 * c2)
+    slope = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
+    value = fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0))
+    for p in range(N_COEFFICIENTS - 8, -1, -4):
+        c0, c1, c2, c3 = _four(rows, row, p)
         part = fma(6.0 * c3, sigma, 2.0 * c2)
         bend = fma(bend, fourth, fma(2.0 * slope, cubic, fma(value, 12.0 * square, part)))
         part = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
         slope = fma(slope, fourth, fma(value, cubic, part))
         value = fma(value, fourth, fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0)))
     return value, slope * rate, bend * (rate * rate)
+
+
+@inlined
+def values_and_slopes(rows, row, h, s):
+    """Evaluate polynomial `row` of a step and its time derivative at times s of the step, Lanes.
+
+    Its even part E and its odd part O by themselves: with q = sigma^2 it is E(q) + sigma O(q), and
+    its derivative by sigma 2 sigma E'(q) + O(q) + 2 q O'(q).
+    """
+    rate = 2.0 / h
+    sigma = fma(s, rate, -1.0)
+    square = sigma * sigma
+    last = N_COEFFICIENTS - 2
+    even_slope = square * 0.0 + rows[row, last]
+    odd_slope = square * 0.0 + rows[row, last + 1]
+    even = fma(even_slope, square, rows[row, last - 2])
+    odd = fma(odd_slope, square, rows[row, last - 1])
+    for p in range(last - 4, -1, -2):
+        even_slope = fma(even_slope, square, even)
+        odd_slope = fma(odd_slope, square, odd)
+        even = fma(even, square, rows[row, p])
+        odd = fma(odd, square, rows[row, p + 1])
+    slope = fma(2.0 * sigma, fma(odd_slope, sigma, even_slope), odd)
+    return fma(sigma, odd, even), slope * rate
 
 
 @kernel

@@ -13,9 +13,9 @@ coefficients are those of H, raised to degree four, the middle one greater by d^
     g_0,  g_0 + d g_0'/4,  (g_0 + g_1)/2 + d (g_0' - g_1')/6 + d^4 M / 144,  g_1 - d g_1'/4,  g_1.
 
 If the largest is negative, g has no root: the floor cannot have reached the level, however short
-the contact. Otherwise the interval is halved, the left half first, until either every part is
-cleared, or a part has exactly one root because the slope, bounded likewise from below, is positive
-there.
+the contact. Otherwise the interval is cut into `LANES` parts, which are looked at together, and the
+first that is not cleared is cut again, until either every part is cleared, or a part has exactly
+one root because the slope, bounded likewise from below, is positive there.
 
 A floor that is leaving its layer starts with g_0 >= 0, g_0' < 0. If all other coefficients of B are
 negative, B falls below 0 once, before y = g_0 / (g_0 - 4 (g_0 + d g_0'/4)), and stays there. If g'
@@ -30,8 +30,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.vectors import fma
-from hpcsweep.solvers.flow.polynomials import value_and_slope, value_slope_bend
+from hpcsweep.kernels.vectors import LANES, first_not_negative, fma, greatest, lane, load, shifted
+from hpcsweep.solvers.flow.polynomials import (
+    value_and_slope,
+    value_slope_bend,
+    values_and_slopes,
+)
 
 HERMITE_MIDDLE = 1.0 / 144.0
 HERMITE_SLOPE = 0.00802
@@ -45,8 +49,9 @@ TOUCH = 5e-16
 """Excess over the level (gaps) that rounding hides: a floor that rests there has not passed it."""
 SAME = 1e-17
 """Error of a displacement at a root (gaps)."""
-MAX_DEPTH = 48
-"""Halvings; below h 2^-48 a tangency is within rounding of the level."""
+MAX_DEPTH = 16
+"""Cuts; on a part `SHORTEST` of the step a tangency is within rounding of the level."""
+SHORTEST = float(LANES) ** -MAX_DEPTH
 PATIENCE = 1_000
 """Parts looked at before `TOUCH` is quadrupled. A tangency takes some hundred; more are left where
 a floor rests at the level and the rounding of all others moves it."""
@@ -55,6 +60,8 @@ MAX_PARTS = 20 * PATIENCE
 """Parts looked at in one search. The rounding of states beyond 1e4 may take more."""
 UNDECIDED = -2
 NEGATIVE, AT_ROOT, NO_ROOT = range(3)
+ENDS = np.arange(1.0, LANES + 1.0) / LANES
+"""Ends of the parts of an interval."""
 
 
 class Curve(NamedTuple):
@@ -119,6 +126,17 @@ def may_reach(d, g0, slope0, g1, slope1, bound4):
 
 
 @kernel
+def may_exceed(size, d, g0, slope0, g1, slope1, bound4):
+    """Tell whether |g| may reach `size` on an interval of length d; False is proved."""
+    early, middle, late = _inner(d, g0, slope0, g1, slope1, 0.0)
+    square = d * d
+    more = HERMITE_MIDDLE * bound4 * (square * square)
+    top = max(max(max(g0, g1), max(early, late)), middle + more)
+    bottom = min(min(min(g0, g1), min(early, late)), middle - more)
+    return max(top, -bottom) >= size
+
+
+@kernel
 def leaves(d, g0, slope0, g1, slope1, bound4):
     """Tell whether g >= 0 falls below 0 within d, to stay there up to d; True is proved."""
     early, middle, late = _inner(d, g0, slope0, g1, slope1, bound4)
@@ -173,6 +191,34 @@ def _where_negative(curve, part, level):
     return NEGATIVE, a, ga, da
 
 
+@inlined
+def _first_uncleared(curve, part, level, bound4, touch):
+    """Cut a part into `LANES` and find the first in which g may reach `touch`.
+
+    Returns
+    -------
+    place : int
+        Its number; `LANES` if there is none (proved).
+    Part
+        That one.
+    """
+    a, ga, da, b, gb, db = part
+    d = (b - a) * (1.0 / LANES)
+    values, slopes = values_and_slopes(curve.rows, curve.row, curve.h, fma(load(ENDS, 0), b - a, a))
+    g, slope = (values - level.value) * level.sign, slopes * level.sign
+    before, slope_before = shifted(ga, g), shifted(da, slope)
+    early, middle, late = _inner(d, before, slope_before, g, slope, bound4)
+    top = greatest(greatest(greatest(before, g), greatest(early, late)), middle)
+    place = first_not_negative(top - touch)
+    if place == LANES:
+        return place, part
+    start = a + place * d
+    left, left_slope = lane(before, place), lane(slope_before, place)
+    if place == LANES - 1:
+        return place, Part(start, left, left_slope, b, gb, db)
+    return place, Part(start, left, left_slope, start + d, lane(g, place), lane(slope, place))
+
+
 @kernel
 def first_passage(curve, part, level, bound4, stack):
     """Find where g = sign (u - level) first reaches 0 from below in a part of a step.
@@ -197,42 +243,41 @@ def first_passage(curve, part, level, bound4, stack):
         (the floor is just leaving its layer) the search begins where g has become negative; if it
         is rising, the root is at the start.
     """
-    found, a, ga, da = _where_negative(curve, part, level)
-    if found == AT_ROOT:
+    where, a, ga, da = _where_negative(curve, part, level)
+    if where == AT_ROOT:
         return Bracket(a, ga, a, ga)
-    if found == NO_ROOT:
+    if where == NO_ROOT:
         return Bracket(-1.0, ga, a, ga)
     depth = 0
     parts = 0
     touch = TOUCH
-    stack[0, 0], stack[0, 1], stack[0, 2] = part.b, part.gb, part.db
-    while depth >= 0:
+    b, gb, db = part.b, part.gb, part.db
+    while True:
         parts += 1
         if parts % PATIENCE == 0:
             touch = min(4.0 * touch, MOST_TOUCH)
             if parts == MAX_PARTS:
                 return Bracket(float(UNDECIDED), ga, a, ga)
-        b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
         d = b - a
-        if _top(d, ga, da, gb, db, bound4) < touch:
-            a, ga, da = b, gb, db
-            depth -= 1
-            continue
-        if gb >= 0.0 and _rises_throughout(d, ga, da, gb, db, bound4):
-            return Bracket(a, ga, b, gb)
-        if depth >= MAX_DEPTH:
-            if gb >= 0.0:
+        if not _top(d, ga, da, gb, db, bound4) < touch:
+            if gb >= 0.0 and _rises_throughout(d, ga, da, gb, db, bound4):
+                return Bracket(a, ga, b, gb)
+            if d > SHORTEST * curve.h:
+                whole = Part(a, ga, da, b, gb, db)
+                place, found = _first_uncleared(curve, whole, level, bound4, touch)
+                if place < LANES:
+                    if place < LANES - 1:
+                        stack[depth, 0], stack[depth, 1], stack[depth, 2] = b, gb, db
+                        depth += 1
+                    a, ga, da, b, gb, db = found
+                    continue
+            elif gb >= 0.0:
                 return Bracket(b, gb, b, gb)
-            a, ga, da = b, gb, db
-            depth -= 1
-            continue
-        middle = 0.5 * (a + b)
-        value, slope = value_and_slope(curve.rows, curve.row, curve.h, middle)
-        depth += 1
-        stack[depth, 0] = middle
-        stack[depth, 1] = level.sign * (value - level.value)
-        stack[depth, 2] = level.sign * slope
-    return Bracket(-1.0, ga, a, ga)
+        a, ga, da = b, gb, db
+        if depth == 0:
+            return Bracket(-1.0, ga, a, ga)
+        depth -= 1
+        b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
 
 
 @kernel

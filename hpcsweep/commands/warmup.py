@@ -10,7 +10,7 @@ Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsw
 folder that is only read later. Kernels are compiled for the type of processor of this machine:
 do it on a node of the type that will compute.
 
-Given jobs, it also compiles the kernels fitted to their structures, which take 0.65 to 0.8 of the
+Given jobs, it also compiles the kernels fitted to their structures, which take 0.55 to 0.8 of the
 time and give the same results to the last bit. `run` fits kernels by itself from half a million
 histories a rank on, and takes fitted ones wherever the cache has them."""
 

@@ -1,7 +1,7 @@
 """The kernels that motions are computed by: fitted to a structure where that has been done.
 
 Kernels fitted to the number of floors, contacts and harmonics (`hpcsweep.kernels.fitting`) take
-0.65 to 0.8 of the time and give the same results to the last bit, but have to be compiled once
+0.55 to 0.8 of the time and give the same results to the last bit, but have to be compiled once
 more: `hpcsweep run` does so where it pays, `hpcsweep warmup` where it is asked for. Whoever makes
 a solver gets them if they are loaded or the cache has them, else those for any structure.
 """

@@ -1,7 +1,7 @@
 """What the kernels of one structure and frequency share, handed over as one array.
 
 numba looks into every array of a call. For the fifty of a flow map that takes as long as several
-forcing periods. `SHARED.pack` and `WATCH.pack` therefore write the whole tuple into a buffer once,
+forcing periods. `SHARED.place` and `WATCH.place` therefore copy the whole tuple into a buffer once,
 in the form in which the kernels hold it, and they read it from there: `read_shared`, `read_watch`.
 """
 

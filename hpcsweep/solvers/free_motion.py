@@ -34,10 +34,10 @@ class FreeMotion:
         self, structure: Structure, omega: float, transient: int, sampling: int, same: float
     ):
         self.orbit = LinearOrbit(structure, omega)
-        self._free = NOT_KNOWN
+        free = NOT_KNOWN
         if self.orbit.is_known:
-            self._free = _tables(structure, self.orbit, omega, transient, sampling, same)
-        self.packed = FREE.pack(self._free)
+            free = _tables(structure, self.orbit, omega, transient, sampling, same)
+        self.packed = FREE.pack(free)
 
     def window(self, state: np.ndarray, amplitude: float) -> Observation | None:
         """Give the steady window of the run from `state`, or None if it is not proved linear.

@@ -68,9 +68,12 @@ def evaluate_rows(rows, h, s, out):
 
 
 @inlined
-def _four(rows, row, p):
-    """Read four coefficients in a row."""
-    return rows[row, p], rows[row, p + 1], rows[row, p + 2], rows[row, p + 3]
+def _cubic(rows, row, p, sigma, square):
+    """Evaluate the cubic of four coefficients in a row, and its first two derivatives."""
+    c0, c1, c2, c3 = rows[row, p], rows[row, p + 1], rows[row, p + 2], rows[row, p + 3]
+    value = fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0))
+    slope = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
+    return value, slope, fma(6.0 * c3, sigma, 2.0 * c2)
 
 
 @kernel
@@ -89,17 +92,13 @@ def value_slope_bend(rows, row, h, s):
     square = sigma * sigma
     fourth = square * square
     cubic = 4.0 * sigma * square
-    c0, c1, c2, c3 = _four(rows, row, N_COEFFICIENTS - 4)
-    bend = fma(6.0 * c3, sigma, 2.0 * c2)
-    slope = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
-    value = fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0))
+    value, slope, bend = _cubic(rows, row, N_COEFFICIENTS - 4, sigma, square)
     for p in range(N_COEFFICIENTS - 8, -1, -4):
-        c0, c1, c2, c3 = _four(rows, row, p)
-        part = fma(6.0 * c3, sigma, 2.0 * c2)
-        bend = fma(bend, fourth, fma(2.0 * slope, cubic, fma(value, 12.0 * square, part)))
-        part = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
-        slope = fma(slope, fourth, fma(value, cubic, part))
-        value = fma(value, fourth, fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0)))
+        low, low_slope, low_bend = _cubic(rows, row, p, sigma, square)
+        lower = fma(value, 12.0 * square, low_bend)
+        bend = fma(bend, fourth, fma(2.0 * slope, cubic, lower))
+        slope = fma(slope, fourth, fma(value, cubic, low_slope))
+        value = fma(value, fourth, low)
     return value, slope * rate, bend * (rate * rate)
 
 

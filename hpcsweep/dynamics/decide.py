@@ -1,17 +1,18 @@
 """What motion a state goes to: integrated on until it is known, or a cap is reached.
 
-In rounds the motion is watched for an orbit that is near, unless small differences grow, and then
-observed with a tangent vector, each time for twice as long. From `LEAST_TORUS` periods on one
-stretch is carried on, and judged by its later part each time it is a part longer. A motion is
+The motion is watched for an orbit that is near, unless small differences grow, and then observed
+with a tangent vector. This stretch is carried on, to twice its length up to `LEAST_TORUS` periods
+and by a part of it from then on, and judged each time by its later part. A motion is
 
-- periodic if Newton's method has proved the orbit it goes to (`solvers.flow.transient`), or its
-  points have closed and stay closed (`orbit.closed_period`), and the orbit does not repel;
+- periodic if Newton's method has proved the orbit it goes to (`solvers.flow.transient`,
+  `shooting`), or its points have closed and stay closed (`orbit.closed_period`), and the orbit does
+  not repel;
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
   (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it `CONFIRMED` periods later;
 - quasi-periodic if over `LEAST_TORUS` periods or more weighted means over both halves agree to
-  `TORUS_DIGITS`, so weighted there is no growth (`TORUS_GROWTH`, `birkhoff`), the exponent is not
-  below 0 with confidence, and no orbit is proved that the torus is locked to.
+  `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
+  confidence, and no orbit is proved that the torus is locked to.
 
 A motion that repeats although it repels stays there until rounding drives it away; it is driven by
 `PUSH` at once. Chaos may be a transient that would end later.
@@ -23,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.dynamics.birkhoff import WeightedGrowth, agreeing_digits, weighted_growth
+from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
 from hpcsweep.dynamics.motion import Motion
@@ -31,11 +32,12 @@ from hpcsweep.dynamics.orbit import (
     approached_period,
     closed_period,
     closing_period,
+    limit_of_approach,
     returning_period,
     smallest_period,
     stays_near_orbit,
 )
-from hpcsweep.dynamics.shooting import shoot
+from hpcsweep.dynamics.shooting import Nearer, shoot
 from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
@@ -49,9 +51,9 @@ LONGEST = 64
 """Longest orbit period to which Newton's method jumps at sight, in forcing periods. Longer ones, up
 to a third of what is observed, are recognised when they close; see `TURNS`."""
 WATCHED = 4 * LONGEST
-"""Forcing periods that are watched in each round."""
-FIRST_ROUND = 200
-"""Forcing periods that are observed in the first."""
+"""Forcing periods that are watched before a stretch is observed."""
+FIRST_STRETCH = 200
+"""Forcing periods that are observed at first."""
 CONFIRMED = 100
 """Forcing periods for which chaos is watched for an orbit that ends it. Of 163 windows of 100
 periods with a growth of chaos, drawn from the map of Figure 6 as described, 10 ended in an orbit
@@ -59,19 +61,14 @@ within 3,000 more: 4 within 100, 8 within 300."""
 LEAST_TORUS = 800
 """Fewest points by which a torus is told from what is nearly one."""
 CARRIED = 4
-"""A stretch is carried on by this part of it before it is judged again."""
+"""A stretch is carried on by this part of it before it is judged again, a short one by itself."""
 JUDGED = 3 / 4
 """Part of a stretch, its end, by which it is judged; what comes before may be the way there."""
-TORUS_GROWTH = 0.5
-"""Largest weighted growth over what is judged, either sign; over its halves `NEUTRAL_GROWTH`."""
-TORUS_RATE = 3e-4
-"""The same a period: of a torus that is nearly broken the weighted growth falls slowly. Orbits of
-period 300 to 1,600 to which such tori are locked are approached by 1e-3 to 1e-2 a period."""
 DRIVEN_AWAY = 36.0
 """Growth by which a rounding error becomes as large as the motion: -ln 2^-52."""
 TURNS = 6
-"""An orbit of long period is waited for if it should have closed in so many turns; else it is
-jumped to, which takes as long."""
+"""An orbit of long period is jumped to if its approach is geometric (`orbit.limit_of_approach`), or
+after so many turns. Who waits until it has closed waits for as many."""
 TORUS_DIGITS = 5.0
 """Of tori drawn from the map of Figure 6 as described weighted means agree to 4.7 to 11.2 digits
 after 800 periods and to more after more; those of chaos beside a torus (Figure 3 as described, A =
@@ -81,7 +78,7 @@ RETURNS = 8
 half in place of an eighth the tori of three frames (Omega = 0.425, 0.5, 0.716) took 1.7 times as
 long, and four of 90 were orbits of more than 1,000 periods."""
 HINT_DIGITS = 2.5
-"""The same of shorter rounds, after which as many periods are observed as a torus needs."""
+"""The same of a shorter stretch, after which as many periods are observed as a torus needs."""
 REPELS = 1e-5
 """Excess over 1 of the largest multiplier above which an orbit repels; it is exact to less."""
 PUSH = 1e-8
@@ -111,27 +108,21 @@ def decide(
     settings : SweepSettings
         Of the runs: their ``max_orbit_period`` and ``period_tolerance``.
     max_cycles : int
-        Forcing periods after which it is given up as undecided; the last round may be cut short.
+        Forcing periods after which it is given up as undecided; the last part may be cut short.
     poll : callable, optional
         Called within long work; may raise to leave.
     window : Observation, optional
-        Of a window that has ended in `state`, with the growth of a tangent vector: the first
-        round.
+        Of a window that has ended in `state`, with the growth of a tangent vector: judged first.
     """
     search = _Search(solver, amplitude, settings, poll, count("max_cycles", max_cycles))
-    z, length = np.array(state, dtype=float), FIRST_ROUND
-    motion = None
+    z, motion = np.array(state, dtype=float), None
     if window is not None:
-        length = len(window.points)
-        z, motion = search.judge_round(z, window)
-    while motion is None and search.left and length < LEAST_TORUS and not search.likely_torus:
-        if not search.growing:
+        z, motion = search.judge_window(z, window)
+    while motion is None and search.left:
+        if search.begins and not (search.growing or search.likely_torus):
             z, motion = search.watch(z, WATCHED)
         if motion is None and search.left:
-            z, motion = search.judge_round(z, search.observe(z, length))
-        length *= 2
-    while motion is None and search.left:
-        z, motion = search.carry_on(z)
+            z, motion = search.carry_on(z)
     return motion or search.undecided(z)
 
 
@@ -147,8 +138,7 @@ class _Search:
         self._last = np.empty((0, self._units.size))  # points of what was judged last
         self._logarithms = np.empty(0)  # of all that was observed
         self._stretch: Growth | None = None  # what is carried on
-        self._asked = 0  # periods by which it should have closed to an orbit
-        self._tried = 0  # its length when it was tried to jump to a long one
+        self._tried: dict[int, int] = {}  # its length when it was tried to jump, by period
         self.cycles = 0
         self.growing = self.likely_torus = False
 
@@ -156,6 +146,11 @@ class _Search:
     def left(self) -> int:
         """Forcing periods that may still be integrated."""
         return max(self._max_cycles - self.cycles, 0)
+
+    @property
+    def begins(self) -> bool:
+        """Whether a stretch is to begin."""
+        return self._stretch is None
 
     @property
     def growth(self) -> Interval:
@@ -187,8 +182,8 @@ class _Search:
         self.cycles += len(seen.points)
         return seen
 
-    def judge_round(self, z: np.ndarray, seen: Observation | Growth) -> Step:
-        """Tell the motion from one round; give where it goes on."""
+    def judge_window(self, z: np.ndarray, seen: Observation) -> Step:
+        """Tell the motion from a window; give where it goes on."""
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         self._logarithms = np.concatenate((self._logarithms, aligned(seen.logarithms)))
@@ -198,10 +193,7 @@ class _Search:
     def carry_on(self, z: np.ndarray) -> Step:
         """Observe the motion for longer, and judge it by the end of all that follows on."""
         before = self._stretch
-        length = LEAST_TORUS
-        if before is not None:
-            length = max(len(before.points) // CARRIED, self._asked)
-        seen = self.observe(z, length, None if before is None else before.direction)
+        seen = self.observe(z, self._more(), None if before is None else before.direction)
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         added = aligned(seen.logarithms) if before is None else seen.logarithms
@@ -213,8 +205,16 @@ class _Search:
             judged = max(LEAST_TORUS, int(JUDGED * len(stretch.points)))
             end, motion = self._judge(stretch.last(judged))
         if not np.array_equal(end, start):  # an orbit that repels was left
-            self._stretch, self._asked, self._tried = None, 0, 0
+            self._stretch = None
+            self._tried.clear()
         return end, self._confirmed(motion, end)
+
+    def _more(self) -> int:
+        """Give the periods by which the stretch is carried on."""
+        size = 0 if self._stretch is None else len(self._stretch.points)
+        if size >= LEAST_TORUS:
+            return size // CARRIED
+        return LEAST_TORUS - size if self.likely_torus else max(size, FIRST_STRETCH)
 
     def _confirmed(self, motion: Motion | None, z: np.ndarray) -> Motion | None:
         """Watch chaos for an orbit that ends it; give what it turns out to be."""
@@ -224,24 +224,22 @@ class _Search:
         return ended or replace(motion, cycles=self.cycles)
 
     def _closing(self, stretch: np.ndarray) -> Step:
-        """Look for an orbit of long period to which a stretch closes; ask for as much as it needs.
+        """Look for an orbit of long period to which a stretch closes, and jump to it.
 
-        It is claimed where the last two turns have closed to the turn before each.
+        It is claimed, too, where the last two turns have closed to the turn before each.
         """
         points, size, end = stretch / self._units, len(stretch), stretch[-1]
-        self._asked = 0
         found = closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
         period = found.period
         if not period:
             return end, None
-        turns = found.turns_to(self._same)
-        if turns == 0.0 and self._closed(points[-3 * period :], 3 * period // 2):
+        closed = found.distance <= self._same
+        if closed and self._closed(points[-3 * period :], 3 * period // 2):
             return self._orbit(end, period)
-        if turns <= TURNS:
-            self._asked = min(math.ceil(turns + 1.0) * period, size)
-        elif TURNS * period <= size and size >= 2 * self._tried:
-            self._tried = size
-            motion = self._jump(end, period)
+        soon = TURNS * period <= size or limit_of_approach(points, period) is not None
+        if soon and size >= 2 * self._tried.get(period, 0):
+            self._tried[period] = size
+            motion = self._jump(stretch, period)
             if motion is not None:
                 return motion.points[-1], motion
         return end, None
@@ -267,7 +265,7 @@ class _Search:
                 return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
         period = approached_period(points, LONGEST, NEAR)
         if period:
-            motion = self._jump(end, period)
+            motion = self._jump(seen.points, period)
             if motion is not None:
                 return end, motion
         return end, self._torus(points, seen, whole)
@@ -280,21 +278,14 @@ class _Search:
         self.likely_torus = neutral and digits >= HINT_DIGITS
         if size < LEAST_TORUS or digits < TORUS_DIGITS:
             return None
-        if not self._still(weighted_growth(seen.logarithms), size):
+        if not weighted_growth(seen.logarithms).vanishes(size):
             return None
         growth = growth_interval(seen.logarithms)
         period = returning_period(points, size // RETURNS, NEAR)
-        locked = self._jump(seen.points[-1], period) if period else None
+        locked = self._jump(seen.points, period) if period else None
         if locked or growth.high < 0:
             return locked
         return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
-
-    @staticmethod
-    def _still(growth: WeightedGrowth, size: int) -> bool:
-        """Tell whether there is no growth over so many periods."""
-        swings = max(NEUTRAL_GROWTH, 3 * TORUS_RATE * size)
-        halves = abs(growth.first) <= swings and abs(growth.second) <= swings
-        return halves and abs(growth.whole) <= max(TORUS_GROWTH, TORUS_RATE * size)
 
     def _closed(self, points: np.ndarray, max_period: int) -> int:
         return closed_period(points, max_period, self._same)
@@ -327,9 +318,14 @@ class _Search:
         last = points[-smallest:]
         return z, self.motion(MotionClass.PERIODIC, last, smallest, multiplier, exponent)
 
-    def _jump(self, z: np.ndarray, period: int) -> Motion | None:
+    def _jump(self, points: np.ndarray, period: int) -> Motion | None:
         """Solve for the orbit that is approached; give it if the motion is proved to go there."""
-        shot = shoot(self._solver, z, self._amplitude, period)
+        z, nearer = points[-1], None
+        if len(points) >= 3 * period:
+            limit = limit_of_approach(points / self._units, period)
+            if limit is not None:
+                z, nearer = points[-1 - period], Nearer(points[-1], limit * self._units)
+        shot = shoot(self._solver, z, self._amplitude, period, nearer)
         self.cycles += shot.cycles
         if not shot.attracts(0.1 * self._same):
             return None

@@ -30,6 +30,9 @@ CANDIDATES = 32
 """Returns that are looked into: beside a short orbit a motion returns after all its multiples."""
 FALLS = 0.98
 """Largest ratio of the distances of two turns that fall."""
+ALIKE = 0.1
+"""Share of 1 - r by which the ratio r of an approach may change in a turn, and share of a
+displacement by which it may differ from a multiple of the one a turn before."""
 
 
 def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
@@ -165,14 +168,6 @@ class Closing(NamedTuple):
     """0 if there is none."""
     distance: float
     """Largest over the last turn."""
-    ratio: float
-    """By which it has fallen over that turn."""
-
-    def turns_to(self, tolerance: float) -> float:
-        """Give the turns until the last distance is within a tolerance."""
-        if self.distance <= tolerance:
-            return 0.0
-        return math.log(tolerance / self.distance) / math.log(self.ratio)
 
 
 def closing_period(
@@ -196,15 +191,52 @@ def closing_period(
     min_period, max_period = count("min_period", min_period, 1), count("max_period", max_period, 1)
     near, tolerance = number("near", near), number("tolerance", tolerance)
     coordinates = _coordinates(points)
-    best = Closing(0, near, 1.0)
+    best = Closing(0, near)
     returns = _near_ends(coordinates, min(max_period, len(points) // 3), near)
     for period in [p for p in returns if p >= min_period][:CANDIDATES]:
         apart = _apart(coordinates[:, -3 * period :], period)
         before, last = float(apart[:period].max()), float(apart[period:].max())
         falls = last <= FALLS * before or last <= tolerance
         if falls and last < best.distance:
-            best = Closing(period, last, last / before if before > 0 else 0.0)
+            best = Closing(period, last)
     return best
+
+
+def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:
+    """Extrapolate the last point of a geometric approach along one direction to its orbit.
+
+    With the displacements a = z_(k-p) - z_(k-2p) and b = z_k - z_(k-p) it is b = r a, and the orbit
+    is at z_k + r / (1 - r) b (Aitken). r must be the same at both ends of the last turn.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2n)
+        Consecutive stroboscopic points, k >= 3 p.
+    period : int
+        p
+
+    Returns
+    -------
+    ndarray, shape (2n,), or None
+        None if the approach is not geometric (`ALIKE`), or not along one direction.
+    """
+    first, _, _ = _ratio_of_turns(points[: 1 - period or None], period)
+    last, moved, defect = _ratio_of_turns(points, period)
+    same_ratio = abs(last - first) <= ALIKE * (1.0 - last)
+    if not (abs(last) <= FALLS and same_ratio and defect <= ALIKE):
+        return None
+    return points[-1] + moved * (last / (1.0 - last))
+
+
+def _ratio_of_turns(points: np.ndarray, period: int) -> tuple[float, np.ndarray, float]:
+    """Give r and b of `limit_of_approach` for the last point, and |b - r a| / |b|."""
+    before = points[-1 - period] - points[-1 - 2 * period]
+    moved = points[-1] - points[-1 - period]
+    square, size = float(before @ before), float(np.abs(moved).max())
+    if not (square > 0.0 and size > 0.0):
+        return math.inf, moved, math.inf
+    ratio = float(moved @ before) / square
+    return ratio, moved, float(np.abs(moved - ratio * before).max()) / size
 
 
 def stays_near_orbit(points: np.ndarray, max_period: int, near: float) -> bool:

@@ -3,8 +3,9 @@
 With F that map and M its tangent at z, a step solves (M - 1) d = z - F(z). Its length is the
 distance from the orbit to first order; a residual is not: where a multiplier is near 1 a small one
 is far away. After a step shorter than `SAME` M is kept, and F alone tells the distance, with the
-points of the orbit. The motion of the first point is proved to go to an orbit that attracts if the
-map from it is as good as linear: F(z) - o = M (z - o) but for `LINEAR` of F(z) - o, o the orbit.
+points of the orbit. The motion of z is proved to go to an orbit that attracts if the map from it
+is as good as linear: F(z) - o = M (z - o) but for `LINEAR` of F(z) - o, o the orbit. Where F(z) is
+known of the motion, Newton's method may start from a guess that is nearer to the orbit than z.
 """
 
 import math
@@ -20,7 +21,7 @@ REACHED = 1e-12
 """Distance from which on another step has nothing to gain ..."""
 ON_ORBIT = 1e-10
 """... and one that is enough where the points are at hand."""
-SAME = 1e-8
+SAME = 1e-10
 """Distance between points whose tangent maps are taken for the same; what the matrix tells, the
 multiplier too, is then right to about that."""
 LINEAR = 0.05
@@ -39,21 +40,32 @@ class Shot(NamedTuple):
     distance: float
     """Of the point from the orbit; inf if the solver has failed."""
     bent: float
-    """Distance of F from its tangent at the first point."""
+    """Distance of F from its tangent at z."""
     left: float
-    """Distance of F of the first point from the orbit."""
+    """Distance of F(z) from the orbit."""
     cycles: int
     """Forcing periods integrated."""
     points: np.ndarray | None = None
     """Of the orbit, shape (p, 2n), the last one as near to `point` as `distance`; if at hand."""
 
     def attracts(self, tolerance: float) -> bool:
-        """Tell whether the first point is proved to go to the orbit, found to `tolerance`."""
+        """Tell whether the motion of z is proved to go to the orbit, found to `tolerance`."""
         linear = self.bent <= LINEAR * self.left + ROUNDING
         return self.distance <= tolerance and self.multiplier < 1.0 and linear
 
 
-def shoot(solver, z: np.ndarray, amplitude: float, period: int) -> Shot:
+class Nearer(NamedTuple):
+    """What is known of the motion of a point z besides."""
+
+    image: np.ndarray
+    """F(z)"""
+    guess: np.ndarray
+    """A point nearer to the orbit."""
+
+
+def shoot(
+    solver, z: np.ndarray, amplitude: float, period: int, nearer: Nearer | None = None
+) -> Shot:
     """Take a point near an orbit of `period` forcing periods onto it.
 
     Parameters
@@ -62,12 +74,16 @@ def shoot(solver, z: np.ndarray, amplitude: float, period: int) -> Shot:
     z : ndarray, shape (2n,)
     amplitude : float
     period : int
+    nearer : Nearer, optional
+        What is known of the motion of z.
     """
     units = solver.structure.state_units
-    start, first, best, matrix, taken = z, z, z, np.eye(z.size), np.eye(z.size)
+    start, best, matrix, taken = z, z, np.eye(z.size), np.eye(z.size)
+    first = None if nearer is None else nearer.image
+    z = start if nearer is None else nearer.guess
     least, cycles, seen = math.inf, 0, None
     try:
-        for step in range(STEPS):
+        for _ in range(STEPS):
             points, follows = None, least <= SAME
             if follows:
                 points, outcome = solver.points(z, amplitude, period)
@@ -77,7 +93,7 @@ def shoot(solver, z: np.ndarray, amplitude: float, period: int) -> Shot:
             else:
                 image, taken = solver.monodromy(z, amplitude, period)
             cycles += period
-            first = first if step else image
+            first = image if first is None else first
             move = np.linalg.solve(taken - np.eye(z.size), image - z)
             distance = float(np.abs(move / units).max())
             if not distance < least:

@@ -94,15 +94,15 @@ def test_what_a_circle_is_locked_to(period, pull):
     motion = told(circle(turns, period, pull))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, period)
     assert motion.multiplier == pytest.approx((1 - period * pull) ** period, abs=1e-6)
-    # each turn takes `period`: at most 40 turns, and what finding out takes
-    assert motion.cycles < 40 * period + 3000
+    # three turns to be seen to close, three for Newton's method; and what finding out takes
+    assert motion.cycles < 6 * period + 1100
 
 
 @pytest.mark.parametrize("pull", [0.0, 0.3, 0.9])
 def test_a_circle_without_a_lock_is_a_torus_soon(pull):
     motion = told(circle(GOLDEN, 1, pull))
     assert motion.kind is MotionClass.QUASI_PERIODIC
-    assert motion.cycles <= 3000
+    assert motion.cycles <= 1100
     assert motion.exponent_low <= 0 <= motion.exponent_high
 
 

@@ -11,11 +11,12 @@ from hpcsweep.dynamics.exponent import aligned, growth_interval
 from hpcsweep.dynamics.orbit import (
     closed_period,
     closing_period,
+    limit_of_approach,
     orbit_period,
     returning_period,
     smallest_period,
 )
-from hpcsweep.dynamics.shooting import shoot
+from hpcsweep.dynamics.shooting import Nearer, shoot
 
 
 def test_the_tangent_of_the_circle_is_its_derivative():
@@ -75,12 +76,37 @@ def test_what_closes_is_told_from_what_only_returns():
     falling = locked * (1 + 0.01 * 0.9 ** (np.arange(1200) / 89))[:, None]
     found = closing_period(falling, 65, 400, 0.05, 1e-9)
     assert found.period == 89
-    assert found.ratio == pytest.approx(0.9, abs=1e-6)
-    rest = found.distance * 0.9 ** found.turns_to(1e-9)
-    assert rest == pytest.approx(1e-9)
+    left = 0.01 * 0.9 ** (np.arange(1200 - 178, 1200 - 89) / 89)  # a turn before the last one
+    largest = 0.1 * np.abs(locked[-89:] * left[:, None]).max()
+    assert found.distance == pytest.approx(largest, rel=1e-9)
     assert closing_period(falling, 90, 400, 0.05, 1e-9).period == 178
     closed = closing_period(locked, 65, 400, 0.05, 1e-9)
-    assert (closed.period, closed.turns_to(1e-9)) == (89, 0.0)
+    assert closed.period == 89
+    assert closed.distance < 1e-12
+
+
+def test_an_approach_is_extrapolated_where_it_is_geometric():
+    turn = 2 * np.pi * 34 / 89 * np.arange(600)
+    locked = np.stack((np.cos(turn), np.sin(turn)), axis=1)
+
+    def after(ratio, *more):
+        """Points of angles that approach those of the orbit by `ratio` a turn."""
+        away = 1e-3 * ratio ** (np.arange(600.0) / 89) + sum(more)
+        return np.stack((np.cos(turn + away), np.sin(turn + away)), axis=1)
+
+    for ratio in (0.2, 0.9, 0.97):
+        limit = limit_of_approach(after(ratio), 89)
+        assert np.abs(limit - locked[-1]).max() < 2e-3 * np.abs(after(ratio)[-1] - locked[-1]).max()
+    alternating = approach([0.5, 0.7], [1e-4], [-0.95], 60)
+    assert limit_of_approach(alternating, 1) is None
+    assert limit_of_approach(approach([0.5], [1e-4], [-0.95], 60), 1) == pytest.approx([0.5])
+    assert limit_of_approach(after(0.99), 89) is None  # hardly nearer in a turn
+    slower = 2e-3 / (1 + np.arange(600.0) / 89)  # as 1 / k: no orbit is approached
+    assert limit_of_approach(after(0.0, slower), 89) is None
+    assert limit_of_approach(np.zeros((9, 2)), 1) is None
+    aside = approach([0.5], [1e-4], [0.9], 60) * [1.0, 0.0]
+    aside[:, 1] = 1e-4 * 0.8 ** np.arange(60.0) * np.cos(np.arange(60.0))
+    assert limit_of_approach(aside[:9], 1) is None  # along two directions
 
 
 def test_a_shot_lands_on_the_orbit_and_says_who_goes_there():
@@ -99,7 +125,7 @@ def test_a_shot_lands_on_the_orbit_and_says_who_goes_there():
 def test_a_shot_from_the_orbit_goes_round_it_once_more_and_gives_its_points():
     solver = logistic(3.3)
     orbit = np.sort(np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real)
-    shot = shoot(solver, np.array([orbit[1] + 1e-9, 1e-9]), 1.0, 2)
+    shot = shoot(solver, np.array([orbit[1] + 1e-11, 1e-11]), 1.0, 2)
     assert shot.cycles == 4
     assert shot.points == pytest.approx(np.stack((orbit, [0.0, 0.0]), axis=1), abs=1e-12)
     assert shot.points[-1] == pytest.approx(shot.point, abs=shot.distance + 1e-15)
@@ -107,6 +133,19 @@ def test_a_shot_from_the_orbit_goes_round_it_once_more_and_gives_its_points():
     assert shot.multiplier == pytest.approx(abs(4 + 2 * 3.3 - 3.3**2), abs=1e-7)
     assert shot.attracts(1e-9)
     assert shoot(solver, np.array([orbit[1] + 1e-5, 1e-5]), 1.0, 2).cycles > 4
+
+
+@pytest.mark.parametrize(("off", "goes"), [(1e-4, True), (0.05, False)])
+def test_a_shot_from_beside_proves_who_goes_there_by_what_its_motion_has_done(off, goes):
+    solver = logistic(3.3)
+    orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real
+    z, guess = np.array([orbit[0] + off, 0.0]), np.array([orbit[0] + 1e-6, 0.0])
+    shot = shoot(solver, z, 1.0, 2, Nearer(solver.points(z, 1.0, 2)[0][-1], guess))
+    assert shot.point == pytest.approx([orbit[0], 0.0], abs=1e-12)
+    assert shot.cycles <= 6
+    assert shot.attracts(1e-9) is goes
+    alone = shoot(solver, z, 1.0, 2)
+    assert (shot.bent, shot.left) == pytest.approx((alone.bent, alone.left), abs=1e-10)
 
 
 def test_a_shot_that_fails_says_so():

@@ -48,7 +48,7 @@ def _warmup(options) -> int:
     import time
 
     from hpcsweep.job import JobError, load_job
-    from hpcsweep.kernels.cache import cache_folder, processor
+    from hpcsweep.kernels.cache import kept_in, processor
     from hpcsweep.parallel.mpi import launched_rank
     from hpcsweep.studies.compilation import warm_up, warm_up_all
 
@@ -72,5 +72,7 @@ def _warmup(options) -> int:
         if study.settings.solver == "flow":
             warm_up(study.settings, say, options.jobs, fitted_to=study.structure)
     seconds = time.perf_counter() - begun
-    print(f"ready in {seconds:.1f} s: kernels for {processor().split()[0]} in {cache_folder()}")
+    folders = " and ".join(map(str, kept_in()))
+    where = f"in {folders}" if folders else "are not kept"
+    print(f"ready in {seconds:.1f} s: kernels for {processor().split()[0]} {where}")
     return 0

@@ -68,7 +68,7 @@ DRIVEN_AWAY = 36.0
 """Growth by which a rounding error becomes as large as the motion: -ln 2^-52."""
 TURNS = 6
 """An orbit of long period is jumped to if its approach is geometric (`orbit.limit_of_approach`), or
-after so many turns. Who waits until it has closed waits for as many."""
+after so many turns."""
 TORUS_DIGITS = 5.0
 """Of tori drawn from the map of Figure 6 as described weighted means agree to 4.7 to 11.2 digits
 after 800 periods and to more after more; those of chaos beside a torus (Figure 3 as described, A =
@@ -322,7 +322,7 @@ class _Search:
         """Solve for the orbit that is approached; give it if the motion is proved to go there."""
         z, nearer = points[-1], None
         if len(points) >= 3 * period:
-            limit = limit_of_approach(points / self._units, period)
+            limit = limit_of_approach(points[-3 * period :] / self._units, period)
             if limit is not None:
                 z, nearer = points[-1 - period], Nearer(points[-1], limit * self._units)
         shot = shoot(self._solver, z, self._amplitude, period, nearer)

@@ -211,16 +211,19 @@ def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:
     Parameters
     ----------
     points : ndarray, shape (k, 2n)
-        Consecutive stroboscopic points, k >= 3 p.
+        Consecutive stroboscopic points; the last 3 p of them count.
     period : int
-        p
+        p, at most k / 3.
 
     Returns
     -------
     ndarray, shape (2n,), or None
         None if the approach is not geometric (`ALIKE`), or not along one direction.
     """
-    first, _, _ = _ratio_of_turns(points[: 1 - period or None], period)
+    points, period = rows("points", points), count("period", period, 1)
+    if len(points) < 3 * period:
+        raise ValueError(f"points must be at least {3 * period}, are {len(points)}")
+    first, _, _ = _ratio_of_turns(points[: len(points) + 1 - period], period)
     last, moved, defect = _ratio_of_turns(points, period)
     same_ratio = abs(last - first) <= ALIKE * (1.0 - last)
     if not (abs(last) <= FALLS and same_ratio and defect <= ALIKE):

@@ -35,7 +35,7 @@ from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 
 from hpcsweep.kernels.fitting import KEY_LENGTH, fitted_name
-from hpcsweep.kernels.folders import cache_root, own_folder, say_unwritable, write_whole
+from hpcsweep.kernels.folders import cache_root, own_folder, roots, say_unwritable, write_whole
 
 PACKAGE = Path(__file__).resolve().parent.parent
 KERNEL_FILES = (
@@ -118,6 +118,12 @@ def cache_folder() -> Path:
     return cache_root() / source_hash()
 
 
+def kept_in() -> list[Path]:
+    """List the folders in which there are compiled kernels: none where they cannot be kept."""
+    folders = (root / source_hash() for root in roots())
+    return [folder for folder in folders if any(folder.rglob(f"*{SUFFIX}"))]
+
+
 class _Locator(_CacheLocator):
     """Tells numba where a kernel of this package is kept: by module, not by installed path."""
 
@@ -167,9 +173,7 @@ class KernelCache(FunctionCache):
         # all of numba's registries, which `refresh` would load, are for compiling
         rtsys.initialize(target_context)
         place = self._path(sig, target_context.codegen())
-        for root in (cache_root(), own_folder()):
-            if root is None:
-                continue
+        for root in roots():
             try:
                 found = pickle.loads((root / place).read_bytes())
             except (OSError, EOFError, pickle.UnpicklingError):
@@ -180,15 +184,12 @@ class KernelCache(FunctionCache):
     def holds(self, sig, target_context) -> bool:
         """Tell whether a kernel is in the cache."""
         place = self._path(sig, target_context.codegen())
-        roots = cache_root(), own_folder()
-        return any(root is not None and os.access(root / place, os.R_OK) for root in roots)
+        return any(os.access(root / place, os.R_OK) for root in roots())
 
     def fits(self) -> frozenset[str]:
         """Give the keys of the fits (`fitting`) for which there is a kernel, of any processor."""
         found = set()
-        for root in (cache_root(), own_folder()):
-            if root is None:
-                continue
+        for root in roots():
             folder = root / source_hash() / self._impl.locator.place
             for path in folder.glob(f"{fitted_name(self._py_func, '*')}-*{SUFFIX}"):
                 found.add(path.name.rpartition("-")[0][-KEY_LENGTH:])

@@ -40,6 +40,12 @@ def own_folder() -> Path | None:
     return path if private and found.st_uid == os.getuid() else None
 
 
+def roots() -> list[Path]:
+    """Give the folders below which compiled kernels may lie, that of `cache_root` first."""
+    own = own_folder()
+    return [cache_root()] if own is None else [cache_root(), own]
+
+
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file under another name and rename it into place.
 

@@ -104,6 +104,8 @@ def test_an_approach_is_extrapolated_where_it_is_geometric():
     slower = 2e-3 / (1 + np.arange(600.0) / 89)  # as 1 / k: no orbit is approached
     assert limit_of_approach(after(0.0, slower), 89) is None
     assert limit_of_approach(np.zeros((9, 2)), 1) is None
+    with pytest.raises(ValueError, match="points must be at least 267, are 266"):
+        limit_of_approach(locked[:266], 89)
     aside = approach([0.5], [1e-4], [0.9], 60) * [1.0, 0.0]
     aside[:, 1] = 1e-4 * 0.8 ** np.arange(60.0) * np.cos(np.arange(60.0))
     assert limit_of_approach(aside[:9], 1) is None  # along two directions

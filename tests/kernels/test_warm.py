@@ -1,5 +1,6 @@
 """Compiling before it is needed: progress, what is learnt, processes, caches that are read only."""
 
+import ast
 import gc
 import io
 import json
@@ -236,6 +237,23 @@ def test_a_cache_that_cannot_be_written_takes_one_line(tmp_path):
     )
     second = compiled_in(NUMBA_CACHE_DIR=cache, TMPDIR=str(temporary))
     assert (second.stdout.split(), second.stderr) == (["1", "0"], "")
+
+
+@pytest.mark.parametrize("kept", ["usual", "own", "nowhere"])
+def test_where_kernels_are_kept_is_known(tmp_path, kept):
+    (tmp_path / "file").write_text("")
+    own = tmp_path / f"hpcsweep-{os.getuid()}"
+    if kept == "nowhere":
+        own.write_text("")
+    usual = tmp_path / ("cache" if kept == "usual" else "file/cache")
+    done = tools.python(
+        COMPILED + "from hpcsweep.kernels.cache import kept_in\nprint([*map(str, kept_in())])\n",
+        NUMBA_CACHE_DIR=str(usual),
+        TMPDIR=str(tmp_path),
+    )
+    found = ast.literal_eval(done.stdout.splitlines()[-1])
+    below = {"usual": [usual], "own": [own], "nowhere": []}[kept]
+    assert [Path(folder).parent for folder in found] == below
 
 
 @pytest.mark.parametrize("kind", ["file", "open to all"])

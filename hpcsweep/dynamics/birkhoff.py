@@ -27,10 +27,10 @@ import numpy as np
 from hpcsweep.dynamics.classify import NEUTRAL_GROWTH
 from hpcsweep.model.arguments import array, rows
 
-LEAST_GROWTH = 0.5
+TORUS_GROWTH = 0.5
 """Largest weighted growth of a torus over a stretch, either sign; over its halves
 `NEUTRAL_GROWTH`."""
-LEAST_RATE = 3e-4
+TORUS_RATE = 3e-4
 """The same a period: of a torus that is nearly broken the weighted growth falls slowly. Orbits of
 period 300 to 1,600 to which such tori are locked are approached by 1e-3 to 1e-2 a period."""
 
@@ -45,9 +45,9 @@ class WeightedGrowth(NamedTuple):
 
     def vanishes(self, size: int) -> bool:
         """Tell whether there is none over so many periods, as on a torus."""
-        swings = max(NEUTRAL_GROWTH, 3 * LEAST_RATE * size)
+        swings = max(NEUTRAL_GROWTH, 3 * TORUS_RATE * size)
         halves = abs(self.first) <= swings and abs(self.second) <= swings
-        return halves and abs(self.whole) <= max(LEAST_GROWTH, LEAST_RATE * size)
+        return halves and abs(self.whole) <= max(TORUS_GROWTH, TORUS_RATE * size)
 
 
 def agreeing_digits(points: np.ndarray) -> float:

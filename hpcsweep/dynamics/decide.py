@@ -119,7 +119,7 @@ def decide(
     if window is not None:
         z, motion = search.judge_window(z, window)
     while motion is None and search.left:
-        if search.begins and not (search.growing or search.likely_torus):
+        if search.may_be_near_orbit:
             z, motion = search.watch(z, WATCHED)
         if motion is None and search.left:
             z, motion = search.carry_on(z)
@@ -139,8 +139,8 @@ class _Search:
         self._logarithms = np.empty(0)  # of all that was observed
         self._stretch: Growth | None = None  # what is carried on
         self._tried: dict[int, int] = {}  # its length when it was tried to jump, by period
+        self._growing = self._likely_torus = False
         self.cycles = 0
-        self.growing = self.likely_torus = False
 
     @property
     def left(self) -> int:
@@ -148,9 +148,9 @@ class _Search:
         return max(self._max_cycles - self.cycles, 0)
 
     @property
-    def begins(self) -> bool:
-        """Whether a stretch is to begin."""
-        return self._stretch is None
+    def may_be_near_orbit(self) -> bool:
+        """Whether to watch for an orbit before a stretch is begun."""
+        return self._stretch is None and not (self._growing or self._likely_torus)
 
     @property
     def growth(self) -> Interval:
@@ -186,7 +186,7 @@ class _Search:
         """Tell the motion from a window; give where it goes on."""
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
-        self._logarithms = np.concatenate((self._logarithms, aligned(seen.logarithms)))
+        self._logarithms = aligned(seen.logarithms)
         end, motion = self._judge(seen, len(seen.points) // 2)
         return end, self._confirmed(motion, end)
 
@@ -214,7 +214,7 @@ class _Search:
         size = 0 if self._stretch is None else len(self._stretch.points)
         if size >= LEAST_TORUS:
             return size // CARRIED
-        return LEAST_TORUS - size if self.likely_torus else max(size, FIRST_STRETCH)
+        return LEAST_TORUS - size if self._likely_torus else max(size, FIRST_STRETCH)
 
     def _confirmed(self, motion: Motion | None, z: np.ndarray) -> Motion | None:
         """Watch chaos for an orbit that ends it; give what it turns out to be."""
@@ -233,13 +233,14 @@ class _Search:
         period = found.period
         if not period:
             return end, None
-        closed = found.distance <= self._same
-        if closed and self._closed(points[-3 * period :], 3 * period // 2):
+        last = points[-3 * period :]
+        if found.distance <= self._same and self._closed(last, 3 * period // 2):
             return self._orbit(end, period)
-        soon = TURNS * period <= size or limit_of_approach(points, period) is not None
+        limit = limit_of_approach(last, period)
+        soon = limit is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
             self._tried[period] = size
-            motion = self._jump(stretch, period)
+            motion = self._jump(stretch, period, limit)
             if motion is not None:
                 return motion.points[-1], motion
         return end, None
@@ -252,7 +253,7 @@ class _Search:
         points, size, end = seen.points / self._units, len(seen.points), seen.points[-1]
         whole = seen if isinstance(seen, Observation) else None
         growth, self._last = self.growth, seen.points
-        self.growing = seen.growth > NEUTRAL_GROWTH
+        self._growing = seen.growth > NEUTRAL_GROWTH
         # short orbits where the last points have closed, long ones where all have
         period = self._closed(points, LONGEST) or (longest and self._closed(points, longest))
         if period:
@@ -265,7 +266,7 @@ class _Search:
                 return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
         period = approached_period(points, LONGEST, NEAR)
         if period:
-            motion = self._jump(seen.points, period)
+            motion = self._jump(seen.points, period, limit_of_approach(points, period))
             if motion is not None:
                 return end, motion
         return end, self._torus(points, seen, whole)
@@ -275,14 +276,16 @@ class _Search:
         size = len(points)
         neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= LEAST_TORUS
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
-        self.likely_torus = neutral and digits >= HINT_DIGITS
+        self._likely_torus = neutral and digits >= HINT_DIGITS
         if size < LEAST_TORUS or digits < TORUS_DIGITS:
             return None
         if not weighted_growth(seen.logarithms).vanishes(size):
             return None
         growth = growth_interval(seen.logarithms)
         period = returning_period(points, size // RETURNS, NEAR)
-        locked = self._jump(seen.points, period) if period else None
+        locked = None
+        if period:
+            locked = self._jump(seen.points, period, limit_of_approach(points, period))
         if locked or growth.high < 0:
             return locked
         return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
@@ -318,13 +321,14 @@ class _Search:
         last = points[-smallest:]
         return z, self.motion(MotionClass.PERIODIC, last, smallest, multiplier, exponent)
 
-    def _jump(self, points: np.ndarray, period: int) -> Motion | None:
-        """Solve for the orbit that is approached; give it if the motion is proved to go there."""
+    def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None) -> Motion | None:
+        """Solve for the orbit that is approached; give it if the motion is proved to go there.
+
+        `limit` is where the points, in units of the state, extrapolate to, if they do.
+        """
         z, nearer = points[-1], None
-        if len(points) >= 3 * period:
-            limit = limit_of_approach(points[-3 * period :] / self._units, period)
-            if limit is not None:
-                z, nearer = points[-1 - period], Nearer(points[-1], limit * self._units)
+        if limit is not None:
+            z, nearer = points[-1 - period], Nearer(points[-1], limit * self._units)
         shot = shoot(self._solver, z, self._amplitude, period, nearer)
         self.cycles += shot.cycles
         if not shot.attracts(0.1 * self._same):

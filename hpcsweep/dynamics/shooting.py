@@ -79,9 +79,9 @@ def shoot(
     """
     units = solver.structure.state_units
     start, best, matrix, taken = z, z, np.eye(z.size), np.eye(z.size)
-    first = None if nearer is None else nearer.image
-    z = start if nearer is None else nearer.guess
-    least, cycles, seen = math.inf, 0, None
+    first, least, cycles, seen = None, math.inf, 0, None
+    if nearer is not None:
+        first, z = nearer
     try:
         for _ in range(STEPS):
             points, follows = None, least <= SAME

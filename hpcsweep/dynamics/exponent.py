@@ -71,7 +71,8 @@ def growth_interval(
     batches = count("batches", batches, 2)
     confidence = number("confidence", confidence, "between 0 and 1", 0.0, 1.0)
     length = len(logarithms) // batches
-    if length == 0 or not np.all(np.isfinite(logarithms)):
+    # a sum with an infinite term is not finite
+    if length == 0 or not math.isfinite(logarithms.sum()):
         return UNKNOWN
     kept = logarithms[len(logarithms) - length * batches :]
     means = (kept.reshape(batches, length).sum(axis=1) / length).tolist()

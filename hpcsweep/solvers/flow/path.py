@@ -114,9 +114,10 @@ def orbits_of(
 ) -> Orbits:
     """Give the results of the first `n_runs` in the units of a structure."""
     done = Rows(*(array[:n_runs] for array in rows))
-    found, where = np.unique(done.contact, return_inverse=True)
-    bits = np.array([structure.contact_bits(one) for one in found.tolist()], np.uint64)
-    done = done._replace(contact=bits[where], peak_drift=done.peak_drift * structure.length_unit)
+    keys = done.contact.tolist()
+    bits = {key: structure.contact_bits(key) for key in set(keys)}
+    contact = np.array([bits[key] for key in keys], np.uint64)
+    done = done._replace(contact=contact, peak_drift=done.peak_drift * structure.length_unit)
     return Orbits(**done._asdict(), state=state, open=left_open)
 
 

@@ -478,6 +478,25 @@ def test_a_jump_ends_on_the_orbit_with_its_multiplier():
 
 
 @compiled_only
+def test_a_jump_ends_as_near_the_orbit_as_rounding_lets_it():
+    flow = FlowMap(Structure(), OMEGA)
+    jumps = 0
+    for amplitude in np.linspace(0.02, 0.11, 91):
+        jump = flow.settle(np.zeros(6), amplitude, 300, 16, 1e-10, 1e-6, 1e-3)
+        if math.isnan(jump.multiplier):
+            continue
+        jumps += 1
+        image, matrix = flow.monodromy(jump.state, amplitude, jump.period)
+        off = np.linalg.solve(matrix - np.eye(6), image - jump.state)
+        assert np.abs(off).max() < 2e-13
+        if amplitude == pytest.approx(0.086):
+            exact = reference_points(flow.structure, amplitude, OMEGA, jump.state, jump.period)
+            off = np.linalg.solve(matrix - np.eye(6), exact[-1] - jump.state)
+            assert np.abs(off).max() < 2e-12
+    assert jumps > 80
+
+
+@compiled_only
 def test_no_jump_to_an_orbit_that_repels():
     flow = FlowMap(Structure(), OMEGA)
     rules = (2000, 16, 1e-10, 1e-6, 1e-3)

@@ -66,9 +66,6 @@ def newton_orbit(shared, common, watch, period, amplitude):
             return False, n_periods, math.nan
         last_residual = residual
         residual = _largest_difference(point, left)
-        if residual <= NEWTON_RESIDUAL:
-            found = True
-            break
         # z - (M - I)^-1 (F(z) - z), z in `left` and F(z) in `point`
         for k in range(size):
             watch.previous[k] = point[k] - left[k]
@@ -81,8 +78,10 @@ def newton_orbit(shared, common, watch, period, amplitude):
             point[k] = left[k] - watch.previous[k]
         if not _largest_difference(point, image) <= NEWTON_REACH:
             return False, n_periods, math.nan
-        if 10.0 * residual * residual <= NEWTON_RESIDUAL * last_residual:
-            # the next one: it falls at least by the factor by which it has just fallen
+        # the next residual: it falls at least by the factor by which this one has fallen. A last
+        # correction in any case: with a multiplier near 1 a small residual is far from the orbit
+        foretold = 10.0 * residual * residual <= NEWTON_RESIDUAL * last_residual
+        if residual <= NEWTON_RESIDUAL or foretold:
             for k in range(size):
                 left[k] = point[k]
             found = True

@@ -4,7 +4,8 @@
 `newton.newton_orbit` then jumps to the orbit: F(z) = z with F the period map over p forcing periods
 and M its tangent map. The orbit z* is accepted if
 
-- it is a fixed point to `NEWTON_RESIDUAL`, found or foretold from the fall of the residual;
+- it is a fixed point to `NEWTON_RESIDUAL`, found or foretold from the fall of the residual, and
+  corrected once more;
 - it attracts: the spectral radius of M(z*) is below `NEWTON_STABLE`;
 - F is linear between the last points and it: F(z) - z* differs from M(z*) (z - z*) by no more
   than `NEWTON_LINEAR` of itself. The present state is then attracted as the linear map says, to

@@ -16,19 +16,18 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.job import load_job
-from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.runs import frame_runs
 from hpcsweep.studies.shortcut import Shortcut
 
 THERE = 1e-8
-"""Distance in units of the state: a residual of 1e-11 is 1e-9 of it at a multiplier of 0.99."""
+"""Distance in units of the state at which a motion is on its orbit."""
 EARLY, LATE = 600, 1200
 """Forcing periods after which the motion is looked at, and up to a turn more."""
 SLOWER = 3.0
 """Factor by which it may be farther than the multiplier says: an approach has several rates."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Jump:
     """One run that was settled by a jump."""
 
@@ -36,9 +35,9 @@ class Jump:
     amplitude: float
     period: int
     multiplier: float
-    early: float = math.nan
-    late: float = math.nan
-    """Distance from the orbit's point, in units of the state."""
+    early: float
+    late: float
+    """Distance of the motion from the orbit's point, in units of the state."""
 
     @property
     def is_there(self) -> bool:
@@ -52,17 +51,14 @@ class Jump:
         return not (self.is_there or self.late <= SLOWER * left)
 
 
-def follow_plainly(study, omega: float, start, jump: Jump, last) -> Jump:
-    """Carry a run on from where it began, and look where it is; `last` is the orbit's point."""
-    settings, units = study.settings, study.structure.state_units
-    solver = make_solver(settings.solver, study.structure, omega, settings.rtol)
+def distances(runs, start, amplitude: float, period: int, last) -> list[float]:
+    """Carry a run on from where it began; say how far it is from the orbit's point `last`."""
+    settings = runs.settings
     plain = settings.transient_cycles + settings.sampling_cycles
-    early, late = (n + (plain - n) % jump.period for n in (EARLY, LATE))
-    points, _ = solver.points(start, jump.amplitude, late)
-    jump.early, jump.late = (
-        float((np.abs(points[n - 1] - last) / units).max()) for n in (early, late)
-    )
-    return jump
+    early, late = (n + (plain - n) % period for n in (EARLY, LATE))
+    points, _ = runs.solver.points(start, amplitude, late)
+    apart = np.abs(points[[early - 1, late - 1]] - last) / runs.structure.state_units
+    return apart.max(axis=1).tolist()
 
 
 def jumps_of(study, frame: int, every: int) -> list[Jump]:
@@ -75,11 +71,10 @@ def jumps_of(study, frame: int, every: int) -> list[Jump]:
         rows = runs.follow(amplitudes, state)
         starts = np.vstack((state, rows["final_state"]))
         for k in np.flatnonzero(rows["shortcut"] == Shortcut.NEWTON)[::every].tolist():
-            period = int(rows["orbit_period"][k])
+            amplitude, period = float(amplitudes[k]), int(rows["orbit_period"][k])
             growth = float(rows["lyapunov"][k]) * period * 2 * math.pi / omega
-            jump = Jump(omega, float(amplitudes[k]), period, math.exp(growth))
-            last = rows["final_state"][k]
-            found.append(follow_plainly(study, omega, starts[k], jump, last))
+            apart = distances(runs, starts[k], amplitude, period, rows["final_state"][k])
+            found.append(Jump(omega, amplitude, period, math.exp(growth), *apart))
         state = rows["final_state"][-1]
     return found
 

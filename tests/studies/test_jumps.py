@@ -1,7 +1,5 @@
 """A share of the jumps along paths; `python tests/campaigns/jumps.py JOB.toml` follows more."""
 
-import dataclasses
-
 import jumps
 import numpy as np
 import pytest
@@ -34,12 +32,12 @@ def test_motions_of_the_whole_study_go_to_the_orbits_they_are_jumped_to(name):
 
 
 def test_a_motion_that_is_elsewhere_is_seen(monkeypatch):
-    true = jumps.follow_plainly
+    true = jumps.distances
 
-    def displaced(study, omega, start, jump, last):
-        return true(study, omega, start, jump, last + 1e-6)
+    def displaced(runs, start, amplitude, period, last):
+        return true(runs, start, amplitude, period, last + 1e-6)
 
-    monkeypatch.setattr(jumps, "follow_plainly", displaced)
+    monkeypatch.setattr(jumps, "distances", displaced)
     found = jumps.jumps_of(study_of(STUDIES[0]), 700, 100)
     fast = [jump for jump in found if jump.multiplier < 0.9]
     assert len(fast) > 5
@@ -59,5 +57,5 @@ def test_a_motion_that_is_elsewhere_is_seen(monkeypatch):
     ],
 )
 def test_a_slow_approach_is_none_to_another_motion(multiplier, late, elsewhere):
-    jump = jumps.Jump(0.5, 0.1, 1, multiplier, early=1e-4)
-    assert dataclasses.replace(jump, late=late).is_elsewhere is elsewhere
+    jump = jumps.Jump(0.5, 0.1, 1, multiplier, early=1e-4, late=late)
+    assert jump.is_elsewhere is elsewhere

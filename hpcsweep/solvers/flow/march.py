@@ -6,6 +6,7 @@ from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
 from hpcsweep.solvers.flow.augmented import renew_rows
+from hpcsweep.solvers.flow.layer.visit import copy_state
 from hpcsweep.solvers.flow.period import march_period
 from hpcsweep.solvers.flow.shared import read_shared
 from hpcsweep.solvers.flow.tally import NO_TALLY
@@ -38,14 +39,12 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     tangent = as_long_as(tangent, common.previous)
     previous = common.previous
     for period in range(n_periods):
-        for k in range(z.shape[0]):
-            previous[k] = z[k]
+        copy_state(z, previous)
         if common.model.rows.shape[0] > 0:
             renew_rows(z, tangent, common.model)
         outcome = march_period(shared, z, amplitude, common, wanted, tangent)
         if outcome != COMPLETE:
-            for k in range(z.shape[0]):
-                z[k] = previous[k]
+            copy_state(previous, z)
             return period, outcome
         if growth.shape[0] > 0:
             square = 0.0
@@ -56,8 +55,7 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
             for k in range(z.shape[0]):
                 tangent[k, 0] /= size if size > 0.0 else 1.0
         if points.shape[0] > 0:
-            for k in range(z.shape[0]):
-                points[period, k] = z[k]
+            copy_state(z, points[period])
     return n_periods, COMPLETE
 
 

@@ -8,6 +8,7 @@ is tried and what makes the orbit that of the motion.
 import math
 
 from hpcsweep.kernels.compile import kernel
+from hpcsweep.solvers.flow.layer.visit import copy_state
 from hpcsweep.solvers.flow.march import advance
 from hpcsweep.solvers.flow.spectrum import spectral_radius
 from hpcsweep.solvers.outcome import COMPLETE
@@ -26,9 +27,6 @@ NEWTON_LINEAR = 0.05
 def newton_orbit(shared, common, watch, period, amplitude):
     """Jump from the motion that is watched to the orbit it approaches, if that is proved.
 
-    The matrix is kept while it was taken within `NEWTON_SAME` of where it is used; what an orbit's
-    matrix tells, its multiplier too, is then right to about that.
-
     Returns
     -------
     accepted : bool
@@ -38,71 +36,96 @@ def newton_orbit(shared, common, watch, period, amplitude):
     multiplier : float
         Modulus of the largest Floquet multiplier.
     """
-    point, taken, matrix, left = watch.point, watch.taken, watch.matrix, watch.left
-    size = point.shape[0]
-    long = watch.history.shape[0]
-    since = watch.since[0]
+    long, since = watch.history.shape[0], watch.since[0]
     before = watch.history[(since - 2 * period) % long]
     state = watch.history[(since - period) % long]
     image = watch.history[since % long]
-    _extrapolate(before, state, image, point)
+    _extrapolate(before, state, image, watch.point)
+    found, n_periods = _find_orbit(shared, common, watch, period, amplitude, image)
+    if not (found and _is_linear(watch.matrix, state, image, watch.point)):
+        return False, n_periods, math.nan
+    _copy_matrix(watch.matrix, watch.factors)
+    multiplier = spectral_radius(watch.factors)
+    return multiplier <= NEWTON_STABLE, n_periods, multiplier
+
+
+@kernel
+def _find_orbit(shared, common, watch, period, amplitude, image):
+    """Take ``watch.point`` to the orbit; its tangent map is left in ``watch.matrix``.
+
+    The matrix is kept while it was taken within `NEWTON_SAME` of where it is used; what an orbit's
+    matrix tells, its multiplier too, is then right to about that.
+
+    Returns
+    -------
+    found : bool
+        Whether there is one within `NEWTON_REACH` of `image`.
+    n_periods : int
+        Forcing periods integrated.
+    """
+    point, taken, matrix, left = watch.point, watch.taken, watch.matrix, watch.left
+    size = point.shape[0]
     n_periods = 0
-    found = False
     residual = 0.0
     for step in range(NEWTON_STEPS):
-        moved = math.inf if step == 0 else _largest_difference(point, taken)
-        for k in range(size):
-            left[k] = point[k]
-        if moved <= NEWTON_SAME:
+        copy_state(point, left)
+        if step > 0 and _largest_difference(point, taken) <= NEWTON_SAME:
             done, outcome = advance(shared, common, point, amplitude, period, common.no_tangent)
         else:
-            for i in range(size):
-                taken[i] = point[i]
-                for k in range(size):
-                    matrix[i, k] = 1.0 if i == k else 0.0
+            copy_state(point, taken)
+            _make_unit(matrix)
             done, outcome = advance(shared, common, point, amplitude, period, matrix)
         n_periods += done
         if outcome != COMPLETE:
-            return False, n_periods, math.nan
+            return False, n_periods
         last_residual = residual
         residual = _largest_difference(point, left)
         # z - (M - I)^-1 (F(z) - z), z in `left` and F(z) in `point`
+        _copy_matrix(matrix, watch.factors)
         for k in range(size):
             watch.previous[k] = point[k] - left[k]
-        for i in range(size):
-            for k in range(size):
-                watch.factors[i, k] = matrix[i, k] - (1.0 if i == k else 0.0)
+            watch.factors[k, k] -= 1.0
         if not _solve(watch.factors, watch.previous):
-            return False, n_periods, math.nan
+            return False, n_periods
         for k in range(size):
             point[k] = left[k] - watch.previous[k]
         if not _largest_difference(point, image) <= NEWTON_REACH:
-            return False, n_periods, math.nan
+            return False, n_periods
         # the next residual: it falls at least by the factor by which this one has fallen. A last
         # correction in any case: with a multiplier near 1 a small residual is far from the orbit
         foretold = 10.0 * residual * residual <= NEWTON_RESIDUAL * last_residual
         if residual <= NEWTON_RESIDUAL or foretold:
-            for k in range(size):
-                left[k] = point[k]
-            found = True
-            break
-    if not found:
-        return False, n_periods, math.nan
+            return True, n_periods
+    return False, n_periods
+
+
+@kernel
+def _is_linear(matrix, state, image, orbit):
+    """Tell whether `matrix` takes `state` to `image`, as seen from a point of the orbit."""
     size_left = 0.0
     curved = 0.0
-    for i in range(size):
+    for i in range(orbit.shape[0]):
         expected = 0.0
-        for k in range(size):
-            expected += matrix[i, k] * (state[k] - left[k])
-        size_left = max(size_left, abs(image[i] - left[i]))
-        curved = max(curved, abs(image[i] - left[i] - expected))
-    if not curved <= NEWTON_LINEAR * size_left + NEWTON_RESIDUAL:
-        return False, n_periods, math.nan
-    for i in range(size):
-        for k in range(size):
-            watch.factors[i, k] = matrix[i, k]
-    multiplier = spectral_radius(watch.factors)
-    return multiplier <= NEWTON_STABLE, n_periods, multiplier
+        for k in range(orbit.shape[0]):
+            expected += matrix[i, k] * (state[k] - orbit[k])
+        size_left = max(size_left, abs(image[i] - orbit[i]))
+        curved = max(curved, abs(image[i] - orbit[i] - expected))
+    return curved <= NEWTON_LINEAR * size_left + NEWTON_RESIDUAL
+
+
+@kernel
+def _copy_matrix(matrix, out):
+    """Write a square matrix into `out`."""
+    for i in range(matrix.shape[0]):
+        copy_state(matrix[i], out[i])
+
+
+@kernel
+def _make_unit(matrix):
+    """Make a square matrix the unit matrix."""
+    matrix[:] = 0.0
+    for i in range(matrix.shape[0]):
+        matrix[i, i] = 1.0
 
 
 @kernel

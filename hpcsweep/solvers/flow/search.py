@@ -259,20 +259,22 @@ def first_passage(curve, part, level, bound4, stack):
             if parts == MAX_PARTS:
                 return Bracket(float(UNDECIDED), ga, a, ga)
         d = b - a
-        if not _top(d, ga, da, gb, db, bound4) < touch:
-            if gb >= 0.0 and _rises_throughout(d, ga, da, gb, db, bound4):
+        cleared = _top(d, ga, da, gb, db, bound4) < touch
+        shortest = not d > SHORTEST * curve.h
+        if not cleared and gb >= 0.0:
+            if _rises_throughout(d, ga, da, gb, db, bound4):
                 return Bracket(a, ga, b, gb)
-            if d > SHORTEST * curve.h:
-                whole = Part(a, ga, da, b, gb, db)
-                place, found = _first_uncleared(curve, whole, level, bound4, touch)
-                if place < LANES:
-                    if place < LANES - 1:
-                        stack[depth, 0], stack[depth, 1], stack[depth, 2] = b, gb, db
-                        depth += 1
-                    a, ga, da, b, gb, db = found
-                    continue
-            elif gb >= 0.0:
+            if shortest:
                 return Bracket(b, gb, b, gb)
+        if not (cleared or shortest):
+            whole = Part(a, ga, da, b, gb, db)
+            place, found = _first_uncleared(curve, whole, level, bound4, touch)
+            if place < LANES - 1:
+                stack[depth, 0], stack[depth, 1], stack[depth, 2] = b, gb, db
+                depth += 1
+            if place < LANES:
+                a, ga, da, b, gb, db = found
+                continue
         a, ga, da = b, gb, db
         if depth == 0:
             return Bracket(-1.0, ga, a, ga)

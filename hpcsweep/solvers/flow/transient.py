@@ -20,6 +20,7 @@ from typing import NamedTuple
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate, type_of
+from hpcsweep.solvers.flow.layer.visit import copy_state
 from hpcsweep.solvers.flow.march import advance
 from hpcsweep.solvers.flow.newton import newton_orbit
 from hpcsweep.solvers.flow.shared import read_shared, read_watch
@@ -72,8 +73,7 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     long = history.shape[0]
     first = watch.since[0]
     if first == 0:
-        for k in range(size):
-            history[0, k] = z[k]
+        copy_state(z, history[0])
         for p in range(ring):
             close[p] = 0
             falling[p] = 0
@@ -176,8 +176,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
             accepted, more, multiplier = newton_orbit(shared, common, kept, divisor, amplitude)
             n_newton += more
             if accepted:
-                for k in range(z.shape[0]):
-                    z[k] = kept.point[k]
+                copy_state(kept.point, z)
                 return n_done, n_newton, divisor, multiplier, near, outcome
         near *= NEARER
         rules = Closing(max_period, settled, same, near)

@@ -86,13 +86,13 @@ class _Watched:
             begun = time.process_time_ns()
             result = found(*arguments, **options)
             self.seconds[name] += 1e-9 * (time.process_time_ns() - begun)
-            self.periods[name] += _periods(name, result, arguments)
+            self.periods[name] += periods_of(name, result, arguments)
             return result
 
         return timed
 
 
-def _periods(name: str, result, arguments) -> int:
+def periods_of(name: str, result, arguments) -> int:
     """Count the forcing periods that a call has integrated."""
     if name == "monodromy":
         return arguments[2]

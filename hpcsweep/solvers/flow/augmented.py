@@ -1,14 +1,14 @@
 """The augmented state of a linear step, and the rows of displacements beyond the coordinates."""
 
 from hpcsweep.kernels.compile import kernel
+from hpcsweep.solvers.flow.state import copy_state
 
 
 @kernel
 def start(x, z, pairs):
     """Write the augmented state: z, the pairs of the forcing, 1."""
     size = z.shape[0]
-    for i in range(size):
-        x[i] = z[i]
+    copy_state(z, x)
     for k in range(pairs.shape[0]):
         x[size + k] = pairs[k]
     x[x.shape[0] - 1] = 1.0

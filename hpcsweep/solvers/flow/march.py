@@ -6,9 +6,9 @@ from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
 from hpcsweep.solvers.flow.augmented import renew_rows
-from hpcsweep.solvers.flow.layer.visit import copy_state
 from hpcsweep.solvers.flow.period import march_period
 from hpcsweep.solvers.flow.shared import read_shared
+from hpcsweep.solvers.flow.state import copy_state
 from hpcsweep.solvers.flow.tally import NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE
 

@@ -8,9 +8,9 @@ is tried and what makes the orbit that of the motion.
 import math
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.solvers.flow.layer.visit import copy_state
 from hpcsweep.solvers.flow.march import advance
 from hpcsweep.solvers.flow.spectrum import spectral_radius
+from hpcsweep.solvers.flow.state import copy_state
 from hpcsweep.solvers.outcome import COMPLETE
 
 NEWTON_STEPS = 6

@@ -24,6 +24,7 @@ from hpcsweep.solvers.flow.slow_passage import (
     half_is_smooth,
     passage_is_smooth,
 )
+from hpcsweep.solvers.flow.state import copy_state
 
 EXTRAPOLATION = 1.005
 """How far beyond its step a polynomial is used, in steps: its error grows less than fivefold."""
@@ -188,12 +189,10 @@ def _pass_slowly(how, arrival, z, index, packed, shared):
         after = table_at_hand(arrival.key ^ contact_bit(contact), shared.tables, packed)
         if after < 0:
             return INTEGRATED
-    for i in range(z.shape[0]):
-        moved[i] = z[i]
+    copy_state(z, moved)
     if cross_half(-1.0, index, contact, moved, packed) == 0:
         return INTEGRATED
     if how == SLOW and cross_half(1.0, after, contact, moved, packed) == 0:
         return INTEGRATED
-    for i in range(z.shape[0]):
-        z[i] = moved[i]
+    copy_state(moved, z)
     return how

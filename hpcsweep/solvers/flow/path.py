@@ -20,6 +20,7 @@ from hpcsweep.solvers.flow.augmented import renew_rows
 from hpcsweep.solvers.flow.free import is_free
 from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.shared import read_shared, read_watch
+from hpcsweep.solvers.flow.state import copy_state
 from hpcsweep.solvers.flow.tally import MAXIMA, NORMS, clear
 from hpcsweep.solvers.flow.transient import end_of_transient
 from hpcsweep.solvers.outcome import COMPLETE
@@ -194,19 +195,16 @@ def follow_orbits(
                 continue
             place[1] = ORBIT
             place[4] = period
-            for i in range(run.z.shape[0]):
-                run.reached[i] = run.z[i]
+            copy_state(run.z, run.reached)
         wanted = min(max(n_periods - n_done, 1), place[4] - place[5])
         n_done += wanted
         if not _go_round(shared, common, amplitude / amplitude_unit, wanted, units, run, rows):
-            for i in range(run.z.shape[0]):
-                run.z[i] = run.reached[i]
+            copy_state(run.reached, run.z)
             return OPEN, n_done, COMPLETE
         if place[5] == place[4]:
             _finish(transient + sampling, same, units, common.tally, run, rows)
             if follow:
-                for i in range(state.shape[0]):
-                    state[i] = rows.points[k, place[4] - 1, i]
+                copy_state(rows.points[k, place[4] - 1], state)
             place[0] = k + 1
             place[1] = BEGIN
     return DONE, n_done, COMPLETE

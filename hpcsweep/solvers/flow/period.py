@@ -26,11 +26,8 @@ from hpcsweep.solvers.flow.events import (
 from hpcsweep.solvers.flow.forcing import forcing_after, forcing_at, rotate_forcing
 from hpcsweep.solvers.flow.gather import observe_segment, segment_tangent
 from hpcsweep.solvers.flow.layer.visit import (
-    OVERFLOW,
     Interval,
-    copy_state,
     inside_layer,
-    is_ordinary,
     visit_layer,
 )
 from hpcsweep.solvers.flow.passage import (
@@ -46,6 +43,7 @@ from hpcsweep.solvers.flow.polynomials import evaluate_rows, expand_rows
 from hpcsweep.solvers.flow.propagators import table_of
 from hpcsweep.solvers.flow.search import UNDECIDED, Bracket, Curve, Level, rising_root
 from hpcsweep.solvers.flow.segment import Ending, Segment
+from hpcsweep.solvers.flow.state import OVERFLOW, copy_state, is_ordinary
 from hpcsweep.solvers.flow.tables import product, product_of_moduli
 from hpcsweep.solvers.flow.tally import NO_TALLY
 from hpcsweep.solvers.flow.tangent import coasted_tangent
@@ -171,8 +169,7 @@ def _next_segment(segment, ending, tau, z, amplitude, packed, shared):
     key, index = segment.key, segment.index
     x = work.x
     if ending.contact < 0:
-        for i in range(z.shape[0]):
-            x[i] = z[i]
+        copy_state(z, x)
         if ending.span == segment.h:
             rotate_forcing(x, z.shape[0], tables.rotation, index)
     elif ending.beyond:

@@ -20,10 +20,10 @@ from typing import NamedTuple
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.packing import as_long_as
 from hpcsweep.kernels.separate import BYTES, FLOAT, INT, VECTOR, separate, type_of
-from hpcsweep.solvers.flow.layer.visit import copy_state
 from hpcsweep.solvers.flow.march import advance
 from hpcsweep.solvers.flow.newton import newton_orbit
 from hpcsweep.solvers.flow.shared import read_shared, read_watch
+from hpcsweep.solvers.flow.state import copy_state
 from hpcsweep.solvers.outcome import COMPLETE
 
 ROUNDING = 2e-14

@@ -36,6 +36,7 @@ from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
 from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
 from hpcsweep.solvers.flow.shared import read_shared
+from hpcsweep.solvers.flow.state import copy_state, is_ordinary
 from hpcsweep.solvers.flow.tally import NO_TALLY, NORMS
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
@@ -44,8 +45,6 @@ ELLIPSE = 5.5
 CONTRACTION = 1.2
 DISTANT = 100.0
 """rho |x| from which on a contact that takes half its way to the stop stays where S is 0 or 1."""
-OVERFLOW = 1e100
-"""A coordinate beyond this ends the run as NON_FINITE."""
 
 
 class Interval(NamedTuple):
@@ -57,22 +56,6 @@ class Interval(NamedTuple):
 
 
 INTERVAL = type_of(Interval(0.0, 0.0, 0))
-
-
-@kernel
-def is_ordinary(z):
-    """Tell whether no coordinate is beyond `OVERFLOW` or NaN."""
-    for value in z:
-        if not abs(value) < OVERFLOW:
-            return False
-    return True
-
-
-@kernel
-def copy_state(z, out):
-    """Write z into `out`."""
-    for i in range(z.shape[0]):
-        out[i] = z[i]
 
 
 @kernel

@@ -68,8 +68,8 @@ class FrameProfile:
     fitted: bool = False
 
 
-class _Watched:
-    """A solver whose calls are timed."""
+class Watched:
+    """A solver whose calls are timed while they are `counted`."""
 
     def __init__(self, solver):
         self._solver = solver
@@ -87,9 +87,13 @@ class _Watched:
             result = found(*arguments, **options)
             self.seconds[name] += 1e-9 * (time.process_time_ns() - begun)
             self.periods[name] += periods_of(name, result, arguments)
+            self.done(name, result, arguments)
             return result
 
         return timed
+
+    def done(self, name: str, result, arguments) -> None:
+        """Take note of a call that was timed."""
 
 
 def periods_of(name: str, result, arguments) -> int:
@@ -116,7 +120,7 @@ def profile_frame(job: Job, frame: int) -> FrameProfile:
     study = job.study
     omega, settings = float(study.omega[frame]), study.settings
     solver: Any = make_solver(settings.solver, study.structure, omega, settings.rtol)
-    watched = _Watched(solver)
+    watched = Watched(solver)
     runs = FrameRuns(study.structure, omega, settings, watched)
     rest = np.zeros(2 * study.structure.n_floors)
     last = study.amplitude.size - LENGTH - 1

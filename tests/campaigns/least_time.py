@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.bench.profile import CALLS, periods_of
+from hpcsweep.bench.profile import CALLS, Watched, periods_of
 from hpcsweep.job import load_job
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.compilation import warm_up
@@ -24,36 +24,20 @@ Part = tuple[np.ndarray, float, int]
 """State, amplitude, forcing periods."""
 
 
-class Repeating:
+class Repeating(Watched):
     """A solver that does the periods of each call once more."""
 
     def __init__(self, solver):
-        self._solver = solver
-        self.seconds: dict[str, float] = defaultdict(float)
+        super().__init__(solver)
+        self.counted = True
         self.plain: dict[str, float] = defaultdict(float)
-        self.periods: dict[str, int] = defaultdict(int)
-        self.repeated = 0.0
-        """Seconds for what is done once more."""
 
-    def __getattr__(self, name):
-        found = getattr(self._solver, name)
-        if name not in CALLS:
-            return found
-
-        def timed(*arguments, **options):
-            begun = time.perf_counter()
-            result = found(*arguments, **options)
-            ended = time.perf_counter()
-            self.seconds[name] += ended - begun
-            self.periods[name] += periods_of(name, result, arguments)
-            for state, amplitude, n_periods in parts(name, result, arguments):
-                again = time.perf_counter()
-                self._solver.advance(state, amplitude, n_periods)
-                self.plain[name] += time.perf_counter() - again
-            self.repeated += time.perf_counter() - ended
-            return result
-
-        return timed
+    def done(self, name: str, result, arguments) -> None:
+        """Do the periods of a call once more."""
+        begun = time.process_time_ns()
+        for part in parts(name, result, arguments):
+            self._solver.advance(*part)
+        self.plain[name] += 1e-9 * (time.process_time_ns() - begun)
 
 
 def parts(name: str, result, arguments) -> list[Part]:
@@ -74,16 +58,15 @@ def parts(name: str, result, arguments) -> list[Part]:
 
 
 def run_frame(study, omega: float) -> tuple[Repeating, float]:
-    """Run a frame up and down; give its solver, and the seconds it took."""
-    settings, block = study.settings, study.block_size
+    """Run a frame up and down; give its solver, and its seconds without what is repeated."""
+    settings = study.settings
     solver = Repeating(make_solver(settings.solver, study.structure, omega, settings.rtol))
     runs = FrameRuns(study.structure, omega, settings, solver)
     state = np.zeros(2 * study.structure.n_floors)
-    begun = time.perf_counter()
+    begun = time.process_time()
     for path in (study.amplitude, study.amplitude[::-1]):
-        for first in range(0, path.size, block):
-            state = runs.follow(path[first : first + block], state)["final_state"][-1]
-    return solver, time.perf_counter() - begun - solver.repeated
+        state = runs.follow(path, state)["final_state"][-1]
+    return solver, time.process_time() - begun - sum(solver.plain.values())
 
 
 def measure(study, frames: slice) -> str:

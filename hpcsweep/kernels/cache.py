@@ -13,9 +13,11 @@ It lies under ``$NUMBA_CACHE_DIR`` where that is set, else under ``$XDG_CACHE_HO
 be written, what is not in it yet goes to a folder of the user's own under ``$TMPDIR``. numba's
 settings for other packages are left alone.
 
-A file is written under another name and renamed into place, and there is no index that two
-processes could both change: many ranks may compile at once, and the worst that happens is that
-work is done twice.
+A file begins with a digest of what it holds, which is verified before any of it is loaded: machine
+code with one bit changed may crash, or give results that are wrong in the tenth digit. What does
+not hold is compiled anew. A file is written under another name and renamed into place, and there is
+no index that two processes could both change: many ranks may compile at once, and the worst that
+happens is that work is done twice.
 """
 
 import ast
@@ -35,7 +37,14 @@ from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 
 from hpcsweep.kernels.fitting import KEY_LENGTH, fitted_name
-from hpcsweep.kernels.folders import cache_root, own_folder, roots, say_unwritable, write_whole
+from hpcsweep.kernels.folders import (
+    cache_root,
+    own_folder,
+    read_verified,
+    roots,
+    say_unwritable,
+    write_verified,
+)
 
 PACKAGE = Path(__file__).resolve().parent.parent
 KERNEL_FILES = (
@@ -103,13 +112,12 @@ def source_hash() -> str:
     """
     sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
     kept = cache_root() / "sources" / _hash(sources)
-    with contextlib.suppress(OSError, ValueError):
-        found = kept.read_text("ascii")
-        if len(found) == HASH_LENGTH:
-            return found
+    found = read_verified(kept)
+    if found is not None:
+        return found.decode()
     made = _hash({name: _program_text(text).encode() for name, text in sources.items()})
     with contextlib.suppress(OSError):
-        write_whole(kept, made.encode())
+        write_verified(kept, made.encode())
     return made
 
 
@@ -169,16 +177,14 @@ class KernelCache(FunctionCache):
         return Path(source_hash()) / self._impl.locator.place / name
 
     def load_overload(self, sig, target_context):
-        """Load a compiled kernel; None if it is not there, or cannot be read."""
+        """Return a compiled kernel; None if it is not there, or not as it was written."""
         # all of numba's registries, which `refresh` would load, are for compiling
         rtsys.initialize(target_context)
         place = self._path(sig, target_context.codegen())
         for root in roots():
-            try:
-                found = pickle.loads((root / place).read_bytes())
-            except (OSError, EOFError, pickle.UnpicklingError):
-                continue
-            return self._impl.rebuild(target_context, found)
+            found = read_verified(root / place)
+            if found is not None:
+                return self._impl.rebuild(target_context, pickle.loads(found))
         return None
 
     def holds(self, sig, target_context) -> bool:
@@ -202,12 +208,12 @@ class KernelCache(FunctionCache):
         place = self._path(sig, data.codegen)
         content = serialize.dumps(self._impl.reduce(data))
         try:
-            write_whole(cache_root() / place, content)
+            write_verified(cache_root() / place, content)
         except OSError as error:
             kept, own = False, own_folder()
             if own is not None:
                 with contextlib.suppress(OSError):
-                    write_whole(own / place, content)
+                    write_verified(own / place, content)
                     kept = True
             say_unwritable(error.strerror or str(error), kept)
 

@@ -1,5 +1,8 @@
 """Folders of compiled kernels: where they are kept, and where if that cannot be written.
 
+What lies in them is executed. A file there begins with a digest of its content, and what does not
+match it (a disk that fails, a copy cut short, another program) counts as not there.
+
 Nothing here takes time to import: the command line looks before it does anything else.
 """
 
@@ -44,6 +47,31 @@ def roots() -> list[Path]:
     """Give the folders below which compiled kernels may lie, that of `cache_root` first."""
     own = own_folder()
     return [cache_root()] if own is None else [cache_root(), own]
+
+
+DIGEST_LENGTH = 16
+"""Bytes of the digest that a file of the cache begins with."""
+
+
+def _digest(content: bytes) -> bytes:
+    import hashlib
+
+    return hashlib.blake2b(content, digest_size=DIGEST_LENGTH).digest()
+
+
+def write_verified(path: Path, content: bytes) -> None:
+    """Write content with its digest; raises as `write_whole`."""
+    write_whole(path, _digest(content) + content)
+
+
+def read_verified(path: Path) -> bytes | None:
+    """Return what `write_verified` wrote; None if it is not there, unreadable or damaged."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    content = data[DIGEST_LENGTH:]
+    return content if _digest(content) == data[:DIGEST_LENGTH] else None
 
 
 def write_whole(path: Path, data: bytes) -> None:

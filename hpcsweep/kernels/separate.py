@@ -5,13 +5,15 @@ pays where the call would cost more than the work. A kernel that works for long 
 made `separate`: its types are declared, each has one address, and callers read that from a cell
 known to them by name. A caller can so be compiled, and kept, before what it calls has been.
 
-`load_all` fills the cells: it compiles each separate kernel or loads it from the cache.
+`load_all` fills the cells: it compiles each separate kernel or loads it from the cache. Only one
+thread of a process does so at a time (`LOADING`), and others wait until it is done.
 
 Kernels that read a packing may be fitted to the sizes in it (`fitting`). All that are fitted alike
 are a `FittedKernels`: separate kernels once more, with addresses of their own.
 """
 
 import contextlib
+import threading
 import types as python_types
 from collections.abc import Callable
 
@@ -33,6 +35,10 @@ INT = types.int64
 KEY = types.uint64
 VECTOR = types.float64[::1]
 MATRIX = types.float64[:, ::1]
+
+
+LOADING = threading.RLock()
+"""Held while kernels are compiled or loaded: a kernel takes no second compilation."""
 
 
 def type_of(example):
@@ -132,14 +138,15 @@ class Separate:
 
     def load(self) -> None:
         """Compile the kernel, or load it from the cache, and let all know its address."""
-        if self.is_loaded:
-            return
-        with self._compiling():
-            self.dispatcher.compile(self._signature)
-        compiled = self.dispatcher.overloads[self._signature.args]
-        self.dispatcher.disable_compile()
-        name = compiled.fndesc.llvm_func_name
-        self._cell[0] = compiled.library.get_pointer_to_function(name)
+        with LOADING:
+            if self.is_loaded:
+                return
+            with self._compiling():
+                self.dispatcher.compile(self._signature)
+            compiled = self.dispatcher.overloads[self._signature.args]
+            self.dispatcher.disable_compile()
+            name = compiled.fndesc.llvm_func_name
+            self._cell[0] = compiled.library.get_pointer_to_function(name)
 
     def _compiling(self) -> contextlib.AbstractContextManager:
         return contextlib.nullcontext()

@@ -9,11 +9,13 @@ import types
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
 from tools import environment, python
 
 import hpcsweep
 from hpcsweep.kernels import cache as jit
+from hpcsweep.kernels import folders
 from hpcsweep.kernels.separate import Separate
 
 if numba.config.DISABLE_JIT:
@@ -135,3 +137,35 @@ def test_files_that_have_not_changed_are_parsed_once(tmp_path):
     assert hashed(tmp_path) == (key, False)
     (tmp_path / "file").write_text("no folder")
     assert hashed(tmp_path / "file" / "cache") == (key, True)
+
+
+def test_what_is_not_as_it_was_written_counts_as_not_there(tmp_path):
+    path, content = tmp_path / "a.kernel", bytes(range(256)) * 8
+    folders.write_verified(path, content)
+    whole = path.read_bytes()
+    assert folders.read_verified(path) == content
+    chosen = np.random.default_rng(1)
+    for place in chosen.integers(0, 8 * len(whole), 300).tolist():
+        damaged = bytearray(whole)
+        damaged[place // 8] ^= 1 << place % 8
+        path.write_bytes(damaged)
+        assert folders.read_verified(path) is None, f"bit {place}"
+    for cut in (b"", whole[:-1], whole[:15], whole + b"\0"):
+        path.write_bytes(cut)
+        assert folders.read_verified(path) is None
+    path.unlink()
+    assert folders.read_verified(path) is None
+    path.mkdir()
+    assert folders.read_verified(path) is None
+
+
+def test_a_damaged_kernel_is_compiled_again_and_mended(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "hpcsweep", ignore=shutil.ignore_patterns("__pycache__"))
+    cache = tmp_path / "cache"
+    key, hits, misses = started_in(tmp_path, cache)
+    assert (hits, misses) == (0, 1)
+    (kept,) = (cache / key).rglob("*.kernel")
+    whole = kept.read_bytes()
+    kept.write_bytes(whole[:5000] + bytes([whole[5000] ^ 4]) + whole[5001:])
+    assert started_in(tmp_path, cache) == (key, 0, 1)
+    assert started_in(tmp_path, cache) == (key, 1, 0)

@@ -10,7 +10,7 @@ import functools
 from typing import NamedTuple
 
 from hpcsweep.kernels.placing import Shapes, shapes_of
-from hpcsweep.kernels.separate import FittedKernels, Separate
+from hpcsweep.kernels.separate import LOADING, FittedKernels, Separate
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.march import march
@@ -34,12 +34,14 @@ def kernels_for(shared: Shared) -> MotionKernels:
     """Give the kernels for a structure: fitted ones if they are loaded or the cache has them."""
     if not (_loaded or _kept_keys()):
         return FOR_ANY
-    return _kernels_for(shapes_of(shared))
+    with LOADING:
+        return _kernels_for(shapes_of(shared))
 
 
 def fitted_kernels(structure: Structure) -> FittedKernels:
     """Give the kernels fitted to a structure, which may be compiled or not."""
-    return _fitted(shapes_of(new_shared(kernel_model(structure, 1.0), 0.0, 0)))
+    with LOADING:
+        return _fitted(shapes_of(new_shared(kernel_model(structure, 1.0), 0.0, 0)))
 
 
 def use(kernels: FittedKernels) -> None:

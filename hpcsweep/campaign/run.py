@@ -10,6 +10,7 @@ from hpcsweep.campaign import provenance
 from hpcsweep.campaign.progress import Silent, say_line
 from hpcsweep.campaign.work import Work
 from hpcsweep.job import Job
+from hpcsweep.job.paths import followed
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import (
     DamagedError,
@@ -79,6 +80,7 @@ def run(
         On one rank, if the disk does not take the results; what is committed is intact.
     """
     begun = time.time()
+    output = followed(output)
     job = comm.bcast(as_begun(job, output) if comm.rank == 0 else None)
     layout = Layout(job)
     with contextlib.nullcontext(flag) if flag else StopFlag(launched=comm.size > 1) as flag:

@@ -7,6 +7,7 @@ import traceback
 from pathlib import Path
 
 from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, file_name, positive, whole_number
+from hpcsweep.commands.outputs import FILM, PICTURE, overwriting
 from hpcsweep.figures.diagrams.figure import FLOORS
 
 HELP = """\
@@ -85,16 +86,21 @@ def _animate(options) -> int:
         complain(str(error))
         return USER_ERROR
     try:
-        return _make(options, comm)
+        code, text = _make(options, comm)
     except Exception:
         where = f" on rank {comm.rank}" if comm.size > 1 else ""
         text = traceback.format_exc()
         print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
         comm.abort(FAILURE)
         return FAILURE
+    # out here: whoever reads this may have gone
+    if text and comm.rank == 0:
+        print(text)
+    return code
 
 
-def _make(options, comm) -> int:
+def _make(options, comm) -> tuple[int, str]:
+    """Make the film; return the exit code, and what is to be said of the film."""
     from hpcsweep.campaign.progress import make_progress
     from hpcsweep.figures.film import film
     from hpcsweep.figures.style import PlotError
@@ -115,6 +121,9 @@ def _make(options, comm) -> int:
     if comm.rank == 0:
         try:
             film.check(request)
+            problem = overwriting(request.output, FILM)
+            if problem is None and request.poster is not None:
+                problem = overwriting(request.poster, PICTURE)
         except (PlotError, StoreError) as error:
             problem = str(error)
     problem = comm.bcast(problem)
@@ -128,10 +137,8 @@ def _make(options, comm) -> int:
             problem = str(error)
     if problem is not None:
         complain(problem, comm.rank)
-        return USER_ERROR
+        return USER_ERROR, ""
     if n_frames is None:
         complain("stopped by a signal; no film was written", comm.rank)
-        return FAILURE
-    if comm.rank == 0:
-        print(f"{request.output}: {n_frames} frames")
-    return 0
+        return FAILURE, ""
+    return 0, f"{request.output}: {n_frames} frames"

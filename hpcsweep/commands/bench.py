@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, whole_number
+from hpcsweep.commands.outputs import PICTURE, overwriting
 
 DESCRIPTION = """\
 Measure, everything that is compared in one run and in turn:
@@ -112,6 +113,11 @@ def _asked(options) -> list[str]:
 
 
 def _bench(options) -> int:
+    for picture in filter(None, (options.plot, options.tolerance)):
+        problem = overwriting(picture, PICTURE)
+        if problem is not None:
+            complain(problem)
+            return USER_ERROR
     if options.tolerance:
         return _tolerance(options)
     parts = _asked(options)

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from hpcsweep.commands import USER_ERROR, complain, file_name, positive
+from hpcsweep.commands.outputs import PAGE, overwriting
 
 MOST_MB = 150.0
 
@@ -81,10 +82,11 @@ def _explore(options) -> int:
     if not output.parent.is_dir():
         complain(f"{output}: cannot be written: {output.parent} is not a folder")
         return USER_ERROR
+    problem = overwriting(output, PAGE)
+    if problem is not None:
+        complain(problem)
+        return USER_ERROR
     try:
-        if output.exists() and output.samefile(options.file):
-            complain(f"{output}: is the results file; name another page with -o")
-            return USER_ERROR
         study = gather(
             options.file,
             options.points,

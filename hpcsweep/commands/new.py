@@ -1,5 +1,6 @@
 """`hpcsweep new`: write a job to start from."""
 
+import shlex
 from pathlib import Path
 
 from hpcsweep.commands import RAW, USER_ERROR, complain
@@ -47,5 +48,7 @@ def _new(options) -> int:
     except OSError as error:
         complain(f"{path}: cannot be written: {error.strerror or error}")
         return USER_ERROR
-    print(f"{path}: written; run it with: hpcsweep run {path}")
+    # as the shell takes it: a name may have spaces, or begin with a dash
+    named = f"./{path}" if str(path).startswith("-") else str(path)
+    print(f"{path}: written; run it with: hpcsweep run {shlex.quote(named)}")
     return 0

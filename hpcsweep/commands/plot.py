@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from hpcsweep.commands import RAW, USER_ERROR, complain, file_name, whole_number
+from hpcsweep.commands.outputs import PICTURE, overwriting
 
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
@@ -92,7 +93,10 @@ def _plot(options) -> int:
 
     known = figures()
     try:
-        kind = options.kind or _defaults(known)[job_of(options.file).study.holds]
+        study = job_of(options.file).study
+        # points of a list have no amplitudes in common
+        default = "map" if study.is_list else _defaults(known)[study.holds]
+        kind = options.kind or default
     except StoreError as error:
         complain(str(error))
         return USER_ERROR
@@ -108,6 +112,12 @@ def _plot(options) -> int:
             return USER_ERROR
         given[option.keyword] = value
     output = options.output or options.file.with_suffix(".png")
+    if not output.suffix:
+        output = output.with_name(f"{output.name}.png")
+    problem = overwriting(output, PICTURE)
+    if problem is not None:
+        complain(problem)
+        return USER_ERROR
     try:
         with resolution(options.dpi):
             figure.draw(figure.load(options.file, **given), output, **given)

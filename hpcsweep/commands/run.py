@@ -89,6 +89,8 @@ def _run(options) -> int:
     except LauncherError as error:
         complain(str(error))
         return USER_ERROR
+    if options.dry_run:
+        return _dry_run(options) if comm.rank == 0 else 0
     try:
         job, problem = None, None
         if comm.rank == 0:
@@ -100,8 +102,6 @@ def _run(options) -> int:
         if problem is None:
             output = options.output or Path(f"{job.name}.h5")
             try:
-                if options.dry_run:
-                    return _dry_run(job, output, comm)
                 from hpcsweep.campaign import run as campaign
 
                 code = campaign.run(
@@ -134,11 +134,17 @@ def _run(options) -> int:
         return FAILURE
 
 
-def _dry_run(job, output: Path, comm) -> int:
-    """Tell what a job will cost."""
-    if comm.rank != 0:
-        return 0
+def _dry_run(options) -> int:
+    """Print what a job will cost."""
     from hpcsweep.campaign.forecast import estimate
+    from hpcsweep.job import JobError, load_job
+    from hpcsweep.store import StoreError
 
-    print(estimate(job, output))
+    try:
+        job = load_job(options.job, options.settings)
+        text = estimate(job, options.output or Path(f"{job.name}.h5"))
+    except (JobError, StoreError) as error:
+        complain(str(error))
+        return USER_ERROR
+    print(text)
     return 0

@@ -138,6 +138,17 @@ def need(results, *names: str) -> None:
             raise PlotError(f"the results hold no {name}: set output.{name} = true in the job")
 
 
+def need_amplitudes(study) -> None:
+    """Refuse a list of points, which have no amplitudes in common to be drawn over.
+
+    Raises
+    ------
+    PlotError
+    """
+    if study.is_list:
+        raise PlotError("a list of points is no sweep over amplitudes: draw it with --kind map")
+
+
 def direction_index(results, direction: str | None) -> int:
     """Return the place of a sweep direction, of the first one if none is asked for."""
     there = [str(name) for name in results["direction"].values]

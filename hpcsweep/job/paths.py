@@ -21,6 +21,17 @@ def path_of(name: str, value: object) -> Path:
     return Path(text)
 
 
+def followed(path: Path) -> Path:
+    """Return the file that a name stands for: of a link, the name at its end."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def beside(path: Path, suffix: str) -> Path:
+    """Return the name of a file that belongs to another one, under whatever name that is given."""
+    path = followed(path)
+    return path.with_name(path.name + suffix)
+
+
 def paths_of(name: str, value: object) -> list[Path]:
     """Take a sequence of names of files; one name is none.
 

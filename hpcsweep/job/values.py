@@ -121,11 +121,8 @@ class Values:
             raise self.error(key, given, "must be finite")
         if ascending and np.any(np.diff(values) <= 0):
             place = int(np.argmax(np.diff(values) <= 0))
-            raise self.error(
-                key,
-                given,
-                f"must ascend, but {values[place]!r} is followed by {values[place + 1]!r}",
-            )
+            before, after = values[place : place + 2].tolist()
+            raise self.error(key, given, f"must ascend, but {before!r} is followed by {after!r}")
         if np.unique(values).size != values.size:
             raise self.error(key, given, "must not hold a value twice")
         return values

@@ -11,6 +11,7 @@ import os
 import time
 from pathlib import Path
 
+from hpcsweep.job.paths import beside
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import WriteError
 
@@ -27,7 +28,7 @@ class Journal:
     """Append-only; written by rank 0, read by anybody at any time."""
 
     def __init__(self, path: Path):
-        self.path = path.with_name(path.name + ".journal")
+        self.path = beside(path, ".journal")
         self._kept: list[str] = []
         self._last_write = -math.inf
 

@@ -20,6 +20,7 @@ import sys
 import time
 from pathlib import Path
 
+from hpcsweep.job.paths import beside
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import StoreError
 from hpcsweep.store.offsets import open_above
@@ -39,7 +40,7 @@ class Lock:
 
     def __init__(self, path: Path):
         self._results = path
-        self.path = path.with_name(path.name + ".lock")
+        self.path = beside(path, ".lock")
         self._descriptor = CLOSED
         self._by_existence = False
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.job.paths import path_of
+from hpcsweep.job.paths import followed, path_of
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.contents import Contents
 from hpcsweep.store.create import reason
@@ -49,7 +49,7 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     StoreError
         If there is nothing sound to pack or no place to write to; `path` is as before.
     """
-    path = path_of("path", path)
+    path = followed(path_of("path", path))
     target = path if output is None else path_of("output", output)
     layout = open_layout(path)
     if is_packed(path):

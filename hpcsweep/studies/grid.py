@@ -118,6 +118,11 @@ class RunGrid:
         raise NotImplementedError
 
     @property
+    def is_list(self) -> bool:
+        """Whether every frame has one amplitude, its own: there are none in common."""
+        return False
+
+    @property
     def n_amplitudes(self) -> int:
         """Runs of one frame and direction."""
         return self.amplitude.size

@@ -71,6 +71,11 @@ class Points(RunGrid):
         return cls(omega=omega.copy(), amplitude=amplitude.copy(), listed=True, **common)
 
     @property
+    def is_list(self) -> bool:
+        """Whether every frame has one amplitude, its own."""
+        return self.listed
+
+    @property
     def n_amplitudes(self) -> int:
         """Runs of one frame: 1 in a list."""
         return 1 if self.listed else self.amplitude.size

@@ -18,7 +18,7 @@ from tools import SMALL, hpcsweep
 from hpcsweep import Structure
 from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.store import Lock, StoreError
+from hpcsweep.store import Journal, Lock, StoreError
 from hpcsweep.store import lock as lock_module
 
 BDF = (
@@ -207,6 +207,27 @@ def test_an_orphaned_rank_is_waited_for_and_named(tmp_path):
     second.acquire(2, wait=5.0)
     second.release(remove=True)
     assert not second.path.exists()
+
+
+def test_a_campaign_through_a_link_has_the_lock_and_the_journal_of_the_file(small_job, tmp_path):
+    path, link = tmp_path / "a.h5", tmp_path / "other" / "link.h5"
+    link.parent.mkdir()
+    link.symlink_to(path)  # to what is not there yet
+    assert Lock(link).path == Lock(path).path
+    done = hpcsweep(0, "run", small_job, "-o", link)
+    assert done.returncode == 0, done.stderr
+    assert link.is_symlink()
+    assert Journal(link).path == Journal(path).path
+    assert Journal(path).path.exists()
+    (tmp_path / "a.h5.lock").touch()
+    holder = hold(tmp_path / "a.h5.lock", lock_module.MASTER_BYTE)
+    try:
+        done = hpcsweep(0, "run", small_job, "-o", link)
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+        assert "another campaign is running on it" in done.stderr
+    finally:
+        holder.kill()
+        holder.communicate()
 
 
 @pytest.mark.parametrize("text", ["", "not JSON", '{"pid": 1}', "[1, 2]", "\0" * 9])

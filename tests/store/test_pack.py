@@ -67,6 +67,17 @@ def test_a_packed_file_takes_the_place_of_the_plain_one_and_run_refuses_it(copy,
     assert copy.read_bytes() == before
 
 
+def test_through_a_link_the_file_is_packed_and_the_link_stays(copy, whole, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    link = tmp_path / "elsewhere" / "link.h5"
+    link.symlink_to(copy)
+    pack(link)
+    assert link.is_symlink()
+    assert is_packed(copy)
+    assert_same_datasets(link, whole)
+    assert [path.name for path in link.parent.iterdir()] == ["link.h5"]
+
+
 def test_a_file_that_is_not_complete_is_packed_only_into_a_copy(copy, tmp_path):
     with h5py.File(copy, "r+") as file:
         file["commit"][1, 3] = 0

@@ -15,7 +15,9 @@ from hpcsweep.figures.style import (
     classes_of,
     direction_index,
     foot,
+    job_of,
     need,
+    need_amplitudes,
     new_grid,
     save,
     structure_of,
@@ -76,6 +78,7 @@ def draw(
         If the file does not hold what is to be drawn.
     """
     need(results, "poincare")
+    need_amplitudes(job_of(results).study)
     structure = structure_of(results)
     if len(floors) > 1:
         raise PlotError(f"--floor {floors[1]}: --kind frames shows one floor")

@@ -16,8 +16,10 @@ from hpcsweep.figures.style import (
     caption,
     classes_of,
     foot,
+    job_of,
     nearest_frame,
     need,
+    need_amplitudes,
     new_figure,
     save,
     structure_of,
@@ -42,6 +44,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
         If the file does not hold what is to be drawn.
     """
     need(results, "drift", "modal_norm")
+    need_amplitudes(job_of(results).study)
     results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
     frame = results.isel(frame=0)
     if not (frame["outcome"].values == Outcome.COMPLETE).any():

@@ -17,8 +17,10 @@ from hpcsweep.figures.style import (
     classes_of,
     contact_name,
     foot,
+    job_of,
     nearest_frame,
     need,
+    need_amplitudes,
     new_figure,
     roman,
     save,
@@ -108,6 +110,7 @@ def draw(
         If the file does not hold what is to be drawn.
     """
     need(results, "poincare", *(("contact",) if color == "contact" else ()))
+    need_amplitudes(job_of(results).study)
     results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
     frame = results.isel(frame=0)
     structure = structure_of(results)

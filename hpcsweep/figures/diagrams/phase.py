@@ -18,8 +18,10 @@ from hpcsweep.figures.style import (
     contact_name,
     direction_index,
     foot,
+    job_of,
     nearest_frame,
     need,
+    need_amplitudes,
     new_grid,
     parameters,
     save,
@@ -105,6 +107,7 @@ def draw(
         If there is no such motion, or the file does not hold what is to be drawn.
     """
     need(results, "poincare")
+    need_amplitudes(job_of(results).study)
     if not len(amplitudes) and not len(periods):
         raise PlotError("--kind phase needs --amplitude or --period")
     results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])

@@ -20,7 +20,7 @@ from hpcsweep.figures.film.piece import Film, Found, Request, is_gif
 from hpcsweep.figures.film.scene import WIDTH, Scene
 from hpcsweep.figures.film.workers import Workers
 from hpcsweep.figures.labels import amplitude, choose_floors, in_gaps
-from hpcsweep.figures.style import PlotError, parameters
+from hpcsweep.figures.style import PlotError, need_amplitudes, parameters
 from hpcsweep.store import Frames
 
 PIECE = 40
@@ -64,6 +64,7 @@ def check(request: Request) -> None:
                 raise PlotError(
                     f"{request.file}: holds no {name}: set output.{name} = true in the job"
                 )
+        need_amplitudes(frames.job.study)
         choose_floors(frames.job.structure.n_floors, request.floors)
         directions = frames.job.study.directions
         if request.direction not in ("both", *directions):

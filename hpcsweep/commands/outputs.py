@@ -1,0 +1,55 @@
+"""What a command may write over: nothing, or a file of the kind that it writes.
+
+Results, jobs and journals are hours of work, and a slip of the keyboard (``explore a.h5 -o b.h5``)
+must not cost them. The kind of a file is told by its first bytes; a name that is no regular file,
+such as ``/dev/null``, is written to as it is.
+"""
+
+import re
+from pathlib import Path
+
+HEAD = 512
+"""Bytes by which a kind is told."""
+PICTURE, PAGE, FILM = "picture", "page", "film"
+KINDS = {
+    "results file": rb"\x89HDF",
+    "journal": rb'\{"kind": ',
+    PICTURE: rb"\x89PNG|\xff\xd8\xff|RIFF....WEBP|%PDF|%!PS|II\*\0|MM\0\*|\s*<(\?xml|svg)|\x1f\x8b",
+    PAGE: rb"(?i)\s*<!doctype html",
+    FILM: rb"GIF8|....ftyp",
+}
+"""Patterns of the first bytes, by kind."""
+
+
+def kind_of(path: Path) -> str:
+    """Return what kind of file there is: a key of `KINDS`, ``job file`` or ``file``.
+
+    It is empty where there is nothing to be lost: no regular file, or one without a byte.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    if not path.is_file():
+        return ""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if not head:
+        return ""
+    for kind, pattern in KINDS.items():
+        if re.match(pattern, head, re.DOTALL):
+            return kind
+    return "job file" if path.suffix == ".toml" else "file"
+
+
+def overwriting(path: Path, kind: str) -> str | None:
+    """Return why a command that writes `kind` must leave `path` alone, on one line; None if not."""
+    try:
+        found = kind_of(path)
+    except OSError as error:
+        return f"{path}: cannot be written: {error.strerror or error}"
+    if found in ("", kind):
+        return None
+    what = "is there already" if found == "file" else f"is a {found}"
+    return f"{path}: {what}, and no {kind} is written over it; name another {kind} with -o"

@@ -68,7 +68,8 @@ def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndar
 
 
 def _of_frame(found: Frames, runs: Frames, frame: int, own: int, place: np.ndarray) -> np.ndarray:
-    units = found.study.structure.state_units
+    study = found.study
+    units = study.structure.units_at(float(study.omega[frame]), study.amplitudes_of(frame))
     names = ("attractor_id", "n_points", "poincare", "outcome")
     sets = {name: values[0] for name, values in found.read(frame, names).items()}
     wanted = ("final_state", "outcome", *(("poincare", "n_points") if "poincare" in runs else ()))
@@ -79,13 +80,13 @@ def _of_frame(found: Frames, runs: Frames, frame: int, own: int, place: np.ndarr
         if not done.all():
             continue
         held = np.flatnonzero(sets["attractor_id"][k])
-        clouds = [sets["poincare"][k, a, : sets["n_points"][k, a]] / units for a in held]
+        clouds = [sets["poincare"][k, a, : sets["n_points"][k, a]] / units[k] for a in held]
         reached = set()
         for d in range(len(done)):
             points = ends["final_state"][d, k][None]
             if "poincare" in ends:
                 points = ends["poincare"][d, k, : ends["n_points"][d, k]][-LAST:]
-            far = [_mean_distance(points / units, cloud) for cloud in clouds]
+            far = [_mean_distance(points / units[k], cloud) for cloud in clouds]
             reached.add(int(np.argmin(far)) if far else -1)
         missed[k] = held.size - len(reached - {-1})
     return missed

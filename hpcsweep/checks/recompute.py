@@ -18,7 +18,7 @@ As it was: the whole run from the stored state of the run before it, by ``flow``
 path: if the run was periodic and the file's solver is ``flow``, the same points must come out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,12 +93,14 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     """
     other = witness_of(study.settings.solver)
     told = study.describe(block.run(row))
-    solver = make_solver(other, study.structure, told["omega"], SOLVERS[other].tight)
-    tangent = make_solver("flow", study.structure, told["omega"], SOLVERS["flow"].tight)
+    structure = study.structure.measured_at(told["omega"], told["amplitude"])
+    measured = replace(study, structure=structure)
+    solver = make_solver(other, structure, told["omega"], SOLVERS[other].tight)
+    tangent = make_solver("flow", structure, told["omega"], SOLVERS["flow"].tight)
     compared = []
     for motion in study.motions(run):
         again = RunAgain(**told, orbit_period=int(motion["orbit_period"]), solver=other)
-        _compare_motion(study, again, solver, tangent, motion)
+        _compare_motion(measured, again, solver, tangent, motion)
         compared.append(again)
     nothing = RunAgain(**told, orbit_period=0, solver=other, compared="nothing: no motion is held")
     again = max(compared, key=_badness, default=nothing)

@@ -17,7 +17,7 @@ What is said is said of the window: chaos may be a transient that would end late
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -93,7 +93,7 @@ CLASS_NAMES = {
 }
 
 
-def classify(results, settings, units: np.ndarray | float = 1.0) -> np.ndarray:
+def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
     """Classify every run of a campaign.
 
     Parameters
@@ -105,8 +105,8 @@ def classify(results, settings, units: np.ndarray | float = 1.0) -> np.ndarray:
         of classes told before, those are returned.
     settings : SweepSettings
         Of the runs: their ``sampling_cycles`` and ``period_tolerance``.
-    units : ndarray, shape (2n,), or float
-        Of the states: those in which the tolerance is meant, `Structure.state_units`.
+    units_at : callable (omega, amplitude), optional
+        Units of the states in which the tolerance is meant: `Structure.units_at`. Default: 1.
 
     Returns
     -------
@@ -142,9 +142,18 @@ def classify(results, settings, units: np.ndarray | float = 1.0) -> np.ndarray:
     if "poincare" in results:
         open_ones = np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0))
         points, counts = results["poincare"].values, results["n_points"].values
+        omega, amplitude = results["omega"].values, results["amplitude"].values
+        own = results["forcing_amplitude"].values if "forcing_amplitude" in results else None
+
+        def forcing(at) -> tuple[float, float]:
+            _, frame, place = at
+            return float(omega[frame]), float(amplitude[place] if own is None else own[frame])
+
         for at in map(tuple, open_ones):
             classes[at] = classify_points(
-                points[at][: counts[at]] / units, growth[at], settings.period_tolerance
+                points[at][: counts[at]] / (units_at(*forcing(at)) if units_at else 1.0),
+                growth[at],
+                settings.period_tolerance,
             )
     return classes
 

@@ -182,7 +182,7 @@ def classes_of(results) -> np.ndarray:
     from hpcsweep.dynamics.classify import classify
 
     job = job_of(results)
-    return classify(results, job.settings, job.structure.state_units)
+    return classify(results, job.settings, job.structure.units_at)
 
 
 def caption(results, omega: float | None = None) -> str:

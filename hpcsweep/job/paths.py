@@ -22,8 +22,8 @@ def path_of(name: str, value: object) -> Path:
 
 
 def followed(path: Path) -> Path:
-    """Return the file that a name stands for: of a link, the name at its end."""
-    return Path(os.path.realpath(path)) if path.is_symlink() else path
+    """Return the file that a name stands for: of a link that leads to one, the name at its end."""
+    return path.resolve() if path.is_symlink() and path.exists() else path
 
 
 def beside(path: Path, suffix: str) -> Path:

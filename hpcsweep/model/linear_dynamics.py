@@ -70,11 +70,19 @@ class LinearDynamics:
         """Rows whose |row . u| are the drifts, shape (any, n)."""
         raise NotImplementedError
 
+    @property
+    def motion_length(self) -> float:
+        """Length by which a motion is measured, see `measured_at`; 0: by the smallest gap."""
+        return 0.0
+
     @cached_property
     def length_unit(self) -> float:
-        """Length that results are measured by where a tolerance is meant: a gap, up to a factor."""
+        """Length that results are measured by where a tolerance is meant, a power of two.
+
+        That is `motion_length`, or else the smallest gap that is not 0, up to a factor.
+        """
         gaps = [abs(contact.gap) for contact in self.contacts if contact.gap]
-        return power_of_two(max(gaps, default=1.0))
+        return self.motion_length or power_of_two(min(gaps, default=1.0))
 
     @cached_property
     def frequency_unit(self) -> float:

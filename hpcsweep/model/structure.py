@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import count, finite, number, plain, refused
-from hpcsweep.model.linear_dynamics import LinearDynamics, frozen
+from hpcsweep.model.linear_dynamics import frozen
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
     MAX_FLOORS,
@@ -29,6 +29,7 @@ from hpcsweep.model.matrices import (
     read_matrices,
     vector,
 )
+from hpcsweep.model.measured import MeasuredDynamics
 
 ONE_HARMONIC = ((1, 1.0, 0.0),)
 PerFloor = float | tuple[float, ...]
@@ -40,7 +41,7 @@ FOREIGN = (
 
 
 @dataclass(frozen=True)
-class Structure(LinearDynamics):
+class Structure(MeasuredDynamics):
     """Parameters of the structure and its stops, validated.
 
     The equation of motion of the uniform building is (8) with (5), (9) and (10)::
@@ -73,6 +74,10 @@ class Structure(LinearDynamics):
         Of the forcing: A sum_h a_h sin(h Omega tau + phi_h). Default: A sin(Omega tau).
     matrices : Matrices, optional
         See `from_matrices`, which makes them.
+    motion_length : float
+        See `measured_by`, which sets it.
+    unreached : tuple of int
+        Numbers of contacts that are left out, see `within_reach`, which sets it.
 
     Raises
     ------
@@ -93,6 +98,8 @@ class Structure(LinearDynamics):
     rayleigh: tuple[float, float] | None = None
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
     matrices: Matrices | None = None
+    motion_length: float = field(default=0.0, repr=False)
+    unreached: tuple[int, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         n = count("n_floors", self.n_floors, 1, MAX_FLOORS)
@@ -255,6 +262,19 @@ class Structure(LinearDynamics):
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
         """Stops of the floors, right ones first, or those of the matrices; bit k of a set each."""
+        return tuple(
+            contact
+            for number, contact in zip(self._all_numbers, self._all_contacts, strict=True)
+            if number not in self.unreached
+        )
+
+    @cached_property
+    def contact_numbers(self) -> tuple[int, ...]:
+        """Number of each contact, from 1: of a floor's stop on the right, n + floor on the left."""
+        return tuple(number for number in self._all_numbers if number not in self.unreached)
+
+    @cached_property
+    def _all_contacts(self) -> tuple[Contact, ...]:
         if self.matrices is not None:
             return self.matrices.contacts
         found = []
@@ -271,10 +291,9 @@ class Structure(LinearDynamics):
         return tuple(found)
 
     @cached_property
-    def contact_numbers(self) -> tuple[int, ...]:
-        """Number of each contact, from 1: of a floor's stop on the right, n + floor on the left."""
+    def _all_numbers(self) -> tuple[int, ...]:
         if self.matrices is not None:
-            return tuple(range(1, len(self.contacts) + 1))
+            return tuple(range(1, len(self.matrices.contacts) + 1))
         right, left = self._floors(self.gap), self._floors(self.gap_left)
         return tuple(i for i, gap in enumerate((*right, *left), 1) if gap < math.inf)
 
@@ -327,13 +346,3 @@ class Structure(LinearDynamics):
             usual["stiffness_ratio"] = self.stiffness_ratio
         given = {name: getattr(self, name) for name in FOREIGN}
         return {name: value for name, value in given.items() if value != usual[name]}
-
-    def meaning(self) -> list:
-        """Write out the parameters that the first version knew, in its order."""
-        ratio: Any = self.stiffness_ratio
-        return [
-            self.n_floors,
-            [value.hex() for value in ratio] if isinstance(ratio, tuple) else float(ratio).hex(),
-            self.sharpness.hex(),
-            [value.hex() for value in self._ratios],
-        ]

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, finite, finite_vector, instance
+from hpcsweep.model.arguments import choice, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation
@@ -201,6 +201,8 @@ def stroboscopic_points(
     instance("structure", structure, Structure)
     z = finite_vector("state", state, 2 * structure.n_floors)
     amplitude = finite("amplitude", amplitude)
+    structure = structure.within_reach(amplitude, z)
+    structure = structure.measured_at(positive("omega", omega), amplitude)
     points, outcome = make_solver(solver, structure, omega, rtol).points(z, amplitude, n_periods)
     if outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{solver}: {outcome.name} in forcing period {len(points) + 1}")

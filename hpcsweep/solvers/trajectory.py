@@ -49,6 +49,7 @@ def trajectory(
     amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
     z = finite_vector("state", state, 2 * structure.n_floors)
     n_samples = count("n_samples", n_samples, 2, MAX_SAMPLES)
+    structure = structure.measured_at(omega, amplitude)
     model = kernel_model(structure, omega)
     packed, frame = MODEL.pack(model), Frame(structure, model)
     period = 2 * math.pi / model.omega

@@ -74,7 +74,7 @@ class AmplitudeSweep(RunGrid):
     ) -> dict[str, np.ndarray]:
         """Compute runs one after the other, each from where the one before ended."""
         omega = float(self.omega[frame])
-        return sweep_block(self.structure, omega, amplitudes, state, self.settings, poll)
+        return sweep_block(self.moving, omega, amplitudes, state, self.settings, poll)
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
         """Give the index of the run before one on the path; None for the first."""

@@ -66,6 +66,14 @@ class AttractorRuns:
         self._omega = omega
         self._solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
 
+    def _solver_at(self, amplitude: float) -> Solver:
+        """Return the solver of the structure as its motions at an amplitude are measured."""
+        structure = self._structure.measured_at(self._omega, amplitude)
+        if structure.length_unit != self._solver.structure.length_unit:
+            name, rtol = self._settings.solver, self._settings.rtol
+            self._solver = make_solver(name, structure, self._omega, rtol)
+        return self._solver
+
     def at(
         self, amplitude: float, seeds: np.ndarray, poll: Callable[[], None] | None = None
     ) -> Portrait:
@@ -74,7 +82,7 @@ class AttractorRuns:
         box = np.array(limits.box)
         starts = starting_states(box, limits.starts, limits.seed, self._omega, amplitude)
         return portrait(
-            self._solver,
+            self._solver_at(amplitude),
             amplitude,
             seeds,
             starts,
@@ -143,7 +151,7 @@ class AttractorRuns:
 
     def _identities(self, points: Sequence[np.ndarray], before: Carried) -> tuple[list[int], int]:
         """Give each attractor the identity of the one it continues, or a new one."""
-        units = self._structure.state_units
+        units = self._solver.structure.state_units
         pairs = matched(
             [own / units for own in before.points],
             [own / units for own in points],
@@ -262,8 +270,10 @@ def attractors(
         confidence=arguments.number("confidence", confidence, "between 0 and 1", 1e-9, 1 - 1e-9),
         max_cycles=arguments.count("max_cycles", max_cycles, 1),
     )
-    runs = AttractorRuns(structure, arguments.positive("omega", omega), settings, limits)
     amplitude = arguments.finite("amplitude", amplitude)
+    reach = np.vstack((np.abs(np.array(limits.box)).max(axis=1), *seeds))
+    moving = structure.within_reach(amplitude, reach)
+    runs = AttractorRuns(moving, arguments.positive("omega", omega), settings, limits)
     found = runs.at(amplitude, np.array(seeds).reshape(-1, units.size))
     if found.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{name}: {found.outcome.name} from every start")

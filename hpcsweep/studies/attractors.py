@@ -121,6 +121,11 @@ class Attractors(Limits, AmplitudeSweep):
         )
 
     @property
+    def starting_states(self) -> np.ndarray:
+        """The corner of the box that is farthest out, and the initial state."""
+        return np.stack((np.abs(np.array(self.box)).max(axis=1), self.initial_state))
+
+    @property
     def polls_per_run(self) -> int:
         """Give the starts of a point."""
         return self.starts
@@ -155,7 +160,7 @@ class Attractors(Limits, AmplitudeSweep):
         from hpcsweep.studies.attractor_runs import AttractorRuns
 
         omega = float(self.omega[frame])
-        searched = AttractorRuns(self.structure, omega, self.settings, self)
+        searched = AttractorRuns(self.moving, omega, self.settings, self)
         return searched.follow(amplitudes, state, poll)
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:

@@ -63,7 +63,8 @@ class SliceRuns:
     ):
         self._structure, self._settings, self._slice = structure, settings, shape
         self._omega, self._amplitude = omega, amplitude
-        self._solver = make_solver(settings.solver, structure, omega, settings.rtol)
+        measured = structure.measured_at(omega, amplitude)
+        self._solver = make_solver(settings.solver, measured, omega, settings.rtol)
         self._basins: Basins | None = None
 
     def row(

@@ -114,6 +114,15 @@ class Basins(RunGrid):
         )
 
     @property
+    def starting_states(self) -> np.ndarray:
+        """A state as far out as any of the slice."""
+        state = np.array(self.initial_state)
+        first, second = self.components
+        state[first] = np.abs(self.horizontal).max()
+        state[second] = np.abs(self.vertical).max()
+        return state[None]
+
+    @property
     def polls_per_run(self) -> int:
         """Give the starts of a row."""
         return self.horizontal.size
@@ -187,7 +196,7 @@ class Basins(RunGrid):
             self.max_cycles,
         )
         point = float(self.omega[frame]), float(self.amplitude[0])
-        runs = slice_runs(self.structure, *point, self.settings, shape)
+        runs = slice_runs(self.moving, *point, self.settings, shape)
         return runs.row(self.horizontal, float(self.vertical[frame]), poll)
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:

@@ -16,6 +16,7 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.invariants import broken_invariants
+from hpcsweep.studies.meaning import COVERED, listed_meaning
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes, Block, BlockTable, Coordinate, Variable
@@ -116,6 +117,17 @@ class RunGrid:
     ) -> dict[str, np.ndarray]:
         """Compute runs of a frame in the order given, from where its path has come."""
         raise NotImplementedError
+
+    @cached_property
+    def moving(self) -> Structure:
+        """The structure without the contacts that no run can reach; of the same results."""
+        largest = float(np.abs(self.amplitude).max(initial=0.0))
+        return self.structure.within_reach(largest, self.starting_states)
+
+    @property
+    def starting_states(self) -> np.ndarray:
+        """States that are at least as far out as those that runs start from, shape (m, 2n)."""
+        return self.initial_state[None]
 
     @property
     def is_list(self) -> bool:
@@ -292,7 +304,8 @@ class RunGrid:
         """List what is not as every run promises: row and what is wrong there."""
         _, frame, low = block.first
         amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs]
-        return broken_invariants(self.structure, self.settings, amplitudes, rows)
+        units = self.structure.units_at(float(self.omega[frame]), amplitudes)
+        return broken_invariants(self.structure, self.settings, amplitudes, rows, units)
 
     def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
         """Tell what a run is: ``direction``, ``omega``, ``amplitude``."""
@@ -323,32 +336,4 @@ class RunGrid:
         covered : frozenset of str
             Fields of the study, the structure and the settings that are in `listed` and `arrays`.
         """
-        structure, settings = self.structure, self.settings
-        listed: list[object] = [
-            *structure.meaning(),
-            self.directions,
-            settings.transient_cycles,
-            settings.sampling_cycles,
-            settings.max_orbit_period,
-            settings.period_tolerance.hex(),
-            settings.solver,
-            settings.rtol.hex(),
-            sorted(settings.skip),
-            sorted(settings.metrics),
-            self.block_size,
-        ]
-        if settings.stored_points < settings.sampling_cycles:
-            listed.append(("max_points", settings.stored_points))
-        return listed, (self.omega, self.amplitude, self.initial_state), COVERED
-
-
-COVERED = frozenset(
-    {
-        *("n_floors", "stiffness_ratio", "sharpness", "damping_ratio", "_ratios"),
-        *("transient_cycles", "sampling_cycles", "max_orbit_period", "period_tolerance"),
-        *("solver", "rtol", "skip", "metrics", "max_points"),
-        *("structure", "omega", "amplitude", "directions", "initial_state", "settings"),
-        "block_size",
-    }
-)
-"""Fields that `RunGrid.meaning` writes out."""
+        return listed_meaning(self), (self.omega, self.amplitude, self.initial_state), COVERED

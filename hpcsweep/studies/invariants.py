@@ -12,7 +12,11 @@ ROUNDING = 1e-9
 
 
 def broken_invariants(
-    structure, settings, amplitude: np.ndarray, rows: dict[str, np.ndarray]
+    structure,
+    settings,
+    amplitude: np.ndarray,
+    rows: dict[str, np.ndarray],
+    units: np.ndarray,
 ) -> list[tuple[int, str]]:
     """Check k runs against what `hpcsweep.studies.runs` says of its results.
 
@@ -23,6 +27,8 @@ def broken_invariants(
     amplitude : ndarray, shape (k,)
     rows : dict of str to ndarray
         The file's variables, first axis the k runs.
+    units : ndarray, shape (k, 2n)
+        Of the states of each run, `Structure.units_at`.
 
     Returns
     -------
@@ -31,7 +37,7 @@ def broken_invariants(
     """
     broken = {**_of_the_run(settings, rows), **_of_failures(rows)}
     if "poincare" in rows:
-        broken.update(_of_points(structure, settings, rows))
+        broken.update(_of_points(settings, rows, units))
     if "contact" in rows:
         broken.update(_of_contact(structure, rows))
     complete = rows["outcome"] == Outcome.COMPLETE
@@ -118,7 +124,7 @@ def _of_failures(rows: dict) -> dict[str, np.ndarray]:
     return broken
 
 
-def _of_points(structure, settings, rows: dict) -> dict[str, np.ndarray]:
+def _of_points(settings, rows: dict, units: np.ndarray) -> dict[str, np.ndarray]:
     points, n_points, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     window = points.shape[1]
@@ -133,7 +139,7 @@ def _of_points(structure, settings, rows: dict) -> dict[str, np.ndarray]:
     for row in np.flatnonzero(judged_so):
         hidden[row] = (
             closes(
-                points[row] / structure.state_units,
+                points[row] / units[row],
                 settings.max_orbit_period,
                 settings.period_tolerance,
             )

@@ -120,7 +120,7 @@ class Points(RunGrid):
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
         """Compute runs, each from the same state."""
-        runs = frame_runs(self.structure, float(self.omega[frame]), self.settings)
+        runs = frame_runs(self.moving, float(self.omega[frame]), self.settings)
         return runs.each(amplitudes, state, poll)
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:

@@ -62,6 +62,8 @@ class FrameRuns:
 
     def __init__(self, structure, omega: float, settings: SweepSettings, solver=None):
         self.structure, self.settings = structure, settings
+        self._given = solver is not None
+        self._measured: dict[float, FrameRuns] = {}
         made = settings.solver, structure, omega, settings.rtol
         self.solver: Solver = solver or make_solver(*made)
         self._free = None
@@ -117,10 +119,35 @@ class FrameRuns:
         return self._rows(amplitudes, state, poll, follow=False)
 
     def _rows(self, amplitudes, state, poll, follow: bool) -> dict[str, np.ndarray]:
+        """Run amplitudes, each measured by its own length (`Structure.lengths`)."""
+        amplitudes = np.array(amplitudes, dtype=float)
+        if self._given or not amplitudes.size:
+            return self._stretch(amplitudes, state, poll, follow)
+        lengths = self.structure.lengths(self.solver.omega, amplitudes)
+        parts = []
+        for at in np.split(np.arange(amplitudes.size), 1 + np.flatnonzero(np.diff(lengths))):
+            runs = self._measured_by(float(lengths[at[0]]))
+            parts.append(runs._stretch(amplitudes[at], state, poll, follow))
+            state = parts[-1]["final_state"][-1] if follow else state
+        if len(parts) == 1:
+            return parts[0]
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+    def _measured_by(self, length: float) -> "FrameRuns":
+        """Return the runs of the structure measured by a length; the last two are kept."""
+        if length == self.structure.length_unit:
+            return self
+        if length not in self._measured:
+            while len(self._measured) > 1:
+                del self._measured[next(iter(self._measured))]
+            structure = self.structure.measured_by(length)
+            self._measured[length] = FrameRuns(structure, self.solver.omega, self.settings)
+        return self._measured[length]
+
+    def _stretch(self, amplitudes, state, poll, follow: bool) -> dict[str, np.ndarray]:
         """Run amplitudes from a state, or from where the one before ended."""
         result = empty_rows(self.structure.n_floors, len(amplitudes), self.settings)
         start = np.array(state, dtype=float)
-        amplitudes = np.array(amplitudes, dtype=float)
         index = 0
         while index < len(amplitudes):
             if self._path is None:

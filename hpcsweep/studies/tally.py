@@ -19,7 +19,7 @@ class RunTally:
 
     def __init__(self, study):
         self._study = study
-        self._settings, self._units = study.settings, study.structure.state_units
+        self._settings, self._units_at = study.settings, study.structure.units_at
         self.classes = np.zeros((len(study.directions), len(MotionClass)), int)
         self.outcomes = np.zeros(len(Outcome), int)
         self.shortcuts = np.zeros(len(Shortcut), int)
@@ -35,7 +35,7 @@ class RunTally:
 
     def add(self, frame) -> None:
         """Count the runs of one frame, an xarray.Dataset."""
-        classes = classify(frame, self._settings, self._units)[:, 0]
+        classes = classify(frame, self._settings, self._units_at)[:, 0]
         for row, kinds in zip(self.classes, classes, strict=True):
             row += np.bincount(kinds, minlength=row.size)
         outcome = frame["outcome"].values[:, 0]

@@ -154,7 +154,7 @@ def test_mistakes_take_one_line_and_leave_nothing(results_file, tmp_path):
         ((tmp_path / "missing.h5", "-o", page), "missing.h5: cannot be read"),
         ((foreign, "-o", page), "foreign.h5: not an HDF5 file"),
         ((results_file, "-o", empty / "no" / "page.html"), "is not a folder"),
-        ((results_file, "-o", results_file), "is the results file"),
+        ((results_file, "-o", results_file), "is a results file"),
         ((results_file, "-o", empty), "cannot be written"),
         ((results_file, "-o", page, "--bits", "17"), "from 6 to 16, is 17"),
         ((results_file, "-o", page, "--points", "0"), "is 0"),

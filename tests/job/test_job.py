@@ -134,6 +134,8 @@ OTHER = {
     "metrics": frozenset({"poincare"}),
     "max_points": 40,
     "decide_cycles": 7,
+    "motion_length": 2.0,
+    "unreached": (1,),
     "omega": np.array([0.7]),
     "amplitude": np.array([0.07]),
     "directions": ("up",),

@@ -132,7 +132,7 @@ def draw(
     span = frame["amplitude"].values
     axes[-1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     if "contact" in frame:
-        apart = coexistence(frame, classes[:, 0], structure.state_units)
+        apart = coexistence(frame, classes[:, 0], structure.units_at)
         _mark_regions(axes, frame, done, structure.contact_labels, apart)
     _legend(figure, groups, color, results, classes)
     figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)

@@ -4,6 +4,7 @@ As in Figure 3 of the paper a region is told by the contact sets of the sweeps u
 whether both sweeps of one set are on one solution or on two.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,7 +107,7 @@ def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | Non
     return merged
 
 
-def coexistence(frame, classes: np.ndarray, units: np.ndarray | float = 1.0) -> np.ndarray:
+def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) -> np.ndarray:
     """Find the amplitudes at which the sweeps up and down of one frame are on different solutions.
 
     Two periodic motions differ if their periods do or if a point of one is farther than `APART`
@@ -119,8 +120,8 @@ def coexistence(frame, classes: np.ndarray, units: np.ndarray | float = 1.0) -> 
         One frame of a campaign, with ``poincare``.
     classes : ndarray of int, shape (n_directions, n_amplitudes)
         `MotionClass` of its runs.
-    units : ndarray, shape (2n,), optional
-        `Structure.state_units`.
+    units_at : callable (omega, amplitude), optional
+        Units of the states, `Structure.units_at`. Default: 1.
 
     Returns
     -------
@@ -135,6 +136,9 @@ def coexistence(frame, classes: np.ndarray, units: np.ndarray | float = 1.0) -> 
     points, counts = frame["poincare"].values, frame["n_points"].values
     period = frame["orbit_period"].values
     for index in np.flatnonzero(repeats.all(axis=0)):
+        units = np.ones(points.shape[-1])
+        if units_at is not None:
+            units = units_at(float(frame["omega"]), frame["amplitude"].values[index])
         up, down = (points[d, index, : counts[d, index]] / units for d in (0, 1))
         gaps = np.abs(up[:, None] - down[None]).max(axis=2)
         differ[index] = (

@@ -1,0 +1,125 @@
+"""The lengths by which motions are measured, and the contacts that they can reach."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hpcsweep import Contact, Structure, stroboscopic_points
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.job import parse_job
+from hpcsweep.model.reach import reach_of_motions
+from hpcsweep.studies.runs import FrameRuns
+from hpcsweep.studies.settings import METRICS, SweepSettings
+
+SETTINGS = SweepSettings(metrics=frozenset(METRICS), decide_cycles=20_000)
+JOB = """
+[structure]
+n_floors = 2
+gap = {gap}
+stiffness_ratio = {ratio}
+[sweep]
+omega = 0.7
+amplitude = {{from = 0.05, to = 0.6, count = 12}}
+directions = ["up"]
+[output]
+lyapunov = true
+"""
+
+
+def run(gap, ratio="1000.0") -> dict[str, np.ndarray]:
+    study = parse_job(JOB.format(gap=gap, ratio=ratio), "job", "job").study
+    return study.compute(study.path(0)[0], study.initial_state)
+
+
+def test_a_contact_that_cannot_be_reached_changes_no_bit():
+    alone = run("[inf, 1.0]")
+    assert (alone["motion"] == MotionClass.CHAOTIC).sum() > 3
+    for gap in ("1e3", "1e6", "1e9"):
+        for ratio in ("1000.0", "[1e6, 1000.0]"):
+            both = run(f"[{gap}, 1.0]", ratio)
+            for name, values in alone.items():
+                np.testing.assert_array_equal(both[name], values, err_msg=f"{name} {gap} {ratio}")
+
+
+def test_a_contact_that_is_not_reached_changes_no_class():
+    alone, both = run("[inf, 1.0]"), run("[100.0, 1.0]")
+    for name in ("motion", "orbit_period", "contact"):
+        np.testing.assert_array_equal(both[name], alone[name])
+
+
+def bilinear(sharpness: float = math.inf) -> Structure:
+    contact = Contact((1.0,), 0.0, 3.0)
+    return Structure.from_matrices(
+        [1.0], [[1.0]], [contact], damping_ratio=0.02, sharpness=sharpness
+    )
+
+
+def test_the_motions_of_a_bilinear_structure_are_proportional_to_the_amplitude():
+    amplitudes = 10.0 ** np.arange(-10, 11)
+    together = FrameRuns(bilinear(), 2.6, SETTINGS).each(amplitudes, np.zeros(2))
+    periods = together["orbit_period"]
+    assert periods[0] > 1
+    assert set(periods.tolist()) == {periods[0]}
+    points = np.sort(together["poincare"][:, : periods[0]], axis=1) / amplitudes[:, None, None]
+    np.testing.assert_allclose(points, np.broadcast_to(points[10], points.shape), rtol=1e-12)
+    np.testing.assert_allclose(together["drift"], together["drift"][10], rtol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-10, 1e-6, 1.0, 1e6])
+def test_with_a_smooth_stop_what_is_measured_by_is_the_motion_too(size):
+    """Scaled by s, with rho / s, all motions are the same."""
+    points = [
+        stroboscopic_points(bilinear(100.0 / s), 0.3 * s, 2.6, np.zeros(2), 30) / s
+        for s in (1.0, size)
+    ]
+    np.testing.assert_allclose(points[1], points[0], rtol=0, atol=1e-11 * np.abs(points[0]).max())
+
+
+def test_lengths_are_gaps_within_reach_or_else_of_the_linear_response():
+    building = Structure()
+    np.testing.assert_array_equal(building.lengths(0.445, [0.01, 0.1, 0.35, -0.35]), 1.0)
+    assert Structure(gap=[1.0, 1.0, 1e9]).lengths(0.445, 0.1) == 1.0
+    for structure in (bilinear(), building):
+        small = structure.lengths(0.445, np.array([1e-9, 2e-9, 1e-12]))
+        assert small[1] == 2 * small[0]
+        assert 0.1 < small[2] / small[0] * 1e3 < 10
+    assert bilinear().lengths(2.6, 0.0) == 1.0
+    twice = Structure(gap=2.0).measured_by(8.0)
+    assert twice.length_unit == 8.0
+    assert twice.state_units[0] == 8.0
+    assert twice.gap == 2.0
+
+
+@pytest.mark.parametrize("sharpness", [math.inf, 1e3])
+@pytest.mark.parametrize("seed", range(6))
+def test_no_motion_goes_beyond_the_bound(seed, sharpness):
+    chosen = np.random.default_rng(seed)
+    n = int(chosen.integers(1, 4))
+    structure = Structure(
+        n,
+        stiffness_ratio=float(chosen.choice([10.0, 1000.0])),
+        sharpness=sharpness,
+        damping_ratio=float(chosen.choice([0.01, 0.2])),
+        gap_left=float(chosen.choice([1.0, math.inf])),
+    )
+    amplitude, z = float(chosen.uniform(0.1, 3.0)), chosen.normal(size=2 * n)
+    omega = float(chosen.uniform(0.3, 2.0))
+    points = stroboscopic_points(structure, amplitude, omega, z, 300)
+    bound = reach_of_motions(structure, amplitude, z)
+    reached = np.abs(points[:, :n] @ structure.directions.T).max(axis=0)
+    assert np.all(reached <= bound)
+    assert np.all(np.isfinite(bound))
+    far = replace(structure, gap=[float(3 * bound.max())] * n, gap_left=math.inf)
+    assert far.within_reach(amplitude, z).contacts == ()
+
+
+def test_where_nothing_is_known_every_contact_stays():
+    undamped = Structure(2, damping_ratio=0.0, gap=[1e9, 1.0])
+    pressed = Structure(2, gap=[-0.1, 1e9])
+    for structure in (undamped, pressed):
+        assert structure.within_reach(0.1, np.zeros(4)) is structure
+    left = Structure(3, gap=[1e9, 1.0, 1e9]).within_reach(0.1, np.zeros(6))
+    assert left.contact_numbers == (2,)
+    assert left.contact_bits(1) == 0b010

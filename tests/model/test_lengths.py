@@ -123,3 +123,50 @@ def test_where_nothing_is_known_every_contact_stays():
     left = Structure(3, gap=[1e9, 1.0, 1e9]).within_reach(0.1, np.zeros(6))
     assert left.contact_numbers == (2,)
     assert left.contact_bits(1) == 0b010
+
+
+def in_units(seed: int, length: float, mass: float, time: float):
+    """A random building, frequency and amplitudes, told in units so much smaller."""
+    chosen = np.random.default_rng(seed)
+    n = int(chosen.integers(1, 4))
+    structure = Structure(
+        n,
+        mass=(10 ** chosen.uniform(-0.5, 0.5, n) * mass).tolist(),
+        storey_stiffness=(10 ** chosen.uniform(-0.3, 0.3, n) * mass / time**2).tolist(),
+        gap=(10 ** chosen.uniform(-0.5, 0.5, n) * length).tolist(),
+        gap_left=float(chosen.choice([math.inf, 1.0])) * length,
+        sharpness=float(chosen.choice([1e3, 1e4, math.inf])) / length,
+        stiffness_ratio=float(chosen.choice([30.0, 1000.0])),
+        damping_ratio=chosen.uniform(0.01, 0.1, n).tolist(),
+    )
+    omega = float(chosen.uniform(0.3, 1.2)) / time
+    amplitudes = chosen.uniform(0.05, 0.5) * np.linspace(0.5, 1.5, 8) * length / time**2
+    return structure, omega, amplitudes
+
+
+def swept(structure, omega, amplitudes):
+    state = np.zeros(2 * structure.n_floors)
+    moving = structure.within_reach(amplitudes.max(), state)
+    return FrameRuns(moving, omega, SETTINGS).follow(amplitudes, state)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_units_of_length_mass_and_time_change_no_class_and_no_number(seed):
+    """Up to the first chaotic run: how long chaos lasts is a matter of the last digit."""
+    once = swept(*in_units(seed, 1.0, 1.0, 1.0))
+    chaos = once["motion"] == MotionClass.CHAOTIC
+    until = int(np.argmax(chaos)) if chaos.any() else chaos.size
+    for powers in np.random.default_rng(seed).integers(-12, 13, (3, 3)).tolist():
+        length, mass, time = (10.0**power for power in powers)
+        again = swept(*in_units(seed, length, mass, time))
+        for name in ("motion", "orbit_period", "contact", "outcome"):
+            np.testing.assert_array_equal(again[name][:until], once[name][:until], err_msg=name)
+        # modal norms are integrated to 1e-6, and exponents are of multipliers solved to 1e-7
+        for name, scale, error in (
+            ("drift", 1.0, 1e-9),
+            ("modal_norm", 1.0, 1e-6),
+            ("lyapunov", 1.0 / time, 1e-7),
+        ):
+            np.testing.assert_allclose(
+                again[name][:until] / scale, once[name][:until], rtol=error, atol=error
+            )

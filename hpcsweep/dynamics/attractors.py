@@ -17,17 +17,15 @@ that the starts that resemble it are counted as undecided at the cost of a windo
 from collections import Counter
 from collections.abc import Callable
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Portrait
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.decide import NEAR, SETTLED, decide
 from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
 from hpcsweep.dynamics.resemblance import Signature, same_orbit
-from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, normalised_drift
 
@@ -44,52 +42,11 @@ MOST_RECORDS = 16
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
 again, and at last decided: it may be on its slow way to one of them."""
+FEW, LONGER = 5, 20
+"""Starts that reach a motion which is no orbit, up to which it is followed for so many times
+`max_cycles` before it counts as an attractor."""
 MOST_WATCHED = 100
 """Longest orbit period for which a motion is watched to settle."""
-
-
-def portrait(
-    solver,
-    amplitude: float,
-    seeds: np.ndarray,
-    starts: np.ndarray,
-    settings,
-    max_cycles: int,
-    confidence: float,
-    poll: Callable[[], None] | None = None,
-) -> Portrait:
-    """Find the attractors at one point and their shares.
-
-    Parameters
-    ----------
-    solver : Solver
-        Of the structure and the frequency.
-    amplitude : float
-    seeds : ndarray, shape (m, 2n)
-        States whose motions are decided first and count for no share.
-    starts : ndarray, shape (N, 2n)
-    settings : SweepSettings
-    max_cycles : int
-        Forcing periods after which a motion is left undecided.
-    confidence : float
-        Of the intervals of the shares.
-    poll : callable, optional
-        Called before each start and within long ones; may raise to leave.
-    """
-    search = Search(solver, amplitude, settings, max_cycles, poll)
-    for seed in seeds:
-        search.decide(seed)
-    labels = search.labels(starts)
-    found = []
-    for place, attractor in enumerate(search.attractors):
-        hits, total = int((labels == place).sum()), len(starts)
-        low, high = share_interval(hits, total, confidence)
-        share = hits / total if total else 0.0
-        found.append(replace(attractor, hits=hits, share=share, share_low=low, share_high=high))
-    outcome = Outcome.COMPLETE
-    if search.failures and not found and not np.any(labels == UNDECIDED):
-        outcome = search.failures.most_common(1)[0][0]
-    return Portrait(found, labels, search.cycles, outcome)
 
 
 class Search:
@@ -140,11 +97,47 @@ class Search:
             first, size = first + size, min(2 * size, LARGEST_GROUP)
         return labels
 
+    def confirmed(self, labels: np.ndarray) -> np.ndarray:
+        """Follow for longer what is no orbit and few starts have reached: it may be a transient.
+
+        Parameters
+        ----------
+        labels : ndarray of int
+            Of `labels`. What turns out to end in an orbit is no longer one of `attractors`.
+
+        Returns
+        -------
+        ndarray of int
+            The labels with the places that attractors have now.
+        """
+        place_of = np.arange(len(self.attractors))
+        for place, one in enumerate(self.attractors[:]):
+            if one.orbit_period or (labels == place).sum() > FEW:
+                continue
+            end = self._settle(one.points[-1], LONGER * self._max_cycles)
+            if end.outcome is Outcome.COMPLETE and end.period:
+                motion = self._decided(end.state)
+                if motion.kind is MotionClass.PERIODIC:
+                    there = self._place_orbit(motion)
+                    place_of = np.append(place_of, range(len(place_of), len(self.attractors)))
+                    place_of[place] = there
+        kept = np.flatnonzero(place_of == np.arange(len(place_of)))
+        now = {int(old): new for new, old in enumerate(kept)}
+        self.attractors = [self.attractors[old] for old in kept]
+        self._neighbourhoods = [self._neighbourhoods[old] for old in kept]
+        moved = [now.get(int(place), int(place)) for place in place_of]
+        self._signatures = [
+            (own, points, moved[place]) if place in now else (own, points, place)
+            for own, points, place in self._signatures
+            if place < 0 or place in now
+        ]
+        return np.array([moved[label] if label >= 0 else label for label in labels], int)
+
     def _follow(self, starts: np.ndarray) -> np.ndarray:
         """Tell what each start of a group reaches."""
         labels = np.full(len(starts), UNDECIDED)
         left, gone = np.arange(len(starts)), 0
-        longest = max(self._settings.transient_cycles, PATIENCE, WINDOW)
+        longest = max(min(self._settings.transient_cycles, self._max_cycles), PATIENCE, WINDOW)
         trail = np.empty((len(starts), longest + STRIDE, starts.shape[1]))
         trail[:, 0] = starts
         while left.size:
@@ -288,16 +281,30 @@ class Search:
         self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
+        if motion.kind is MotionClass.CHAOTIC:
+            # the record itself may have come to an orbit
+            end = self._settle(seen.points[-1], 2 * MOST_WATCHED)
+            settled = self._decided(end.state) if end.period else motion
+            if settled.kind is MotionClass.PERIODIC:
+                return self._place_orbit(settled)
         scaled = seen.points / self._units
         own = Signature(scaled)
         for signature, points, there in self._signatures:
-            if signature.holds(scaled) or own.holds(points):
+            is_torus = motion.kind is MotionClass.QUASI_PERIODIC and self._is_torus(there)
+            if (
+                signature.holds(scaled)
+                or own.holds(points)
+                or (is_torus and own.same_torus(signature))
+            ):
                 self._remember(seen.points, there)
                 return there
         decided = motion.kind is not MotionClass.UNDECIDED
         place = self._add(motion, seen.points, seen, None) if decided else UNDECIDED
         self._signatures.append((own, scaled, place))
         return place
+
+    def _is_torus(self, place: int) -> bool:
+        return place >= 0 and self.attractors[place].kind is MotionClass.QUASI_PERIODIC
 
     def _remember(self, points: np.ndarray, place: int) -> None:
         """Keep a further record of a known motion: one that its record alone did not tell."""

@@ -53,7 +53,7 @@ class Basins:
         poll: Callable[[], None] | None = None,
     ):
         self._search = Search(solver, amplitude, settings, max_cycles, poll)
-        labels = self._search.labels(starts)
+        labels = self._search.confirmed(self._search.labels(starts))
         found = self._search.attractors
         hits = np.bincount(labels[labels >= 0], minlength=len(found))
         order = np.argsort(-hits, kind="stable")[:most]

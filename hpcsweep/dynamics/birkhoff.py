@@ -81,6 +81,23 @@ def agreeing_digits(points: np.ndarray) -> float:
     return -math.log10(apart) if apart > 0 else math.inf
 
 
+def weighted_means(points: np.ndarray) -> np.ndarray:
+    """Return the weighted means of all coordinates and of their squares.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2n)
+        Consecutive stroboscopic points.
+
+    Returns
+    -------
+    ndarray, shape (4n,)
+    """
+    points = rows("points", points)
+    weights = _weights(len(points))
+    return np.concatenate((weights @ points, weights @ (points * points)))
+
+
 def weighted_growth(logarithms: np.ndarray) -> WeightedGrowth:
     """Give the growth of a tangent vector over a stretch, from weighted means.
 

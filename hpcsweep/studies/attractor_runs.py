@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.dynamics.attractor import Attractor, Portrait
-from hpcsweep.dynamics.attractors import portrait
+from hpcsweep.dynamics.portrait import portrait
 from hpcsweep.dynamics.resemblance import matched
 from hpcsweep.dynamics.starts import box_of, starting_states
 from hpcsweep.model import arguments
@@ -255,6 +255,8 @@ def attractors(
     """
     arguments.instance("structure", structure, Structure)
     units = structure.state_units
+    if isinstance(states, str | bytes) or not isinstance(states, Sequence | np.ndarray):
+        raise arguments.refused("states", "states, an array of shape (m, 2n)", states)
     seeds = [arguments.finite_vector("states", state, units.size) for state in states]
     name = arguments.choice("solver", solver, SOLVERS)
     settings = SweepSettings(

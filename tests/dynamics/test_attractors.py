@@ -10,9 +10,11 @@ from scipy.stats import binom
 from tools import DESCRIBED
 
 import hpcsweep
-from hpcsweep.dynamics.attractors import Search, portrait
+from hpcsweep.dynamics.attractor import UNDECIDED
+from hpcsweep.dynamics.attractors import LONGER, Search
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.neighbourhood import inside, lyapunov_forms, neighbourhood
+from hpcsweep.dynamics.portrait import portrait
 from hpcsweep.dynamics.resemblance import Signature, distance, matched, same_orbit
 from hpcsweep.dynamics.shares import share_interval, starts_needed
 from hpcsweep.dynamics.starts import box_of, starting_states
@@ -199,3 +201,43 @@ def test_arguments_are_refused_in_one_line():
     ):
         with pytest.raises(ValueError, match=words):
             hpcsweep.attractors(PAPER, 0.1, 0.445, **arguments)
+
+
+def test_a_torus_that_is_nearly_locked_is_one_attractor():
+    """Its motions meet in clusters of points, each somewhere else along it."""
+    found = hpcsweep.attractors(AS_DESCRIBED, 0.1586087589903809, 0.5193235789385496, starts=150)
+    kinds = [(one.kind, one.orbit_period) for one in found]
+    assert kinds == [(MotionClass.PERIODIC, 6), (MotionClass.QUASI_PERIODIC, 0)]
+    assert sum(one.hits for one in found) == 150
+
+
+def test_what_few_starts_reach_is_followed_for_longer():
+    """Chaos that ends is no attractor, whatever `max_cycles` is."""
+
+    class Ends(Search):
+        def _settle(self, state, cycles):
+            asked.append(cycles)
+            return super()._settle(state, cycles)
+
+    asked = []
+    structure = Structure(1, stiffness_ratio=100.0, damping_ratio=0.02)
+    solver = make_solver("flow", structure, 0.7, 1e-9)
+    search = Ends(solver, 0.3, SweepSettings(), 100, None)
+    points, _ = solver.points(np.zeros(2), 0.3, 3000)
+    orbit = search.decide(points[-1])
+    assert search.attractors[orbit].kind is MotionClass.PERIODIC
+    transient = dataclasses.replace(
+        search.attractors[orbit], kind=MotionClass.CHAOTIC, orbit_period=0
+    )
+    search.attractors.insert(0, transient)
+    search._neighbourhoods.insert(0, None)
+    labels = search.confirmed(np.array([1, 0, 1, UNDECIDED, 0]))
+    assert asked[-1] == LONGER * 100
+    assert len(search.attractors) == 1
+    assert labels.tolist() == [0, 0, 0, UNDECIDED, 0]
+
+
+@pytest.mark.parametrize("states", [None, 3, "rest"])
+def test_states_that_are_none_are_refused(states):
+    with pytest.raises(ValueError, match="states must be states, an array of shape"):
+        hpcsweep.attractors(Structure(1), 0.1, 0.7, states=states)

@@ -154,17 +154,18 @@ def swept(structure, omega, amplitudes):
 def test_units_of_length_mass_and_time_change_no_class_and_no_number(seed):
     """Up to the first chaotic run: how long chaos lasts is a matter of the last digit."""
     once = swept(*in_units(seed, 1.0, 1.0, 1.0))
-    chaos = once["motion"] == MotionClass.CHAOTIC
-    until = int(np.argmax(chaos)) if chaos.any() else chaos.size
     for powers in np.random.default_rng(seed).integers(-12, 13, (3, 3)).tolist():
         length, mass, time = (10.0**power for power in powers)
         again = swept(*in_units(seed, length, mass, time))
+        chaos = (once["motion"] == MotionClass.CHAOTIC) | (again["motion"] == MotionClass.CHAOTIC)
+        until = int(np.argmax(chaos)) if chaos.any() else chaos.size
         for name in ("motion", "orbit_period", "contact", "outcome"):
             np.testing.assert_array_equal(again[name][:until], once[name][:until], err_msg=name)
-        # modal norms are integrated to 1e-6, and exponents are of multipliers solved to 1e-7
+        # orbits are approached to 1e-10, which multipliers near 1 magnify; modal norms are
+        # integrated to 1e-5
         for name, scale, error in (
-            ("drift", 1.0, 1e-9),
-            ("modal_norm", 1.0, 1e-6),
+            ("drift", 1.0, 1e-8),
+            ("modal_norm", 1.0, 1e-5),
             ("lyapunov", 1.0 / time, 1e-7),
         ):
             np.testing.assert_allclose(

@@ -1,4 +1,4 @@
-"""All attractors at one point (structure, A, Omega), with the shares of the starts that they have."""
+"""All attractors at one point (structure, A, Omega), with the shares of starts that they have."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -139,6 +139,13 @@ def finite_vector(name: str, value: object, size: int) -> np.ndarray:
     return found
 
 
+def finite_vectors(name: str, value: Any, size: int) -> np.ndarray:
+    """Take vectors of `size` finite numbers, shape (m, size)."""
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence | np.ndarray):
+        raise refused(name, f"an array of shape (m, {size})", value)
+    return np.array([finite_vector(name, one, size) for one in value]).reshape(-1, size)
+
+
 def array(name: str, value: object) -> np.ndarray:
     """Copy an array of real numbers of any shape.
 

@@ -255,9 +255,7 @@ def attractors(
     """
     arguments.instance("structure", structure, Structure)
     units = structure.state_units
-    if isinstance(states, str | bytes) or not isinstance(states, Sequence | np.ndarray):
-        raise arguments.refused("states", "states, an array of shape (m, 2n)", states)
-    seeds = [arguments.finite_vector("states", state, units.size) for state in states]
+    seeds = arguments.finite_vectors("states", states, units.size)
     name = arguments.choice("solver", solver, SOLVERS)
     settings = SweepSettings(
         max_orbit_period=arguments.count("max_orbit_period", max_orbit_period, 1, 1000),
@@ -273,10 +271,10 @@ def attractors(
         max_cycles=arguments.count("max_cycles", max_cycles, 1),
     )
     amplitude = arguments.finite("amplitude", amplitude)
-    reach = np.vstack((np.abs(np.array(limits.box)).max(axis=1), *seeds))
+    reach = np.vstack((np.abs(np.array(limits.box)).max(axis=1), seeds))
     moving = structure.within_reach(amplitude, reach)
     runs = AttractorRuns(moving, arguments.positive("omega", omega), settings, limits)
-    found = runs.at(amplitude, np.array(seeds).reshape(-1, units.size))
+    found = runs.at(amplitude, seeds)
     if found.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{name}: {found.outcome.name} from every start")
     return sorted(found.attractors, key=lambda one: -one.hits)

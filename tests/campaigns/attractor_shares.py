@@ -14,7 +14,7 @@ from collections import Counter
 import numpy as np
 from tools import DESCRIBED
 
-from hpcsweep.dynamics.attractors import portrait
+from hpcsweep.dynamics.portrait import portrait
 from hpcsweep.dynamics.resemblance import distance
 from hpcsweep.dynamics.starts import box_of, starting_states
 from hpcsweep.model.structure import Structure

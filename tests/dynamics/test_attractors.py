@@ -239,5 +239,5 @@ def test_what_few_starts_reach_is_followed_for_longer():
 
 @pytest.mark.parametrize("states", [None, 3, "rest"])
 def test_states_that_are_none_are_refused(states):
-    with pytest.raises(ValueError, match="states must be states, an array of shape"):
+    with pytest.raises(ValueError, match="states must be an array of shape"):
         hpcsweep.attractors(Structure(1), 0.1, 0.7, states=states)

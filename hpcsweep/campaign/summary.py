@@ -5,6 +5,7 @@ The file is read one frame at a time, so that five million runs need little memo
 
 from pathlib import Path
 
+from hpcsweep.dynamics.classify import tells_chaos
 from hpcsweep.job.paths import path_of
 from hpcsweep.model.description import in_words
 from hpcsweep.store import Frames, read_history
@@ -59,7 +60,7 @@ def summarize(path: str | Path) -> dict:
         "cost": total_cost(read_history(path)),
         "file_bytes": size.st_size,
         "disk_bytes": size.st_blocks * 512,
-        "has_exponents": "lyapunov" in frames,
+        "tells_chaos": tells_chaos(frames),
         **tally.told(),
     }
 

@@ -86,8 +86,8 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
         if len(directions) > 1 and entry["runs"]:
             parts = [f"{d} {_percent(kinds[name]['share'])}" for d, kinds in directions.items()]
             rows[name] += f": {', '.join(parts)}"
-    if not summary["has_exponents"]:
-        rows["chaotic"] = "not told: the file holds no lyapunov"
+    if not summary["tells_chaos"]:
+        rows["chaotic"] = "not told: the file holds neither motion nor lyapunov"
     plain = summary.get("plain_test")
     if plain and plain["runs"]:
         rows["plain test"] = (

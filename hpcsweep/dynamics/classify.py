@@ -76,7 +76,7 @@ class MotionClass(IntEnum):
     QUASI_PERIODIC = 4
     CHAOTIC = 5
     UNDECIDED = 6
-    """None of these can be told from this window, or the file holds no ``lyapunov``."""
+    """None of these can be told: from this window, or as the file holds too little."""
     FAILED = 7
     """The solver failed."""
 
@@ -91,6 +91,11 @@ CLASS_NAMES = {
     MotionClass.UNDECIDED: "undecided",
     MotionClass.FAILED: "failed",
 }
+
+
+def tells_chaos(names) -> bool:
+    """Return whether variables of these names tell chaos: decided motions, or exponents."""
+    return MOTION in names or "lyapunov" in names
 
 
 def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:

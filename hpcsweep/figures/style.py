@@ -222,15 +222,15 @@ def percent(share: float) -> str:
 
 def shares_text(results, classes: np.ndarray) -> str:
     """Write the shares of the motion classes on one line, always with the undecided ones."""
-    from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares
+    from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares, tells_chaos
 
     parts = [
         f"{CLASS_NAMES[kind]} {percent(share)}"
         for kind, share in class_shares(classes).items()
         if share > 0 or kind is MotionClass.UNDECIDED
     ]
-    hint = "" if "lyapunov" in results else "; chaos is not told: the file holds no lyapunov"
-    return "Runs: " + ", ".join(parts) + hint
+    hint = "; chaos is not told: the file holds neither motion nor lyapunov"
+    return "Runs: " + ", ".join(parts) + ("" if tells_chaos(results) else hint)
 
 
 def foot(figure, handles: list, results, classes: np.ndarray, n_columns: int | None = None) -> None:

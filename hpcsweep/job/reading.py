@@ -99,10 +99,16 @@ def parse_job(text: str, source: str, default_name: str, plain: bool = False) ->
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
         settings=_settings(values, plain),
-        block_size=values.whole("output.block", study.default_block, 1, MAX_VALUES),
+        block_size=values.whole("output.block", _default_block(values, study), 1, MAX_VALUES),
     )
     _check_extent(values, found)
     return Job(name=_name(values, default_name), text=text, study=found)
+
+
+def _default_block(values: Values, study) -> int:
+    """Return how many runs are committed together: of a slow solver one, which takes seconds."""
+    slow = [name for name, kind in SOLVERS.items() if not kind.follows_orbits]
+    return 1 if values.get("solver.method", "flow") in slow else study.default_block
 
 
 def _check_extent(values: Values, study) -> None:

@@ -14,7 +14,7 @@ else depends on the structure, A, Omega and the job alone.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -84,7 +84,7 @@ class Attractors(Limits, AmplitudeSweep):
         ),
         "sweep": ("omega", "amplitude"),
     }
-    default_block: ClassVar[int] = 10
+    default_block: ClassVar[int] = 1
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
     holds: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"
@@ -156,12 +156,7 @@ class Attractors(Limits, AmplitudeSweep):
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
         """Find the attractors of amplitudes one after the other; `state` is an `end_state`."""
-        # here, where attractors are searched: who only reads them loads no kernel
-        from hpcsweep.studies.attractor_runs import AttractorRuns
-
-        omega = float(self.omega[frame])
-        searched = AttractorRuns(self.moving, omega, self.settings, self)
-        return searched.follow(amplitudes, state, poll)
+        return _runs_of(self, float(self.omega[frame])).follow(amplitudes, state, poll)
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
         """Give the attractors of a point: what the next amplitude starts from."""
@@ -220,3 +215,12 @@ def _between(values, key: str, default: float, most: float) -> float:
     if not 0 < value < most:
         raise values.error(key, value, f"must lie between 0 and {most:g}")
     return value
+
+
+@lru_cache(maxsize=2)
+def _runs_of(study: Attractors, omega: float):
+    """Return the runs of a study at a frequency; those of the last two are kept."""
+    # here, where attractors are searched: who only reads them loads no kernel
+    from hpcsweep.studies.attractor_runs import AttractorRuns
+
+    return AttractorRuns(study.moving, omega, study.settings, study)

@@ -4,7 +4,11 @@ import sys
 
 import numpy as np
 import pytest
+from tools import hpcsweep
 
+from hpcsweep import open_results
+from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.summary import summarize
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import style
 from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
@@ -17,7 +21,9 @@ from hpcsweep.figures.palette import (
     motion_index,
 )
 from hpcsweep.figures.style import classes_of
+from hpcsweep.job import parse_job
 from hpcsweep.model.structure import Structure
+from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.outcome import Outcome
 
 
@@ -401,7 +407,7 @@ def test_a_map_needs_two_frames_and_a_direction_that_is_there(results, tmp_path)
     with pytest.raises(style.PlotError, match="up only"):
         benefit.draw(results.isel(direction=[0]), tmp_path / "o.png", direction="down")
     with pytest.raises(style.PlotError, match=r"output\.lyapunov"):
-        benefit.draw(results.drop_vars("lyapunov"), tmp_path / "o.png")
+        benefit.draw(results.drop_vars(["lyapunov", "motion"]), tmp_path / "o.png")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -470,3 +476,36 @@ def test_resolution_of_a_picture(file, tmp_path, capsys):
         main(["plot", str(file), "--dpi", "20"])
     assert ended.value.code == 2
     assert "--dpi: must be from 50 to 1200, is 20" in capsys.readouterr().err
+
+
+CHAOTIC = """
+[structure]
+damping_ratio = [0.12622293348805766, 0.016077603302694768, 0.007699463209247604]
+[sweep]
+omega = [0.445, 0.446]
+amplitude = {from = 0.097, to = 0.1, count = 4}
+directions = ["up"]
+decide_cycles = %d
+"""
+
+
+@pytest.mark.parametrize("cycles", [0, 5000])
+def test_chaos_is_told_by_decided_motions_or_by_the_exponent(tmp_path, cycles):
+    path = tmp_path / "a.h5"
+    assert campaign.run(parse_job(CHAOTIC % cycles, "a", "a"), path, Serial()) == 0
+    results = open_results(path)
+    assert "lyapunov" not in results
+    chaotic = summarize(path)["classes"]["chaotic"]["runs"]
+    said = hpcsweep(0, "summary", path).stdout
+    captions = style.shares_text(results, classes_of(results))
+    hint = "neither motion nor lyapunov"
+    if cycles:
+        assert chaotic > 0
+        assert hint not in said + captions
+        benefit.draw(results, tmp_path / "b.png")
+    else:
+        assert chaotic == 0
+        assert hint in said
+        assert hint in captions
+        with pytest.raises(style.PlotError, match="hold no lyapunov"):
+            benefit.draw(results, tmp_path / "b.png")

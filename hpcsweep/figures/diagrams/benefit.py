@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify import MotionClass, tells_chaos
 from hpcsweep.figures.diagrams.figure import DIRECTION
 from hpcsweep.figures.diagrams.mesh import (
     by_frequency,
@@ -57,7 +57,9 @@ def draw(results, path: Path, direction: str | None = None) -> None:
     PlotError
         If the file does not hold what is to be drawn.
     """
-    need(results, "drift", "contact", "lyapunov")
+    need(results, "drift", "contact")
+    if not tells_chaos(results):
+        need(results, "lyapunov")
     results = by_frequency(results)
     results = results.isel(direction=[direction_index(results, direction)])
     classes = classes_of(results)

@@ -1,5 +1,6 @@
 """What rank 0 knows of the tasks' costs: from the journal, a pilot, the blocks done."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,9 @@ from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Journal, read_history
 from hpcsweep.store.records import BlockCost
+
+LEAST_ELAPSED = 0.5
+"""Seconds of work from which on what it takes besides the runs is known."""
 
 
 class KnownCosts:
@@ -34,6 +38,8 @@ class KnownCosts:
     def __init__(self, comm, study, output: Path, todo: list[int], done: np.ndarray):
         self._comm, self._study = comm, study
         self._wanted = comm.bcast(len(todo) > 1)
+        self._begun: float | None = None
+        self._spent = 0.0
         if comm.rank != 0 or not self._wanted:
             return
         self.tasks = TaskCosts(study)
@@ -68,13 +74,25 @@ class KnownCosts:
         if self._wanted:
             self.tasks.measured(cost)
             self.tasks.done(cost.place)
+            self._spent += cost.seconds
+            if self._begun is None:
+                self._begun = time.monotonic() - cost.seconds
 
     def left(self, task: int) -> float:
         """Estimate the cost (s) of what is left of a task; 0 where it does not matter."""
         return self.tasks.left(task) if self._wanted and self._comm.size > 1 else 0.0
 
     def remaining(self) -> float | None:
-        """Estimate the wall time (s) until all is done on these ranks; None if it is not known."""
+        """Estimate the wall time (s) until all is done on these ranks; None if it is not known.
+
+        Beside its runs a rank has messages and commits to do, which of single points take longer
+        than these: the time that so many seconds of runs have taken in this session tells.
+        """
         if not self._wanted:
             return None
-        return self.tasks.remaining(computing_ranks(self._comm.size))
+        n_computing = computing_ranks(self._comm.size)
+        runs = self.tasks.remaining(n_computing)
+        elapsed = 0.0 if self._begun is None else time.monotonic() - self._begun
+        if runs is None or elapsed < LEAST_ELAPSED or not self._spent:
+            return runs
+        return runs * max(elapsed * n_computing / self._spent, 1.0)

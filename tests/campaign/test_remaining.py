@@ -7,9 +7,11 @@ costly as the rest, runs of one place that differ by a factor of two, costliest 
 import numpy as np
 import pytest
 
+from hpcsweep.campaign import pilot
 from hpcsweep.campaign.costs import PILOT_TIMED, TaskCosts, n_samples, sample_place
 from hpcsweep.campaign.progress import Log
 from hpcsweep.job import parse_job
+from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store.records import BlockCost, PilotCost
 
 STUDY = """
@@ -21,6 +23,7 @@ block = 25
 """
 COSTLY = 0.23
 MINUTE = 60.0
+NONE = np.empty((0, 3), int)
 
 
 def cost_of_runs(study, rng) -> np.ndarray:
@@ -118,3 +121,19 @@ def test_one_rank_is_told_the_time_too(tmp_path):
     assert len(read_history(path).samples) == n_samples(job.study)
     assert all(np.isfinite(told))
     assert told[0] > told[-1] == 0
+
+
+def test_what_a_rank_does_besides_its_runs_is_in_the_remaining_time(tmp_path, monkeypatch):
+    """Of single points: 0.5 ms of runs, 2 ms of messages and commits a point."""
+    text = STUDY.replace("[sweep]", '[study]\nkind = "points"\n[sweep]').replace("block = 25", "")
+    study = parse_job(text.replace("2000", "50"), "", "points").study
+    now = [100.0]
+    monkeypatch.setattr(pilot.time, "monotonic", lambda: now[0])
+    known = pilot.KnownCosts(Serial(), study, tmp_path / "a.h5", [*range(study.n_tasks)], NONE)
+    done = study.n_tasks // 5
+    for task in range(done):
+        (block,) = study.path(task)
+        now[0] += 2.5e-3
+        known.block_done(BlockCost(block.place, block.n_runs, 5e-4))
+    left = (study.n_tasks - done) * 2.5e-3
+    assert known.remaining() == pytest.approx(left, rel=0.02)

@@ -3,7 +3,11 @@
 import fuzz
 import pytest
 
-SHARE = {"job": 15, "journal": 3, "data": 2, "packed": 2, "old file": 2, "cut": 2, "removed": 2}
+SHARE = {
+    **{"job": 15, "journal": 3, "data": 2, "packed": 2, "old file": 2, "cut": 2, "removed": 2},
+    **{"study": 8},
+    **{"kernel": 10, "output": 5, "link": 3, "threads": 4},
+}
 
 
 @pytest.fixture(scope="module")

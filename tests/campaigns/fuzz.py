@@ -9,7 +9,6 @@ seed that does it again.
 
 import argparse
 import contextlib
-import functools
 import json
 import os
 import random
@@ -24,9 +23,11 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
+import fuzz_kinds
 import h5py
 import numpy as np
 from tools import JOBS, ROOT, SMALL, command, datasets, environment
@@ -74,6 +75,11 @@ WEIGHTS = {
     "job": 8,
     "removed": 0.5,
     "environment": 0.05,
+    "study": 6,
+    "kernel": 2,
+    "output": 2,
+    "link": 1,
+    "threads": 2,
 }
 """Kinds of cases, and how often each is chosen."""
 
@@ -166,6 +172,7 @@ class Patient:
             "metadata": self.whole,
             "packed": folder / "packed.h5",
             "old file": KEPT,
+            **{kind: fuzz_kinds.study_file(kind, folder) for kind in fuzz_kinds.STUDIES},
         }
         self.bytes = {kind: path.read_bytes() for kind, path in self.files.items()}
         self.results = {kind: open_results(path) for kind, path in self.files.items()}
@@ -194,12 +201,17 @@ class Patient:
         """Flip bytes of a packed file, wherever."""
         return self._damaged("packed", range(len(self.bytes["packed"])), rng)
 
+    def of_study(self, rng: random.Random) -> str:
+        """Flip bytes of a file of another kind of study, wherever."""
+        kind = rng.choice(list(fuzz_kinds.STUDIES))
+        return self._damaged(kind, range(len(self.bytes[kind])), rng)
+
     def _damaged(self, kind: str, places, rng: random.Random) -> str:
         data = bytearray(self.bytes[kind])
         for _ in range(rng.choice((1, 1, 1, 4, 40))):
             data[rng.choice(places)] ^= 1 << rng.randrange(8) if rng.random() < 0.7 else 255
         self.path.write_bytes(data)
-        found = self._read(self.results[kind], kind == "packed")
+        found = self._read(self.results[kind], kind == "packed" or kind in fuzz_kinds.STUDIES)
         if kind != "metadata" or rng.random() > SHARE_RUN:
             return found
         said: list[str] = []
@@ -314,9 +326,7 @@ class Patient:
             deadline = time.monotonic() + 0.1
             for amplitude in {float(amplitudes[0]), float(amplitudes[-1])}:
                 with contextlib.suppress(_TimeIsUp):
-                    quick.rows(
-                        frame, [amplitude], study.initial_state, functools.partial(_until, deadline)
-                    )
+                    quick.rows(frame, [amplitude], study.initial_state, partial(_until, deadline))
         return "accepted, every solver starts"
 
     # moments
@@ -379,6 +389,11 @@ class Patient:
         "job": job_text,
         "removed": removed,
         "environment": environment,
+        "study": of_study,
+        "kernel": lambda self, rng: fuzz_kinds.kernel(self.folder, rng),
+        "output": lambda self, rng: fuzz_kinds.output(self.whole, self.folder, rng),
+        "link": lambda self, rng: fuzz_kinds.link(self.whole, self.folder, rng),
+        "threads": lambda self, rng: fuzz_kinds.threads(rng),
     }
 
     def case(self, kind: str, seed: int) -> str:
@@ -389,7 +404,9 @@ class Patient:
                 return self.KINDS[kind](self, rng)
         finally:
             for path in self.folder.iterdir():
-                if path.name.partition(".")[0] not in ("whole", "packed"):
+                if path.is_dir():
+                    shutil.rmtree(path)
+                elif path.name.partition(".")[0] not in ("whole", "packed", *fuzz_kinds.STUDIES):
                     path.unlink()
 
 

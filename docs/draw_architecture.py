@@ -64,7 +64,7 @@ class Box:
         return self.left + self.width / 2
 
     def covers(self, x: float) -> bool:
-        """Tell whether a vertical line at x meets it."""
+        """Return whether a vertical line at x meets it."""
         return self.left - 6 < x < self.left + self.width + 6
 
 
@@ -75,13 +75,13 @@ def contracts() -> list[dict]:
 
 
 def floors() -> list[list[str]]:
-    """List the rooms of each floor, the highest first."""
+    """Return the rooms of each floor, the highest first."""
     layers = next(c["layers"] for c in contracts() if c["type"] == "layers")
     return [[room.strip("() ") for room in layer.replace(":", "|").split("|")] for layer in layers]
 
 
 def libraries() -> dict[str, list[str]]:
-    """Give for each room the libraries that it alone may import."""
+    """Return for each room the libraries that it alone may import."""
     found: dict[str, list[str]] = defaultdict(list)
     for contract in contracts():
         if contract["type"] != "forbidden" or contract["source_modules"] != [PACKAGE]:
@@ -132,7 +132,7 @@ def reduced(used: dict[str, set[str]]) -> list[tuple[str, str]]:
 
 
 def words(room: str) -> str:
-    """Give the first line of a room's docstring."""
+    """Return the first line of a room's docstring."""
     source = (ROOT / PACKAGE / room / "__init__.py").read_text()
     text = ast.get_docstring(ast.parse(source)) or ""
     return text.split("\n\n")[0].replace("\n", " ").replace("`", "")

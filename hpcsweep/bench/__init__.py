@@ -11,7 +11,7 @@
 `startup`
     Seconds of a tiny job on a cold and on a warm cache.
 `skips`
-    The rules that spare periods, against the plain procedure.
+    The rules that spare periods, against the window procedure.
 
 Every figure is paired: what is compared is measured on the same machine in one run, in turn, and
 the turns are repeated. Solvers are timed by the process's own CPU time, which other programs on

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix, right_hand_side
-from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.units import Units
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
 
@@ -89,7 +89,7 @@ def _absent() -> list[Package]:
 
 
 def methods() -> Iterator[tuple[str, float, Callable]]:
-    """Give (name, rtol, function) of every method that is installed.
+    """Return (name, rtol, function) of every method that is installed.
 
     The function takes a `Regime` and returns one that maps a state to the stroboscopic points, or
     raises ArithmeticError.
@@ -126,19 +126,19 @@ class Problem(NamedTuple):
     model: Model
     """Kept: its packed form holds the addresses of its arrays."""
     packed: Any
-    frame: Frame
+    frame: Units
     amplitude: float
     period: float
 
 
 def _problem(regime: Regime) -> Problem:
     model = kernel_model(regime.structure, regime.omega)
-    frame = Frame(regime.structure, model)
+    frame = Units(regime.structure, model)
     amplitude = regime.amplitude / frame.amplitude_unit
     return Problem(model, MODEL.pack(model), frame, amplitude, 2 * math.pi / model.omega)
 
 
-def _by_periods(regime: Regime, frame: Frame, one: Callable) -> Callable:
+def _by_periods(regime: Regime, frame: Units, one: Callable) -> Callable:
     def points(state):
         z, found = frame.into(state), []
         for _ in range(regime.n_periods):

@@ -111,7 +111,7 @@ def periods_of(name: str, result, arguments) -> int:
 
 
 def _counts(solver) -> np.ndarray:
-    """Give the counts of `flow`; 0 of a solver that has none."""
+    """Return the counts of `flow`; 0 of a solver that has none."""
     return getattr(solver, "counts", np.zeros(len(COUNTS)))
 
 

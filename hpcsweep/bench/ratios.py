@@ -90,7 +90,7 @@ def pounding() -> Structure:
 
 
 def motions() -> list[Regime]:
-    """Give the motions that are compared.
+    """Return the motions that are compared.
 
     Of the paper's building one with one contact a period, and one with two floors in contact; of
     two buildings that pound one with two, and one with three floors in contact.

@@ -49,7 +49,7 @@ def mpirun() -> str | None:
 
 
 def rank_numbers(largest: int) -> list[int]:
-    """Give 1, 2, 4, ... up to a number of ranks, and that number."""
+    """Return 1, 2, 4, ... up to a number of ranks, and that number."""
     return sorted({2**k for k in range(largest.bit_length())} | {largest})
 
 

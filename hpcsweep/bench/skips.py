@@ -1,4 +1,4 @@
-"""The rules that spare periods, against the plain procedure, on random points of a map.
+"""The rules that spare periods, against the window procedure, on random points of a map.
 
 Points lie on short paths at random frequencies: the first run of a path starts from rest, the next
 ones from where the plain run of the amplitude before ended, as in a sweep. At every point a run
@@ -19,10 +19,10 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.compilation import warm_up
 from hpcsweep.studies.runs import FrameRuns
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.shortcut import Shortcut
 
 OMEGA = (0.2, 0.8)
 AMPLITUDE = 0.35
@@ -50,7 +50,7 @@ class Difference:
     omega, amplitude : float
     state : list of 2n floats
         From which both started.
-    shortcut : str
+    skip_rule : str
         Rule that was used.
     what : list of str
         Results that differ.
@@ -65,7 +65,7 @@ class Difference:
     omega: float
     amplitude: float
     state: list[float]
-    shortcut: str
+    skip_rule: str
     what: list[str]
     plain: str
     skipped: str
@@ -187,7 +187,7 @@ class Comparison:
             self._given[1],
             amplitude,
             np.asarray(state).tolist(),
-            Shortcut(skipped["shortcut"]).name,
+            SkipRule(skipped["skip_rule"]).name,
             what,
             describe(plain),
             describe(skipped),
@@ -198,7 +198,7 @@ class Comparison:
 
     def _go_on(self, amplitude, plain, skipped) -> tuple[int, float]:
         """Go on with the plain run until it agrees: (periods, fall of the distance)."""
-        if Shortcut(skipped["shortcut"]) is Shortcut.NONE:
+        if SkipRule(skipped["skip_rule"]) is SkipRule.NONE:
             return 0, 1.0
         first = last = set_distance(_points(plain), _points(skipped))
         for periods in LONGER:
@@ -234,7 +234,7 @@ def _compare_path(
     rows, found = [], []
     for amplitude in amplitudes[:count]:
         plain, skipped, difference = frame.compare(float(amplitude), state)
-        rows.append((int(skipped["cycles"]), int(skipped["shortcut"])))
+        rows.append((int(skipped["cycles"]), int(skipped["skip_rule"])))
         if difference is not None:
             found.append(difference)
         state = plain["final_state"]
@@ -249,7 +249,7 @@ def compare(
     settings: SweepSettings | None = None,
     say: Callable = lambda text: None,
 ) -> dict:
-    """Compare the rules with the plain procedure on random points.
+    """Compare the rules with the window procedure on random points.
 
     Parameters
     ----------
@@ -273,13 +273,13 @@ def compare(
         (k, min(PATH, n_points - k * PATH), seed, *given) for k in range(math.ceil(n_points / PATH))
     ]
     cycles: list[list[int]] = []
-    shortcuts: Counter[str] = Counter()
+    skip_rules: Counter[str] = Counter()
     found: list[Difference] = []
     far: dict[str, float] = {}
     seconds = np.zeros(2)
     for done, path in enumerate(_all_paths(paths, processes), 1):
         cycles.append([row[0] for row in path["rows"]])
-        shortcuts.update(Shortcut(row[1]).name for row in path["rows"])
+        skip_rules.update(SkipRule(row[1]).name for row in path["rows"])
         found += path["differences"]
         seconds += path["seconds"]
         far = {name: max(value, far.get(name, 0.0)) for name, value in path["far"].items()}
@@ -295,7 +295,7 @@ def compare(
         "periods_per_followed_point": float(np.mean(followed)) if followed else None,
         "cpu_seconds_plain": float(seconds[0]),
         "cpu_seconds_with_rules": float(seconds[1]),
-        "shortcuts": {kind.name: shortcuts[kind.name] for kind in Shortcut},
+        "skip_rules": {kind.name: skip_rules[kind.name] for kind in SkipRule},
         "largest_agreeing": far,
         "undecided": sum(difference.agrees_after > 0 for difference in found),
         "unexplained": sum(difference.agrees_after == 0 for difference in found),
@@ -316,10 +316,10 @@ def _all_paths(paths: list[tuple], processes: int) -> Iterator[dict]:
 def as_text(result: dict) -> str:
     """Write a result of `compare` as a report, one line for each difference."""
     n = result["points"]
-    share = {name: f"{name} {count}" for name, count in result["shortcuts"].items()}
+    share = {name: f"{name} {count}" for name, count in result["skip_rules"].items()}
     followed = result["periods_per_followed_point"]
     lines = [
-        f"rules that spare periods against the plain procedure, {n} random points of Figure 6 "
+        f"rules that spare periods against the window procedure, {n} random points of Figure 6 "
         f"(seed {result['seed']}):",
         f"  periods integrated a point: {result['periods_per_point']:.4g} of "
         f"{result['periods_plain']}"
@@ -338,7 +338,7 @@ def as_text(result: dict) -> str:
         cause = f"plain agrees after {after} more" if after else "UNEXPLAINED"
         lines.append(
             f"    Omega {difference['omega']!r} A {difference['amplitude']!r} "
-            f"{difference['shortcut']}: {' '.join(difference['what'])}: plain "
+            f"{difference['skip_rule']}: {' '.join(difference['what'])}: plain "
             f"{difference['plain']}, with rules {difference['skipped']}; {cause}"
         )
         if not after:

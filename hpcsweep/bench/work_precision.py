@@ -35,7 +35,7 @@ class Row:
 
 
 def regimes() -> list[Regime]:
-    """List the regimes of the comparison."""
+    """Return the regimes of the comparison."""
     printed = Structure()
     described = Structure(damping_ratio=tuple(0.05 / (2 * printed.frequencies**2)))
     soft = Structure(stiffness_ratio=100.0)

@@ -94,7 +94,7 @@ class TaskCosts:
         return int(self._runs.sum() + self._pilot_runs.sum())
 
     def left(self, task: int) -> float:
-        """Give the estimated cost (s) of what is left of a task; 1 a run if nothing is known."""
+        """Return the estimated cost (s) of what is left of a task; 1 a run if nothing is known."""
         if self._left is None:
             self._left = self.all_left().tolist()
         return self._left[task]
@@ -228,7 +228,7 @@ def n_samples(study) -> int:
 
 
 def sample_place(index: int) -> tuple[float, float]:
-    """Give place over the frames and along them of a sample; 0 to k fill both evenly for any k."""
+    """Return the place of a sample over the frames and along them; 0 to k fill both evenly."""
     first, second = ((0.5 + index * step) % 1.0 for step in SPREAD)
     return first, second
 

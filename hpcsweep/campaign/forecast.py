@@ -130,7 +130,7 @@ def _block_bytes(job: Job) -> float:
 
 
 def largest_rank(job: Job, peak: int) -> float:
-    """Give the memory (bytes) of rank 0, from the peak of a process that ran a sample (bytes)."""
+    """Return the memory (bytes) of rank 0, from the peak of a process that ran a sample (bytes)."""
     return peak + MPI_BYTES + _block_bytes(job) + BYTES_PER_TASK * job.study.n_tasks
 
 

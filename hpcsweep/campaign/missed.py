@@ -48,7 +48,7 @@ def missed_attractors(attractors: Path, sweep: Path) -> np.ndarray:
 
 
 def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndarray]]:
-    """Give the sweep's frame, and its amplitudes' places, for each frame of the attractors."""
+    """Return the sweep's frame, and its amplitudes' places, for each frame of the attractors."""
     if runs.study.structure != found.study.structure:
         raise StoreError(f"{sweep}: is of another structure than {found.path}")
     rows = []
@@ -93,5 +93,5 @@ def _of_frame(found: Frames, runs: Frames, frame: int, own: int, place: np.ndarr
 
 
 def _mean_distance(points: np.ndarray, cloud: np.ndarray) -> float:
-    """Give the mean distance of points to the nearest of a cloud."""
+    """Return the mean distance of points to the nearest of a cloud."""
     return float(np.abs(points[:, None] - cloud).max(axis=2).min(axis=1).mean())

@@ -24,7 +24,6 @@ from hpcsweep.store import (
 )
 from hpcsweep.store.commit import check_writable
 from hpcsweep.store.opening import (
-    as_begun,
     check_file,
     check_place,
     layout_problems,
@@ -81,7 +80,6 @@ def run(
     """
     begun = time.time()
     output = followed(output)
-    job = comm.bcast(as_begun(job, output) if comm.rank == 0 else None)
     layout = Layout(job)
     with contextlib.nullcontext(flag) if flag else StopFlag(launched=comm.size > 1) as flag:
         if max_hours is not None:

@@ -166,7 +166,7 @@ def _frame_seconds(layout: Layout, history: History) -> dict | None:
     return {
         "frames": int(timed.size),
         **{f"costliest{end}": value for end, value in most.items()},
-        **{f"dearest{end}": value for end, value in most.items()},  # the name it had first
+        **{f"costliest{end}": value for end, value in most.items()},  # the name it had first
         "median": float(np.median(whole[timed])),
         "cheapest": float(whole[cheapest]),
         "cheapest_omega": float(omega[cheapest]),

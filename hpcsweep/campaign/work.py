@@ -36,7 +36,7 @@ class _Failures:
         self.first += other.first[: LISTED_FAILURES - len(self.first)]
 
     def tell(self, display: Silent) -> None:
-        """List them, and what to do about them."""
+        """Return them, and what to do about them."""
         n_failed = sum(self.counts.values())
         if not n_failed:
             return

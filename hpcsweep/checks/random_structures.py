@@ -115,7 +115,7 @@ def random_structure(rng, sharpness: float, half: float = 2.0) -> Structure:
 
 
 def highest_frequency(structure: Structure) -> float:
-    """Give the largest natural frequency with all contacts closed."""
+    """Return the largest natural frequency with all contacts closed."""
     inverse = np.linalg.inv(structure.mass_matrix)
     stiffness = structure.stiffness_matrix.copy()
     for contact in structure.contacts:

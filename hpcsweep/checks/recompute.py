@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
-from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Block
 
 STEPS = 3
@@ -137,13 +137,13 @@ def _allowed(study, other: str, growth: float) -> float:
 
 
 def _norm(tangent: np.ndarray, units: np.ndarray) -> float:
-    """Give the growth of a tangent map; 1 if it is not known, which allows the least."""
+    """Return the growth of a tangent map; 1 if it is not known, which allows the least."""
     scaled = tangent * units / units[:, None]
     return float(np.linalg.norm(scaled, 2)) if np.all(np.isfinite(scaled)) else 1.0
 
 
 def _apart(study, found: np.ndarray, stored: np.ndarray) -> float:
-    """Give the largest difference of states, in their units."""
+    """Return the largest difference of states, in their units."""
     return float((np.abs(found - stored) / study.structure.state_units).max())
 
 
@@ -157,7 +157,7 @@ def _observe(solver, z, amplitude: float, n_periods: int, name: str):
 def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Carry the last point of a periodic run once round its orbit."""
     period, amplitude = again.orbit_period, again.amplitude
-    off_path = int(run.get("decided_cycles", 0)) > 0
+    off_path = int(run.get("classification_cycles", 0)) > 0
     if off_path and "poincare" not in run:
         again.compared = "nothing: the file holds no point of the motion that was decided"
         return
@@ -172,7 +172,7 @@ def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     again.compared = f"{len(stored)} points once round the orbit"
     again.difference = _apart(study, seen.points[-len(stored) :], stored)
     again.allowed = _allowed(study, again.solver, growth)
-    on_orbit = int(run["shortcut"]) != Shortcut.NONE or off_path
+    on_orbit = int(run["skip_rule"]) != SkipRule.NONE or off_path
     if not on_orbit:
         # all that is promised is that the points repeat within this
         again.allowed += study.settings.period_tolerance * growth

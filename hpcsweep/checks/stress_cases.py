@@ -58,7 +58,7 @@ class Case:
 
 
 def cases(quick: bool, seed: int) -> Iterator[Case]:
-    """Give all cases; the quick ones take less than a minute together on one core."""
+    """Return all cases; the quick ones take less than a minute together on one core."""
     yield from _extremes(quick)
     yield from _at_rest()
     long = 1000 if quick else 10_000

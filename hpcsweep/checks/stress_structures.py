@@ -34,7 +34,7 @@ def _turned(direction: tuple) -> tuple:
 
 
 def hard_structures(rho: float) -> Iterator[tuple[str, dict]]:
-    """Give the structures whose contacts have that sharpness (of a gap of 1)."""
+    """Return the structures whose contacts have that sharpness (of a gap of 1)."""
     yield from _decades(rho)
     yield from _contacts(rho)
     yield from _places(rho)
@@ -88,7 +88,7 @@ def _contacts(rho):
 
 
 def _places(rho):
-    """Give stops at one place, on one row, at rest, and beyond it."""
+    """Return stops at one place, on one row, at rest, and beyond it."""
     yield "gaps of 0 on both sides", {"gap": 0.0, "gap_left": 0.0, "sharpness": rho}
     some = {"gap": (1.0, math.inf, 0.0), "gap_left": (math.inf, math.inf, 0.0)}
     yield "gaps of 0 on both sides of one floor", {**some, "sharpness": rho}

@@ -1,4 +1,4 @@
-"""Measured error against the tolerance that was asked for."""
+"""Measured error against the tolerance that was requested."""
 
 import itertools
 from collections.abc import Callable
@@ -51,7 +51,7 @@ class Row:
 
 
 def regimes() -> list[Regime]:
-    """List the motions: free, slow and fast contact, soft and sharp stops, one floor and six."""
+    """Return the motions: free, slow and fast contact, soft and sharp stops, one floor and six."""
     printed = Structure()
     return [
         Regime("no contact", printed, 0.012),

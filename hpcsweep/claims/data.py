@@ -133,6 +133,6 @@ def is_chaotic(
 
 
 def stretches(chosen: np.ndarray) -> list[tuple[int, int]]:
-    """List (first, last) of the runs of True in a row."""
+    """Return (first, last) of the runs of True in a row."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], chosen.astype(np.int8), [0]))))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -283,9 +283,11 @@ def make_sweep(omega, amplitude, directions, arrays: dict, settings: SweepSettin
 
 
 def _last_points(arrays: dict) -> np.ndarray:
-    """Give the last point of every motion: that of the path, or of what was decided off it."""
-    if "decided_cycles" not in arrays:
+    """Return the last point of every motion: that of the path, or of what was decided off it."""
+    if "classification_cycles" not in arrays:
         return arrays["final_state"]
     last = np.maximum(arrays["n_points"], 1)[..., None, None] - 1
     decided = np.take_along_axis(arrays["poincare"], last, axis=2)[:, :, 0]
-    return np.where((arrays["decided_cycles"] > 0)[..., None], decided, arrays["final_state"])
+    return np.where(
+        (arrays["classification_cycles"] > 0)[..., None], decided, arrays["final_state"]
+    )

@@ -75,7 +75,7 @@ def first_grazing(sweep: Sweep, fine: Sweep | None) -> Claim:
 
 
 def windows(sweep: Sweep, direction: int = 0) -> list[tuple[int, int, int]]:
-    """List the windows (period, first, last) of C23 in a sweep, in ascending amplitude.
+    """Return the windows (period, first, last) of C23 in a sweep, in ascending amplitude.
 
     A period's window is its longest stretch; only periods above 3 are windows.
     """

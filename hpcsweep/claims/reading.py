@@ -14,7 +14,7 @@ from hpcsweep.store import Frames, StoreError
 SAME_OMEGA = 5e-4
 WITHOUT_VALUE = {"matrices": "structure.matrices", "harmonics": "forcing.harmonics"}
 """Keys of a job whose values are too long for a message."""
-OPTIONAL = ("lyapunov", "modal_norm", "motion", "decided_cycles", "n_points")
+OPTIONAL = ("lyapunov", "modal_norm", "motion", "classification_cycles", "n_points")
 LEAST_FRAMES = 10
 """Frames from which on a file is a map."""
 

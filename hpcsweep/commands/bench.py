@@ -20,7 +20,7 @@ Measure, everything that is compared in one run and in turn:
   floors          flow against the number of floors
   ranks           strong scaling of a small job over the cores of this machine (needs mpirun)
   startup         seconds of a tiny job, cold and warm
-  skips           the rules that spare periods against the plain procedure, on random points of
+  skips           the rules that spare periods against the window procedure, on random points of
                   Figure 6; every difference is followed up"""
 POINTS = 500
 """Random points of the skip rules where no number is given."""
@@ -77,7 +77,7 @@ def add_to(commands) -> None:
         "--tolerance",
         type=Path,
         metavar="PNG",
-        help="only measure error against the tolerance asked for, of both solvers, and draw it",
+        help="only measure error against the tolerance requested, of both solvers, and draw it",
     )
     bench.set_defaults(function=_bench)
 
@@ -101,7 +101,7 @@ def _tolerance(options) -> int:
 
 
 def _asked(options) -> list[str]:
-    """Give the parts to be measured, in their order."""
+    """Return the parts to be measured, in their order."""
     from hpcsweep.bench import PARTS
 
     asked = set(options.only or [])

@@ -74,7 +74,7 @@ def _whole(least: int, most: int):
 
 def _explore(options) -> int:
     from hpcsweep.figures.explorer.page import PageTooLarge, build_page, check_size, write_page
-    from hpcsweep.figures.explorer.study import gather
+    from hpcsweep.figures.explorer.page_data import gather
     from hpcsweep.figures.style import PlotError
     from hpcsweep.store import StoreError
 

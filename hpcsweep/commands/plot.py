@@ -31,7 +31,7 @@ RESOLUTIONS = 50, 1200
 
 
 def figures() -> dict[str, "Figure"]:
-    """Return the figures by name; imported when they are asked for, as they load numpy."""
+    """Return the figures by name; imported when they are requested, as they load numpy."""
     modules = [import_module(f"hpcsweep.figures.diagrams.{name}") for name in FIGURES]
     return {module.NAME: cast("Figure", module) for module in modules}
 
@@ -75,7 +75,7 @@ def _complete(plot: argparse.ArgumentParser) -> None:
 
 
 def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
-    """Give the default figure for what runs hold: the first that draws it."""
+    """Return the default figure for what runs hold: the first that draws it."""
     return {figure.DRAWS: name for name, figure in reversed(known.items())}
 
 

@@ -68,7 +68,7 @@ def _schedule(options) -> int:
 
 
 def _costs(source: Path) -> tuple:
-    """Give (job, forecast) and None, or None and what is wrong."""
+    """Return (job, forecast) and None, or None and what is wrong."""
     from hpcsweep.campaign import forecast as estimate
     from hpcsweep.job import JobError, load_job
     from hpcsweep.store import StoreError

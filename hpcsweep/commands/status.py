@@ -96,7 +96,7 @@ def _describe_motions(state: dict) -> list[str]:
             spared = ", ".join(f"{name} {count}" for name, count in state["runs_spared"].items())
             lines.append(
                 f"  periods   {state['periods_per_run']:.3g} integrated a run, of "
-                f"{state['periods_per_run_plain']}; runs spared: {spared}"
+                f"{state['periods_per_run_window']}; runs spared: {spared}"
             )
         lines.append(f"  no period found in {state['no_period_found']} runs")
     if "starts" in state and state["periods_per_start"] is not None:

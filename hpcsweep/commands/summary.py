@@ -8,7 +8,7 @@ from hpcsweep.commands import RAW, USER_ERROR, complain
 HELP = """\
 Tell the numbers of whole studies: what they cost, how much work was spared, and what shares of the
 runs are periodic, chaotic, quasi-periodic or undecided, with which contact sets. Files may be
-larger than the memory. `hpcsweep status` is quicker where only the progress is asked for."""
+larger than the memory. `hpcsweep status` is quicker where only the progress is requested."""
 MOST_ROWS = 16
 """Most orbit periods, and most contact sets, that are listed one by one."""
 
@@ -88,9 +88,9 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
             rows[name] += f": {', '.join(parts)}"
     if not summary["tells_chaos"]:
         rows["chaotic"] = "not told: the file holds neither motion nor lyapunov"
-    plain = summary.get("plain_test")
+    plain = summary.get("window_test")
     if plain and plain["runs"]:
-        rows["plain test"] = (
+        rows["window test"] = (
             f"of {plain['runs']} windows it claims {plain['wrong']} wrong periods and misses "
             f"{plain['missed']}"
         )
@@ -107,11 +107,11 @@ def _history_rows(summary: dict) -> dict[str, str]:
     rows = {}
     if summary["runs_done"]:
         rows["periods per history"] = (
-            f"{summary['periods_per_run']:.4g} integrated, of {summary['periods_per_run_plain']}"
+            f"{summary['periods_per_run']:.4g} integrated, of {summary['periods_per_run_window']}"
         )
     return rows | {
-        f"shortcut {name}": _share(entry)
-        for name, entry in summary["shortcuts"].items()
+        f"skip_rule {name}": _share(entry)
+        for name, entry in summary["skip_rules"].items()
         if name != "none"
     }
 

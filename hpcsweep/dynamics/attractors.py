@@ -1,13 +1,13 @@
 """All attractors at one point (structure, A, Omega), with their shares of a box of states.
 
-Starts are decided in groups that double in size, so that what the first ones find is known to the
-later ones. A start is integrated `STRIDE` forcing periods at a time. Where it comes into the
+Starts are classified in groups that double in size, so that what the first ones find is known to
+the later ones. A start is integrated `STRIDE` forcing periods at a time. Where it comes into the
 neighbourhood of a known orbit (`hpcsweep.dynamics.neighbourhood`) it counts as a start of that
 orbit. What is still outside all of them when the transient is over is compared, by its last
 `WINDOW` points, with the known motions that are no orbit (`hpcsweep.dynamics.resemblance`), and
-only what resembles none is decided on its own (`hpcsweep.dynamics.decide`).
+only what resembles none is classified on its own (`hpcsweep.dynamics.classify_motion`).
 
-Chaos may be a long transient. A motion that is decided to be no orbit, and is none of the known
+Chaos may be a long transient. A motion that is classified to be no orbit, and is none of the known
 ones, is therefore followed until `max_cycles` forcing periods have passed; if it settles on an
 orbit on the way, that is its attractor. A transient with mean lifetime L passes this with
 probability exp(-max_cycles / L). A motion that is left undecided is remembered in the same way, so
@@ -22,7 +22,7 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.decide import NEAR, SETTLED, decide
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED, classify_motion
 from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
 from hpcsweep.dynamics.resemblance import Signature, same_orbit
@@ -34,7 +34,7 @@ STRIDE = 8
 FIRST_GROUP, LARGEST_GROUP = 4, 256
 """Starts of the first group, and of the largest."""
 PATIENCE = 48
-"""Forcing periods after which a start is decided where all that is known are orbits."""
+"""Forcing periods after which a start is classified where all that is known are orbits."""
 WINDOW, RECORD = 64, 2000
 """Forcing periods of the window of a start, and of the record of a motion that is no orbit."""
 MOST_RECORDS = 16
@@ -49,7 +49,7 @@ MOST_WATCHED = 100
 """Longest orbit period for which a motion is watched to settle."""
 
 
-class Search:
+class AttractorSearch:
     """The attractors that are known so far at one point.
 
     Parameters
@@ -69,8 +69,8 @@ class Search:
         self.failures: Counter[Outcome] = Counter()
         self.cycles = 0
 
-    def fork(self, poll: Callable[[], None] | None = None) -> "Search":
-        """Give a search that knows what this one knows; what it finds this one does not learn."""
+    def fork(self, poll: Callable[[], None] | None = None) -> "AttractorSearch":
+        """Return a search that knows what this one knows; what it finds this one does not learn."""
         own = copy(self)
         own._poll, own._rng = poll, np.random.default_rng(0)
         own._neighbourhoods, own._signatures = list(self._neighbourhoods), list(self._signatures)
@@ -116,7 +116,7 @@ class Search:
                 continue
             end = self._settle(one.points[-1], LONGER * self._max_cycles)
             if end.outcome is Outcome.COMPLETE and end.period:
-                motion = self._decided(end.state)
+                motion = self._classified(end.state)
                 if motion.kind is MotionClass.PERIODIC:
                     there = self._place_orbit(motion)
                     place_of = np.append(place_of, range(len(place_of), len(self.attractors)))
@@ -152,17 +152,17 @@ class Search:
             labels[k] = self._place(trail[k, max(gone + 1 - WINDOW, 0) : gone + 1])
         return labels
 
-    def decide(self, state: np.ndarray) -> int:
+    def classify(self, state: np.ndarray) -> int:
         """Decide a motion; give its place in `attractors`, `UNDECIDED` or `FAILED`."""
-        motion = self._decided(state)
+        motion = self._classified(state)
         if motion.outcome is not Outcome.COMPLETE or motion.kind is MotionClass.FAILED:
             return self._failed(motion.outcome)
         if motion.kind is MotionClass.PERIODIC:
             return self._place_orbit(motion)
         return self._place_aperiodic(motion)
 
-    def _decided(self, state: np.ndarray) -> Motion:
-        motion = decide(
+    def _classified(self, state: np.ndarray) -> Motion:
+        motion = classify_motion(
             self._solver, state, self._amplitude, self._settings, self._max_cycles, self._poll
         )
         self.cycles += motion.cycles
@@ -206,7 +206,7 @@ class Search:
             if there is not None:
                 return there
             state = points[-1]
-        return self.decide(state)
+        return self.classify(state)
 
     @property
     def _longest(self) -> int:
@@ -251,7 +251,7 @@ class Search:
         return next((place for own, _, place in self._signatures if own.holds(scaled)), None)
 
     def _place_orbit(self, motion: Motion) -> int:
-        """Place what is decided to be an orbit."""
+        """Place what is classified to be an orbit."""
         scaled, same = motion.points / self._units, self._settings.period_tolerance
         for place, known in enumerate(self.attractors):
             if known.orbit_period and same_orbit(scaled, known.points / self._units, same):
@@ -265,7 +265,7 @@ class Search:
         return self._add(motion, motion.points, seen, near)
 
     def _place_aperiodic(self, motion: Motion) -> int:
-        """Place what is decided to be no orbit, or not decided, if it stays so."""
+        """Place what is classified to be no orbit, or not decided, if it stays so."""
         there = self._resembling(motion.points)
         if there is not None:
             self._remember(motion.points, there)
@@ -274,7 +274,7 @@ class Search:
         if end.outcome is not Outcome.COMPLETE:
             return self._failed(end.outcome)
         if end.period:
-            settled = self._decided(end.state)
+            settled = self._classified(end.state)
             if settled.kind is MotionClass.PERIODIC:
                 return self._place_orbit(settled)
         seen = self._solver.observe(end.state, self._amplitude, RECORD, True, poll=self._poll)
@@ -284,7 +284,7 @@ class Search:
         if motion.kind is MotionClass.CHAOTIC:
             # the record itself may have come to an orbit
             end = self._settle(seen.points[-1], 2 * MOST_WATCHED)
-            settled = self._decided(end.state) if end.period else motion
+            settled = self._classified(end.state) if end.period else motion
             if settled.kind is MotionClass.PERIODIC:
                 return self._place_orbit(settled)
         scaled = seen.points / self._units

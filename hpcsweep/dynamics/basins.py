@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics.attractor import Attractor
-from hpcsweep.dynamics.attractors import LARGEST_GROUP, Search
+from hpcsweep.dynamics.attractors import LARGEST_GROUP, AttractorSearch
 
 ELSEWHERE = -3
 """In place of an attractor's number: one that is not listed."""
@@ -52,7 +52,7 @@ class Basins:
         most: int,
         poll: Callable[[], None] | None = None,
     ):
-        self._search = Search(solver, amplitude, settings, max_cycles, poll)
+        self._search = AttractorSearch(solver, amplitude, settings, max_cycles, poll)
         labels = self._search.confirmed(self._search.labels(starts))
         found = self._search.attractors
         hits = np.bincount(labels[labels >= 0], minlength=len(found))

@@ -44,14 +44,14 @@ class WeightedGrowth(NamedTuple):
     whole: float
 
     def vanishes(self, size: int) -> bool:
-        """Tell whether there is none over so many periods, as on a torus."""
+        """Return whether there is none over so many periods, as on a torus."""
         swings = max(NEUTRAL_GROWTH, 3 * TORUS_RATE * size)
         halves = abs(self.first) <= swings and abs(self.second) <= swings
         return halves and abs(self.whole) <= max(TORUS_GROWTH, TORUS_RATE * size)
 
 
 def agreeing_digits(points: np.ndarray) -> float:
-    """Give the decimal digits to which the weighted means over both halves of a stretch agree.
+    """Return the decimal digits to which the weighted means over both halves of a stretch agree.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def weighted_means(points: np.ndarray) -> np.ndarray:
 
 
 def weighted_growth(logarithms: np.ndarray) -> WeightedGrowth:
-    """Give the growth of a tangent vector over a stretch, from weighted means.
+    """Return the growth of a tangent vector over a stretch, from weighted means.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class Interval(NamedTuple):
         return cls(mean, mean, mean)
 
     def times(self, factor: float) -> "Interval":
-        """Give it in another unit; `factor` > 0."""
+        """Return it in another unit; `factor` > 0."""
         return Interval(self.mean * factor, self.low * factor, self.high * factor)
 
 
@@ -51,7 +51,7 @@ def aligned(logarithms: np.ndarray) -> np.ndarray:
 def growth_interval(
     logarithms: np.ndarray, batches: int = BATCHES, confidence: float = CONFIDENCE
 ) -> Interval:
-    """Give the mean growth a period with its confidence interval.
+    """Return the mean growth a period with its confidence interval.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def growth_interval(
 
 @functools.lru_cache(maxsize=64)
 def _quantile(freedom: int, probability: float) -> float:
-    """Give that of Student's t distribution."""
+    """Return that of Student's t distribution."""
     from scipy.special import stdtrit  # who only reads results does not wait for it
 
     return float(stdtrit(freedom, probability))

@@ -77,7 +77,7 @@ def neighbourhood(solver, amplitude: float, points: np.ndarray, rng) -> Neighbou
 
 
 def lyapunov_forms(tangents: list[np.ndarray], form: np.ndarray) -> np.ndarray:
-    """Give P_k for the tangent maps of an orbit's periods and Q; shape (p, 2n, 2n).
+    """Return P_k for the tangent maps of an orbit's periods and Q; shape (p, 2n, 2n).
 
     Raises
     ------
@@ -116,7 +116,7 @@ def inside(states: np.ndarray, known: list[Neighbourhood | None]) -> np.ndarray:
 
 
 def _falls(solver, amplitude, points, forms, surfaces, level: float) -> bool:
-    """Tell whether V falls over a period from each tested point of the surfaces V = level."""
+    """Return whether V falls over a period from each tested point of the surfaces V = level."""
     size = np.sqrt(level)
     for k, (point, surface) in enumerate(zip(points, surfaces, strict=True)):
         after = (k + 1) % len(points)

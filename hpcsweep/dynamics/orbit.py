@@ -1,6 +1,6 @@
 """Orbit period from stroboscopic points.
 
-`orbit_period` is the plain test of published studies: points that repeat within a tolerance. It
+`orbit_period` is the window test of published studies: points that repeat within a tolerance. It
 takes an approach for an orbit. With multiplier mu an orbit of period 1 is approached as z_k = z + a
 mu^k, so that points q apart differ by e_k(q) = |a| |mu|^k |1 - mu^q|: with mu = -1 + s those 2
 apart are 2 / s times closer than neighbours, and are the same when those are not: an orbit of twice
@@ -232,7 +232,7 @@ def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:
 
 
 def _ratio_of_turns(points: np.ndarray, period: int) -> tuple[float, np.ndarray, float]:
-    """Give r and b of `limit_of_approach` for the last point, and |b - r a| / |b|."""
+    """Return r and b of `limit_of_approach` for the last point, and |b - r a| / |b|."""
     before = points[-1 - period] - points[-1 - 2 * period]
     moved = points[-1] - points[-1 - period]
     square, size = float(before @ before), float(np.abs(moved).max())
@@ -243,7 +243,7 @@ def _ratio_of_turns(points: np.ndarray, period: int) -> tuple[float, np.ndarray,
 
 
 def stays_near_orbit(points: np.ndarray, max_period: int, near: float) -> bool:
-    """Tell whether points stay near an orbit, attracting or not: p apart they are near throughout.
+    """Return whether points p apart are near throughout: near an orbit, attracting or not.
 
     Parameters
     ----------
@@ -264,12 +264,12 @@ def stays_near_orbit(points: np.ndarray, max_period: int, near: float) -> bool:
 
 
 def _coordinates(points: np.ndarray) -> np.ndarray:
-    """Give points of shape (k, 2n) as (2n, k): maxima over few rows are ten times faster."""
+    """Return points of shape (k, 2n) as (2n, k): maxima over few rows are ten times faster."""
     return np.ascontiguousarray(points.T)
 
 
 def _near_ends(coordinates: np.ndarray, longest: int, near: float) -> list[int]:
-    """List the p up to `longest` for which the point p before the last is near it."""
+    """Return the p up to `longest` for which the point p before the last is near it."""
     back = coordinates[:, -2 : -longest - 2 : -1] - coordinates[:, -1:]
     return (1 + np.flatnonzero(np.abs(back).max(axis=0) <= near)).tolist()
 
@@ -279,7 +279,7 @@ def _apart(coordinates: np.ndarray, period: int) -> np.ndarray:
 
 
 def _vanishes(apart: np.ndarray) -> bool:
-    """Tell whether distances fall towards 0, from their largest in three stretches."""
+    """Return whether distances fall towards 0, from their largest in three stretches."""
     third = len(apart) // 3
     if third == 0:
         return False
@@ -292,7 +292,7 @@ def _vanishes(apart: np.ndarray) -> bool:
 
 
 def smallest_period(points: np.ndarray, same: float) -> int:
-    """Give the smallest period of the points of an orbit.
+    """Return the smallest period of the points of an orbit.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics.attractor import UNDECIDED, Portrait
-from hpcsweep.dynamics.attractors import Search
+from hpcsweep.dynamics.attractors import AttractorSearch
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.solvers.outcome import Outcome
 
@@ -39,9 +39,9 @@ def portrait(
     poll : callable, optional
         Called before each start and within long ones; may raise to leave.
     """
-    search = Search(solver, amplitude, settings, max_cycles, poll)
+    search = AttractorSearch(solver, amplitude, settings, max_cycles, poll)
     for seed in seeds:
-        search.decide(seed)
+        search.classify(seed)
     labels = search.confirmed(search.labels(starts))
     found = []
     for place, attractor in enumerate(search.attractors):

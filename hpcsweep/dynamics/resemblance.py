@@ -33,7 +33,7 @@ PARTS = 4
 
 
 def same_orbit(one: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
-    """Tell whether orbits are the same: the smallest distance over cyclic shifts.
+    """Return whether orbits are the same: the smallest distance over cyclic shifts.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Signature:
         return bool(np.abs(self._weighted - other._weighted).max() <= most)
 
     def holds(self, points: np.ndarray) -> bool:
-        """Tell whether a motion's points, in units of the state, are of the same attractor."""
+        """Return whether a motion's points, in units of the state, are of the same attractor."""
         far, _ = self._tree.query(points)
         if np.mean(far > self._reach) > STRAYS:
             return False
@@ -85,7 +85,7 @@ class Signature:
         return bool(np.all(away <= SAFETY * self._spread(len(points)) + self._reach))
 
     def _spread(self, size: int) -> np.ndarray:
-        """Give the largest distance from the mean over windows of a length, shape (2n,)."""
+        """Return the largest distance from the mean over windows of a length, shape (2n,)."""
         size = min(size, len(self._sums) // 2)
         if size not in self._farthest:
             first = np.arange(0, len(self._sums) - size, max(size // PARTS, 1))
@@ -95,7 +95,7 @@ class Signature:
 
 
 def distance(one: np.ndarray, other: np.ndarray) -> float:
-    """Give the distance of two attractors by their points, in units of the state.
+    """Return the distance of two attractors by their points, in units of the state.
 
     The mean distance from a point of one to the nearest of the other, that way round in which it
     is smaller: an orbit and the one of twice the period that it doubles into are near, and so are a

@@ -49,7 +49,7 @@ class Shot(NamedTuple):
     """Of the orbit, shape (p, 2n), the last one as near to `point` as `distance`; if at hand."""
 
     def attracts(self, tolerance: float) -> bool:
-        """Tell whether the motion of z is proved to go to the orbit, found to `tolerance`."""
+        """Return whether the motion of z is proved to go to the orbit, found to `tolerance`."""
         linear = self.bent <= LINEAR * self.left + ROUNDING
         return self.distance <= tolerance and self.multiplier < 1.0 and linear
 

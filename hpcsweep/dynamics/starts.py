@@ -45,7 +45,7 @@ def box_of(value: object, units: np.ndarray) -> np.ndarray:
 def starting_states(
     box: np.ndarray, starts: int, seed: int, omega: float, amplitude: float
 ) -> np.ndarray:
-    """Give the starting states of one point.
+    """Return the starting states of one point.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _power(starts: int) -> int:
 
 @lru_cache(maxsize=4)
 def _sobol(size: int, power: int, seed: int) -> np.ndarray:
-    """Give 2^power scrambled points of the unit cube, shape (2^power, size)."""
+    """Return 2^power scrambled points of the unit cube, shape (2^power, size)."""
     from scipy.stats import qmc  # takes a second to load
 
     return qmc.Sobol(size, scramble=True, seed=np.random.default_rng(seed)).random_base2(power)

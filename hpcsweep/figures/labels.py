@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from hpcsweep.figures.style import AMPLITUDE, OMEGA, PlotError
 
 MOST_FLOORS = 5
-"""Floors that are all shown where none are asked for; of more the top, the middle and the first."""
+"""Floors that are all shown where none are requested; of more the top, the middle and the first."""
 
 
 MOST_MODES = 5
@@ -13,7 +13,7 @@ MOST_MODES = 5
 
 
 def in_gaps(structure) -> bool:
-    """Tell whether lengths are in gaps and times in 1/omega_0: equal storeys, all stops at 1."""
+    """Return whether lengths are in gaps and times in 1/omega_0: equal storeys, all stops at 1."""
     return structure.is_uniform and all(contact.gap == 1.0 for contact in structure.contacts)
 
 
@@ -51,12 +51,12 @@ def choose_floors(n: int, asked: Sequence[int] | None = None) -> list[int]:
     n : int
         Floors of the structure.
     asked : sequence of int, optional
-        Those asked for, from 1. Default: all of a few, else the first, the middle and the top.
+        Those requested, from 1. Default: all of a few, else the first, the middle and the top.
 
     Raises
     ------
     PlotError
-        If one asked for is not there.
+        If one requested is not there.
     """
     if asked:
         for floor in asked:

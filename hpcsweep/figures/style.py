@@ -89,7 +89,7 @@ def resolution(dpi: int) -> Iterator[None]:
 
 
 def pixels(figure) -> np.ndarray:
-    """Give the width and the height of a figure's picture, shape (2,)."""
+    """Return the width and the height of a figure's picture, shape (2,)."""
     return figure.get_size_inches() * _dpi.get()
 
 
@@ -117,7 +117,7 @@ def roman(number: int) -> str:
 
 
 def nearest_frame(omegas: np.ndarray, omega: float | None) -> int:
-    """Return the frame nearest to a frequency, the first if none is asked for."""
+    """Return the frame nearest to a frequency, the first if none is requested."""
     if omega is None:
         return 0
     if not np.isfinite(real("omega", omega)):
@@ -150,7 +150,7 @@ def need_amplitudes(study) -> None:
 
 
 def direction_index(results, direction: str | None) -> int:
-    """Return the place of a sweep direction, of the first one if none is asked for."""
+    """Return the place of a sweep direction, of the first one if none is requested."""
     there = [str(name) for name in results["direction"].values]
     if direction is None:
         return 0

@@ -31,7 +31,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "sampling_cycles",
         "max_orbit_period",
         "period_tolerance",
-        "decide_cycles",
+        "classify_cycles",
         "initial_state",
     ),
     "solver": ("method", "rtol", "skip"),
@@ -72,11 +72,8 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     return parse_job(text, source, path.stem)
 
 
-def parse_job(text: str, source: str, default_name: str, plain: bool = False) -> Job:
+def parse_job(text: str, source: str, default_name: str) -> Job:
     """Validate the text of a job; `source` is named in errors.
-
-    With `plain` a job that does not say for how long its motions are to be decided is one of the
-    plain procedure, as all were before there was `sweep.decide_cycles`.
 
     Raises
     ------
@@ -98,7 +95,7 @@ def parse_job(text: str, source: str, default_name: str, plain: bool = False) ->
         values,
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
-        settings=_settings(values, plain),
+        settings=_settings(values),
         block_size=values.whole("output.block", _default_block(values, study), 1, MAX_VALUES),
     )
     _check_extent(values, found)
@@ -125,12 +122,12 @@ def _check_extent(values: Values, study) -> None:
 
 
 def keys_of(study) -> dict[str, tuple[str, ...]]:
-    """Give the keys of each table of a job of one kind of study."""
+    """Return the keys of each table of a job of one kind of study."""
     return {table: (*study.keys.get(table, ()), *keys) for table, keys in KEYS.items()}
 
 
 def every_key() -> dict[str, tuple[str, ...]]:
-    """Give the keys of each table of a job of any kind of study, each once."""
+    """Return the keys of each table of a job of any kind of study, each once."""
     tables = [keys_of(study) for study in KINDS.values()]
     return {
         name: tuple(dict.fromkeys(key for table in tables for key in table[name])) for name in KEYS
@@ -138,7 +135,7 @@ def every_key() -> dict[str, tuple[str, ...]]:
 
 
 def _keys_of_others(study) -> dict[str, str]:
-    """Give the keys that only other kinds of study know, and which."""
+    """Return the keys that only other kinds of study know, and which."""
     own = keys_of(study)
     homes: dict[str, list[str]] = {}
     for other in KINDS.values():
@@ -186,7 +183,7 @@ def _initial_state(values: Values, n: int) -> np.ndarray:
     return state
 
 
-def _settings(values: Values, plain: bool) -> SweepSettings:
+def _settings(values: Values) -> SweepSettings:
     default = SweepSettings()
     sampling = values.whole("sweep.sampling_cycles", default.sampling_cycles, 1, MAX_CYCLES)
     longest = max(min(sampling // 2, MAX_PERIOD), 1)
@@ -217,14 +214,12 @@ def _settings(values: Values, plain: bool) -> SweepSettings:
         skip=_skip(values),
         metrics=_metrics(values, default),
         max_points=_max_points(values, sampling, longest),
-        decide_cycles=_decide_cycles(values, method, plain),
+        classify_cycles=_classify_cycles(values, method),
     )
 
 
-def _decide_cycles(values: Values, method: str, plain: bool) -> int | None:
-    if plain and not values.has("sweep.decide_cycles"):
-        return None
-    return values.whole("sweep.decide_cycles", SOLVERS[method].decide_cycles, 0, MAX_CYCLES)
+def _classify_cycles(values: Values, method: str) -> int:
+    return values.whole("sweep.classify_cycles", SOLVERS[method].classify_cycles, 0, MAX_CYCLES)
 
 
 def _max_points(values: Values, sampling: int, longest: int) -> int | None:

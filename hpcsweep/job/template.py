@@ -93,7 +93,7 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 # Forcing periods for which a run whose motion these leave open is integrated on, until it is proved
 # periodic, chaotic or on a torus; the next run starts from where they ended all the same. A whole
 # number from 0, which takes what they tell, to 10000000; default: 50000, with bdf 0.
-#decide_cycles = 50000
+#classify_cycles = 50000
 
 # State at which each frame begins: "rest", or a list of 2 n numbers, u_1 .. u_n, v_1 .. v_n.
 #initial_state = "rest"

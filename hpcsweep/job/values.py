@@ -75,20 +75,20 @@ class Values:
             raise JobError(f"{self.source}: unknown key {full!r}{hint}")
 
     def has(self, key: str) -> bool:
-        """Tell whether a key of a table is given."""
+        """Return whether a key of a table is given."""
         table, name = key.split(".")
         return name in self._tree.get(table, {})
 
     def table(self, name: str) -> Mapping:
-        """Give a whole table, empty if it is not there."""
+        """Return a whole table, empty if it is not there."""
         return self._tree.get(name, {})
 
     def top(self, key: str, default: object) -> object:
-        """Give the value of a key outside tables."""
+        """Return the value of a key outside tables."""
         return self._tree.get(key, default)
 
     def get(self, key: str, default: object = None) -> object:
-        """Give the value of a key; one without a default must be there."""
+        """Return the value of a key; one without a default must be there."""
         table, name = key.split(".")
         value = self._tree.get(table, {}).get(name, default)
         if value is None:

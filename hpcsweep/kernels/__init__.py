@@ -1,1 +1,1 @@
-"""What numba is asked for: compilation and its cache, vectors, packed arguments."""
+"""What numba is requested: compilation and its cache, vectors, packed arguments."""

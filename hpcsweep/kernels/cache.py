@@ -55,6 +55,7 @@ KERNEL_FILES = (
     "solvers/flow",
     "solvers/outcome.py",
     "solvers/reference.py",
+    "solvers/skip_rule.py",
 )
 """Files and folders of the package of which kernels, and the constants in them, are made."""
 SUFFIX = ".kernel"
@@ -62,7 +63,7 @@ HASH_LENGTH = 16
 
 
 def kernel_files(package: Path = PACKAGE, names: tuple[str, ...] = KERNEL_FILES) -> list[Path]:
-    """List the files of which kernels are made.
+    """Return the files of which kernels are made.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def kernel_files(package: Path = PACKAGE, names: tuple[str, ...] = KERNEL_FILES)
 
 
 def _program_text(source: bytes) -> str:
-    """Give what a file says to Python: without comments, docstrings and line numbers."""
+    """Return what a file says to Python: without comments, docstrings and line numbers."""
     tree = ast.parse(source)
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
@@ -122,12 +123,12 @@ def source_hash() -> str:
 
 
 def cache_folder() -> Path:
-    """Give the folder of the compiled kernels."""
+    """Return the folder of the compiled kernels."""
     return cache_root() / source_hash()
 
 
 def kept_in() -> list[Path]:
-    """List the folders in which there are compiled kernels: none where they cannot be kept."""
+    """Return the folders in which there are compiled kernels: none where they cannot be kept."""
     folders = (root / source_hash() for root in roots())
     return [folder for folder in folders if any(folder.rglob(f"*{SUFFIX}"))]
 
@@ -171,7 +172,7 @@ class KernelCache(FunctionCache):
     _impl_class = _Implementation
 
     def _path(self, sig, codegen) -> Path:
-        """Give the place of a compiled kernel below a root."""
+        """Return the place of a compiled kernel below a root."""
         key = repr(self._index_key(sig, codegen)).encode()
         name = f"{self._py_func.__qualname__}-{hashlib.sha256(key).hexdigest()[:16]}{SUFFIX}"
         return Path(source_hash()) / self._impl.locator.place / name
@@ -188,12 +189,12 @@ class KernelCache(FunctionCache):
         return None
 
     def holds(self, sig, target_context) -> bool:
-        """Tell whether a kernel is in the cache."""
+        """Return whether a kernel is in the cache."""
         place = self._path(sig, target_context.codegen())
         return any(os.access(root / place, os.R_OK) for root in roots())
 
     def fits(self) -> frozenset[str]:
-        """Give the keys of the fits (`fitting`) for which there is a kernel, of any processor."""
+        """Return the keys of the fits (`fitting`) for which there is a kernel, of any processor."""
         found = set()
         for root in roots():
             folder = root / source_hash() / self._impl.locator.place

@@ -103,7 +103,7 @@ def with_known_sizes(context, builder, kind, value, packed):
 
 
 def _with_shapes(context, builder, kind, value, shapes: Shapes, start, place: int):
-    """Give the value with its sizes, and the place of what follows it."""
+    """Return the value with its sizes, and the place of what follows it."""
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
         word = ir.IntType(64)

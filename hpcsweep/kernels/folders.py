@@ -17,7 +17,7 @@ from pathlib import Path
 
 
 def cache_root() -> Path:
-    """Give the folder of the caches of all versions."""
+    """Return the folder of the caches of all versions."""
     if os.environ.get("NUMBA_CACHE_DIR"):
         return Path(os.environ["NUMBA_CACHE_DIR"])
     try:
@@ -29,7 +29,7 @@ def cache_root() -> Path:
 
 @functools.cache
 def own_folder() -> Path | None:
-    """Give a folder for what cannot be kept in `cache_root`; None if it might be another user's.
+    """Return a folder for what cannot be kept in `cache_root`; None if it might be another user's.
 
     What lies in a cache is executed.
     """
@@ -44,7 +44,7 @@ def own_folder() -> Path | None:
 
 
 def roots() -> list[Path]:
-    """Give the folders below which compiled kernels may lie, that of `cache_root` first."""
+    """Return the folders below which compiled kernels may lie, that of `cache_root` first."""
     own = own_folder()
     return [cache_root()] if own is None else [cache_root(), own]
 

@@ -188,7 +188,7 @@ maximum = _folding(
 
 
 def _negative(builder, value):
-    """Give a bit for each lane that is negative; NaN is not."""
+    """Return a bit for each lane that is negative; NaN is not."""
     below = builder.fcmp_ordered("<", value, everywhere(builder, 0.0))
     return builder.bitcast(below, ir.IntType(LANES))
 
@@ -207,7 +207,7 @@ def negative(typingctx, value):
 
 @intrinsic
 def first_not_negative(typingctx, value):
-    """Give the first lane that is not negative, `LANES` if all are (kernels only)."""
+    """Return the first lane that is not negative, `LANES` if all are (kernels only)."""
     del typingctx
 
     def generate(context, builder, signature, arguments):

@@ -33,7 +33,7 @@ class _PartLibrary(JITCodeLibrary):
         module.link_in(self._final_module, preserve=True)
 
     def _get_module_for_linking(self):
-        """Give numba's own libraries the functions with all that they call."""
+        """Return numba's own libraries the functions with all that they call."""
         if self._shared_module is None:
             whole = self._final_module.clone()
             for library in _all_that_is_called(self):
@@ -59,7 +59,7 @@ class _WholeLibrary(JITCodeLibrary):
         super().finalize()
 
     def _get_module_for_linking(self):
-        """Give its names alone, which numba wants to know when it loads the machine code.
+        """Return its names alone, which numba wants to know when it loads the machine code.
 
         The functions themselves would be kept beside their machine code, and be parsed again by
         everybody who loads it.
@@ -74,7 +74,7 @@ class _WholeLibrary(JITCodeLibrary):
 
 
 def _all_that_is_called(library):
-    """List the libraries that one calls, and those that its parts call, each once."""
+    """Return the libraries that one calls, and those that its parts call, each once."""
     found = dict.fromkeys(library._linking_libraries)
     queue = list(found)
     while queue:
@@ -160,19 +160,19 @@ class KernelDispatcher(CPUDispatcher):
         return _PartDispatcher(self.py_func, targetoptions=options, pipeline_class=_PART)
 
     def get_call_template(self, args, kws):
-        """Give numba the signature of a call by a kernel."""
+        """Return numba the signature of a call by a kernel."""
         return self._part.get_call_template(args, kws)
 
     def is_kept(self, sig) -> bool:
-        """Tell whether the cache has the kernel compiled for a signature."""
+        """Return whether the cache has the kernel compiled for a signature."""
         return self._cache.holds(sig, self.targetctx)
 
     def kept_fits(self) -> frozenset[str]:
-        """Give the keys of the fits that the cache has the kernel for."""
+        """Return the keys of the fits that the cache has the kernel for."""
         return self._cache.fits()
 
     def get_overload(self, sig):
-        """Give numba what a kernel calls."""
+        """Return numba what a kernel calls."""
         return self._part.get_overload(sig)
 
 

@@ -41,7 +41,7 @@ Shapes = tuple
 
 
 def shapes_of(value) -> Shapes:
-    """Give the shapes of the arrays in a tuple of tuples and arrays; () for a number."""
+    """Return the shapes of the arrays in a tuple of tuples and arrays; () for a number."""
     if isinstance(value, np.ndarray | Zeros):
         return value.shape
     if isinstance(value, tuple):
@@ -50,17 +50,17 @@ def shapes_of(value) -> Shapes:
 
 
 def first_place(n_bytes: int) -> int:
-    """Give the place of the first array behind values of so many bytes."""
+    """Return the place of the first array behind values of so many bytes."""
     return next_place(0, n_bytes)
 
 
 def next_place(place: int, n_bytes: int) -> int:
-    """Give the place of what follows an array of so many bytes."""
+    """Return the place of what follows an array of so many bytes."""
     return place + -(-n_bytes // LINE) * LINE + LINE
 
 
 def arrays_in(value) -> Iterator[np.ndarray | Zeros]:
-    """List the arrays in a tuple of tuples, arrays and numbers, in their order."""
+    """Return the arrays in a tuple of tuples, arrays and numbers, in their order."""
     if isinstance(value, np.ndarray | Zeros):
         yield value
     elif isinstance(value, tuple):
@@ -69,7 +69,7 @@ def arrays_in(value) -> Iterator[np.ndarray | Zeros]:
 
 
 def with_arrays(value, change: Callable[[np.ndarray | Zeros], np.ndarray]):
-    """Give such a tuple with other arrays in it, changed in their order."""
+    """Return such a tuple with other arrays in it, changed in their order."""
     if isinstance(value, np.ndarray | Zeros):
         return change(value)
     if not isinstance(value, tuple):
@@ -79,7 +79,7 @@ def with_arrays(value, change: Callable[[np.ndarray | Zeros], np.ndarray]):
 
 
 def apart(array: np.ndarray | Zeros) -> np.ndarray:
-    """Give an array memory of its own."""
+    """Return an array memory of its own."""
     return np.zeros(array.shape, array.dtype) if isinstance(array, Zeros) else array.copy()
 
 

@@ -42,7 +42,7 @@ LOADING = threading.RLock()
 
 
 def type_of(example):
-    """Give the type of a value, for the declaration of a separate kernel."""
+    """Return the type of a value, for the declaration of a separate kernel."""
     return numba.typeof(example)
 
 
@@ -128,7 +128,7 @@ class Separate:
         return self.dispatcher.is_kept(self._signature)
 
     def kept_fits(self) -> frozenset[str]:
-        """Give the keys of the fits that the cache has the kernel for, on any processor."""
+        """Return the keys of the fits that the cache has the kernel for, on any processor."""
         return self.dispatcher.kept_fits()
 
     @property
@@ -228,7 +228,7 @@ class FittedKernels:
         self.all = [self._by_origin.get(one, one) for one in ALL]
 
     def __getitem__(self, one: Separate) -> Separate:
-        """Give a kernel fitted."""
+        """Return a kernel fitted."""
         return self._by_origin[one]
 
     @property

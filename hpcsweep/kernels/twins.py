@@ -99,7 +99,7 @@ def negative(value):
 
 
 def first_not_negative(value):
-    """Give the first lane that is not negative, `LANES` if all are."""
+    """Return the first lane that is not negative, `LANES` if all are."""
     return next((k for k, number in enumerate(value) if not number < 0.0), LANES)
 
 
@@ -133,14 +133,14 @@ def switches(y):
 
 
 def read(packed: tuple) -> tuple:
-    """Give back a tuple that was not packed, with numbers of numpy in it."""
+    """Return back a tuple that was not packed, with numbers of numpy in it."""
     if isinstance(packed, tuple):
         return type(packed)(*map(read, packed))
     return _ieee(packed)
 
 
 def as_long_as(array, other):
-    """Give back an array that is as long as another."""
+    """Return back an array that is as long as another."""
     if len(array) != len(other):
         raise IndexError(f"an array of {len(array)} is taken for one of {len(other)}")
     return array

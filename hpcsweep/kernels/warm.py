@@ -47,7 +47,7 @@ def processors() -> int:
 
 
 def missing(fitted: FittedKernels | None = None) -> list[Separate]:
-    """List the kernels, those for any structure or fitted ones, that are to be compiled yet."""
+    """Return the kernels, those for any structure or fitted ones, that are to be compiled yet."""
     asked = separate.ALL if fitted is None else fitted.all
     return [one for one in asked if not one.is_loaded and not one.is_kept]
 

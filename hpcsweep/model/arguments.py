@@ -218,5 +218,5 @@ def instance(name: str, value: object, kind: type[Kind]) -> Kind:
 
 
 def plain(value: Any) -> Any:
-    """Give what an array without dimensions holds; anything else as it is."""
+    """Return what an array without dimensions holds; anything else as it is."""
     return value.item() if getattr(value, "shape", None) == () else value

@@ -39,7 +39,7 @@ def as_text(structure: Structure) -> str:
 
 
 def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
-    """List the displacements of a floor (from 0) at its own stops, on the right and on the left.
+    """Return the displacements of a floor (from 0) at its own stops, on the right and on the left.
 
     Of contacts of that floor alone: where several move, there is no such displacement.
     """

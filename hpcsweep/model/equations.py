@@ -79,7 +79,7 @@ def jacobian(z, packed, out):
 
 
 def derivative(tau: float, z: np.ndarray, amplitude: float, packed: Any) -> np.ndarray:
-    """Give z', for integrators of Python; arguments as `right_hand_side`.
+    """Return z', for integrators of Python; arguments as `right_hand_side`.
 
     The kernel returns nothing: when numba hands over an array it loses a Ctrl-C of that moment.
     """
@@ -89,7 +89,7 @@ def derivative(tau: float, z: np.ndarray, amplitude: float, packed: Any) -> np.n
 
 
 def jacobian_matrix(z: np.ndarray, packed: Any) -> np.ndarray:
-    """Give dz'/dz, as `derivative` gives z'."""
+    """Return dz'/dz, as `derivative` gives z'."""
     out = np.empty((z.size, z.size))
     jacobian(z, packed, out)
     return out

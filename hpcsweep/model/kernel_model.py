@@ -174,7 +174,7 @@ class _Rows:
         return self._n + len(self.extra) - 1, 1.0
 
     def difference(self, direction: np.ndarray) -> tuple[int, int]:
-        """Give the two rows of which a drift is the difference, or one and -1."""
+        """Return the two rows of which a drift is the difference, or one and -1."""
         entries = np.flatnonzero(direction)
         if entries.size == 2 and sorted(direction[entries].tolist()) == [-1.0, 1.0]:
             upper, lower = entries if direction[entries[0]] > 0 else entries[::-1]
@@ -251,7 +251,7 @@ def _shares(row: np.ndarray, pushed: list[np.ndarray], n_rows: int) -> tuple[np.
 
 
 def _bent(stiffness, damping, kick, damped) -> np.ndarray:
-    """Give -K e + D (D e) of each contact, summed in the order of the columns."""
+    """Return -K e + D (D e) of each contact, summed in the order of the columns."""
     found = -(kick @ stiffness.T)
     for j in range(len(damping)):
         found = found + damping[:, j] * damped[:, j, None]
@@ -275,7 +275,7 @@ def _energy(structure: Structure) -> Energy:
 
 
 def _hardest(energy: Energy) -> float:
-    """Give the largest eigenvalue of what all contacts together add to M^-1 K."""
+    """Return the largest eigenvalue of what all contacts together add to M^-1 K."""
     if not energy.kappa.size:
         return 0.0
     together = np.einsum("k,ki,kj->ij", energy.kappa, energy.reach, energy.reach)

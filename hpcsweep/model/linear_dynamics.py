@@ -234,7 +234,7 @@ class LinearDynamics:
         return phi @ (push / denominator)
 
     def steady_harmonics(self, omega: float) -> tuple[np.ndarray, np.ndarray]:
-        """Give the orders and the responses to all harmonics, shapes (H,) and (H, n)."""
+        """Return the orders and the responses to all harmonics, shapes (H,) and (H, n)."""
         responses = [
             self.linear_steady_state(omega, order)
             * (size if phase == 0.0 else size * np.exp(1j * phase))

@@ -68,7 +68,7 @@ def check_symmetric(name: str, array: np.ndarray) -> None:
 
 
 def _listed(given: Any) -> list | None:
-    """Give the items of a sequence, or None if it is none; a set has no order."""
+    """Return the items of a sequence, or None if it is none; a set has no order."""
     if isinstance(given, np.ndarray):
         return list(given) if given.ndim else None
     return list(given) if isinstance(given, list | tuple) else None

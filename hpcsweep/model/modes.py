@@ -92,7 +92,7 @@ def trigonometric_maxima(orders: np.ndarray, responses: np.ndarray, rows) -> np.
 
 
 def trigonometric_zeros(orders: np.ndarray, amplitudes: np.ndarray) -> list[float]:
-    """List the sign changes of sum_h Im(a_h exp(i h theta)) over a period of theta."""
+    """Return the sign changes of sum_h Im(a_h exp(i h theta)) over a period of theta."""
     from scipy.optimize import brentq
 
     edges = np.linspace(0.0, 2.0 * math.pi, int(SAMPLES * orders.max()) + 1)

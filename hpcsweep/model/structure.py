@@ -213,7 +213,7 @@ class Structure(MeasuredDynamics):
         return vector(name, given, self.n_floors, "numbers, one per floor")
 
     def _floors(self, value: Any) -> tuple[float, ...]:
-        """Give a value for each floor; 1 where there is none."""
+        """Return a value for each floor; 1 where there is none."""
         if value is None:
             return (1.0,) * self.n_floors
         return value if isinstance(value, tuple) else (value,) * self.n_floors
@@ -298,7 +298,7 @@ class Structure(MeasuredDynamics):
         return tuple(i for i, gap in enumerate((*right, *left), 1) if gap < math.inf)
 
     def contact_bits(self, key: int) -> int:
-        """Give the contact set of a file, bit k - 1 for contact number k, from bits in a row."""
+        """Return the contact set of a file, bit k - 1 for contact number k, from bits in a row."""
         if self.contact_numbers == tuple(range(1, len(self.contacts) + 1)):
             return key
         return sum(1 << (k - 1) for i, k in enumerate(self.contact_numbers) if key >> i & 1)
@@ -313,7 +313,7 @@ class Structure(MeasuredDynamics):
         return tuple(labels)
 
     def without_contacts(self) -> "Structure":
-        """Give the same structure, free."""
+        """Return the same structure, free."""
         if self.matrices is None:
             return replace(self, gap=math.inf, gap_left=math.inf)
         return replace(self, matrices=replace(self.matrices, contacts=()))

@@ -156,7 +156,7 @@ class ExactCosts:
         self._done[task] = piece + 1
 
     def left(self, task: int) -> float:
-        """Give the cost (s) of what is left."""
+        """Return the cost (s) of what is left."""
         return self._rest[task][self._done[task]]
 
 
@@ -191,7 +191,7 @@ class Prediction:
 
 
 def ranks_that_help(costs: Sequence[float] | np.ndarray) -> float:
-    """Give total / costliest: with more ranks the costliest task is the bound."""
+    """Return total / costliest: with more ranks the costliest task is the bound."""
     each = np.asarray(costs, float)
     return float(each.sum() / each.max()) if each.size and each.max() > 0 else 1.0
 

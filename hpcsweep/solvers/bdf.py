@@ -23,9 +23,9 @@ import numpy as np
 from scipy.integrate import BDF
 
 from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
-from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import motion, points_array, solver_arguments, tangent_column
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, window_growth
@@ -66,7 +66,7 @@ class BdfMap:
         self.rtol = max(rtol, SMALLEST_RTOL)
         self._model = model = kernel_model(structure, self.omega)
         self._packed = MODEL.pack(model)
-        self._frame = Frame(structure, model)
+        self._units = Units(structure, model)
         self.period = 2 * math.pi / model.omega
         self._layer = 1.0 / max(model.rho, FLATTEST)
         sharp = model.rho > FLATTEST
@@ -82,12 +82,12 @@ class BdfMap:
     ) -> Advance:
         """Integrate `n_periods` forcing periods; see `hpcsweep.solvers.flow.FlowMap.advance`."""
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
-        z = self._frame.into(z)
+        z = self._units.into(z)
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, poll)
             if outcome is not Outcome.COMPLETE:
-                return Advance(self._frame.out_of(z), done, outcome)
-        return Advance(self._frame.out_of(z), n_periods, Outcome.COMPLETE)
+                return Advance(self._units.out_of(z), done, outcome)
+        return Advance(self._units.out_of(z), n_periods, Outcome.COMPLETE)
 
     def settle(
         self,
@@ -167,9 +167,9 @@ class BdfMap:
 
         The first two are empty if the solver fails.
         """
-        start = self._frame.into(state)
+        start = self._units.into(state)
         size = start.size
-        vector = self._frame.tangent_into(tangent_column(self.structure, direction))
+        vector = self._units.tangent_into(tangent_column(self.structure, direction))
         z = np.concatenate((start, vector.ravel()))
         logarithms = np.empty(n_periods)
         for period in range(n_periods):
@@ -179,7 +179,7 @@ class BdfMap:
             length = np.linalg.norm(z[size:])
             logarithms[period] = math.log(length) if length > 0 else -math.inf
             z[size:] /= length or 1.0
-        end = self._frame.tangent_out_of(z[size:, None]).ravel()
+        end = self._units.tangent_out_of(z[size:, None]).ravel()
         return logarithms, end, Outcome.COMPLETE
 
     def monodromy(
@@ -189,31 +189,31 @@ class BdfMap:
 
         The 2n variational columns are integrated with the state, to the same tolerance.
         """
-        columns = self._frame.tangent_into(np.eye(2 * self.structure.n_floors))
+        columns = self._units.tangent_into(np.eye(2 * self.structure.n_floors))
         size, n_columns = columns.shape
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
-        z = np.concatenate((self._frame.into(z), columns.ravel()))
+        z = np.concatenate((self._units.into(z), columns.ravel()))
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, None, columns=n_columns)
             if outcome is not Outcome.COMPLETE:
                 raise ArithmeticError(f"bdf: {outcome.name} in forcing period {done + 1}")
         matrix = z[size:].reshape(size, n_columns)
-        return self._frame.out_of(z[:size]), self._frame.tangent_out_of(matrix)
+        return self._units.out_of(z[:size]), self._units.tangent_out_of(matrix)
 
     def _collect(self, state, amplitude, n_periods, poll, on_step):
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
-        z = self._frame.into(z)
+        z = self._units.into(z)
         points = points_array(n_periods, z.size)
         for done in range(n_periods):
             z, outcome = self._period(z, amplitude, poll, on_step)
             if outcome is not Outcome.COMPLETE:
-                return self._frame.out_of(points[:done]), outcome
+                return self._units.out_of(points[:done]), outcome
             points[done] = z
-        return self._frame.out_of(points), Outcome.COMPLETE
+        return self._units.out_of(points), Outcome.COMPLETE
 
     def _equations(self, amplitude, columns):
         """Right-hand side and Jacobian for scipy, of the state with so many tangent columns."""
-        packed, size = self._packed, self._frame.size
+        packed, size = self._packed, self._units.size
 
         def motion(tau, z):
             return derivative(tau, z, amplitude, packed)
@@ -240,7 +240,7 @@ class BdfMap:
         """Integrate one period; return the state (the old one after a failure) and an outcome."""
         if poll is not None:
             poll()
-        motion, matrix = self._equations(amplitude / self._frame.amplitude_unit, columns)
+        motion, matrix = self._equations(amplitude / self._units.amplitude_unit, columns)
         with np.errstate(all="ignore"):
             try:
                 solver = BDF(
@@ -273,7 +273,7 @@ class BdfMap:
 
     def _step_limit(self, tau, z, motion):
         """Time in which a contact could reach its layer, or cross a part of it."""
-        contacts, n = self._model.contacts, self._frame.size // 2
+        contacts, n = self._model.contacts, self._units.size // 2
         if not contacts.row.size:
             return math.inf
         past = contacts.sign * z[contacts.row] - contacts.gap

@@ -40,7 +40,7 @@ class FreeMotion:
         self.packed = FREE.pack(free)
 
     def window(self, state: np.ndarray, amplitude: float) -> Observation | None:
-        """Give the steady window of the run from `state`, or None if it is not proved linear.
+        """Return the steady window of the run from `state`, or None if it is not proved linear.
 
         Its point is the state at the window's end.
         """

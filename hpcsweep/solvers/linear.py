@@ -60,12 +60,12 @@ class LinearOrbit:
         )
 
     def state(self, amplitude: float) -> np.ndarray:
-        """Give the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
+        """Return the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
         speeds = self._omega * (self._orders @ self._responses.real)
         return amplitude * np.concatenate((self._responses.imag.sum(axis=0), speeds))
 
     def window(self, amplitude: float) -> Observation | None:
-        """Give one period of the steady state, or None if it comes into a layer, or there is none.
+        """Return one period of the steady state; None if it is not known, or comes into a layer.
 
         Parameters
         ----------
@@ -79,7 +79,7 @@ class LinearOrbit:
         return self.observation(amplitude, self.state(amplitude))
 
     def observation(self, amplitude: float, point: np.ndarray) -> Observation:
-        """Give the results of a window of the steady state that ends at a point."""
+        """Return the results of a window of the steady state that ends at a point."""
         return Observation(
             point[None, :],
             0,
@@ -89,17 +89,17 @@ class LinearOrbit:
         )
 
     def peak_drift(self, amplitude):
-        """Give the largest interstorey drift at amplitudes A."""
+        """Return the largest interstorey drift at amplitudes A."""
         return np.abs(amplitude) * self._drift
 
     def modal_norm(self, amplitude: float) -> np.ndarray:
-        """Give the mean modal norms, shape (n,); NaN at A = 0."""
+        """Return the mean modal norms, shape (n,); NaN at A = 0."""
         n = self._structure.n_floors
         return self._modal_norm if amplitude else np.full(n, math.nan)
 
 
 def period_map(structure: Structure, period: float) -> np.ndarray:
-    """Give the map of (q, q') over a time without forcing, shape (2n, 2n)."""
+    """Return the map of (q, q') over a time without forcing, shape (2n, 2n)."""
     w = structure.frequencies
     if not structure.is_modal:
         zero, drag = np.zeros((w.size, w.size)), structure.modal_damping

@@ -9,7 +9,7 @@ class Outcome(IntEnum):
     NOT_COMPUTED = 0
     """No committed result (readers report it; no solver returns it)."""
     COMPLETE = 1
-    """All periods asked for were integrated or proved redundant."""
+    """All periods requested were integrated or proved redundant."""
     NON_FINITE = 2
     """The state left the range of double precision."""
     STEP_LIMIT = 3

@@ -62,7 +62,7 @@ class Orbits:
     Attributes
     ----------
     rule : ndarray of int, shape (k,)
-        `FREE_RUN`, `SETTLED_RUN` or `JUMPED_RUN` (`solvers.flow.path`).
+        A `SkipRule`.
     length, period : ndarray of int
         Forcing periods of the orbit that was gone round, and the smallest period of its points.
     cycles : ndarray of int
@@ -70,7 +70,7 @@ class Orbits:
     multiplier : ndarray
         Modulus of the largest Floquet multiplier over `length` after a jump, else NaN.
     points : ndarray, shape (k, max_period, 2n)
-        The first `length` of each row are the orbit, in the order of the plain procedure's last
+        The first `length` of each row are the orbit, in the order of the window procedure's last
         points; others are NaN.
     contact : ndarray of uint64
         As in `Observation`; also `peak_drift` and `modal_norm`, shape (k, n), which of motions free
@@ -108,14 +108,14 @@ class Observation:
         max over floors and time of |u_i - u_{i-1}|, u_0 = 0, in gaps.
     modal_norm : ndarray, shape (n,)
         Mean of |q_j| / ||q|| (17) over the time in which no floor touches; NaN if there is none
-        or if it was not asked for.
+        or if it was not requested.
     outcome : Outcome
         COMPLETE, or why it ended early.
     growth : float
         Natural logarithm of the factor by which a tangent vector grows over the window
-        (`window_growth`); NaN unless it was asked for.
+        (`window_growth`); NaN unless it was requested.
     logarithms : ndarray, shape (k,)
-        Natural logarithm of that factor in each forcing period; empty unless it was asked for.
+        Natural logarithm of that factor in each forcing period; empty unless it was requested.
     """
 
     points: np.ndarray
@@ -156,13 +156,13 @@ class Growth:
         return replace(more, points=points, logarithms=logarithms)
 
     def last(self, n_periods: int) -> "Growth":
-        """Give its last periods."""
+        """Return its last periods."""
         points, logarithms = self.points[-n_periods:], self.logarithms[-n_periods:]
         return replace(self, points=points, logarithms=logarithms)
 
 
 def window_growth(logarithms: np.ndarray) -> float:
-    """Give the growth of a tangent vector over a window from that in each of its periods.
+    """Return the growth of a tangent vector over a window from that in each of its periods.
 
     The vector turns into the direction of largest growth first: the first tenth of the window does
     not count, and the growth of the rest is taken for all of it. Over the time of the window it is
@@ -179,7 +179,7 @@ def window_growth(logarithms: np.ndarray) -> float:
 
 
 def normalised_drift(peak_drift, amplitude, omega: float):
-    """Give peak drifts in units of A / Omega^2, one or many; NaN at A = 0."""
+    """Return peak drifts in units of A / Omega^2, one or many; NaN at A = 0."""
     size = np.abs(amplitude)
     scale = omega**2 / np.where(size > 0, size, math.nan)
     return peak_drift * scale

@@ -365,7 +365,7 @@ def system(structure, amplitude, omega):
 
 
 def _at_one_place(one, other):
-    """Tell whether d . u = g of two stops (d, g, kappa) are one condition."""
+    """Return whether d . u = g of two stops (d, g, kappa) are one condition."""
     conditions = np.array([[*d, gap] for d, gap, _ in (one, other)])
     return np.linalg.matrix_rank(conditions) == 1
 

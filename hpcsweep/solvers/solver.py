@@ -36,7 +36,7 @@ class SolverKind:
         Whether ``poll`` is called in each forcing period, not only between runs.
     follows_orbits : bool
         Whether it does runs in a row that rules settle (`FlowMap.follow_orbits`).
-    decide_cycles : int
+    classify_cycles : int
         Forcing periods after which the motion of a run counts as undecided, of a job that says
         nothing of it. A solver that takes a second for what takes `flow` a millisecond decides only
         where it is asked to.
@@ -49,7 +49,7 @@ class SolverKind:
     period_error: float
     polls_each_period: bool = False
     follows_orbits: bool = False
-    decide_cycles: int = 0
+    classify_cycles: int = 0
 
     def load(self) -> Callable[[Structure, float, float], "Solver"]:
         """Import it, which takes longer than most commands do that compute nothing."""
@@ -64,7 +64,7 @@ SOLVERS = {
         tight=1e-11,
         period_error=1e3,
         follows_orbits=True,
-        decide_cycles=50_000,
+        classify_cycles=50_000,
     ),
     "bdf": SolverKind(
         "bdf", "BdfMap", rtol=1e-6, tight=1e-10, period_error=3e3, polls_each_period=True

@@ -7,9 +7,9 @@ from scipy.integrate import solve_ivp
 
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.equations import MODEL, derivative
-from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.units import Units
 
 RTOL, ATOL = 1e-9, 1e-11
 LARGEST_STEP = 1 / 64
@@ -51,7 +51,7 @@ def trajectory(
     n_samples = count("n_samples", n_samples, 2, MAX_SAMPLES)
     structure = structure.measured_at(omega, amplitude)
     model = kernel_model(structure, omega)
-    packed, frame = MODEL.pack(model), Frame(structure, model)
+    packed, frame = MODEL.pack(model), Units(structure, model)
     period = 2 * math.pi / model.omega
     size = amplitude / frame.amplitude_unit
 

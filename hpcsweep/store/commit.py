@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.store.layout import Layout, StoreError, WriteError
 from hpcsweep.store.offsets import Rows, is_packed, open_above, open_rows
 from hpcsweep.store.transport import Transport, open_transport
-from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Block
 
-CODES = {"outcome": (1, max(Outcome)), "shortcut": (0, max(Shortcut))}
+CODES = {"outcome": (1, max(Outcome)), "skip_rule": (0, max(SkipRule))}
 """Least and largest code of results that are codes."""
 SYNC_INTERVAL = 2.0
 """Seconds between flushes to disk."""
@@ -78,7 +78,7 @@ class Blocks:
         return {name: self._rows.read(name, block.first, block.n_runs) for name in self.variables}
 
     def places(self, block: Block) -> dict[str, tuple[int, int]]:
-        """Give the first byte and the number of bytes of a block in each variable of the file.
+        """Return the first byte and the number of bytes of a block in each variable of the file.
 
         Empty if the file is packed.
         """
@@ -125,7 +125,7 @@ class Blocks:
         return int.from_bytes(digest.digest(), "little") | 1
 
     def _holds(self, stored: int, block: Block, start: np.ndarray, rows: dict) -> bool:
-        """Tell whether a block is what its checksum says, with codes that have a meaning."""
+        """Return whether a block is what its checksum says, with codes that have a meaning."""
         return stored == self.checksum(block, start, rows) and all(
             least <= int(rows[name].min()) and int(rows[name].max()) <= most
             for name, (least, most) in CODES.items()

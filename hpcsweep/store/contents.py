@@ -2,7 +2,7 @@
 
 The check against the job and the checksum ask for the same things, and every call into HDF5 costs
 more than what it answers; so it is called without the layers of h5py above it where many things are
-asked for.
+requested.
 """
 
 from functools import cached_property
@@ -123,7 +123,7 @@ class Contents:
         return found
 
     def find(self, name: str) -> Dataset | None:
-        """Give a dataset; None if the name is of something else."""
+        """Return a dataset; None if the name is of something else."""
         if name not in self._found:
             opened = h5o.open(self._file.id, name.encode(errors="surrogateescape"))
             if not isinstance(opened, h5d.DatasetID):

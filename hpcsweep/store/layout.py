@@ -12,13 +12,10 @@ amplitude.
 
 Versions
 --------
-``layout_version`` is 1. What a version-1 file means is fixed: every later program opens, lists,
-validates and draws it (``tests/data/layout1.h5`` is kept for that), even if it writes another
-layout. A change that a reader of today would misread gets a new number, and a reader for each old
-number stays. Two things outside this module are part of version 1, because every file holds them:
-the job's text, which must go on being accepted by `hpcsweep.job`, and its fingerprint, which is the
-seed of all checksums; where `MEANING_VERSION` of `hpcsweep.job.fingerprint` is raised, the formula
-of the old number stays for old files. Files of a newer version are refused with both numbers.
+Until release 1.0 a file belongs to the ``layout_version`` it was written with: another version is
+refused with one line that names both, and the program that wrote the file. A change that a reader
+would misread gets a new number; where the same job comes to mean other results, so does
+`MEANING_VERSION` of `hpcsweep.job.fingerprint`.
 
 A file may be packed (`hpcsweep.store.packing`): the same datasets, chunked and compressed, with the
 same values, attributes and checksums. It is read like any other and written never again.
@@ -29,7 +26,7 @@ import numpy as np
 from hpcsweep.job import Job
 from hpcsweep.model import description
 
-LAYOUT_VERSION = 1
+LAYOUT_VERSION = 2
 FORMAT = "hpcsweep campaign"
 
 
@@ -94,11 +91,11 @@ class Layout:
         return [*(variable for variable, _ in self.given), *self.variables, self.commit]
 
     def shape(self, variable) -> tuple[int, ...]:
-        """Give the shape of a variable."""
+        """Return the shape of a variable."""
         return tuple(self.sizes[dim] for dim in variable.dims)
 
     def bytes_of(self, variable) -> int:
-        """Give the bytes of a variable."""
+        """Return the bytes of a variable."""
         return int(np.prod(self.shape(variable), dtype=object)) * np.dtype(variable.dtype).itemsize
 
     @property
@@ -118,5 +115,5 @@ class Layout:
         }
 
     def file_size(self) -> int:
-        """Give the bytes of the file, without its few kilobytes of metadata."""
+        """Return the bytes of the file, without its few kilobytes of metadata."""
         return sum(map(self.bytes_of, [*self.variables, self.commit]))

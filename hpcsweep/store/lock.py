@@ -127,7 +127,7 @@ class Lock:
             fcntl.lockf(self._descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, RANKS_BYTE)
 
     def release(self, remove: bool = False) -> None:
-        """Give up the lock; rank 0 removes the file, last of all."""
+        """Return up the lock; rank 0 removes the file, last of all."""
         if remove:
             with contextlib.suppress(OSError):
                 self.path.unlink()
@@ -144,7 +144,7 @@ class Lock:
         return True
 
     def _still_there(self) -> bool:
-        """Tell whether the locked file is the one under the name (not one just removed)."""
+        """Return whether the locked file is the one under the name (not one just removed)."""
         try:
             return os.fstat(self._descriptor).st_ino == self.path.stat().st_ino
         except FileNotFoundError:
@@ -156,7 +156,7 @@ class Lock:
             self._descriptor = CLOSED
 
     def _process_holding(self, byte: int) -> int:
-        """Give the process of this node that holds a byte's lock, 0 if it is not known."""
+        """Return the process of this node that holds a byte's lock, 0 if it is not known."""
         if sys.platform != "linux" or struct.calcsize("l") != 8:
             return 0
         question = struct.pack(FLOCK, fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)

@@ -58,7 +58,7 @@ class Offsets:
                 self._of[name] = (data.place, data.shape, data.dtype)
 
     def extents(self, names: Iterable[str]) -> list[tuple[int, int]]:
-        """List the first byte of each variable and the one after its last."""
+        """Return the first byte of each variable and the one after its last."""
         return [
             (first, first + int(np.prod(shape, dtype=object)) * dtype.itemsize)
             for first, shape, dtype in map(self._of.__getitem__, names)
@@ -73,7 +73,7 @@ class Offsets:
     def extent(
         self, variable: str, start: tuple[int, ...], n: int
     ) -> tuple[int, int, tuple[int, ...], np.dtype]:
-        """Give offset, bytes, shape and type of `n` rows of a variable from index `start`."""
+        """Return offset, bytes, shape and type of `n` rows of a variable from index `start`."""
         _, shape, dtype = self._of[variable]
         shape = (n, *shape[len(start) :])
         return self.at(variable, start), int(np.prod(shape)) * dtype.itemsize, shape, dtype
@@ -143,7 +143,7 @@ class PackedRows:
 
 
 def is_packed(path: Path) -> bool:
-    """Tell whether a campaign file is packed."""
+    """Return whether a campaign file is packed."""
     with open_for_reading(path) as file:
         return file["commit"].chunks is not None
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import h5py
 
-from hpcsweep.job import Job, JobError, parse_job
+from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
 from hpcsweep.store.contents import Contents, attributes_of
@@ -86,7 +86,7 @@ def _check_kind(path: Path) -> None:
 
 
 def _is_endless(heap: bytes) -> bool:
-    """Tell whether HDF5 would never come to the end of a heap: free room in it has no size.
+    """Return whether HDF5 would never come to the end of a heap: free room in it has no size.
 
     An object is an index, 0 of free room, and at byte 8 a size; that of free room counts its head.
     """
@@ -142,8 +142,10 @@ def check_file(path: Path) -> dict:
         raise StoreError(f"{path}: an HDF5 file, but no results of hpcsweep; it is left as it is")
     version = attributes.get("layout_version", -1)
     if not _equal(version, LAYOUT_VERSION):
+        wrote = attributes.get("hpcsweep_version", "of unknown version")
         raise StoreError(
-            f"{path}: has layout version {version}, this program reads version {LAYOUT_VERSION}"
+            f"{path}: has layout version {version}, which hpcsweep {wrote} reads; this one reads "
+            f"version {LAYOUT_VERSION}"
         )
     return attributes
 
@@ -154,7 +156,7 @@ def _equal(value: object, expected: object) -> bool:
 
 
 def read_layout(path: str | Path) -> Layout:
-    """Give the layout of the job that a campaign file says it is of, without a look at the rest.
+    """Return the layout of the job that a campaign file says it is of, without a look at the rest.
 
     Raises
     ------
@@ -164,36 +166,13 @@ def read_layout(path: str | Path) -> Layout:
     path = path_of("path", path)
     attributes = check_file(path)
     try:
-        job = _job_of(attributes, f"{path} (job)")
+        job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
     except (KeyError, TypeError, JobError) as error:
         what = "it is missing" if isinstance(error, KeyError | TypeError) else error
         raise DamagedError(f"{path}: its job cannot be read: {what}") from None
     if job.fingerprint != attributes.get("fingerprint"):
         raise DamagedError(f"{path}: its job and its fingerprint do not agree; {REPAIR}")
     return Layout(job)
-
-
-def _job_of(attributes: dict, source: str) -> Job:
-    """Read the job of a file, as it was meant when the file was made."""
-    text, name = attributes["job"], attributes["name"]
-    job = parse_job(text, source, name)
-    if job.fingerprint == attributes.get("fingerprint"):
-        return job
-    before = parse_job(text, source, name, plain=True)
-    return before if before.fingerprint == attributes.get("fingerprint") else job
-
-
-def as_begun(job: Job, path: Path) -> Job:
-    """Give a job the meaning with which its file was begun, if that is there.
-
-    A campaign that an earlier version began goes on as it began.
-    """
-    try:
-        begun = check_file(path).get("fingerprint") if path.is_file() else None
-    except StoreError:  # said by whoever checks the file
-        return job
-    before = parse_job(job.text, "job", job.name, plain=True)
-    return before if before.fingerprint == begun else job
 
 
 def layout_problems(path: Path, layout: Layout) -> list[str]:
@@ -207,9 +186,7 @@ def layout_problems(path: Path, layout: Layout) -> list[str]:
     with reading(path) as file:
         contents = Contents(file)
         problems = file_problems(contents, layout, path.stat().st_size)
-        if problems or CHECKSUM not in contents.attributes:
-            return problems
-        if metadata_checksum(contents) != contents.attributes[CHECKSUM]:
+        if not problems and metadata_checksum(contents) != contents.attributes.get(CHECKSUM):
             problems.append(
                 "attributes, coordinates or names: the checksum over them does not hold"
             )

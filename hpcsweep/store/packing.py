@@ -82,7 +82,7 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
 
 
 def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ...]]:
-    """List the places of the committed blocks, all of whose checksums hold."""
+    """Return the places of the committed blocks, all of whose checksums hold."""
     committed, waiting = [], 0
     blocks = Blocks(path, layout)
     try:
@@ -134,9 +134,8 @@ def _copy(path: Path, temporary: Path) -> None:
                 packed[part] = data[part]
         for key, value in source.attrs.items():
             copy.attrs[key] = value
-        if CHECKSUM in copy.attrs:
-            # it covers the places of the datasets, which are others here
-            copy.attrs[CHECKSUM] = metadata_checksum(Contents(copy))
+        # it covers the places of the datasets, which are others here
+        copy.attrs[CHECKSUM] = metadata_checksum(Contents(copy))
     _sync(temporary)
 
 

@@ -14,7 +14,7 @@ from hpcsweep.store.parts import parts_of
 
 
 def job_of(path: str | Path) -> Job:
-    """Give the job a campaign file was made for.
+    """Return the job a campaign file was made for.
 
     Raises
     ------

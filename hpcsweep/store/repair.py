@@ -71,7 +71,7 @@ def repair(path: Path, layout: Layout, provenance: dict[str, str | int]) -> str:
 
 
 def _sound_attributes(path: Path, model: Path) -> dict | None:
-    """Give the attributes of a damaged file if their checksum proves them right, else None."""
+    """Return the attributes of a damaged file if their checksum proves them right, else None."""
     try:
         with open_for_reading(path) as file:
             found = dict(file.attrs)
@@ -84,7 +84,7 @@ def _sound_attributes(path: Path, model: Path) -> dict | None:
 
 
 def _believed(path: Path, layout: Layout, offsets: Offsets) -> bool:
-    """Tell whether a block of the file, at the places of the model, has a checksum that holds."""
+    """Return whether a block of the file, at the places of the model, has a checksum that holds."""
     with Blocks(path, layout, ContiguousRows(path, offsets)) as blocks:
         try:
             return any(

@@ -1,6 +1,6 @@
 """Two ways for every rank to write into the shared file; the bytes are the same.
 
-``mpiio`` writes at the datasets' byte offsets through MPI-IO (through plain ``pwrite`` where there
+``offset`` writes at the datasets' byte offsets through MPI-IO (through plain ``pwrite`` where there
 is one rank), which needs no parallel HDF5. ``mpio`` writes through h5py's driver of that name,
 where h5py was built with MPI. Each rank opens MPI-IO files on its own communicator, so that no
 call waits for another rank; ``sync`` flushes what this rank wrote to the disk.
@@ -98,7 +98,7 @@ class PosixTransport:
 class MpiIoTransport:
     """``MPI.File.Write_at`` at byte offsets: plain h5py, any MPI."""
 
-    name = "mpiio"
+    name = "offset"
 
     def __init__(self, path: Path):
         from hpcsweep.parallel.mpi import open_file
@@ -154,7 +154,7 @@ class MpioTransport:
 
 
 def check_transport() -> str:
-    """Give the transport that ``HPCSWEEP_TRANSPORT`` asks for, '' if none.
+    """Return the transport that ``HPCSWEEP_TRANSPORT`` asks for, '' if none.
 
     Raises
     ------
@@ -162,8 +162,8 @@ def check_transport() -> str:
         If it is not to be had.
     """
     asked = os.environ.get(ENVIRONMENT, "")
-    if asked not in ("", "mpiio", "mpio"):
-        raise StoreError(f"{ENVIRONMENT} = {asked!r}: must be mpiio or mpio")
+    if asked not in ("", "offset", "mpio"):
+        raise StoreError(f"{ENVIRONMENT} = {asked!r}: must be offset or mpio")
     if asked == "mpio" and not h5py.get_config().mpi:
         raise StoreError(f"{ENVIRONMENT} = 'mpio': this h5py was built without MPI")
     return asked
@@ -172,13 +172,13 @@ def check_transport() -> str:
 def open_transport(path: Path, comm) -> Transport:
     """Open the file for writing on every rank.
 
-    ``HPCSWEEP_TRANSPORT`` may ask for ``mpiio`` or ``mpio``; otherwise ``mpio`` is taken where
+    ``HPCSWEEP_TRANSPORT`` may ask for ``offset`` or ``mpio``; otherwise ``mpio`` is taken where
     h5py has MPI and there is more than one rank.
 
     Raises
     ------
     StoreError
-        If what was asked for is not to be had.
+        If what was requested is not to be had.
     """
     asked, able = check_transport(), h5py.get_config().mpi
     if comm.size == 1:

@@ -1,6 +1,6 @@
 """Amplitude sweep: path-following by the end state of one amplitude as start of the next.
 
-A frame is one path, up and then, where that is asked for, down from where the way up ended. It is
+A frame is one path, up and then, where that is requested, down from where the way up ended. It is
 the study of the paper, and the one a job has that names none.
 """
 
@@ -48,12 +48,12 @@ class AmplitudeSweep(RunGrid):
         )
 
     def task_of(self, direction, frame, number):
-        """Give the task of blocks: their frame."""
+        """Return the task of blocks: their frame."""
         del direction, number
         return frame
 
     def path(self, task: int) -> Path:
-        """List the blocks of a frame: up, then down."""
+        """Return the blocks of a frame: up, then down."""
 
         def block(position: int) -> Block:
             direction, number = divmod(position, self.n_blocks)
@@ -62,7 +62,7 @@ class AmplitudeSweep(RunGrid):
         return Path(len(self.directions) * self.n_blocks, block)
 
     def descends(self, direction: int) -> bool:
-        """Tell whether the amplitudes of a direction are computed from the highest on."""
+        """Return whether the amplitudes of a direction are computed from the highest on."""
         return self.directions[direction] == DOWN
 
     def rows(
@@ -77,7 +77,7 @@ class AmplitudeSweep(RunGrid):
         return sweep_block(self.moving, omega, amplitudes, state, self.settings, poll)
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Give the index of the run before one on the path; None for the first."""
+        """Return the index of the run before one on the path; None for the first."""
         if row != block.begin:
             return block.run(row + 1 if block.descending else row - 1)
         direction, _, number = block.place

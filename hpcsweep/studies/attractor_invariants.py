@@ -39,7 +39,7 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
 
 
 def listed(broken: dict[str, Any]) -> list[tuple[int, str]]:
-    """List the rows where an invariant does not hold, and which."""
+    """Return the rows where an invariant does not hold, and which."""
     return sorted(
         (int(row), f"not so: {invariant}")
         for invariant, where in broken.items()

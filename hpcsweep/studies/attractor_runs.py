@@ -13,9 +13,9 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
+from hpcsweep.studies.attractor_search import empty_results
 from hpcsweep.studies.attractor_variables import attractor_variables
 from hpcsweep.studies.attractors import Limits
-from hpcsweep.studies.searched import empty_results
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
 
@@ -150,7 +150,7 @@ class AttractorRuns:
         return Carried(seeds, tuple(ids), points, last_id)
 
     def _identities(self, points: Sequence[np.ndarray], before: Carried) -> tuple[list[int], int]:
-        """Give each attractor the identity of the one it continues, or a new one."""
+        """Return each attractor the identity of the one it continues, or a new one."""
         units = self._solver.structure.state_units
         pairs = matched(
             [own / units for own in before.points],

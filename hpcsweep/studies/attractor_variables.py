@@ -37,6 +37,6 @@ OPTIONAL = ("contact", "drift", "modal_norm")
 
 
 def attractor_variables(settings: SweepSettings) -> list[Variable]:
-    """List the variables of each point, in the order of the file."""
+    """Return the variables of each point, in the order of the file."""
     out = set(OPTIONAL) - set(settings.metrics)
     return [variable for variable in VARIABLES if variable.name not in out]

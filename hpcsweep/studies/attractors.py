@@ -21,8 +21,8 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.amplitude_sweep import UP, AmplitudeSweep
+from hpcsweep.studies.attractor_search import attractors_as_runs, read_limits
 from hpcsweep.studies.attractor_variables import attractor_variables
-from hpcsweep.studies.searched import attractors_as_runs, read_limits
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.tally import AttractorTally
 from hpcsweep.studies.variables import numbered
@@ -108,7 +108,7 @@ class Attractors(Limits, AmplitudeSweep):
             *_pairs(values, "study.velocity", n, float(units[-1])),
         ]
         metrics = frozenset(settings.metrics) | {"poincare", "lyapunov"}
-        common["settings"] = replace(settings, metrics=metrics, decide_cycles=None)
+        common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
         return cls(
             omega=values.frequencies("sweep.omega"),
             amplitude=values.amplitudes("sweep.amplitude"),
@@ -127,7 +127,7 @@ class Attractors(Limits, AmplitudeSweep):
 
     @property
     def polls_per_run(self) -> int:
-        """Give the starts of a point."""
+        """Return the starts of a point."""
         return self.starts
 
     @cached_property
@@ -159,14 +159,14 @@ class Attractors(Limits, AmplitudeSweep):
         return _runs_of(self, float(self.omega[frame])).follow(amplitudes, state, poll)
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Give the attractors of a point: what the next amplitude starts from."""
+        """Return the attractors of a point: what the next amplitude starts from."""
         points = np.nan_to_num(rows["poincare"][row])
         ids, counts = rows["attractor_id"][row], rows["n_points"][row]
         each = np.column_stack((ids, counts, points.reshape(len(points), -1)))
         return np.concatenate(([float(rows["last_id"][row])], each.ravel()))
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Give the attractors of a point as orbits, and windows, that runs ended in."""
+        """Return the attractors of a point as orbits, and windows, that runs ended in."""
         return attractors_as_runs(self.variables, run)
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -190,7 +190,7 @@ class Attractors(Limits, AmplitudeSweep):
         return AttractorTally(self)
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """List what is not as every point promises: row and what is wrong there."""
+        """Return what is not as every point promises: row and what is wrong there."""
         from hpcsweep.studies.attractor_invariants import broken_invariants
 
         return broken_invariants(self, rows)

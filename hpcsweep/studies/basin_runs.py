@@ -12,8 +12,8 @@ from hpcsweep.dynamics.starts import starting_states
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies.attractor_search import empty_results
 from hpcsweep.studies.basin_variables import basin_variables
-from hpcsweep.studies.searched import empty_results
 from hpcsweep.studies.settings import SweepSettings
 
 
@@ -146,5 +146,5 @@ class SliceRuns:
 def slice_runs(
     structure: Structure, omega: float, amplitude: float, settings: SweepSettings, shape: Slice
 ) -> SliceRuns:
-    """Give the rows of a slice; the attractors of the last two slices are kept."""
+    """Return the rows of a slice; the attractors of the last two slices are kept."""
     return SliceRuns(structure, omega, amplitude, settings, shape)

@@ -36,6 +36,6 @@ OPTIONAL = ("contact", "drift", "modal_norm")
 
 
 def basin_variables(settings: SweepSettings) -> list[Variable]:
-    """List the variables of each row, in the order of the file."""
+    """Return the variables of each row, in the order of the file."""
     out = set(OPTIONAL) - set(settings.metrics)
     return [variable for variable in VARIABLES if variable.name not in out]

@@ -16,9 +16,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.dynamics.shares import starts_needed
+from hpcsweep.studies.attractor_search import attractors_as_runs, read_limits
 from hpcsweep.studies.basin_variables import ORDINATE, basin_variables
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.searched import attractors_as_runs, read_limits
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.tally import BasinTally
 from hpcsweep.studies.variables import numbered
@@ -92,7 +92,7 @@ class Basins(RunGrid):
             if found.size != 1:
                 raise values.error(key, values.get(key), "must be one number: basins of one point")
         metrics = frozenset(settings.metrics) | {"lyapunov"}
-        common["settings"] = replace(settings, metrics=metrics, decide_cycles=None)
+        common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
         components = _components(values, structure.n_floors)
         units = structure.state_units
         horizontal, vertical = (
@@ -124,7 +124,7 @@ class Basins(RunGrid):
 
     @property
     def polls_per_run(self) -> int:
-        """Give the starts of a row."""
+        """Return the starts of a row."""
         return self.horizontal.size
 
     @cached_property
@@ -160,12 +160,12 @@ class Basins(RunGrid):
         return str(names[first]), str(names[second])
 
     def task_of(self, direction, frame, number):
-        """Give the task of blocks: every row is one."""
+        """Return the task of blocks: every row is one."""
         del direction, number
         return frame
 
     def path(self, task: int) -> Sequence[Block]:
-        """Give the one block of a task."""
+        """Return the one block of a task."""
         return [self.block((0, task, 0))]
 
     def descends(self, direction: int) -> bool:
@@ -210,7 +210,7 @@ class Basins(RunGrid):
         return self.initial_state
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Give the attractors that a row lists as orbits, and motions, that runs ended in."""
+        """Return the attractors that a row lists as orbits, and motions, that runs ended in."""
         return attractors_as_runs(self.variables, run)
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -230,7 +230,7 @@ class Basins(RunGrid):
         return BasinTally(self)
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """List what is not as every row promises: row and what is wrong there."""
+        """Return what is not as every row promises: row and what is wrong there."""
         from hpcsweep.studies.basin_invariants import broken_invariants
 
         return broken_invariants(self, rows)

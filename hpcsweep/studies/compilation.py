@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from hpcsweep.dynamics.decide import SETTLED
+from hpcsweep.dynamics.classify_motion import SETTLED
 from hpcsweep.kernels.warm import Progress, load_all, missing, processors
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS, make_solver
@@ -84,7 +84,7 @@ class Report:
 
 
 def is_compiled(settings: SweepSettings, fitted_to: Structure | None = None) -> bool:
-    """Tell whether the cache is known to have what runs with these settings call.
+    """Return whether the cache is known to have what runs with these settings call.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def warm_up(
 
 
 def worth_fitting(study: "RunGrid", n_ranks: int | None) -> Structure | None:
-    """Give the structure of a study if its histories on so many ranks are worth fitted kernels."""
+    """Return the structure of a study if its histories on so many ranks pay for fitted kernels."""
     if n_ranks is None or study.settings.solver != "flow":
         return None
     histories = study.n_runs * study.polls_per_run
@@ -154,7 +154,7 @@ def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = Non
 
 
 def _fitted(structure: Structure | None):
-    """Give the kernels fitted to a structure, None for those for any structure."""
+    """Return the kernels fitted to a structure, None for those for any structure."""
     if structure is None:
         return None
     from hpcsweep.solvers.flow.fitted import fitted_kernels

@@ -15,10 +15,9 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.invariants import broken_invariants
-from hpcsweep.studies.meaning import COVERED, listed_meaning
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes, Block, BlockTable, Coordinate, Variable
 from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variables import (
@@ -76,7 +75,7 @@ class RunGrid:
     holds: ClassVar[str] = "motions"
     point_dim: ClassVar[str] = "point"
     """Dimension of the stroboscopic points."""
-    status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "shortcut")
+    status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "skip_rule")
 
     @classmethod
     def read(cls, values, **common) -> "RunGrid":
@@ -97,15 +96,15 @@ class RunGrid:
         raise NotImplementedError
 
     def task_of(self, direction, frame, number):
-        """Give the task of blocks: arrays or numbers."""
+        """Return the task of blocks: arrays or numbers."""
         raise NotImplementedError
 
     def path(self, task: int) -> Sequence[Block]:
-        """List the blocks of a task in the order of computation."""
+        """Return the blocks of a task in the order of computation."""
         raise NotImplementedError
 
     def descends(self, direction: int) -> bool:
-        """Tell whether the amplitudes of a direction are computed from the highest on."""
+        """Return whether the amplitudes of a direction are computed from the highest on."""
         raise NotImplementedError
 
     def rows(
@@ -161,12 +160,12 @@ class RunGrid:
         return len(self.directions) * self.omega.size * self.n_amplitudes
 
     def amplitudes_of(self, frame: int) -> np.ndarray:
-        """Give the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
+        """Return the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
         del frame
         return self.amplitude
 
     def tasks_of(self, frame: int) -> list[int]:
-        """List the tasks that have runs of a frame."""
+        """Return the tasks that have runs of a frame."""
         direction, number = np.indices((len(self.directions), self.n_blocks))
         tasks = self.task_of(direction, np.full_like(direction, frame), number)
         return np.unique(tasks).tolist()
@@ -211,7 +210,7 @@ class RunGrid:
         return [(OMEGA, self.omega)]
 
     def block(self, place: tuple[int, ...]) -> Block:
-        """Give the block with an index in ``commit``: direction, frame, number along the path."""
+        """Return the block with an index in ``commit``: direction, frame, number along the path."""
         direction, frame, number = place
         descends = self.descends(direction)
         begin, end = number * self.block_size, (number + 1) * self.block_size
@@ -237,15 +236,15 @@ class RunGrid:
         return BlockTable(task[order], n_runs[order], place[order], middle[order])
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Give the index of the run whose end state a run starts from; None: `initial_state`."""
+        """Return the index of the run whose end state a run starts from; None: `initial_state`."""
         raise NotImplementedError
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Give the state the run after one of the rows starts from."""
+        """Return the state the run after one of the rows starts from."""
         return rows["final_state"][row]
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Give the one motion of a run."""
+        """Return the one motion of a run."""
         return [run]
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -253,11 +252,11 @@ class RunGrid:
         complete = done & (runs["outcome"] == Outcome.COMPLETE)
         settings = self.settings
         return {
-            "periods_per_run_plain": settings.transient_cycles + settings.sampling_cycles,
+            "periods_per_run_window": settings.transient_cycles + settings.sampling_cycles,
             "runs_spared": {
-                rule.name.lower(): int((done & (runs["shortcut"] == rule)).sum())
-                for rule in Shortcut
-                if rule is not Shortcut.NONE
+                rule.name.lower(): int((done & (runs["skip_rule"] == rule)).sum())
+                for rule in SkipRule
+                if rule is not SkipRule.NONE
             },
             "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
         }
@@ -277,7 +276,7 @@ class RunGrid:
         return self.rows(frame, self.amplitudes_of(frame)[at : at + 1], state)
 
     def with_settings(self, **changes: Any) -> "RunGrid":
-        """Give the same study with other settings."""
+        """Return the same study with other settings."""
         return replace(self, settings=replace(self.settings, **changes))
 
     def time_runs(
@@ -301,7 +300,7 @@ class RunGrid:
         return RunTally(self)
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """List what is not as every run promises: row and what is wrong there."""
+        """Return what is not as every run promises: row and what is wrong there."""
         _, frame, low = block.first
         amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs]
         units = self.structure.units_at(float(self.omega[frame]), amplitudes)
@@ -314,7 +313,7 @@ class RunGrid:
         return {"direction": self.directions[direction], "omega": omega, "amplitude": amplitude}
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
-        """Tell whether the cache is known to have all that its runs call."""
+        """Return whether the cache is known to have all that its runs call."""
         from hpcsweep.studies.compilation import is_compiled, worth_fitting
 
         return is_compiled(self.settings, worth_fitting(self, n_ranks))
@@ -324,16 +323,3 @@ class RunGrid:
         from hpcsweep.studies.compilation import warm_up, worth_fitting
 
         warm_up(self.settings, say, fitted_to=worth_fitting(self, n_ranks))
-
-    def meaning(self) -> tuple[list, tuple[np.ndarray, ...], frozenset[str]]:
-        """Give what the fingerprint of a job is made of: see `hpcsweep.job.fingerprint`.
-
-        Returns
-        -------
-        listed : list
-            The values of the fields that the first version knew, in its order.
-        arrays : tuple of ndarray
-        covered : frozenset of str
-            Fields of the study, the structure and the settings that are in `listed` and `arrays`.
-        """
-        return listed_meaning(self), (self.omega, self.amplitude, self.initial_state), COVERED

@@ -5,7 +5,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.shortcut import Shortcut
+from hpcsweep.solvers.skip_rule import SkipRule
 
 ROUNDING = 1e-9
 """Excess over 1 allowed a mean modal norm."""
@@ -62,33 +62,37 @@ def broken_invariants(
 
 
 def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
-    outcome, shortcut = rows["outcome"], rows["shortcut"]
+    outcome, skip_rule = rows["outcome"], rows["skip_rule"]
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
     # whatever was decided off the path is no longer what the path's end is
-    off = rows["decided_cycles"] > 0 if "decided_cycles" in rows else np.zeros(len(period), bool)
+    off = (
+        rows["classification_cycles"] > 0
+        if "classification_cycles" in rows
+        else np.zeros(len(period), bool)
+    )
     known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
-    used = [Shortcut.NONE, *(Shortcut[rule.upper()] for rule in settings.skip)]
+    used = [SkipRule.NONE, *(SkipRule[rule.upper()] for rule in settings.skip)]
     plain = settings.transient_cycles + settings.sampling_cycles
-    linear = complete & (shortcut == Shortcut.LINEAR)
+    linear = complete & (skip_rule == SkipRule.LINEAR)
     return {
         "outcome is one of 1 to 4": ~np.isin(outcome, known),
-        "shortcut is a rule the job allows": ~np.isin(shortcut, used),
+        "skip_rule is a rule the job allows": ~np.isin(skip_rule, used),
         "orbit_period is at most max_orbit_period": (period < 0)
         | (period > settings.max_orbit_period),
         "a run that was cut short has an orbit_period": complete
         & ~off
-        & (shortcut != Shortcut.NONE)
+        & (skip_rule != SkipRule.NONE)
         & (period == 0),
         "a linear run has orbit_period 1 and no cycles": linear & ((period != 1) | (cycles != 0)),
         "cycles is at least that of transient and window": (cycles < 0)
-        | (complete & (shortcut == Shortcut.NONE) & (cycles < plain)),
+        | (complete & (skip_rule == SkipRule.NONE) & (cycles < plain)),
         "final_state is finite": ~np.isfinite(rows["final_state"]).all(axis=1),
     }
 
 
 def _of_motion(rows: dict) -> dict[str, np.ndarray]:
-    motion, period, cycles = rows["motion"], rows["orbit_period"], rows["decided_cycles"]
+    motion, period, cycles = rows["motion"], rows["orbit_period"], rows["classification_cycles"]
     complete = rows["outcome"] == Outcome.COMPLETE
     failed = motion == MotionClass.FAILED
     orbit = (motion == MotionClass.PERIODIC) | (motion == MotionClass.NO_CONTACT)
@@ -100,7 +104,7 @@ def _of_motion(rows: dict) -> dict[str, np.ndarray]:
         & ~orbit,
         "motion is periodic only with an orbit_period": (motion == MotionClass.PERIODIC)
         & (period == 0),
-        "decided_cycles is not negative": cycles < 0,
+        "classification_cycles is not negative": cycles < 0,
     }
     if "contact" in rows:
         free = (rows["contact"] == 0) & complete
@@ -131,8 +135,8 @@ def _of_points(settings, rows: dict, units: np.ndarray) -> dict[str, np.ndarray]
     expected = np.where(period > 0, period, window)
     stored = np.arange(window)[None, :] < np.clip(n_points, 0, window)[:, None]
     finite, missing = np.isfinite(points).all(axis=2), np.isnan(points).all(axis=2)
-    on_path = rows["decided_cycles"] == 0 if "decided_cycles" in rows else complete
-    closes = orbit_period if settings.decide_cycles is None else closed_period
+    on_path = rows["classification_cycles"] == 0 if "classification_cycles" in rows else complete
+    closes = orbit_period if settings.classify_cycles is None else closed_period
     judged_so = complete & (period == 0) & (n_points == window) & ("motion" not in rows)
     last = points[np.arange(len(points)), np.clip(n_points, 1, window) - 1]
     hidden = np.zeros(complete.size, bool)
@@ -162,5 +166,5 @@ def _of_contact(structure, rows: dict) -> dict[str, np.ndarray]:
     known = np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
     return {
         "contact has bits of existing contacts only": (contact & ~known) != 0,
-        "contact of a linear run is empty": (rows["shortcut"] == Shortcut.LINEAR) & (contact != 0),
+        "contact of a linear run is empty": (rows["skip_rule"] == SkipRule.LINEAR) & (contact != 0),
     }

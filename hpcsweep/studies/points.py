@@ -81,7 +81,7 @@ class Points(RunGrid):
         return 1 if self.listed else self.amplitude.size
 
     def amplitudes_of(self, frame: int) -> np.ndarray:
-        """Give the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
+        """Return the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
         return self.amplitude[frame : frame + 1] if self.listed else self.amplitude
 
     @property
@@ -99,12 +99,12 @@ class Points(RunGrid):
         return super().given + own
 
     def task_of(self, direction, frame, number):
-        """Give the task of blocks: every block is one."""
+        """Return the task of blocks: every block is one."""
         del direction
         return frame * self.n_blocks + number
 
     def path(self, task: int) -> Sequence[Block]:
-        """Give the one block of a task."""
+        """Return the one block of a task."""
         return [self.block((0, *divmod(task, self.n_blocks)))]
 
     def descends(self, direction: int) -> bool:

@@ -14,10 +14,10 @@ steady-state window. Rules that spare periods whose result is known (`skip`):
 ``newton``
     While the orbit is still approached, from `NEAR` on, Newton's method with the exact tangent map
     jumps to it, if it is proved that the present state goes there (`flow.transient`).
-    Orbits whose multipliers are close to the unit circle, which the plain procedure leaves
+    Orbits whose multipliers are close to the unit circle, which the window procedure leaves
     unsettled, are then decided.
 
-What the window leaves open may be decided after it (`decided`).
+What the window leaves open may be decided after it (`classification`).
 
 A run that fails is data: its results are NaN, its outcome says why, and its final state is the
 last one that was reached.
@@ -32,16 +32,16 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.decide import NEAR, SETTLED
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation, normalised_drift
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.decided import Told, tell_orbit, tell_window
+from hpcsweep.studies.classification import Classification, classify_orbit, classify_window
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.shortcut import Shortcut
 from hpcsweep.studies.study import Amplitudes
 
 if TYPE_CHECKING:
@@ -80,9 +80,9 @@ class FrameRuns:
             )
         self._path = None
         if "converged" in settings.skip and SOLVERS[settings.solver].follows_orbits:
-            from hpcsweep.studies.settled import SettledRuns
+            from hpcsweep.studies.batch import Batch
 
-            self._path = SettledRuns(cast("FlowMap", self.solver), settings, self._free)
+            self._path = Batch(cast("FlowMap", self.solver), settings, self._free)
 
     def follow(
         self,
@@ -170,9 +170,9 @@ class FrameRuns:
             closed = self._free.window(z, amplitude)
             if closed is not None:
                 exponent = Interval.exact(self._free.orbit.lyapunov_exponent)
-                told = Told(closed, 1, exponent, MotionClass.NO_CONTACT)
+                told = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
                 self._store(result, _row(result, index), index, amplitude, told, 0)
-                result["shortcut"][index] = Shortcut.LINEAR
+                result["skip_rule"][index] = SkipRule.LINEAR
                 result["final_state"][index] = closed.points[-1]
                 return closed.points[-1].copy()
         return self._end(self._transient(z, amplitude, poll), amplitude, result, index, poll)
@@ -185,11 +185,11 @@ class FrameRuns:
         cycles = end.n_periods + end.n_newton
         if period:
             jumped = not math.isnan(end.multiplier)
-            result["shortcut"][index] = Shortcut.NEWTON if jumped else Shortcut.CONVERGED
+            result["skip_rule"][index] = SkipRule.NEWTON if jumped else SkipRule.CONVERGED
         if end.outcome is not Outcome.COMPLETE:
             return self._store_failure(result, row, index, z, cycles, end.outcome)
         window = period or settings.sampling_cycles
-        growth = not period and bool("lyapunov" in result or settings.decide_cycles)
+        growth = not period and bool("lyapunov" in result or settings.classify_cycles)
         seen = self.solver.observe(
             z, amplitude, window, "modal_norm" in settings.metrics, growth, poll
         )
@@ -199,11 +199,11 @@ class FrameRuns:
             return self._store_failure(result, row, index, z, cycles, seen.outcome)
         if period:
             seen, period = self._as_the_plain_end(seen, end.n_periods, settings.period_tolerance)
-            told = Told(seen, period, UNKNOWN)
-            if "lyapunov" in result or settings.decide_cycles:
-                told = tell_orbit(self.solver, amplitude, seen, period, end.multiplier)
+            told = Classification(seen, period, UNKNOWN)
+            if "lyapunov" in result or settings.classify_cycles:
+                told = classify_orbit(self.solver, amplitude, seen, period, end.multiplier)
         else:
-            told = tell_window(self.solver, amplitude, seen, settings, poll)
+            told = classify_window(self.solver, amplitude, seen, settings, poll)
         self._store(result, row, index, amplitude, told, cycles)
         row["final_state"][:] = seen.points[-1]
         return seen.points[-1].copy()
@@ -226,7 +226,7 @@ class FrameRuns:
         )
 
     def _as_the_plain_end(self, seen: Observation, phase: int, same: float):
-        """Give the points of an orbit in the order of the plain procedure's last ones.
+        """Return the points of an orbit in the order of the window procedure's last ones.
 
         Which of the p points of an orbit the next amplitude starts from can decide which
         attractor it reaches, so a run that was cut short must not end at another one.
@@ -245,7 +245,7 @@ class FrameRuns:
         shift = (plain - phase - period) % period
         return replace(seen, points=np.roll(seen.points, -shift, axis=0)), smallest
 
-    def _store(self, result, row, index, amplitude, told: Told, cycles):
+    def _store(self, result, row, index, amplitude, told: Classification, cycles):
         seen, period = told.seen, told.period
         result["orbit_period"][index] = period
         result["cycles"][index] = cycles
@@ -265,11 +265,11 @@ class FrameRuns:
         if "lyapunov_low" in result:
             result["lyapunov_low"][index] = told.exponent.low
             result["lyapunov_high"][index] = told.exponent.high
-        if "plain_period" in result:
-            result["plain_period"][index] = told.plain_period
+        if "window_period" in result:
+            result["window_period"][index] = told.window_period
         if "motion" in result:
             result["motion"][index] = told.kind
-            result["decided_cycles"][index] = told.cycles
+            result["classification_cycles"][index] = told.cycles
 
     def _store_failure(self, result, row, index, z, cycles, outcome):
         result["cycles"][index] = cycles
@@ -281,7 +281,7 @@ class FrameRuns:
 
 
 def _row(result: dict[str, np.ndarray], index: int) -> dict[str, np.ndarray]:
-    """Give one row of the results that have more than a number in it."""
+    """Return one row of the results that have more than a number in it."""
     return {name: array[index] for name, array in result.items() if array.ndim > 1}
 
 
@@ -299,7 +299,7 @@ def empty_rows(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.nda
         "final_state": np.full((n_runs, 2 * n), nan),
         "cycles": np.zeros(n_runs, np.int32),
         "outcome": np.zeros(n_runs, np.int8),
-        "shortcut": np.zeros(n_runs, np.int8),
+        "skip_rule": np.zeros(n_runs, np.int8),
     }
     if "poincare" in settings.metrics:
         arrays["poincare"] = np.full((n_runs, settings.stored_points, 2 * n), nan)
@@ -312,18 +312,18 @@ def empty_rows(n: int, n_runs: int, settings: SweepSettings) -> dict[str, np.nda
         arrays["modal_norm"] = np.full((n_runs, n), nan)
     if "lyapunov" in settings.metrics:
         arrays["lyapunov"] = np.full(n_runs, nan)
-        if settings.decide_cycles is not None:
+        if settings.classify_cycles is not None:
             arrays["lyapunov_low"] = np.full(n_runs, nan)
             arrays["lyapunov_high"] = np.full(n_runs, nan)
-    if settings.decide_cycles is not None:
-        arrays["plain_period"] = np.zeros(n_runs, np.int32)
-    if settings.decide_cycles:
+    if settings.classify_cycles is not None:
+        arrays["window_period"] = np.zeros(n_runs, np.int32)
+    if settings.classify_cycles:
         arrays["motion"] = np.zeros(n_runs, np.int8)
-        arrays["decided_cycles"] = np.zeros(n_runs, np.int32)
+        arrays["classification_cycles"] = np.zeros(n_runs, np.int32)
     return arrays
 
 
 @lru_cache(maxsize=4)
 def frame_runs(structure: Structure, omega: float, settings: SweepSettings) -> FrameRuns:
-    """Give the runs of a frame; the tables of the last few frames are kept."""
+    """Return the runs of a frame; the tables of the last few frames are kept."""
     return FrameRuns(structure, omega, settings)

@@ -28,17 +28,17 @@ class SweepSettings:
     rtol : float
         Relative tolerance asked of the solver.
     skip : frozenset of str
-        Which of `SKIP_RULES` may be used; empty for the plain procedure.
+        Which of `SKIP_RULES` may be used; empty for the window procedure.
     metrics : frozenset of str
         Which of `METRICS` to compute.
     max_points : int, optional
         Most stroboscopic points stored of a run, its last ones; default the whole window.
         At least 2 `max_orbit_period`, so that an orbit is stored whole and the stored points
         show whether the run has one. Nothing else depends on it.
-    decide_cycles : int, optional
+    classify_cycles : int, optional
         Forcing periods for which a run is integrated on, off its path, if the window leaves its
-        motion open (`decided`); 0: for none, but a period is claimed only of points that have
-        closed. None is the plain procedure: a period is claimed of points that repeat.
+        motion open (`classification`). 0: no run is, but a period is claimed only of points that
+        have closed. None is the window procedure: a period is claimed of points that repeat.
     """
 
     transient_cycles: int = 100
@@ -50,7 +50,7 @@ class SweepSettings:
     skip: frozenset[str] = frozenset(SKIP_RULES)
     metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov"}
     max_points: int | None = None
-    decide_cycles: int | None = None
+    classify_cycles: int | None = None
 
     @property
     def stored_points(self) -> int:

@@ -96,12 +96,12 @@ class Block:
         return (*self.first[:-1], slice(self.first[-1], self.first[-1] + self.n_runs))
 
     def run(self, row: int) -> tuple[int, ...]:
-        """Give the index of one of its runs."""
+        """Return the index of one of its runs."""
         return (*self.first[:-1], self.first[-1] + row)
 
 
 class Path(Sequence[Block]):
-    """Blocks of a task in the order of computation, each made when it is asked for.
+    """Blocks of a task in the order of computation, each made when it is requested.
 
     Parameters
     ----------
@@ -202,11 +202,11 @@ class Study(Protocol):
         ...
 
     def path(self, task: int) -> Sequence[Block]:
-        """List the blocks of a task in the order of computation."""
+        """Return the blocks of a task in the order of computation."""
         ...
 
     def block(self, place: tuple[int, ...]) -> Block:
-        """Give the block with an index in ``commit``."""
+        """Return the block with an index in ``commit``."""
         ...
 
     def table(self) -> BlockTable:
@@ -214,11 +214,11 @@ class Study(Protocol):
         ...
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Give the index of the run whose end state a run starts from; None: `initial_state`."""
+        """Return the index of the run whose end state a run starts from; None: `initial_state`."""
         ...
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Give what the run after one of the rows starts from, of its variables `carried`.
+        """Return what the run after one of the rows starts from, of its variables `carried`.
 
         The state it ends in, or whatever else the study carries along its path: an array of one
         dimension, finite, all of it in the file.
@@ -236,7 +236,7 @@ class Study(Protocol):
         ...
 
     def with_settings(self, **changes: Any) -> "Study":
-        """Give the same study with other settings."""
+        """Return the same study with other settings."""
         ...
 
     def time_runs(
@@ -254,7 +254,7 @@ class Study(Protocol):
         ...
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """List the motions that a run holds, each by the variables of a run of a sweep."""
+        """Return the motions that a run holds, each by the variables of a run of a sweep."""
         ...
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -273,7 +273,7 @@ class Study(Protocol):
         ...
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """List what is not as every run promises: row and what is wrong there."""
+        """Return what is not as every run promises: row and what is wrong there."""
         ...
 
     def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
@@ -285,7 +285,7 @@ class Study(Protocol):
         ...
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
-        """Tell whether the cache is known to have all that its runs call; see `warm_up`."""
+        """Return whether the cache is known to have all that its runs call; see `warm_up`."""
         ...
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
@@ -294,8 +294,4 @@ class Study(Protocol):
         With `n_ranks` it is for all of its runs on so many ranks: if that is worth it the kernels
         are fitted to the structure.
         """
-        ...
-
-    def meaning(self) -> tuple[list, tuple[np.ndarray, ...], frozenset[str]]:
-        """Give what the fingerprint of a job is made of; see `hpcsweep.job.fingerprint`."""
         ...

@@ -6,13 +6,13 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify, contact_name
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.shortcut import Shortcut
+from hpcsweep.solvers.skip_rule import SkipRule
 
 
 class RunTally:
     """Counts over the runs of frames that are shown one after the other.
 
-    What it tells as ``plain_test`` is None where motions were not decided; of the ``runs`` of which
+    What it tells as ``window_test`` is None where motions were not classified; of ``runs`` of which
     a whole window was integrated it counts the periods that the points of the window claim and that
     are ``wrong``, and those ``missed``.
     """
@@ -22,7 +22,7 @@ class RunTally:
         self._settings, self._units_at = study.settings, study.structure.units_at
         self.classes = np.zeros((len(study.directions), len(MotionClass)), int)
         self.outcomes = np.zeros(len(Outcome), int)
-        self.shortcuts = np.zeros(len(Shortcut), int)
+        self.skip_rules = np.zeros(len(SkipRule), int)
         self.periods: Counter[int] = Counter()
         self.contacts: Counter[int] = Counter()
         self.plain = {"runs": 0, "wrong": 0, "missed": 0}
@@ -41,8 +41,8 @@ class RunTally:
         outcome = frame["outcome"].values[:, 0]
         there = outcome != Outcome.NOT_COMPUTED
         self.outcomes += np.bincount(outcome.ravel(), minlength=self.outcomes.size)
-        shortcut = frame["shortcut"].values[:, 0][there]
-        self.shortcuts += np.bincount(shortcut, minlength=self.shortcuts.size)
+        skip_rule = frame["skip_rule"].values[:, 0][there]
+        self.skip_rules += np.bincount(skip_rule, minlength=self.skip_rules.size)
         self.cycles += int(frame["cycles"].values[:, 0][there].sum())
         if "motion" in frame:
             self._compare(frame)
@@ -52,8 +52,8 @@ class RunTally:
             _count(self.contacts, frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
 
     def _compare(self, frame) -> None:
-        """Compare what the plain test said with what was decided, where it saw a whole window."""
-        plain, period = frame["plain_period"].values, frame["orbit_period"].values
+        """Compare what the window test said with what was decided, where it saw a whole window."""
+        plain, period = frame["window_period"].values, frame["orbit_period"].values
         tested = (plain >= 0) & (frame["outcome"].values == Outcome.COMPLETE)
         self.plain["runs"] += int(tested.sum())
         self.plain["wrong"] += int((tested & (plain > 0) & (plain != period)).sum())
@@ -65,9 +65,9 @@ class RunTally:
         labels = self._study.structure.contact_labels
         return {
             "periods_per_run": self.cycles / done if done else None,
-            "periods_per_run_plain": settings.transient_cycles + settings.sampling_cycles,
-            "shortcuts": {
-                rule.name.lower(): _share(int(self.shortcuts[rule]), done) for rule in Shortcut
+            "periods_per_run_window": settings.transient_cycles + settings.sampling_cycles,
+            "skip_rules": {
+                rule.name.lower(): _share(int(self.skip_rules[rule]), done) for rule in SkipRule
             },
             "classes": _classes(self.classes.sum(axis=0)),
             "by_direction": {
@@ -75,7 +75,7 @@ class RunTally:
                 for direction, counts in zip(self._study.directions, self.classes, strict=True)
             },
             "periods": _shares(self.periods, done, sorted(self.periods)),
-            "plain_test": self.plain if settings.decide_cycles else None,
+            "window_test": self.plain if settings.classify_cycles else None,
             "contact_sets": {
                 contact_name(contact, labels): _share(count, done)
                 for contact, count in self.contacts.most_common()

@@ -32,7 +32,7 @@ RUN_VARIABLES = (
         "6 undecided, 7 failed",
     ),
     Variable(
-        "plain_period",
+        "window_period",
         RUN,
         "<i4",
         "forcing periods",
@@ -40,7 +40,11 @@ RUN_VARIABLES = (
         "window was integrated",
     ),
     Variable(
-        "decided_cycles", RUN, "<i4", "forcing periods", "forcing periods until it was decided"
+        "classification_cycles",
+        RUN,
+        "<i4",
+        "forcing periods",
+        "forcing periods until it was decided",
     ),
     Variable(
         "final_state", (*RUN, "state"), "<f8", "gaps; " + SPEED, "state after the last period"
@@ -48,10 +52,10 @@ RUN_VARIABLES = (
     CYCLES,
     OUTCOME,
     Variable(
-        "shortcut", RUN, "<i1", "1", "rule that spared periods: 1 linear, 2 converged, 3 newton"
+        "skip_rule", RUN, "<i1", "1", "rule that spared periods: 1 linear, 2 converged, 3 newton"
     ),
 )
-ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "shortcut")
+ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")
 OMEGA = Variable("omega", ("frame",), "<f8", "omega_0", "forcing frequency Omega")
 COMMIT = Variable("commit", ("direction", "frame", "block"), "<u8", "1", "checksum of a block")
 AMPLITUDE = ("gaps omega_0^2", "forcing amplitude A")
@@ -59,16 +63,16 @@ AMPLITUDE = ("gaps omega_0^2", "forcing amplitude A")
 
 
 def run_variables(settings: SweepSettings) -> list[Variable]:
-    """List the variables of each run, in the order of the file."""
+    """Return the variables of each run, in the order of the file."""
     wanted = set(ALWAYS) | set(settings.metrics)
     if "poincare" in wanted:
         wanted.add("n_points")
-    if settings.decide_cycles is not None:
-        wanted.add("plain_period")
+    if settings.classify_cycles is not None:
+        wanted.add("window_period")
         if "lyapunov" in wanted:
             wanted |= {"lyapunov_low", "lyapunov_high"}
-    if settings.decide_cycles:
-        wanted |= {"motion", "decided_cycles"}
+    if settings.classify_cycles:
+        wanted |= {"motion", "classification_cycles"}
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
 
 

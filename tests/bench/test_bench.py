@@ -92,7 +92,7 @@ def test_paths_are_drawn_alike_and_stay_on_the_map():
 
 def test_comparison_counts_every_point():
     result = skips.compare(25, seed=1)
-    assert sum(result["shortcuts"].values()) == result["points"] == 25
+    assert sum(result["skip_rules"].values()) == result["points"] == 25
     assert 0 < result["periods_per_point"] < result["periods_plain"] == 200
     assert result["unexplained"] == 0
     assert "unexplained: 0" in skips.as_text(result)
@@ -127,7 +127,7 @@ def test_no_difference_is_left_unexplained():
     wrong = [row for row in result["differences"] if not row["agrees_after"]]
     assert wrong == []
     # and the comparison was one of motions with contact, most of them shortened
-    assert result["shortcuts"]["NEWTON"] > 200
+    assert result["skip_rules"]["NEWTON"] > 200
     assert result["periods_per_point"] < 40
 
 

@@ -37,7 +37,7 @@ def cost_of_runs(study, rng) -> np.ndarray:
 
 
 def replay(study, seconds: np.ndarray, ranks: int, pilot: bool):
-    """Hand out the frames as the schedule does; yield time, estimate (asked for) and truth."""
+    """Hand out the frames as the schedule does; yield time, estimate (requested) and truth."""
     costs = TaskCosts(study)
     for index in range(n_samples(study) if pilot else 0):
         share, along = sample_place(index)

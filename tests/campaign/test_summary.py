@@ -18,7 +18,7 @@ from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.shortcut import Shortcut
+from hpcsweep.solvers.skip_rule import SkipRule
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +52,8 @@ def test_a_summary_counts_what_the_file_holds(file):
         sets[int(c)]: int((contact == c).sum()) for c in np.unique(contact)
     }
     assert told["periods_per_run"] == pytest.approx(results["cycles"].values.mean())
-    assert told["shortcuts"]["newton"]["runs"] == (results["shortcut"] == Shortcut.NEWTON).sum()
-    assert sum(entry["runs"] for entry in told["shortcuts"].values()) == 88
+    assert told["skip_rules"]["newton"]["runs"] == (results["skip_rule"] == SkipRule.NEWTON).sum()
+    assert sum(entry["runs"] for entry in told["skip_rules"].values()) == 88
     assert told["cost"]["runs_timed"] == 88
     assert told["cost"]["wall_seconds"] >= 0.5 * told["cost"]["core_seconds"] > 0
     assert told["file_bytes"] == file.stat().st_size

@@ -26,9 +26,9 @@ from hpcsweep import attractors
 from hpcsweep.dynamics.orbit import orbit_period
 from hpcsweep.dynamics.starts import box_of, starting_states
 from hpcsweep.model.equations import MODEL, right_hand_side
-from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.units import Units
 from hpcsweep.solvers.solver import make_solver
 
 POINTS = (
@@ -98,9 +98,9 @@ def dop853(z, end, rtol, amplitude, packed, steps):
 
 
 def by_dop853(structure, omega: float, amplitude: float):
-    """Give what carries a state through forcing periods: (start, number) -> points."""
+    """Return what carries a state through forcing periods: (start, number) -> points."""
     model = kernel_model(structure, omega)
-    frame, packed = Frame(structure, model), MODEL.pack(model)
+    frame, packed = Units(structure, model), MODEL.pack(model)
     scaled, period = amplitude / frame.amplitude_unit, 2 * math.pi / model.omega
 
     def points(start: np.ndarray, number: int) -> np.ndarray:
@@ -115,7 +115,7 @@ def by_dop853(structure, omega: float, amplitude: float):
 
 
 def by(solver, amplitude: float):
-    """Give the same of a solver."""
+    """Return the same of a solver."""
     return lambda start, number: solver.points(start, amplitude, number)[0]
 
 

@@ -2,7 +2,7 @@
 
 At random points of the range of Figure 3, half of them with the damping as printed and half as
 described, the shares of 459 low-discrepancy starts are compared with those of STARTS independent
-ones, each decided in the same way. Told are: how often the interval holds the share of the many,
+ones, each decided in the same way. Printed are: how often the interval holds the share of the many,
 what the many find that 459 starts did not, and the largest share of that. With --orbits points are
 drawn until all their attractors are orbits, with --several until there are two or more.
 """

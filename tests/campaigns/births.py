@@ -20,7 +20,7 @@ import numpy as np
 
 from hpcsweep import open_results
 from hpcsweep.dynamics.classify import CLASS_NAMES, contact_name
-from hpcsweep.dynamics.decide import decide
+from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.resemblance import distance
 from hpcsweep.solvers.solver import make_solver
@@ -65,7 +65,7 @@ class Fine:
 
     def at(self, amplitude: float, state: np.ndarray) -> Seen:
         """Decide a motion."""
-        motion = decide(self._solver, state, amplitude, self._settings, CYCLES)
+        motion = classify_motion(self._solver, state, amplitude, self._settings, CYCLES)
         seen = self._solver.observe(motion.points[-1], amplitude, motion.period or 200)
         multiplier = complex("nan")
         if motion.period:
@@ -75,7 +75,7 @@ class Fine:
         return Seen(amplitude, motion, int(seen.contact), multiplier)
 
     def same(self, one: Seen, other: Seen) -> bool:
-        """Tell whether two motions, a step apart, are one attractor of one period."""
+        """Return whether two motions, a step apart, are one attractor of one period."""
         units = self.structure.state_units
         far = distance(one.motion.points / units, other.motion.points / units)
         return far <= NEAR and one.motion.period == other.motion.period
@@ -125,7 +125,7 @@ def law(lasts: list[Seen]) -> float:
 
 
 def events(results) -> list[tuple[int, str, int, int, int]]:
-    """List what the file shows: identity, event, slot, amplitude from which, and step of place."""
+    """Return what the file shows: identity, event, slot, amplitude before, and step of place."""
     ids, period = results["attractor_id"].values, results["orbit_period"].values
     found = []
     for number in np.unique(ids[ids > 0]).tolist():

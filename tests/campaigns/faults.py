@@ -34,7 +34,7 @@ PATIENCE = 60.0
 
 
 def read_state(pid: int) -> str:
-    """Give a process's state letter, "" if there is none (a zombie counts as none)."""
+    """Return a process's state letter, "" if there is none (a zombie counts as none)."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
     except OSError:

@@ -30,7 +30,7 @@ from typing import ClassVar
 import fuzz_kinds
 import h5py
 import numpy as np
-from tools import JOBS, ROOT, SMALL, command, datasets, environment
+from tools import JOBS, SMALL, command, datasets, environment
 
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.progress import Silent
@@ -44,7 +44,6 @@ from hpcsweep.store import Layout, StoreError, WriteError, open_layout, open_res
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.offsets import Offsets
 
-KEPT = ROOT / "tests" / "data" / "layout1.h5"
 ALLOWED = (
     "result equal",
     "result equal, damaged blocks missing",
@@ -68,7 +67,6 @@ READERS = ("hpcsweep.store.reader", "hpcsweep.store.frames", "hpcsweep.campaign.
 WEIGHTS = {
     "metadata": 4,
     "data": 3,
-    "old file": 2,
     "packed": 2,
     "cut": 1,
     "journal": 4,
@@ -171,17 +169,13 @@ class Patient:
         self.files = {
             "metadata": self.whole,
             "packed": folder / "packed.h5",
-            "old file": KEPT,
             **{kind: fuzz_kinds.study_file(kind, folder) for kind in fuzz_kinds.STUDIES},
         }
         self.bytes = {kind: path.read_bytes() for kind, path in self.files.items()}
         self.results = {kind: open_results(path) for kind, path in self.files.items()}
         self.datasets = datasets(self.whole)
         self.journal_text = Path(f"{self.whole}.journal").read_bytes()
-        self.places = {
-            kind: (_outside(self.whole if kind == "metadata" else KEPT))
-            for kind in ("metadata", "old file")
-        }
+        self.places = {"metadata": _outside(self.whole)}
         self.inside = np.setdiff1d(
             np.arange(len(self.bytes["metadata"])), self.places["metadata"]
         ).tolist()
@@ -192,10 +186,6 @@ class Patient:
     def metadata(self, rng: random.Random) -> str:
         """Flip bytes that belong to no result."""
         return self._damaged("metadata", self.places["metadata"], rng)
-
-    def old_file(self, rng: random.Random) -> str:
-        """Likewise in a file of before the checksum over metadata."""
-        return self._damaged("old file", self.places["old file"], rng)
 
     def packed(self, rng: random.Random) -> str:
         """Flip bytes of a packed file, wherever."""
@@ -382,7 +372,6 @@ class Patient:
     KINDS: ClassVar = {
         "metadata": metadata,
         "data": data,
-        "old file": old_file,
         "packed": packed,
         "cut": cut,
         "journal": journal,
@@ -424,7 +413,7 @@ def _quoted(text: str) -> str:
 
 
 def _outside(path: Path) -> list[int]:
-    """List the bytes of a file that belong to no variable of its runs."""
+    """Return the bytes of a file that belong to no variable of its runs."""
     offsets = Offsets(path)
     with h5py.File(path, "r") as file:
         names = [name for name, data in file.items() if data.ndim > 2]
@@ -435,7 +424,7 @@ def _outside(path: Path) -> list[int]:
 
 
 def _only_holes(found, expected) -> bool:
-    """Tell whether all results are equal but for runs that are said to be missing."""
+    """Return whether all results are equal but for runs that are said to be missing."""
     missing = found["outcome"].values == 0
     for name, values in expected.data_vars.items():
         if name == "commit":
@@ -504,7 +493,7 @@ def _odd_value(text: str, rng: random.Random) -> str:
 
 
 def _extreme(text: str, rng: random.Random) -> str:
-    """Give numbers of every size that the check may let pass to the solvers."""
+    """Return numbers of every size that the check may let pass to the solvers."""
     size = rng.choice((2, 12, 100, 308))
     numbers = [repr(10 ** rng.uniform(-size, size)) for _ in range(2)]
     for key, value in (

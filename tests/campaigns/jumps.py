@@ -2,7 +2,7 @@
 
 Frames of a job are run up and down by themselves. Runs that `newton` has settled are carried on
 from where they began by plain periods alone. The orbit is claimed to be the one the motion goes to,
-and its last point the one at which the plain procedure ends, so that a whole number of turns later
+and its last point the one at which the window procedure ends, so that a whole number of turns later
 the motion must be at that point: to `THERE`, or if its multiplier is near 1 as much nearer than
 `EARLY` periods after the start as it says. The exit code is 1 if a motion is elsewhere.
 """
@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.job import load_job
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.runs import frame_runs
-from hpcsweep.studies.shortcut import Shortcut
 
 THERE = 1e-8
 """Distance in units of the state at which a motion is on its orbit."""
@@ -70,7 +70,7 @@ def jumps_of(study, frame: int, every: int) -> list[Jump]:
     for amplitudes in (study.amplitude, study.amplitude[::-1]):
         rows = runs.follow(amplitudes, state)
         starts = np.vstack((state, rows["final_state"]))
-        for k in np.flatnonzero(rows["shortcut"] == Shortcut.NEWTON)[::every].tolist():
+        for k in np.flatnonzero(rows["skip_rule"] == SkipRule.NEWTON)[::every].tolist():
             amplitude, period = float(amplitudes[k]), int(rows["orbit_period"][k])
             growth = float(rows["lyapunov"][k]) * period * 2 * math.pi / omega
             apart = distances(runs, starts[k], amplitude, period, rows["final_state"][k])

@@ -1,6 +1,6 @@
 """Hurt campaigns at random moments, run them again to the end, and look for damage.
 
-    python tests/campaigns/kill_campaign.py [--runs 50] [--seed S] [--transport mpiio]
+    python tests/campaigns/kill_campaign.py [--runs 50] [--seed S] [--transport offset]
         [--kind K] [--json]
 
 Every run draws a kind of fault, 1 to 4 ranks (other numbers when it goes on) and a moment: before
@@ -293,7 +293,7 @@ NEED_RANKS = {"orphaned rank"}
 
 def transports() -> dict[str, bool]:
     """Tell for each transport whether it is to be had here."""
-    return {"pwrite": True, "mpiio": True, "mpio": bool(h5py.get_config().mpi)}
+    return {"pwrite": True, "offset": True, "mpio": bool(h5py.get_config().mpi)}
 
 
 def plan(runs: int, seed: int, asked: list[str], kinds: list[str]) -> list[Run]:
@@ -353,14 +353,14 @@ def carry_out(runs: list[Run], say: Callable[[str], None]) -> None:
 def table(runs: list[Run]) -> str:
     """Table by kind of fault."""
     lines = [
-        f"{'fault':16s} {'runs':>5s} {'pwrite':>7s} {'mpiio':>6s} {'mpio':>5s} "
+        f"{'fault':16s} {'runs':>5s} {'pwrite':>7s} {'offset':>6s} {'mpio':>5s} "
         f"{'in mid-run':>11s} {'committed before':>17s} {'equal':>6s} {'failed':>7s}"
     ]
     for kind in [*KINDS, "all"]:
         some = [run for run in runs if kind in (run.kind, "all")]
         if not some:
             continue
-        counts = [sum(run.transport == t for run in some) for t in ("pwrite", "mpiio", "mpio")]
+        counts = [sum(run.transport == t for run in some) for t in ("pwrite", "offset", "mpio")]
         lines.append(
             f"{kind:16s} {len(some):5d} {counts[0]:7d} {counts[1]:6d} {counts[2]:5d} "
             f"{sum(run.interrupted for run in some):11d} "
@@ -396,7 +396,7 @@ def main(arguments: list[str] | None = None) -> int:
     else:
         print(table(runs))
         for name in not_tried:
-            why = "not asked for" if able[name] else "NOT TRIED: this h5py was built without MPI"
+            why = "not requested" if able[name] else "NOT TRIED: this h5py was built without MPI"
             print(f"transport {name}: {why}")
         print(f"{len(runs) - failed} of {len(runs)} passed")
     return 1 if failed or not runs else 0

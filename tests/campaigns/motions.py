@@ -36,7 +36,7 @@ from scipy.signal.windows import blackmanharris
 from tools import JOBS
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
-from hpcsweep.dynamics.decide import decide
+from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.reference import reference_monodromy, reference_points
@@ -155,7 +155,7 @@ def floor_of(points: np.ndarray) -> float:
 
 
 def beside(case: Case) -> np.ndarray:
-    """Give the state from which both routes start."""
+    """Return the state from which both routes start."""
     return np.array(case.state) + ASIDE * np.cos(np.arange(len(case.state)))
 
 
@@ -237,7 +237,7 @@ def drawn(scale: float, seed: int, known=(), turns: int = TURNS) -> list[Case]:
             study.settings,
             metrics=frozenset({"poincare", "contact", "lyapunov"}),
             skip=frozenset({"linear", "converged", "newton"}),
-            decide_cycles=CYCLES,
+            classify_cycles=CYCLES,
             max_points=None,
         )
         omega = again[1] if again else float(random.choice(study.omega))
@@ -261,7 +261,7 @@ def drawn(scale: float, seed: int, known=(), turns: int = TURNS) -> list[Case]:
             if left.get(sort, 0) > 0:
                 left[sort] -= 1
                 state = runs["final_state"][k]
-                if not period or runs["decided_cycles"][k]:
+                if not period or runs["classification_cycles"][k]:
                     state = points[-1]
                 cases.append(
                     Case(
@@ -286,7 +286,7 @@ def decided(case: Case) -> Case:
     """Decide a motion from where it is labelled, too: its class, period, multiplier, exponent."""
     structure, amplitude, omega = case.point
     solver = make_solver("flow", structure, omega, 1e-9)
-    motion = decide(solver, beside(case), amplitude, SweepSettings(), CYCLES)
+    motion = classify_motion(solver, beside(case), amplitude, SweepSettings(), CYCLES)
     growth = motion.exponent * 2 * math.pi / omega
     period, points = motion.period, motion.points / structure.state_units
     sort = sort_of(motion.kind, period, motion.multiplier, growth, points)

@@ -109,7 +109,7 @@ class Finder(importlib.machinery.PathFinder):
 
     @classmethod
     def find_spec(cls, fullname, path=None, target=None):
-        """Give those that are counted a loader that counts."""
+        """Return those that are counted a loader that counts."""
         spec = super().find_spec(fullname, path, target)
         if spec and fullname.startswith(COUNTED) and fullname not in NOT_COUNTED:
             spec.loader = Loader(fullname, spec.origin)
@@ -143,7 +143,7 @@ def count(states: list) -> list:
 
 
 def measure() -> tuple[list, list, float]:
-    """Give the states from which periods are counted, us a period, and the limit (GFlop/s)."""
+    """Return the states from which periods are counted, us a period, and the limit (GFlop/s)."""
     states, times = [], []
     for case in CASES:
         solver = solver_of(case)

@@ -46,7 +46,7 @@ KEPT = ("motion", "orbit_period", "contact", "outcome", "lyapunov", "drift", "cy
 
 @cache
 def study(damping: int):
-    """Give the whole study, as printed or as described."""
+    """Return the whole study, as printed or as described."""
     return load_job(JOBS / f"bluecrystal{('', '-described')[damping]}.toml").study
 
 
@@ -93,7 +93,7 @@ def nearest(left: np.ndarray, right: np.ndarray) -> float:
 
 
 def agree(one: dict, k: int, other: dict, j: int) -> tuple[bool, float]:
-    """Tell whether two runs found one motion; give the distance of their orbits, 0 if none."""
+    """Return whether two runs found one motion; give the distance of their orbits, 0 if none."""
     if any(one[name][k] != other[name][j] for name in ("motion", "outcome", "orbit_period")):
         return False, 0.0
     if not one["orbit_period"][k]:
@@ -109,7 +109,7 @@ def told(one: dict, k: int) -> str:
 
 
 def compare(before: dict, after: dict, nudge: float = 0.0) -> int:
-    """List the runs that differ, with a nudge each with why; return how many stay unexplained."""
+    """Return the runs that differ, with a nudge each with why; return how many stay unexplained."""
     if not np.array_equal(before["at"], after["at"]):
         sys.exit("random_points: the files hold other points")
     worst, kinds = 0.0, Counter()

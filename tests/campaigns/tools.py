@@ -84,7 +84,7 @@ amplitude = 0.7
 
 
 def of_study(job, kind: type):
-    """Give a job the study of another class, with the fields of its own: a small one for a test."""
+    """Return a job with a study of another class and fields of its own: a small one for a test."""
     study = job.study
     fields = {field.name: getattr(study, field.name) for field in dataclasses.fields(study)}
     return dataclasses.replace(job, study=kind(**fields))

@@ -7,20 +7,20 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from tools import ROOT, SMALL, assert_same_datasets, hpcsweep, of_study
+from tools import SMALL, assert_same_datasets, hpcsweep, of_study
 
 from hpcsweep import Structure
 from hpcsweep.campaign import run as campaign
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import Layout, job_of, layout_problems, pack
+from hpcsweep.store import Layout, layout_problems, pack
 from hpcsweep.studies.amplitude_sweep import AmplitudeSweep
 from hpcsweep.studies.runs import frame_runs
 
 JOB = SMALL.replace("count = 4", "count = 2").replace("to = 0.3", "to = 0.15")
 
-UNDECIDED = JOB.replace("[output]", "decide_cycles = 0\n[output]")
+UNDECIDED = JOB.replace("[output]", "classify_cycles = 0\n[output]")
 
 
 def journal_blocks(path: Path) -> int:
@@ -211,7 +211,7 @@ def altered(**changes):
     ("name", "change", "promise"),
     [
         ("outcome", lambda v: v * 0, "outcome is one of 1 to 4"),
-        ("shortcut", lambda v: v + 4, "shortcut is a rule the job allows"),
+        ("skip_rule", lambda v: v + 4, "skip_rule is a rule the job allows"),
         ("orbit_period", lambda v: v + 7, "orbit_period is at most max_orbit_period"),
         ("orbit_period", lambda v: v * 0, "a run that was cut short has an orbit_period"),
         ("n_points", lambda v: v + 1, "n_points is the orbit_period"),
@@ -242,7 +242,7 @@ def test_a_broken_promise_is_found_under_a_checksum_that_holds(tmp_path, name, c
         ("motion", lambda v: v * 0 + 5, "an orbit_period is periodic or free of contact"),
         ("orbit_period", lambda v: v * 0, "motion is periodic only with an orbit_period"),
         ("contact", lambda v: v | np.uint64(1), "motion is free of contact where contact is empty"),
-        ("decided_cycles", lambda v: v - 1, "decided_cycles is not negative"),
+        ("classification_cycles", lambda v: v - 1, "classification_cycles is not negative"),
     ],
 )
 def test_a_broken_promise_of_a_decided_motion_is_found(tmp_path, name, change, promise):
@@ -274,6 +274,24 @@ class OfAnotherStructure(AmplitudeSweep):
         return AmplitudeSweep.rows(replace(self, structure=other), *arguments)
 
 
+HYSTERESIS = """
+[structure]
+n_floors = 2
+stiffness_ratio = 300.0
+sharpness = 4e3
+damping_ratio = [0.05, 0.02]
+[sweep]
+omega = 0.55
+amplitude = {from = 0.0, to = 0.3, count = 7}
+transient_cycles = 40
+sampling_cycles = 8
+max_orbit_period = 4
+[output]
+lyapunov = true
+block = 3
+"""
+
+
 class NotFollowing(AmplitudeSweep):
     """Every run from rest: each ends on an orbit, but not always on the one the path leads to."""
 
@@ -284,8 +302,7 @@ class NotFollowing(AmplitudeSweep):
 
 def test_orbits_off_the_path_are_found_out(tmp_path):
     path = tmp_path / "off.h5"
-    text = job_of(ROOT / "tests" / "data" / "layout1.h5").text
-    make(path, text.replace("[0.55, 0.7]", "[0.55]"), NotFollowing)
+    make(path, HYSTERESIS, NotFollowing)
     report = validate(path, samples=3)
     assert any("from the state stored before it" in problem for problem in report.problems)
     assert not any("bdf finds" in problem for problem in report.problems)

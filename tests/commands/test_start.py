@@ -1,17 +1,29 @@
 """What a command loads: who reads results does not wait for kernels and integrators."""
 
 import json
+import shutil
 import subprocess
 import sys
 
 import pytest
-from tools import JOBS, ROOT, environment
+from tools import JOBS, SMALL, environment, hpcsweep
 
 COMPUTES = {"numba", "llvmlite", "scipy.integrate", "hpcsweep.solvers.flow", "hpcsweep.solvers.bdf"}
 DRAWS = {"matplotlib", "xarray"}
 COMPILES = {"numba.np.random.generator_methods", "numba.np.polynomial.polynomial_core"}
 """Of all that numba loads before it compiles."""
-LAYOUT1 = ROOT / "tests" / "data" / "layout1.h5"
+RESULTS = "results.h5"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """A small file of results."""
+    folder = tmp_path_factory.mktemp("start")
+    (folder / "small.toml").write_text(SMALL)
+    done = hpcsweep(0, "run", folder / "small.toml", "-o", folder / RESULTS)
+    assert done.returncode == 0, done.stderr
+    return folder / RESULTS
+
 
 LOADED = """
 import json, sys
@@ -42,15 +54,16 @@ def loaded(*arguments: object, cwd=None) -> tuple[int, set[str]]:
     "arguments",
     [
         ["--help"],
-        ["status", LAYOUT1],
-        ["status", LAYOUT1, "--job"],
-        ["validate", LAYOUT1, "--samples", "0"],
+        ["status", RESULTS],
+        ["status", RESULTS, "--job"],
+        ["validate", RESULTS, "--samples", "0"],
         ["plot", "--help"],
         ["new", "job.toml"],
     ],
     ids=lambda arguments: " ".join(str(one).rsplit("/", 1)[-1] for one in arguments),
 )
-def test_a_command_that_computes_nothing_loads_nothing_that_computes(tmp_path, arguments):
+def test_a_command_that_computes_nothing_loads_nothing_that_computes(tmp_path, results, arguments):
+    shutil.copy(results, tmp_path)
     code, modules = loaded(*arguments, cwd=tmp_path)
     assert code == 0
     assert not modules & (COMPUTES | DRAWS)
@@ -67,9 +80,10 @@ def test_a_run_loads_kernels_without_what_would_compile_them(tmp_path, small_job
 
 
 @pytest.mark.parametrize(
-    "arguments", [["summary", LAYOUT1], ["plot", LAYOUT1, "-o", "one.png"]], ids=lambda one: one[0]
+    "arguments", [["summary", RESULTS], ["plot", RESULTS, "-o", "one.png"]], ids=lambda one: one[0]
 )
-def test_results_are_read_and_drawn_without_what_computes(tmp_path, arguments):
+def test_results_are_read_and_drawn_without_what_computes(tmp_path, results, arguments):
+    shutil.copy(results, tmp_path)
     code, modules = loaded(*arguments, cwd=tmp_path)
     assert code == 0
     assert not modules & COMPUTES

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from tools import ROOT
+from tools import ROOT, hpcsweep
 
 from hpcsweep.commands.cli import build_parser
 from hpcsweep.job import JobError, parse_job
@@ -157,9 +157,11 @@ def test_every_key_of_a_job_is_described():
     assert [key for key in ["name", *keys] if key not in described] == []
 
 
-def test_every_variable_and_attribute_of_a_file_is_described():
+def test_every_variable_and_attribute_of_a_file_is_described(small_job, tmp_path):
     described = spans((ROOT / "docs" / "file-format.md").read_text())
-    with h5py.File(ROOT / "tests" / "data" / "layout1.h5", locking=False) as file:
+    small_job.write_text(f"{small_job.read_text()}lyapunov = true\n")
+    assert hpcsweep(0, "run", small_job, "-o", tmp_path / "a.h5").returncode == 0
+    with h5py.File(tmp_path / "a.h5", locking=False) as file:
         names = [*file, *file.attrs]
     assert len(names) > 30
     assert [name for name in names if name not in described] == []

@@ -11,7 +11,7 @@ from tools import DESCRIBED
 
 import hpcsweep
 from hpcsweep.dynamics.attractor import UNDECIDED
-from hpcsweep.dynamics.attractors import LONGER, Search
+from hpcsweep.dynamics.attractors import LONGER, AttractorSearch
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.neighbourhood import inside, lyapunov_forms, neighbourhood
 from hpcsweep.dynamics.portrait import portrait
@@ -132,8 +132,8 @@ def test_what_neighbourhoods_and_windows_tell_is_what_each_start_decides():
     for amplitude in (0.115, 0.15):
         starts = starting_states(box_of(None, units), 60, 3, 0.445, amplitude)
         found = portrait(solver, amplitude, starts[:0], starts, settings, 2000, 0.95)
-        search = Search(solver, amplitude, settings, 2000, None)
-        alone = np.array([search.decide(start) for start in starts])
+        search = AttractorSearch(solver, amplitude, settings, 2000, None)
+        alone = np.array([search.classify(start) for start in starts])
         assert found.cycles < search.cycles
         for label, own in zip(found.labels, alone, strict=True):
             one, other = found.attractors[label], search.attractors[own]
@@ -214,7 +214,7 @@ def test_a_torus_that_is_nearly_locked_is_one_attractor():
 def test_what_few_starts_reach_is_followed_for_longer():
     """Chaos that ends is no attractor, whatever `max_cycles` is."""
 
-    class Ends(Search):
+    class Ends(AttractorSearch):
         def _settle(self, state, cycles):
             asked.append(cycles)
             return super()._settle(state, cycles)
@@ -224,7 +224,7 @@ def test_what_few_starts_reach_is_followed_for_longer():
     solver = make_solver("flow", structure, 0.7, 1e-9)
     search = Ends(solver, 0.3, SweepSettings(), 100, None)
     points, _ = solver.points(np.zeros(2), 0.3, 3000)
-    orbit = search.decide(points[-1])
+    orbit = search.classify(points[-1])
     assert search.attractors[orbit].kind is MotionClass.PERIODIC
     transient = dataclasses.replace(
         search.attractors[orbit], kind=MotionClass.CHAOTIC, orbit_period=0

@@ -171,7 +171,7 @@ def approach(limit, amplitudes, multipliers, count=100):
 
 def test_an_approach_is_no_orbit_of_twice_the_period():
     points = approach([0.5], [1e-4], [-0.99])
-    assert orbit_period(points, 16, 1e-5) == 2  # what the plain test says
+    assert orbit_period(points, 16, 1e-5) == 2  # what the window test says
     assert closed_period(points, 16, 1e-5) == 0
     assert closed_period(approach([0.5], [1e-4], [-0.99], 2000), 16, 1e-5) == 1
 

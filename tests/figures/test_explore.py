@@ -12,7 +12,7 @@ from tools import ROOT, hpcsweep
 from hpcsweep import open_results
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.explorer.page import build_page, write_page
-from hpcsweep.figures.explorer.study import Study
+from hpcsweep.figures.explorer.page_data import PageData
 from hpcsweep.figures.palette import MOTION_COLOURS, NO_CONTACT, motion_place
 from hpcsweep.model.structure import Structure
 
@@ -284,7 +284,7 @@ def test_the_keyboard_alone(page):
     assert page.evaluate("() => window.explorer.map.view.a") == whole
 
 
-def full_size_study(n_frames=2000, n_amplitudes=1250, n=3, most_points=4) -> Study:
+def full_size_study(n_frames=2000, n_amplitudes=1250, n=3, most_points=4) -> PageData:
     """Make up a study of five million runs, a tenth of them without period."""
     rng = np.random.default_rng(5)
     omega, amplitude = np.linspace(0.3, 1.5, n_frames), np.linspace(0.002, 0.4, n_amplitudes)
@@ -308,7 +308,7 @@ def full_size_study(n_frames=2000, n_amplitudes=1250, n=3, most_points=4) -> Stu
         "cycles": np.full(shape, 200, np.uint32),
         "contact": (2 * field).astype(np.uint64),
     }
-    return Study(
+    return PageData(
         name="full size",
         structure=Structure(n_floors=n),
         omega=omega,

@@ -346,7 +346,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     from hpcsweep.commands.cli import main
     from hpcsweep.commands.plot import figures
     from hpcsweep.figures.explorer.page import build_page
-    from hpcsweep.figures.explorer.study import gather
+    from hpcsweep.figures.explorer.page_data import gather
     from hpcsweep.job import parse_job
     from hpcsweep.parallel.mpi import Serial
     from hpcsweep.studies.points import START
@@ -485,7 +485,7 @@ damping_ratio = [0.12622293348805766, 0.016077603302694768, 0.007699463209247604
 omega = [0.445, 0.446]
 amplitude = {from = 0.097, to = 0.1, count = 4}
 directions = ["up"]
-decide_cycles = %d
+classify_cycles = %d
 """
 
 

@@ -12,7 +12,7 @@ from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
 from hpcsweep.figures import cielab, palette, style
 from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
 from hpcsweep.figures.explorer.page import _pack
-from hpcsweep.figures.explorer.study import gather
+from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.figures.film.frame import Painter
 from hpcsweep.figures.film.scene import Scene
 

@@ -96,7 +96,7 @@ class Call:
 
 
 def solver_calls(make: Callable) -> dict[str, Call]:
-    """List the calls of a solver's methods."""
+    """Return the calls of a solver's methods."""
     motion = {"state": STATE, "amplitude": 0.02, "n_periods": 2}
     bad = {"state": NO_STATE, "amplitude": ODD, "n_periods": NO_COUNT}
     closing = {"max_period": 4, "settled": 1e-8, "same": 1e-6, "near": 0.0}
@@ -196,7 +196,7 @@ CALLS = {
 
 
 def cases(calls: dict[str, Call]) -> list:
-    """List every odd value of every argument of every call."""
+    """Return every odd value of every argument of every call."""
     return [
         pytest.param(call, argument, value, id=f"{name}-{argument}-{odd}")
         for name, call in calls.items()

@@ -34,7 +34,7 @@ INSIDE = 0.1
 
 @functools.cache
 def names() -> dict[str, object]:
-    """Give what the calls use, loaded or compiled once for all processes."""
+    """Return what the calls use, loaded or compiled once for all processes."""
     one, three = hpcsweep.Structure(1), hpcsweep.Structure()
     flow, slow, z = FlowMap(three, 0.445), FlowMap(hpcsweep.Structure(10), 0.01), [0.0] * 6
     hpcsweep.stroboscopic_points(one, 0.3, 0.445, [0.0] * 2, 2)
@@ -80,7 +80,7 @@ def seconds_to_hear(call: str) -> float:
 
 
 def cpu_seconds(pid: int) -> float:
-    """Give the processor time of a process: what says that it is inside the call."""
+    """Return the processor time of a process: what says that it is inside the call."""
     with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
         fields = file.read().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / 100

@@ -336,13 +336,6 @@ def test_the_papers_building_has_no_such_attribute(tmp_path):
         assert "structure" not in file.attrs
 
 
-@pytest.mark.parametrize("name", ["layout1.h5", "layout1-packed.h5"])
-def test_files_of_before_are_read(name):
-    results = open_results(JOBS.parent / "tests" / "data" / name)
-    assert results.sizes["frame"] >= 1
-    assert (results["outcome"] == 1).any()
-
-
 # --- the shipped ones
 
 

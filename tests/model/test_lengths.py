@@ -13,7 +13,7 @@ from hpcsweep.model.reach import reach_of_motions
 from hpcsweep.studies.runs import FrameRuns
 from hpcsweep.studies.settings import METRICS, SweepSettings
 
-SETTINGS = SweepSettings(metrics=frozenset(METRICS), decide_cycles=20_000)
+SETTINGS = SweepSettings(metrics=frozenset(METRICS), classify_cycles=20_000)
 JOB = """
 [structure]
 n_floors = 2

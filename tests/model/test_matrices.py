@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.units import Units
 
 CHAIN = np.array([[1.0, -1.0], [-1.0, 2.0]])
 ANY = Contact((1.0, 0.0), 1.0, 100.0)
@@ -78,7 +78,7 @@ def test_pounding_floors_get_a_row_of_their_own():
     assert model.contacts.oblique.tolist() == [[0.0, -1.0], [-1.0, 0.0]]
     assert np.allclose(model.stiffness[2], model.stiffness[0] - model.stiffness[1])
     state = np.array([0.3, 0.1, 0.2, -0.5])
-    frame = Frame(structure, model)
+    frame = Units(structure, model)
     z = frame.into(state)
     assert z[2] * structure.length_unit == pytest.approx(0.2, rel=1e-15)
     assert np.array_equal(frame.out_of(z), state)

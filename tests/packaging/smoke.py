@@ -18,7 +18,7 @@ PLOTS = {
     "metrics": (),
     "benefit": (),
 }
-"""Every kind of figure of a sweep, with what is asked for besides."""
+"""Every kind of figure of a sweep, with what is requested besides."""
 ATTRACTOR_PLOTS = {"attractors": ("--floor", "3"), "shares": (), "number": ("--sweep", "study.h5")}
 """Those of a study of attractors."""
 BASIN_PLOTS = {"basins": ()}

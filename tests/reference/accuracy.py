@@ -121,7 +121,7 @@ def random_case(rng, kind):
 
 
 def random_cases(number, seed=0):
-    """Give as many cases of each kind."""
+    """Return as many cases of each kind."""
     rng = np.random.default_rng(seed)
     return [random_case(rng, KINDS[k % len(KINDS)]) for k in range(number)]
 
@@ -347,7 +347,7 @@ def outline(structure):
 
 
 def part_error(case, reference):
-    """Give by how much the reference changes if its steps are half as long."""
+    """Return by how much the reference changes if its steps are half as long."""
     arguments = case.structure, case.amplitude, case.omega, case.state, 1
     units = case.structure.state_units
     again = reference_points(*arguments, part=0.5 * PART_OF_RADIUS)[0]

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def generator(structure, key, omega):
-    """Give M of its linear motion x' = M x with the floors of `key` at their stops, one harmonic.
+    """Return M of its linear motion x' = M x with the floors of `key` at their stops, one harmonic.
 
     x = (u, u', A sin, A cos, 1), shape (2n + 3,).
     """

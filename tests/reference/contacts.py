@@ -81,7 +81,7 @@ class Try:
     outcome: Outcome = Outcome.COMPLETE
 
     def contacts_wrong(self) -> list[int]:
-        """Give the numbers of the contacts on which `flow` is wrong beyond rounding."""
+        """Return the numbers of the contacts on which `flow` is wrong beyond rounding."""
         if self.outcome is not Outcome.COMPLETE:
             return list(self.case.structure.contact_numbers)
         return [
@@ -147,7 +147,7 @@ def random_general_try(rng, case):
 
 
 def tries(number, seed=0, general=False):
-    """Give `number` tries."""
+    """Return `number` tries."""
     rng = np.random.default_rng(seed)
     sizes, starts, series = np.empty(ROOM), np.empty(ROOM), None
     for k in range(number):

@@ -132,7 +132,7 @@ def earlier(rng, structure, amplitude, omega, z, chosen):
 
 
 def random_general_cases(number, seed=0):
-    """Give as many cases of each kind; each has a generator of its own."""
+    """Return as many cases of each kind; each has a generator of its own."""
     for k in range(number):
         rng = np.random.default_rng([seed, k])
         yield random_general_case(rng, GENERAL_KINDS[k % len(GENERAL_KINDS)], k)

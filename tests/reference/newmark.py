@@ -30,7 +30,7 @@ FAR = 100.0
 
 
 def with_rayleigh(structure: Structure) -> Structure:
-    """Give the structure with Rayleigh's damping in place of its own."""
+    """Return the structure with Rayleigh's damping in place of its own."""
     kept = structure.matrices
     return Structure.from_matrices(
         kept.mass, kept.stiffness, kept.contacts, rayleigh=RAYLEIGH, drift=kept.drift

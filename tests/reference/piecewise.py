@@ -38,7 +38,7 @@ class OneMass:
         return -1 if -u > left or (-u == left and v < 0) else 0
 
     def _motion(self, side, tau, u, v):
-        """Give the motion from a state on as a function of the time since.
+        """Return the motion from a state on as a function of the time since.
 
         In extended precision with its speed; in double precision, of many times, without.
         """

@@ -58,7 +58,7 @@ class Orbit:
         return bool(np.abs(self.multipliers).max() < 1)
 
     def test(self, kind: str) -> float:
-        """Give a function that changes its sign where such a bifurcation is."""
+        """Return a function that changes its sign where such a bifurcation is."""
         mu = self.multipliers
         if kind == "torus":
             pairs = [mu[i] * mu[j] - 1 for i in range(len(mu)) for j in range(i)]
@@ -73,14 +73,14 @@ class Orbit:
         return np.abs(np.abs(self.multipliers) - 1) < 1e-3
 
     def rms(self, samples: int = 4001, share: float = 1.0) -> float:
-        """Give the rms of x1; `share` of its mean's square is counted."""
+        """Return the rms of x1; `share` of its mean's square is counted."""
         motion = trajectory(STRUCTURE, AMPLITUDE, self.omega, self.state, samples)
         x = motion[:-1, 0]
         return math.sqrt(float(np.var(x) + share * np.mean(x) ** 2))
 
 
 def residual(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give P(z) - z and its derivative by state and Omega."""
+    """Return P(z) - z and its derivative by state and Omega."""
     state, omega = point[:-1], point[-1]
     end, matrix = FlowMap(STRUCTURE, omega).monodromy(state, AMPLITUDE, 1)
     later, _ = FlowMap(STRUCTURE, omega + DIFFERENCE).monodromy(state, AMPLITUDE, 1)
@@ -110,7 +110,7 @@ def corrected(guess: np.ndarray, along: np.ndarray, most: int = 12) -> Orbit | N
 
 
 def first_orbit() -> Orbit:
-    """Give the linear orbit at Omega = 0.5."""
+    """Return the linear orbit at Omega = 0.5."""
     response = AMPLITUDE * STRUCTURE.steady_harmonics(FROM)[1][0]
     guess = np.concatenate((response.imag, FROM * response.real, [FROM]))
     return corrected(guess, np.eye(len(guess))[-1])
@@ -133,7 +133,7 @@ def curve() -> list[Orbit]:
 
 
 def between(one: Orbit, share: float, step: float) -> Orbit:
-    """Give the orbit of the curve at a share of the way to the next."""
+    """Return the orbit of the curve at a share of the way to the next."""
     if share == 0:
         return one
     return corrected(one.point + share * step * one.tangent, one.tangent)

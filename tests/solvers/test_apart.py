@@ -15,7 +15,7 @@ OMEGA = 2.0 * math.pi / 0.06
 
 
 def states(rng, slowest, fastest, apart):
-    """Give states from which two floors reach their stops within `apart` of each other."""
+    """Return states from which two floors reach their stops within `apart` of each other."""
     speeds = rng.uniform(slowest, fastest, 2)
     times = 0.03 + rng.uniform(-0.5, 0.5, 2) * apart
     first, second = rng.permutation(3)[:2]

@@ -75,7 +75,7 @@ def test_series_are_those_of_the_exponential(key):
 
 
 def state_before_a_passage(speed, rng):
-    """Give a state from which the top floor reaches its stop at about this speed."""
+    """Return a state from which the top floor reaches its stop at about this speed."""
     return np.array(
         [0.5, rng.uniform(0.8, 0.96), 1.0 - 0.06 * speed, *(0.1 * rng.standard_normal(2)), speed]
     )

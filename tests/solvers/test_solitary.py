@@ -62,7 +62,7 @@ class Steps:
         return np.concatenate((z[3:], -pull - push - ground))
 
     def take(self, z, most, wanted=NO_TALLY, tangent=NO_TANGENT):
-        """Give the length of the step and the state at its end."""
+        """Return the length of the step and the state at its end."""
         shared = self.flow._shared
         shared.work.a[:] = self.rates(0.0, z)[3:]
         shared.work.forcing[:] = 0.0, AMPLITUDE
@@ -70,7 +70,7 @@ class Steps:
         return h, shared.work.z_end.copy()
 
     def follow(self, z, times):
-        """Give the states at these times, by an explicit Runge-Kutta method; shape (times, 6)."""
+        """Return the states at these times, by an explicit Runge-Kutta method; shape (times, 6)."""
         solution = solve_ivp(
             self.rates, (0.0, times[-1]), z, "DOP853", times, rtol=1e-13, atol=1e-15, max_step=1e-3
         )
@@ -78,7 +78,7 @@ class Steps:
 
 
 def state(y, speed, second=0.6):
-    """Give a state in which the top floor is at rho x = y; that it moves at this speed."""
+    """Return a state in which the top floor is at rho x = y; that it moves at this speed."""
     return np.array([0.3, second, 1.0 + y / RHO, 0.05, 0.1, speed])
 
 

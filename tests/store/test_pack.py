@@ -5,7 +5,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from tools import ROOT, SMALL, assert_same_datasets, hpcsweep
+from tools import SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
@@ -14,8 +14,6 @@ from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Lock, StoreError, is_packed, pack, packing, parts
-
-KEPT = ROOT / "tests" / "data" / "layout1.h5"
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +92,7 @@ def test_a_file_that_is_not_complete_is_packed_only_into_a_copy(copy, tmp_path):
 def test_what_cannot_be_packed_is_left_as_it_is(copy, tmp_path, monkeypatch):
     before = copy.read_bytes()
     with pytest.raises(StoreError, match=r"exists already"):
-        pack(copy, KEPT)
+        pack(copy, copy)
     with pytest.raises(StoreError, match="does not exist"):
         pack(copy, tmp_path / "no" / "a.h5")
     lock = Lock(copy)

@@ -150,12 +150,12 @@ def test_a_disk_with_no_room_for_the_whole_file_is_found_before_the_start(tmp_pa
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("ranks", "transport"), [(0, "pwrite"), (2, "mpiio")])
+@pytest.mark.parametrize(("ranks", "transport"), [(0, "pwrite"), (2, "offset")])
 def test_status_tells_what_was_written_how_fast_and_in_what_share_of_the_time(
     tmp_path, small_job, ranks, transport
 ):
     path = tmp_path / "small.h5"
-    done = hpcsweep(ranks, "run", small_job, "-o", path, HPCSWEEP_TRANSPORT="mpiio")
+    done = hpcsweep(ranks, "run", small_job, "-o", path, HPCSWEEP_TRANSPORT="offset")
     assert done.returncode == 0, done.stderr
     (session,) = json.loads(hpcsweep(0, "status", path, "--json").stdout)["sessions"]
     assert session["transport"] == transport

@@ -1,4 +1,4 @@
-"""Sweeps: the published regions, the skip rules against the plain procedure, failures as data."""
+"""Sweeps: the published regions, the skip rules against the window procedure, failures as data."""
 
 import math
 import subprocess
@@ -87,7 +87,7 @@ def test_figure_3_has_its_regions_from_the_command_line(tmp_path, name, expected
     near = 2.01 * np.diff(amplitude).min()
     for direction, regions in expected.items():
         # by the paper's test: it claims P2 on the way down where an orbit of P1 is approached
-        found = np.array(labels(results, direction, "plain_period"))
+        found = np.array(labels(results, direction, "window_period"))
         for label, first, last in regions:
             low, high = min(first, last), max(first, last)
             inside = (amplitude >= low + near) & (amplitude <= high - near)
@@ -115,7 +115,7 @@ def test_described_chaos_where_the_paper_says(tmp_path):
 
 @pytest.mark.parametrize("skip", [("linear", "converged"), ("linear", "converged", "newton")])
 def test_skip_rules_give_the_results_of_the_plain_procedure(skip):
-    """Wherever the plain procedure has itself settled, which a strict tolerance tells."""
+    """Wherever the window procedure has itself settled, which a strict tolerance tells."""
     amplitude = np.linspace(0.005, 0.25, 50)
     structure = Structure()
     settings = SweepSettings(period_tolerance=1e-8)
@@ -221,7 +221,7 @@ kernels = march.march, transient.end_of_transient
 before = [len(kernel.signatures) for kernel in kernels]
 amplitude = np.linspace(0.01, 0.25, 40)
 found = sweep.sweep_block(Structure(), 0.21, amplitude, np.zeros(6), settings)
-assert set(found["shortcut"].tolist()) >= {{0, 1, 3}}
+assert set(found["skip_rule"].tolist()) >= {{0, 1, 3}}
 print(sum(before), sum(len(kernel.signatures) for kernel in kernels))
 """
 
@@ -241,7 +241,7 @@ def test_what_the_paper_calls_p2_on_the_way_down_of_figure_3_is_p1():
     start = stroboscopic_points(study.structure, 0.2488, 0.445, np.zeros(6), 300)[-1]
     amplitudes = study.amplitude[(study.amplitude > 0.212) & (study.amplitude < 0.249)][::-1]
     found = sweep_block(study.structure, 0.445, amplitudes, start, study.settings)
-    claimed = found["plain_period"] == 2
+    claimed = found["window_period"] == 2
     assert claimed.sum() == 3
     assert (found["orbit_period"] == 1).all()
     # the orbit at the middle of the three, by the independent reference
@@ -260,14 +260,14 @@ def test_the_path_is_that_of_the_plain_procedure_whatever_is_decided():
             0.445,
             amplitudes,
             study.initial_state,
-            replace(study.settings, decide_cycles=cycles),
+            replace(study.settings, classify_cycles=cycles),
         )
         for cycles in (None, 0, 50_000)
     ]
-    for name in ("final_state", "outcome", "shortcut", "cycles"):
+    for name in ("final_state", "outcome", "skip_rule", "cycles"):
         np.testing.assert_array_equal(rows[0][name], rows[1][name])
         np.testing.assert_array_equal(rows[0][name], rows[2][name])
-    np.testing.assert_array_equal(rows[0]["orbit_period"], rows[2]["plain_period"])
+    np.testing.assert_array_equal(rows[0]["orbit_period"], rows[2]["window_period"])
     motion, period = rows[2]["motion"], rows[2]["orbit_period"]
     assert not (motion == MotionClass.UNDECIDED).any()
     assert ((period > 0) == np.isin(motion, (MotionClass.PERIODIC, MotionClass.NO_CONTACT))).all()

@@ -14,7 +14,7 @@ from tools import assert_same_datasets, hpcsweep
 import hpcsweep as package
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
-from hpcsweep.figures.explorer.study import gather
+from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.model.structure import Structure
 

@@ -14,7 +14,7 @@ from tools import assert_same_datasets, hpcsweep
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
-from hpcsweep.dynamics.attractors import Search
+from hpcsweep.dynamics.attractors import AttractorSearch
 from hpcsweep.dynamics.basins import ELSEWHERE, Basins
 from hpcsweep.figures.diagrams.basins import attractors_of
 from hpcsweep.figures.palette import MOTION_COLOURS, MOTION_NAMES
@@ -98,12 +98,14 @@ def test_rows_that_contradict_themselves_are_told(whole):
 
 def test_each_start_goes_where_it_goes_when_it_is_decided_alone(whole):
     study, results = parse_job(JOB, "job", "job").study, open_results(whole)
-    search = Search(make_solver("flow", study.structure, 1.0, 1e-9), 0.7, study.settings, 600, None)
+    search = AttractorSearch(
+        make_solver("flow", study.structure, 1.0, 1e-9), 0.7, study.settings, 600, None
+    )
     labels, points = results["label"].values[0, :, 0], results["point"].values[0, 0, 0]
     assert set(np.unique(labels)) == {1, 2}
     for row, v in enumerate(study.vertical):
         for column, u in enumerate(study.horizontal):
-            own = search.attractors[search.decide(np.array([u, v]))]
+            own = search.attractors[search.classify(np.array([u, v]))]
             listed = points[labels[row, column] - 1]
             assert np.abs(own.points - listed).max(axis=1).min() < 1e-6
 
@@ -215,7 +217,7 @@ def test_every_command_tells_it(tmp_path, whole):
         ("max_cycles = 600", "max_attractors = 65", ("study.max_attractors", "1 to 64")),
         ("[sweep]", '[solver]\nskip = "none"\n[sweep]', ("solver.skip", '"all"')),
         ("[sweep]", "[output]\nblock = 2\n[sweep]", ("output.block", "each row")),
-        ("[sweep]", "[sweep]\ndecide_cycles = 5", ("sweep.decide_cycles", "max_cycles")),
+        ("[sweep]", "[sweep]\nclassify_cycles = 5", ("sweep.classify_cycles", "max_cycles")),
         ("seed = 2", "confidence = 0.9", ("study.confidence", "attractors")),
         ('kind = "basins"\n', "", ("study.horizontal", "basins")),
     ],

@@ -97,7 +97,7 @@ def opened(results, omega: float | None):
 
 
 def motions_of(frame) -> np.ndarray:
-    """Give the place in `palette.MOTIONS` of each attractor, -1 where there is none.
+    """Return the place in `palette.MOTIONS` of each attractor, -1 where there is none.
 
     Returns
     -------

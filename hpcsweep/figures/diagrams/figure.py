@@ -72,7 +72,7 @@ class Figure(Protocol):
         StoreError
             If it is not a campaign file.
         PlotError
-            If what was asked for cannot be drawn; one line for the user.
+            If what was requested cannot be drawn; one line for the user.
         """
 
     def draw(self, results, path: Path, **options) -> None:
@@ -81,7 +81,7 @@ class Figure(Protocol):
         Raises
         ------
         PlotError
-            If what was asked for cannot be drawn; then nothing is written.
+            If what was requested cannot be drawn; then nothing is written.
         """
 
 

@@ -1,4 +1,4 @@
-"""Error that was measured against tolerance that was asked for, one panel a solver."""
+"""Error that was measured against tolerance that was requested, one panel a solver."""
 
 from pathlib import Path
 
@@ -45,7 +45,7 @@ def draw(rows: list, path: Path) -> None:
             asked, asked, color="0.3", linewidth=1.2, linestyle="--", label="error = tolerance"
         )
         axis.set_title(solver, fontsize=10)
-        axis.set_xlabel("relative tolerance asked for", fontsize=9)
+        axis.set_xlabel("relative tolerance requested", fontsize=9)
         axis.grid(True, color="0.9", linewidth=0.6)
         axis.set_axisbelow(True)
     axes[0, 0].invert_xaxis()

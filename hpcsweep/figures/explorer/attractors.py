@@ -12,7 +12,7 @@ VALUES = ("share", "number")
 
 
 def as_runs(frame):
-    """Give the attractors of a frame, slot by slot, as the runs of directions.
+    """Return the attractors of a frame, slot by slot, as the runs of directions.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def as_study(study):
 
     Parameters
     ----------
-    study : hpcsweep.figures.explorer.study.Study
+    study : hpcsweep.figures.explorer.page_data.PageData
     """
     used = np.flatnonzero((study.codes["motion"] != MotionClass.NOT_COMPUTED).any(axis=(0, 2)))
     n = int(used.max(initial=0)) + 1

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
-from hpcsweep.figures.explorer.pack import (
+from hpcsweep.figures.explorer.encode import (
     predict_points,
     predict_rows,
     quantise,
     resolution,
     to_text,
 )
-from hpcsweep.figures.explorer.study import Study
+from hpcsweep.figures.explorer.page_data import PageData
 from hpcsweep.figures.labels import in_gaps
 from hpcsweep.figures.palette import (
     DIRECTIONS,
@@ -57,12 +57,12 @@ class PageTooLarge(ValueError):
     """The page would be larger than allowed; the message is one line for the user."""
 
 
-def build_page(study: Study, bits: int = DEFAULT_BITS) -> tuple[str, dict[str, int]]:
+def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str, int]]:
     """Write the page of a study as text.
 
     Parameters
     ----------
-    study : Study
+    study : PageData
     bits : int
         Of the quantised displacements and velocities, 6 to 16.
 
@@ -118,7 +118,7 @@ def check_size(sizes: dict[str, int], limit: float) -> None:
         )
 
 
-def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
+def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
     """Make the page's description of the study and the text of its arrays."""
     texts: dict[str, str] = {}
     arrays: dict[str, dict] = {}
@@ -169,7 +169,7 @@ def _pack(study: Study, bits: int) -> tuple[dict, dict[str, str]]:
     }, texts
 
 
-def _add_points(study: Study, bits: int, add) -> dict[str, float]:
+def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
     """Add the points, each frame and component on its own range; give the worst steps."""
     n_frames = study.omega.size
     sweeps = study.counts.reshape(-1, study.amplitude.size)
@@ -241,7 +241,7 @@ def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
 
 
 def _structure(structure) -> dict:
-    """Give what the page needs to integrate and to describe: all divided by the masses."""
+    """Return what the page needs to integrate and to describe: all divided by the masses."""
     mass = structure.mass_matrix
 
     def entries(vector) -> list[list]:
@@ -272,7 +272,7 @@ def _structure(structure) -> dict:
     }
 
 
-def _colours(study: Study, sets: list[int]) -> dict[str, str | list[str]]:
+def _colours(study: PageData, sets: list[int]) -> dict[str, str | list[str]]:
     """Return the colours of all figures for the page, which has none of its own."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex

@@ -65,7 +65,7 @@ def _coupling(k, model, span):
 
 @inlined
 def passes_apart(arrival, z, a, amplitude, model):
-    """Tell whether the contact at its stop may pass its layer apart from all other contacts.
+    """Return whether the contact at its stop may pass its layer apart from all other contacts.
 
     That holds where no other comes near its layer meanwhile, and also where those that do will
     pass as fast, if what they do to each other is negligible; see the module. It does not hold for
@@ -130,7 +130,7 @@ def passes_apart(arrival, z, a, amplitude, model):
 
 @kernel
 def is_alone(arrival, z, a, amplitude, model):
-    """Tell whether no other contact comes near its layer while one passes slowly, or arrives.
+    """Return whether no other contact comes near its layer while one passes slowly, or arrives.
 
     In a time t a row moves by no more than (w + |a| t / 2) t + J t^3 / 6, with its speed w, J the
     largest jerk of any row and the norm |K| + |C| / t of all rows: what the rows add to J while

@@ -7,17 +7,17 @@ from hpcsweep.kernels.compile import inlined, kernel
 
 @kernel
 def contact_bit(k):
-    """Give the bit of a contact in a contact set."""
+    """Return the bit of a contact in a contact set."""
     return np.uint64(1) << np.uint64(k)
 
 
 @inlined
 def distance(k, z, contacts):
-    """Give how far contact k is past its stop."""
+    """Return how far contact k is past its stop."""
     return contacts.edges[k, 0] * z[contacts.places[k, 0]] - contacts.edges[k, 3]
 
 
 @inlined
 def approach_speed(k, z, contacts):
-    """Give the speed of that distance."""
+    """Return the speed of that distance."""
     return contacts.edges[k, 0] * z[contacts.places[k, 1]]

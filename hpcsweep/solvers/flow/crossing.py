@@ -85,7 +85,7 @@ LAST = float(NODES[-1])
 
 @inlined
 def passage_is_fast(v, a, j, contact, model):
-    """Tell whether the closed form holds for a passage at velocity v (see the module).
+    """Return whether the closed form holds for a passage at velocity v (see the module).
 
     The relative change of w^2 inside the layer, and up to the last node of the quadrature, must be
     below `FAST`. What the expansion leaves out must be below `NEGLECTED`: with t = 1 / (rho |v|),
@@ -144,7 +144,7 @@ class AtStop(NamedTuple):
 
 @inlined
 def at_stop(v, a, j, beta, rho):
-    """Give what is known of a contact at its stop; see `moments`."""
+    """Return what is known of a contact at its stop; see `moments`."""
     width = 1.0 / rho
     unit = beta * width * width
     sign = 1.0 if v > 0.0 else -1.0
@@ -154,14 +154,14 @@ def at_stop(v, a, j, beta, rho):
 
 @inlined
 def _bend(side, stop):
-    """Give g, the coefficient of X^2 in w^2."""
+    """Return g, the coefficient of X^2 in w^2."""
     spring = stop.beta if side > 0.0 else 0.0
     return stop.sign * stop.j * stop.slowness - spring
 
 
 @inlined
 def delays(side, stop, x, later):
-    """Give the relative delays at the nodes, of g X^2 and of R; `later` is 1 / (|v*| + w)."""
+    """Return the relative delays at the nodes, of g X^2 and of R; `later` is 1 / (|v*| + w)."""
     part = x * later
     delayed = load(DELAY, 0) * later * (-2.0 * side * stop.unit * stop.slowness)
     return part * part * (_bend(side, stop) * (1.0 / 3.0)), delayed
@@ -169,7 +169,7 @@ def delays(side, stop, x, later):
 
 @inlined
 def half_passage(side, stop):
-    """Give s^k r ds, k = 0 to 4, at the nodes of half a passage; see `moments` and the module.
+    """Return s^k r ds, k = 0 to 4, at the nodes of half a passage; see `moments` and the module.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def sums(free, contact):
 
 @inlined
 def since_linear(m, stop):
-    """Give the moments by the time of the linear motion, for `add_kick`, of those of `sums`."""
+    """Return the moments by the time of the linear motion, for `add_kick`, of those of `sums`."""
     d = (m[1] if stop.v > 0.0 else m[2]) * (stop.sign * stop.slowness)
     return (
         fma(-0.5 * stop.beta * stop.speed * d, d, m[0]),

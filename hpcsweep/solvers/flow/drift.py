@@ -89,7 +89,7 @@ def _search_peak(rows, h, s, bound4, tally, stack):
 
 @kernel
 def _slope_is_monotone(d, g0, slope0, g1, slope1, bound4):
-    """Tell whether g'' has one sign on an interval of length d; True is proved.
+    """Return whether g'' has one sign on an interval of length d; True is proved.
 
     That of the cubic Hermite interpolant is linear and differs by no more than d^2 / 12 times
     the bound of the fourth derivative (see `search`).

@@ -47,7 +47,7 @@ def contact_key(tau, z, amplitude, model, work):
 
 @kernel
 def layer_edge(key, k, model):
-    """Give the edge of the layer of contact k in its state, and the sign of its way there."""
+    """Return the edge of the layer of contact k in its state, and the sign of its way there."""
     edges = model.contacts.edges
     if key & contact_bit(k):
         return Level(-edges[k, 0], edges[k, 2])
@@ -56,7 +56,7 @@ def layer_edge(key, k, model):
 
 @kernel
 def is_clear(key, k, d, x, z_end, model, bound4):
-    """Tell whether contact k keeps away from its layer, or leaves it, within d; True is proved.
+    """Return whether contact k keeps away from its layer, or leaves it, within d; True is proved.
 
     `x` is the augmented state at the start, `z_end` begins with the state at the end.
     """

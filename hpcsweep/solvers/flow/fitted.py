@@ -2,7 +2,7 @@
 
 Kernels fitted to the number of floors, contacts and harmonics (`hpcsweep.kernels.fitting`) take
 0.55 to 0.8 of the time and give the same results to the last bit, but have to be compiled once
-more: `hpcsweep run` does so where it pays, `hpcsweep warmup` where it is asked for. Whoever makes
+more: `hpcsweep run` does so where it pays, `hpcsweep warmup` where it is requested. Whoever makes
 a solver gets them if they are loaded or the cache has them, else those for any structure.
 """
 
@@ -13,8 +13,8 @@ from hpcsweep.kernels.placing import Shapes, shapes_of
 from hpcsweep.kernels.separate import LOADING, FittedKernels, Separate
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.batch import follow_orbits
 from hpcsweep.solvers.flow.march import march
-from hpcsweep.solvers.flow.path import follow_orbits
 from hpcsweep.solvers.flow.shared import SHARED, Shared, new_shared
 from hpcsweep.solvers.flow.transient import end_of_transient
 
@@ -31,7 +31,7 @@ FOR_ANY = MotionKernels(march, end_of_transient, follow_orbits)
 
 
 def kernels_for(shared: Shared) -> MotionKernels:
-    """Give the kernels for a structure: fitted ones if they are loaded or the cache has them."""
+    """Return the kernels for a structure: fitted ones if they are loaded or the cache has them."""
     if not (_loaded or _kept_keys()):
         return FOR_ANY
     with LOADING:
@@ -39,13 +39,13 @@ def kernels_for(shared: Shared) -> MotionKernels:
 
 
 def fitted_kernels(structure: Structure) -> FittedKernels:
-    """Give the kernels fitted to a structure, which may be compiled or not."""
+    """Return the kernels fitted to a structure, which may be compiled or not."""
     with LOADING:
         return _fitted(shapes_of(new_shared(kernel_model(structure, 1.0), 0.0, 0)))
 
 
 def use(kernels: FittedKernels) -> None:
-    """Give fitted kernels, which are loaded, to solvers that are made from now on."""
+    """Return fitted kernels, which are loaded, to solvers that are made from now on."""
     _loaded.add(kernels.fit.key)
     _kernels_for.cache_clear()
 

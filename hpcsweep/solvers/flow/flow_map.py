@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hpcsweep.model.frame import Frame
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import (
     closing_arguments,
     motion,
@@ -15,9 +15,9 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
+from hpcsweep.solvers.flow.batch import MORE, OPEN, Rules, new_rows, new_run, orbits_of
 from hpcsweep.solvers.flow.fitted import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.free import NOTHING
-from hpcsweep.solvers.flow.path import MORE, OPEN, Rules, new_rows, new_run, orbits_of
 from hpcsweep.solvers.flow.shared import SHARED, WATCH, Watch, new_shared, new_watch
 from hpcsweep.solvers.flow.tally import MAXIMA, NO_TALLY, NORMS, clear
 from hpcsweep.solvers.free_motion import FreeMotion
@@ -53,7 +53,7 @@ class FlowMap:
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
         self.structure, self.omega, self.rtol = solver_arguments(structure, omega, rtol)
         model = kernel_model(structure, self.omega)
-        self._frame = Frame(structure, model)
+        self._units = Units(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
         self._kernels = kernels_for(self._shared)
@@ -97,7 +97,7 @@ class FlowMap:
             done += more
             if outcome != Outcome.COMPLETE:
                 break
-        return Advance(self._frame.out_of(z), done, Outcome(outcome))
+        return Advance(self._units.out_of(z), done, Outcome(outcome))
 
     def settle(
         self,
@@ -143,7 +143,7 @@ class FlowMap:
             newton += by_newton
             if period or outcome != Outcome.COMPLETE:
                 break
-        state = self._frame.out_of(z)
+        state = self._units.out_of(z)
         return Approach(state, done, newton, period, multiplier, Outcome(outcome))
 
     def follow_orbits(
@@ -175,7 +175,7 @@ class FlowMap:
         z = motion(self, state, 0.0, rules.transient)[0]
         units = np.array(self.structure.state_units)
         self._watch_for(closing[0])
-        run = new_run(n, self._frame.size, closing[0], modal_norm)
+        run = new_run(n, self._units.size, closing[0], modal_norm)
         rows = new_rows(len(amplitudes), n, closing[0])
         why = MORE
         while why == MORE:
@@ -186,7 +186,7 @@ class FlowMap:
                 amplitudes,
                 z,
                 units,
-                self._frame.amplitude_unit,
+                self._units.amplitude_unit,
                 self._pieces.begin(poll),
                 tuple(rules),
                 run,
@@ -196,14 +196,14 @@ class FlowMap:
         n_runs, _, *counts = run.place.tolist()
         left_open = None
         if why == OPEN:
-            state, multiplier = self._frame.out_of(run.z), float(run.number[1])
+            state, multiplier = self._units.out_of(run.z), float(run.number[1])
             left_open = Approach(state, *counts[:3], multiplier, Outcome(outcome))
         return orbits_of(rows, n_runs, self.structure, z, left_open)
 
     def _watch_for(self, max_period: int) -> Watch:
         """Take what is kept of a motion's points for orbits of up to `max_period`."""
         if max_period not in self._watches:
-            self._watches[max_period] = WATCH.place(new_watch(self._frame.size // 2, max_period))
+            self._watches[max_period] = WATCH.place(new_watch(self._units.size // 2, max_period))
         self._watch, self._packed_watch = self._watches[max_period]
         return self._watch
 
@@ -237,7 +237,7 @@ class FlowMap:
         clear.py_func(tally)
         tangent = logarithms = None
         if growth:
-            tangent = self._frame.tangent_into(tangent_column(self.structure, None))
+            tangent = self._units.tangent_into(tangent_column(self.structure, None))
             logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, wanted, tangent, logarithms)
         free = tally.free_time[0]
@@ -261,12 +261,12 @@ class FlowMap:
     ) -> Growth:
         """Integrate `n_periods` with a tangent vector; gather only points."""
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
-        tangent = self._frame.tangent_into(tangent_column(self.structure, direction))
+        tangent = self._units.tangent_into(tangent_column(self.structure, direction))
         logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, NO_TALLY, tangent, logarithms)
         if outcome is not Outcome.COMPLETE:
             logarithms = np.empty(0)
-        return Growth(points, outcome, logarithms, self._frame.tangent_out_of(tangent).ravel())
+        return Growth(points, outcome, logarithms, self._units.tangent_out_of(tangent).ravel())
 
     def monodromy(
         self, state: np.ndarray, amplitude: float, n_periods: int
@@ -285,7 +285,7 @@ class FlowMap:
             If the solver fails.
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
-        tangent = self._frame.tangent_into(np.eye(2 * self.structure.n_floors))
+        tangent = self._units.tangent_into(np.eye(2 * self.structure.n_floors))
         for first, last in self._pieces.cut(n_periods):
             done, outcome = self._march(
                 z, amplitude, last - first, self._shared.no_points, tangent=tangent
@@ -293,12 +293,12 @@ class FlowMap:
             if outcome != Outcome.COMPLETE:
                 period = first + done + 1
                 raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {period}")
-        return self._frame.out_of(z), self._frame.tangent_out_of(tangent)
+        return self._units.out_of(z), self._units.tangent_out_of(tangent)
 
     def _motion(self, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
         """Take what a motion is integrated from to the units of the kernels."""
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
-        return self._frame.into(z), amplitude / self._frame.amplitude_unit, n_periods
+        return self._units.into(z), amplitude / self._units.amplitude_unit, n_periods
 
     def _points(self, z, amplitude, n_periods, poll, wanted=NO_TALLY, tangent=None, growth=None):
         """Integrate `n_periods`, z in place; return the points reached, and the outcome."""
@@ -317,7 +317,7 @@ class FlowMap:
             done += more
             if outcome != Outcome.COMPLETE:
                 break
-        return self._frame.out_of(points[:done]), Outcome(outcome)
+        return self._units.out_of(points[:done]), Outcome(outcome)
 
     def _march(self, z, amplitude, n_periods, points, wanted=NO_TALLY, tangent=None, growth=None):
         return self._kernels.march(
@@ -333,7 +333,7 @@ class FlowMap:
 
 
 def _growth_of(logarithms: np.ndarray | None) -> tuple[float, np.ndarray]:
-    """Give the growth over a window and in each of its periods; NaN and none if not known."""
+    """Return the growth over a window and in each of its periods; NaN and none if not known."""
     if logarithms is None:
         return math.nan, np.empty(0)
     return window_growth(logarithms), logarithms

@@ -38,7 +38,7 @@ def rotate_forcing(x, first, rotation, index):
 
 @inlined
 def short_turn(s):
-    """Give sine and cosine of an angle, or of Lanes of them, of `SHORT_ANGLE` at most."""
+    """Return sine and cosine of an angle, or of Lanes of them, of `SHORT_ANGLE` at most."""
     q = s * s
     sine = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
     cosine = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
@@ -47,7 +47,7 @@ def short_turn(s):
 
 @inlined
 def _turn(s):
-    """Give sine and cosine of an angle of `WIDE_ANGLE` at most."""
+    """Return sine and cosine of an angle of `WIDE_ANGLE` at most."""
     q = s * s
     sine, cosine = SINE[0], COSINE[0]
     for k in range(1, len(SINE)):
@@ -77,7 +77,7 @@ def forcing_after(s, tau, amplitude, x, first, model, out):
 
 @inlined
 def total_forcing(pairs, first, model):
-    """Give G of the pairs."""
+    """Return G of the pairs."""
     ground = 0.0
     for k in range(model.harmonics.shape[0]):
         ground += pairs[first + 2 * k]
@@ -86,7 +86,7 @@ def total_forcing(pairs, first, model):
 
 @inlined
 def forcing_rate(pairs, first, model):
-    """Give dG/dtau of the pairs."""
+    """Return dG/dtau of the pairs."""
     rate = 0.0
     for k in range(model.harmonics.shape[0]):
         rate += model.harmonics[k, 0] * model.omega * pairs[first + 2 * k + 1]

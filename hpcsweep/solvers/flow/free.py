@@ -75,7 +75,7 @@ NOTHING = FREE.pack(NOT_KNOWN)
 
 @separate(INT, BYTES, VECTOR, FLOAT, VECTOR)
 def is_free(free, state, amplitude, end):
-    """Tell whether the motion from a state is free of contact and ends on the steady state.
+    """Return whether the motion from a state is free of contact and ends on the steady state.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def recurrence(y: np.ndarray, measure: np.ndarray, n_nodes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Give the recurrence of the orthogonal polynomials of a discrete measure.
+    """Return the recurrence of the orthogonal polynomials of a discrete measure.
 
     By the procedure of Stieltjes: p_(k+1) = (y - alpha_k) p_k - beta_k p_(k-1).
 
@@ -32,7 +32,7 @@ def recurrence(y: np.ndarray, measure: np.ndarray, n_nodes: int) -> tuple[np.nda
 
 
 def rule(alpha: np.ndarray, beta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give nodes and weights, of the eigenvalues and vectors of the Jacobi matrix.
+    """Return nodes and weights, of the eigenvalues and vectors of the Jacobi matrix.
 
     Golub and Welsch, Math. Comp. 23 (1969) 221.
     """

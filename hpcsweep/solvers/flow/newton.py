@@ -101,7 +101,7 @@ def _find_orbit(shared, common, watch, period, amplitude, image):
 
 @kernel
 def _is_linear(matrix, state, image, orbit):
-    """Tell whether `matrix` takes `state` to `image`, as seen from a point of the orbit."""
+    """Return whether `matrix` takes `state` to `image`, as seen from a point of the orbit."""
     size_left = 0.0
     curved = 0.0
     for i in range(orbit.shape[0]):

@@ -40,7 +40,7 @@ def _find(key, tables):
 
 @inlined
 def table_of(key, tables, packed):
-    """Give what `lookup` gives, without a call where the table is at hand."""
+    """Return what `lookup` gives, without a call where the table is at hand."""
     index = _find(key, tables)
     return index if index >= 0 else lookup(key, packed)
 

@@ -102,7 +102,7 @@ class Bracket(NamedTuple):
 
 @kernel
 def _inner(d, g0, slope0, g1, slope1, bound4):
-    """Give the three inner coefficients of the quartic B above g."""
+    """Return the three inner coefficients of the quartic B above g."""
     square = d * d
     middle = fma(d * (1.0 / 6.0), slope0 - slope1, 0.5 * (g0 + g1))
     return (
@@ -121,13 +121,13 @@ def _top(d, g0, slope0, g1, slope1, bound4):
 
 @kernel
 def may_reach(d, g0, slope0, g1, slope1, bound4):
-    """Tell whether g may reach 0 on an interval of length d; False is proved."""
+    """Return whether g may reach 0 on an interval of length d; False is proved."""
     return _top(d, g0, slope0, g1, slope1, bound4) >= 0.0
 
 
 @kernel
 def may_exceed(size, d, g0, slope0, g1, slope1, bound4):
-    """Tell whether |g| may reach `size` on an interval of length d; False is proved."""
+    """Return whether |g| may reach `size` on an interval of length d; False is proved."""
     early, middle, late = _inner(d, g0, slope0, g1, slope1, 0.0)
     square = d * d
     more = HERMITE_MIDDLE * bound4 * (square * square)
@@ -138,7 +138,7 @@ def may_exceed(size, d, g0, slope0, g1, slope1, bound4):
 
 @kernel
 def leaves(d, g0, slope0, g1, slope1, bound4):
-    """Tell whether g >= 0 falls below 0 within d, to stay there up to d; True is proved."""
+    """Return whether g >= 0 falls below 0 within d, to stay there up to d; True is proved."""
     early, middle, late = _inner(d, g0, slope0, g1, slope1, bound4)
     if not (g0 >= 0.0 and slope0 < 0.0 and max(max(early, middle), max(late, g1)) < 0.0):
         return False
@@ -151,7 +151,7 @@ def leaves(d, g0, slope0, g1, slope1, bound4):
 
 @kernel
 def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
-    """Tell whether g' > 0 on the whole interval; True is proved."""
+    """Return whether g' > 0 on the whole interval; True is proved."""
     middle = 3.0 * (g1 - g0) / d - slope0 - slope1
     lowest = min(min(slope0, slope1), middle)
     return lowest - HERMITE_SLOPE * d * d * d * bound4 > 0.0

@@ -13,7 +13,7 @@ from hpcsweep.kernels.vectors import LANES
 
 @kernel
 def place_of(k, n, n_rows):
-    """Give where component k of n coordinates lies in an augmented state of all rows."""
+    """Return where component k of n coordinates lies in an augmented state of all rows."""
     if k < n:
         return k
     return k + n_rows - n if k < 2 * n else k + 2 * (n_rows - n)

@@ -76,7 +76,7 @@ EXPONENTIAL = (-1.0 / 720.0 / 7.0, 1.0 / 720.0, -1.0 / 120.0, 1.0 / 24.0, -1.0 /
 
 @kernel
 def half_is_smooth(v, a, j, is_beyond, contact, model):
-    """Tell whether half a passage may be taken along the linear motion of its side.
+    """Return whether half a passage may be taken along the linear motion of its side.
 
     Up to `REACH` the square of the speed may fall by `FALL` of itself at most, and double no
     sooner than at `RISE`: the rule is then right to 2e-12 of the impulse J (tried on (1 - y / y_0)^
@@ -121,7 +121,7 @@ def half_is_smooth(v, a, j, is_beyond, contact, model):
 
 @kernel
 def passage_is_smooth(v, a, j, contact, model):
-    """Tell whether a whole passage may be taken so; it must also leave its layer at once."""
+    """Return whether a whole passage may be taken so; it must also leave its layer at once."""
     beta, layer = model.contacts.beta[contact], model.layer
     speed, square = abs(v), v * v
     change = (2.0 * abs(a) + abs(j) * layer / speed + beta * layer) * layer

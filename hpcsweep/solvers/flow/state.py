@@ -8,7 +8,7 @@ OVERFLOW = 1e100
 
 @kernel
 def is_ordinary(z):
-    """Tell whether no coordinate is beyond `OVERFLOW` or NaN."""
+    """Return whether no coordinate is beyond `OVERFLOW` or NaN."""
     for value in z:
         if not abs(value) < OVERFLOW:
             return False

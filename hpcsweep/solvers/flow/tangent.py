@@ -168,7 +168,7 @@ def _rates(half, faster, pushed):
 
 @inlined
 def _differentiated(side, stop):
-    """Give the moments of half a passage node by node, and what differentiates them.
+    """Return the moments of half a passage node by node, and what differentiates them.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ def _drift_of_kick(key, kick, model, drift):
 
 @inlined
 def _pushed(contact, key, column, tangent, model):
-    """Give the variation of the acceleration in the row of a contact, without its own force."""
+    """Return the variation of the acceleration in the row of a contact, without its own force."""
     contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
     n, row = stiffness.shape[0], contacts.row[contact]
     pushed = 0.0

@@ -15,7 +15,7 @@ from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, contact_stiffn
 
 @inlined
 def reach(size, ahead, ellipse):
-    """Give the length of the step on whose ellipse a pole lies; see the module.
+    """Return the length of the step on whose ellipse a pole lies; see the module.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def reach(size, ahead, ellipse):
 
 @kernel
 def stiffness_up_to(x, beta, rho):
-    """Give the stiffness that a contact has on its way to a distance x past its stop, the largest.
+    """Return the largest stiffness of a contact on its way to a distance x past its stop.
 
     A contact that is switched on softens at first; that is negative.
     """
@@ -40,7 +40,7 @@ def stiffness_up_to(x, beta, rho):
 
 @kernel
 def allowed_error(z, tolerance):
-    """Give the error that a step may have which ends in state z."""
+    """Return the error that a step may have which ends in state z."""
     size = 1.0
     for value in z:
         size = max(size, abs(value))

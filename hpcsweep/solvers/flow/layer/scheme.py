@@ -102,7 +102,7 @@ def accelerations_at_stages(tau, h, z, amplitude, pairs, model, work):
 
 @inlined
 def distances(k, u, contacts):
-    """Give the distance of contact k past its stop at all stages."""
+    """Return the distance of contact k past its stop at all stages."""
     return fma(load(u, contacts.row[k] * N_STAGES), contacts.sign[k], -contacts.gap[k])
 
 

@@ -60,7 +60,7 @@ INTERVAL = type_of(Interval(0.0, 0.0, 0))
 
 @kernel
 def inside_layer(z, model):
-    """Tell whether any contact is within its layer (never, if that has no width)."""
+    """Return whether any contact is within its layer (never, if that has no width)."""
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
         if abs(distance(k, z, contacts)) < model.layer:

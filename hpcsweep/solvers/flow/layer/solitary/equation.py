@@ -61,7 +61,7 @@ def _forces(d, beta, rho, linear):
 
 @inlined
 def less_responses(free, table, place, forces):
-    """Give the distances `free` less what `forces` at the nodes do to them, in two registers."""
+    """Return the distances `free` less what `forces` at the nodes do to them, in two registers."""
     first = place * N_NODES * N_NODES
     low, high = load(free, 0), load(free, LANES)
     low_odd, high_odd = load(ZERO, 0), load(ZERO, 0)

@@ -118,7 +118,7 @@ def plan_step(contact, z, a, most, model):
 
 @kernel
 def others_stay_away(contact, before, after, model):
-    """Tell whether all other contacts are outside their layers, on the same sides as before."""
+    """Return whether all other contacts are outside their layers, on the same sides as before."""
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
         x = distance(k, after, contacts)
@@ -129,7 +129,7 @@ def others_stay_away(contact, before, after, model):
 
 @inlined
 def level_of(h, longest):
-    """Give the level of the longest step of the tables that is not longer than h, its length."""
+    """Return the level of the longest step of the tables that is not longer than h, its length."""
     level = 0
     while level < LEVELS and longest > h:
         longest *= math.sqrt(0.5)
@@ -139,7 +139,7 @@ def level_of(h, longest):
 
 @inlined
 def linear_table(z, model, tables, packed):
-    """Give the table of the contacts that touch in state z."""
+    """Return the table of the contacts that touch in state z."""
     contacts = model.contacts
     key = np.uint64(0)
     for k in range(contacts.row.shape[0]):

@@ -9,7 +9,7 @@ N_NODES = 2 * LANES
 
 
 def _rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give nodes and weights, and the barycentric weights of interpolation."""
+    """Return nodes and weights, and the barycentric weights of interpolation."""
     x, w = np.polynomial.legendre.leggauss(N_NODES)
     # of Gauss-Legendre nodes: Wang and Xiang, Math. Comp. 81 (2012) 861
     barycentric = (-1.0) ** np.arange(N_NODES) * np.sqrt((1.0 - x * x) * w)

@@ -25,7 +25,7 @@ from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
 
 @inlined
 def response_table(index, contact, level, packed, responses):
-    """Give the table of such a step, without a call where it is at hand."""
+    """Return the table of such a step, without a call where it is at hand."""
     place = responses.place[index, contact, level]
     return place if place >= 0 else build_response(index, contact, level, packed)
 

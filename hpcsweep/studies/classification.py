@@ -1,9 +1,9 @@
-"""What is stored of a run: the motion of its window, or the one it is decided to end in.
+"""The classification of a run: the motion of its window, or the one that follows it.
 
-The plain procedure takes a window for the motion. What the window leaves open is integrated on from
-its end, off the path, for `decide_cycles` forcing periods at most (`dynamics.decide`); points,
-contact set, drift, modal norms and exponent are then those of the motion that was found. The state
-from which the next run starts stays that of the plain procedure.
+The window procedure takes a window for the motion. What the window leaves open is integrated on
+from its end, off the path, for at most `classify_cycles` forcing periods
+(`dynamics.classify_motion`). Points, contact set, drift, modal norms and exponent are then those of
+the motion found. The next run starts from the end of the window all the same.
 """
 
 import math
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.decide import decide
+from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
 from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
@@ -27,7 +27,7 @@ NOT_TESTED = -1
 
 
 @dataclass(frozen=True)
-class Told:
+class Classification:
     """What is stored of the motion that a run ended in.
 
     Attributes
@@ -39,8 +39,8 @@ class Told:
     exponent : Interval
         Largest Lyapunov exponent per unit of time.
     kind : MotionClass
-    plain_period : int
-        What the plain test finds in the window; `NOT_TESTED` if there is none.
+    window_period : int
+        What the window test finds in the window; `NOT_TESTED` if there is none.
     cycles : int
         Forcing periods integrated to decide.
     """
@@ -49,27 +49,29 @@ class Told:
     period: int
     exponent: Interval
     kind: MotionClass = MotionClass.UNDECIDED
-    plain_period: int = NOT_TESTED
+    window_period: int = NOT_TESTED
     cycles: int = 0
 
 
-def tell_orbit(solver, amplitude: float, seen: Observation, period: int, multiplier: float) -> Told:
+def classify_orbit(
+    solver, amplitude: float, seen: Observation, period: int, multiplier: float
+) -> Classification:
     """Tell an orbit that a rule has found; `multiplier` is NaN if it was not proved to attract."""
     time = len(seen.points) * 2 * math.pi / solver.omega
     if math.isnan(multiplier):
         exponent = exponent_of_orbit(solver, seen.points[-1], amplitude, period)
     else:
         exponent = exponent_of_multiplier(multiplier, time)
-    return Told(seen, period, Interval.exact(exponent), _kind(MotionClass.PERIODIC, seen))
+    return Classification(seen, period, Interval.exact(exponent), _kind(MotionClass.PERIODIC, seen))
 
 
-def tell_window(
+def classify_window(
     solver,
     amplitude: float,
     seen: Observation,
     settings: SweepSettings,
     poll: Callable[[], None] | None = None,
-) -> Told:
+) -> Classification:
     """Tell the motion of a window, or of what follows it.
 
     Parameters
@@ -77,7 +79,7 @@ def tell_window(
     solver : Solver
     amplitude : float
     seen : Observation
-        Of the window; with the growth of a tangent vector if exponents are asked for or motions
+        Of the window; with the growth of a tangent vector if exponents are requested or motions
         decided.
     settings : SweepSettings
     poll : callable, optional
@@ -86,18 +88,18 @@ def tell_window(
     points = seen.points / solver.structure.state_units
     longest, same = settings.max_orbit_period, settings.period_tolerance
     plain = orbit_period(points, longest, same)
-    if settings.decide_cycles:
-        motion = decide(
-            solver, seen.points[-1], amplitude, settings, settings.decide_cycles, poll, seen
+    if settings.classify_cycles:
+        motion = classify_motion(
+            solver, seen.points[-1], amplitude, settings, settings.classify_cycles, poll, seen
         )
         if motion.kind not in (MotionClass.UNDECIDED, MotionClass.FAILED):
-            told = _tell_motion(solver, amplitude, settings, motion, poll)
+            told = _classify_known(solver, amplitude, settings, motion, poll)
             if told is not None:
-                return replace(told, plain_period=plain)
+                return replace(told, window_period=plain)
         # an orbit is claimed only where it is proved
         kind = _kind(MotionClass.UNDECIDED, seen)
-        return Told(seen, 0, motion.interval, kind, plain, motion.cycles)
-    period = plain if settings.decide_cycles is None else closed_period(points, longest, same)
+        return Classification(seen, 0, motion.interval, kind, plain, motion.cycles)
+    period = plain if settings.classify_cycles is None else closed_period(points, longest, same)
     exponent = UNKNOWN
     if "lyapunov" in settings.metrics:
         if period:
@@ -106,12 +108,12 @@ def tell_window(
             time = 2 * math.pi / solver.omega
             within = growth_interval(aligned(seen.logarithms)).times(1.0 / time)
             exponent = within._replace(mean=seen.growth / (len(seen.points) * time))
-    return Told(seen, period, exponent, plain_period=plain)
+    return Classification(seen, period, exponent, window_period=plain)
 
 
-def _tell_motion(
+def _classify_known(
     solver, amplitude: float, settings: SweepSettings, motion: Motion, poll
-) -> Told | None:
+) -> Classification | None:
     """Observe the motion that was decided; None if the solver fails on it."""
     period = motion.period if motion.period <= settings.max_orbit_period else 0
     kind = MotionClass.LONG_PERIOD if motion.period > period else motion.kind
@@ -124,7 +126,7 @@ def _tell_motion(
         cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return None
-    return Told(seen, period, motion.interval, _kind(kind, seen), cycles=cycles)
+    return Classification(seen, period, motion.interval, _kind(kind, seen), cycles=cycles)
 
 
 def _kind(kind: MotionClass, seen: Observation) -> MotionClass:

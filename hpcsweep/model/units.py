@@ -6,7 +6,7 @@ from hpcsweep.model.kernel_model import Model
 from hpcsweep.model.structure import Structure
 
 
-class Frame:
+class Units:
     """Takes states of a structure to those of the kernels and back.
 
     Parameters
@@ -28,7 +28,7 @@ class Frame:
         return 2 * (self._n + len(self._rows))
 
     def into(self, states: np.ndarray) -> np.ndarray:
-        """Give states of the kernels, (..., 2R), a new array, from those of shape (..., 2n)."""
+        """Return states of the kernels, (..., 2R), a new array, from those of shape (..., 2n)."""
         z = np.array(states, dtype=float)
         if self._is_plain:
             return z
@@ -37,7 +37,7 @@ class Frame:
         return np.concatenate((u, u @ self._rows.T, v, v @ self._rows.T), -1)
 
     def out_of(self, z: np.ndarray) -> np.ndarray:
-        """Give states of shape (..., 2n) from those of the kernels, (..., 2R)."""
+        """Return states of shape (..., 2n) from those of the kernels, (..., 2R)."""
         if self._is_plain:
             return z
         half = z.shape[-1] // 2

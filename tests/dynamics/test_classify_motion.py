@@ -8,7 +8,7 @@ from maps import GOLDEN, circle, delayed_logistic, focus, henon, logistic
 from tools import DESCRIBED
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.decide import CONFIRMED, decide
+from hpcsweep.dynamics.classify_motion import CONFIRMED, classify_motion
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.records import Observation
 from hpcsweep.solvers.solver import make_solver
@@ -18,7 +18,7 @@ SETTINGS = SweepSettings(period_tolerance=1e-8)
 
 
 def told(solver, start=(0.3, 0.4), max_cycles=50_000, **more):
-    return decide(solver, np.array(start), 1.0, SETTINGS, max_cycles, **more)
+    return classify_motion(solver, np.array(start), 1.0, SETTINGS, max_cycles, **more)
 
 
 @pytest.mark.parametrize("modulus", [0.2, 0.9, 0.99, 0.999, 0.9995])
@@ -128,7 +128,7 @@ def test_chaos_that_stays_within_the_near_of_an_orbit_is_chaos():
 def test_a_torus_locked_to_a_long_orbit_that_is_approached_slowly(state):
     """P100 of multiplier 0.94: 6e-4 a period, less than the growth over 800 periods can tell."""
     solver = make_solver("flow", Structure(damping_ratio=DESCRIBED), 0.445, 1e-9)
-    motion = decide(solver, np.array(state), 0.1014964, SweepSettings(), 50_000)
+    motion = classify_motion(solver, np.array(state), 0.1014964, SweepSettings(), 50_000)
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 100)
     assert motion.multiplier == pytest.approx(0.94, abs=2e-3)
 
@@ -167,7 +167,7 @@ def test_a_window_is_the_first_round():
 def test_motions_of_a_building(amplitude):
     solver = make_solver("flow", Structure(damping_ratio=0.05), 0.445, 1e-9)
     settings = SweepSettings()
-    motion = decide(solver, np.zeros(6), amplitude, settings, 20_000)
+    motion = classify_motion(solver, np.zeros(6), amplitude, settings, 20_000)
     assert motion.kind is MotionClass.PERIODIC
     again, matrix = solver.monodromy(motion.points[-1], amplitude, motion.period)
     assert np.abs(again - motion.points[-1]).max() < 1e-9

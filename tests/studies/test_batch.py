@@ -9,11 +9,11 @@ from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.model.structure import Contact, Structure
 from hpcsweep.solvers.flow.spectrum import spectral_radius
 from hpcsweep.solvers.pieces import Pieces
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.runs import FrameRuns
 from hpcsweep.studies.settings import METRICS, SweepSettings
-from hpcsweep.studies.shortcut import Shortcut
 
-SETTINGS = SweepSettings(metrics=frozenset(METRICS), decide_cycles=2000, max_points=40)
+SETTINGS = SweepSettings(metrics=frozenset(METRICS), classify_cycles=2000, max_points=40)
 STRUCTURES = {
     "uniform": (Structure(3), 0.445, np.linspace(0.004, 0.24, 60)),
     "described": (
@@ -59,9 +59,9 @@ def test_many_in_one_call_are_what_they_are_one_by_one(name, follow):
     alone._path = None
     many = (together.follow if follow else together.each)(amplitudes, state)
     single = (alone.follow if follow else alone.each)(amplitudes, state)
-    rules = set(many["shortcut"].tolist())
-    assert Shortcut.NEWTON in rules
-    assert Shortcut.LINEAR in rules or not follow
+    rules = set(many["skip_rule"].tolist())
+    assert SkipRule.NEWTON in rules
+    assert SkipRule.LINEAR in rules or not follow
     # chaos amplifies the rounding by which states are taken to the kernels
     tame = np.isfinite(many["lyapunov"]) & (many["lyapunov"] < 0)
     if follow and not tame.all():

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.shortcut import Shortcut
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.study import Variable
 
 MOST_STARTS = 100_000_000
@@ -29,9 +29,9 @@ def read_limits(values, kind: type, what: str) -> dict[str, Any]:
     if values.get("solver.skip", "all") != "all":
         given = values.get("solver.skip")
         raise values.error("solver.skip", given, 'must be "all": every motion is decided')
-    if values.has("sweep.decide_cycles"):
-        given = values.get("sweep.decide_cycles")
-        raise values.error("sweep.decide_cycles", given, f"is study.max_cycles of {what}")
+    if values.has("sweep.classify_cycles"):
+        given = values.get("sweep.classify_cycles")
+        raise values.error("sweep.classify_cycles", given, f"is study.max_cycles of {what}")
     ranges = {
         "starts": (1, MOST_STARTS),
         "seed": (0, MOST_SEED),
@@ -59,12 +59,12 @@ def empty_results(
 def attractors_as_runs(
     variables: list[Variable], run: dict[str, np.ndarray]
 ) -> list[dict[str, np.ndarray]]:
-    """Give each attractor of a run as one that ended in it; `final_state` is its `point`."""
+    """Return each attractor of a run as one that ended in it; `final_state` is its `point`."""
     named = [v.name for v in variables if v.dims[3:4] == ("attractor",)]
     found = []
     for k in np.flatnonzero(run["attractor_id"]):
         one = {name: run[name][k] for name in named}
         one["final_state"] = one["point"]
-        one["shortcut"] = np.int8(Shortcut.NEWTON)
+        one["skip_rule"] = np.int8(SkipRule.NEWTON)
         found.append(one)
     return found

@@ -88,7 +88,7 @@ Step = tuple[np.ndarray, Motion | None]
 """The state from which a motion goes on, and what it is found to be."""
 
 
-def decide(
+def classify_motion(
     solver,
     state: np.ndarray,
     amplitude: float,
@@ -114,7 +114,7 @@ def decide(
     window : Observation, optional
         Of a window that has ended in `state`, with the growth of a tangent vector: judged first.
     """
-    search = _Search(solver, amplitude, settings, poll, count("max_cycles", max_cycles))
+    search = _Classifier(solver, amplitude, settings, poll, count("max_cycles", max_cycles))
     z, motion = np.array(state, dtype=float), None
     if window is not None:
         z, motion = search.judge_window(z, window)
@@ -126,7 +126,7 @@ def decide(
     return motion or search.undecided(z)
 
 
-class _Search:
+class _Classifier:
     """The means by which one motion is found out."""
 
     def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int):
@@ -158,7 +158,7 @@ class _Search:
         return growth_interval(self._logarithms)
 
     def undecided(self, z: np.ndarray) -> Motion:
-        """Give up."""
+        """Return up."""
         last = self._last if len(self._last) else z[None]
         return self.motion(MotionClass.UNDECIDED, last, growth=self.growth)
 
@@ -210,7 +210,7 @@ class _Search:
         return end, self._confirmed(motion, end)
 
     def _more(self) -> int:
-        """Give the periods by which the stretch is carried on."""
+        """Return the periods by which the stretch is carried on."""
         size = 0 if self._stretch is None else len(self._stretch.points)
         if size >= LEAST_TORUS:
             return size // CARRIED

@@ -8,9 +8,9 @@ import pytest
 from tools import hpcsweep
 
 from hpcsweep import open_results
-from hpcsweep.figures.explorer import pack
+from hpcsweep.figures.explorer import encode
 from hpcsweep.figures.explorer.page import build_page
-from hpcsweep.figures.explorer.study import gather
+from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job
 
@@ -34,25 +34,25 @@ def test_values_come_back_within_half_the_stated_resolution(bits):
     values = rng.normal(size=(5, 40))
     values[2, 7] = np.nan
     low, high = np.nanmin(values), np.nanmax(values)
-    codes = pack.quantise(values, low, high, bits)
-    back = pack.dequantise(codes, low, high, bits)
+    codes = encode.quantise(values, low, high, bits)
+    back = encode.dequantise(codes, low, high, bits)
     assert codes.max() == 2**bits - 1
     assert np.array_equal(np.isnan(back), np.isnan(values))
-    assert np.nanmax(np.abs(back - values)) <= 0.5001 * pack.resolution(low, high, bits)
+    assert np.nanmax(np.abs(back - values)) <= 0.5001 * encode.resolution(low, high, bits)
     assert np.nanmin(back) == pytest.approx(low)
     assert np.nanmax(back) == pytest.approx(high)
 
 
 def test_one_value_alone_is_exact():
-    assert pack.dequantise(pack.quantise(np.array([2.5]), 2.5, 2.5, 8), 2.5, 2.5, 8) == [2.5]
+    assert encode.dequantise(encode.quantise(np.array([2.5]), 2.5, 2.5, 8), 2.5, 2.5, 8) == [2.5]
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint32])
 def test_text_holds_every_integer(dtype):
     rng = np.random.default_rng(2)
     codes = rng.integers(0, np.iinfo(dtype).max, (3, 5, 7), dtype, endpoint=True)
-    assert np.array_equal(pack.from_text(pack.to_text(codes), dtype, codes.shape), codes)
-    rows = pack.predict_rows(codes)
+    assert np.array_equal(encode.from_text(encode.to_text(codes), dtype, codes.shape), codes)
+    rows = encode.predict_rows(codes)
     assert np.array_equal(np.add.accumulate(rows, axis=-1, dtype=dtype), codes)
 
 
@@ -60,7 +60,7 @@ def test_predicted_points_can_be_undone_from_the_counts():
     rng = np.random.default_rng(3)
     counts = rng.integers(0, 4, (6, 11))
     codes = rng.integers(0, 4096, (2, counts.sum())).astype(np.uint16)
-    undone = pack.predict_points(codes, counts)
+    undone = encode.predict_points(codes, counts)
     assert not np.array_equal(undone, codes)
     at = 0
     for sweep in counts:
@@ -102,7 +102,7 @@ def test_thinning(results_file):
 
 
 def test_a_study_too_large_keeps_fewer_points_of_each_run(results_file, monkeypatch):
-    from hpcsweep.figures.explorer import study as module
+    from hpcsweep.figures.explorer import page_data as module
 
     whole = gather(results_file)
     monkeypatch.setattr(module, "POINT_BUDGET", 3 * whole.points.size // 4)
@@ -125,7 +125,7 @@ def test_the_page_needs_nothing_else(results_file):
     assert meta["resolution"]["points"] > 0
     for name, spec in meta["arrays"].items():
         text = re.search(rf'id="data-{name}">(.*?)</script>', page)[1]
-        assert pack.from_text(text, f"u{spec['bytes']}", (-1,)).size == spec["length"]
+        assert encode.from_text(text, f"u{spec['bytes']}", (-1,)).size == spec["length"]
 
 
 def test_a_file_with_few_results_makes_a_page(tmp_path):

@@ -5,28 +5,23 @@ from collections.abc import Callable
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.decide import NEAR, SETTLED
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
 from hpcsweep.dynamics.stability import exponent_of_multiplier
+from hpcsweep.solvers.flow.batch import Rules
 from hpcsweep.solvers.flow.flow_map import FlowMap
-from hpcsweep.solvers.flow.path import FREE_RUN, JUMPED_RUN, SETTLED_RUN, Rules
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Orbits, normalised_drift
-from hpcsweep.studies.decided import NOT_TESTED, exponent_of_orbit
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.classification import NOT_TESTED, exponent_of_orbit
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.shortcut import Shortcut
 
 AT_ONCE = 256
 """Runs, at most, for whose results room is made."""
-SHORTCUTS = {
-    FREE_RUN: Shortcut.LINEAR,
-    SETTLED_RUN: Shortcut.CONVERGED,
-    JUMPED_RUN: Shortcut.NEWTON,
-}
 
 
-class SettledRuns:
+class Batch:
     """Does runs at one frequency as long as rules settle them.
 
     Parameters
@@ -94,8 +89,7 @@ class SettledRuns:
         rows["outcome"][:] = Outcome.COMPLETE
         each = np.arange(len(orbits.rule))
         rows["final_state"][:] = orbits.points[each, orbits.length - 1]
-        for rule, shortcut in SHORTCUTS.items():
-            rows["shortcut"][orbits.rule == rule] = shortcut
+        rows["skip_rule"][:] = orbits.rule
         if "poincare" in rows:
             rows["n_points"][:] = orbits.period
             longest = min(orbits.points.shape[1], rows["poincare"].shape[1])
@@ -109,12 +103,12 @@ class SettledRuns:
         if "lyapunov" in rows:
             rows["lyapunov"][:] = self._exponents(orbits, amplitudes)
         if self._free is not None:
-            free = np.flatnonzero(orbits.rule == FREE_RUN)
+            free = np.flatnonzero(orbits.rule == SkipRule.LINEAR)
             self._store_free(rows, free, amplitudes, self._free.orbit)
         if "lyapunov_low" in rows:
             rows["lyapunov_low"][:] = rows["lyapunov_high"][:] = rows["lyapunov"]
-        if "plain_period" in rows:
-            rows["plain_period"][:] = NOT_TESTED
+        if "window_period" in rows:
+            rows["window_period"][:] = NOT_TESTED
         if "motion" in rows:
             no_contact = orbits.contact == 0
             rows["motion"][:] = np.where(no_contact, MotionClass.NO_CONTACT, MotionClass.PERIODIC)
@@ -133,7 +127,7 @@ class SettledRuns:
             rows["lyapunov"][free] = orbit.lyapunov_exponent
 
     def _exponents(self, orbits: Orbits, amplitudes: np.ndarray) -> np.ndarray:
-        """Give the largest Lyapunov exponent of each orbit; not of free motions."""
+        """Return the largest Lyapunov exponent of each orbit; not of free motions."""
         times = orbits.length * (2 * np.pi / self._solver.omega)
         # not by numpy, whose logarithm may differ in the last bit from machine to machine
         exponents = np.array(
@@ -142,7 +136,7 @@ class SettledRuns:
                 for multiplier, time in zip(orbits.multiplier.tolist(), times.tolist(), strict=True)
             ]
         )
-        for k in np.flatnonzero(orbits.rule == SETTLED_RUN):
+        for k in np.flatnonzero(orbits.rule == SkipRule.CONVERGED):
             end = orbits.points[k, orbits.length[k] - 1]
             period = int(orbits.period[k])
             exponents[k] = exponent_of_orbit(self._solver, end, float(amplitudes[k]), period)
@@ -150,7 +144,7 @@ class SettledRuns:
 
 
 def _last_points(orbits: Orbits) -> np.ndarray:
-    """Give the last `period` points of each orbit, (k, max_period, 2n); others are NaN."""
+    """Return the last `period` points of each orbit, (k, max_period, 2n); others are NaN."""
     points = orbits.points
     turned = orbits.length != orbits.period
     if turned.any():

@@ -20,7 +20,7 @@ MOST_CELLS = 20_000_000
 
 
 @dataclass
-class Study:
+class PageData:
     """What a page shows. A run has index (frame, direction, amplitude); frames ascend in Omega.
 
     Attributes
@@ -70,7 +70,7 @@ def gather(
     frame_step: int = 1,
     amplitude_step: int = 1,
     say: Callable[[int, int], None] | None = None,
-) -> Study:
+) -> PageData:
     """Read a results file, one frame in memory at a time.
 
     Parameters
@@ -123,7 +123,7 @@ def gather(
         if say is not None:
             say(done, len(rows))
     reader.close()
-    gathered = Study(
+    gathered = PageData(
         name=reader.job.name,
         structure=study.structure,
         omega=grid.omega[::frame_step],

@@ -3,7 +3,7 @@
 Most runs of a study are without contact, or go to a periodic orbit that is known after a few
 forcing periods. The interpreter took longer over such a run than its motion. `follow_orbits` does
 them all: the rule `free`, the transient (`transient`), one time round the orbit with all
-that is gathered of it, and its points in the order of the plain procedure. It comes back with a
+that is gathered of it, and its points in the order of the window procedure. It comes back with a
 run that the rules leave open, for the caller to integrate its window, and where a stretch of work
 is done, to be called again: what it has begun is kept in `Run`.
 """
@@ -25,14 +25,14 @@ from hpcsweep.solvers.flow.tally import MAXIMA, NORMS, clear
 from hpcsweep.solvers.flow.transient import end_of_transient
 from hpcsweep.solvers.outcome import COMPLETE
 from hpcsweep.solvers.records import Approach, Orbits
+from hpcsweep.solvers.skip_rule import SkipRule
 
 BEGIN, TRANSIENT, ORBIT = 0, 1, 2
 """What a run is at."""
 DONE, MORE, OPEN = 0, 1, 2
 """Why `follow_orbits` comes back: no run is left; to be called again; a run is open."""
 FREE_RUNS = 2000
-FREE_RUN, SETTLED_RUN, JUMPED_RUN = 1, 2, 3
-"""Which rule has settled a run: free of contact, closed, or proved to approach an orbit."""
+LINEAR, CONVERGED, NEWTON = (int(rule) for rule in list(SkipRule)[1:])
 
 
 class Rules(NamedTuple):
@@ -113,7 +113,7 @@ def new_rows(n_runs: int, n: int, max_period: int) -> Rows:
 def orbits_of(
     rows: Rows, n_runs: int, structure: Structure, state: np.ndarray, left_open: Approach | None
 ) -> Orbits:
-    """Give the results of the first `n_runs` in the units of a structure."""
+    """Return the results of the first `n_runs` in the units of a structure."""
     done = Rows(*(array[:n_runs] for array in rows))
     keys = done.contact.tolist()
     bits = {key: structure.contact_bits(key) for key in set(keys)}
@@ -214,7 +214,7 @@ def follow_orbits(
 def _end_free(state, follow, run, rows):
     """Write the results of a run without contact, and go on to the next."""
     k = run.place[0]
-    rows.rule[k] = FREE_RUN
+    rows.rule[k] = LINEAR
     rows.length[k] = 1
     rows.period[k] = 1
     for i in range(state.shape[0]):
@@ -273,14 +273,14 @@ def _go_round(shared, common, amplitude, n_periods, units, run, rows):
 def _finish(plain, same, units, tally, run, rows):
     """Write the results of a run whose orbit has been gone round.
 
-    Its points are given in the order of the last ones of the plain procedure, `plain` periods
+    Its points are given in the order of the last ones of the window procedure, `plain` periods
     from the start: which of them the next amplitude starts from can decide which attractor it
     reaches, so that a run that was cut short must not end at another one.
     """
     place = run.place
     k, length = place[0], place[4]
     jumped = not math.isnan(run.number[1])
-    rows.rule[k] = JUMPED_RUN if jumped else SETTLED_RUN
+    rows.rule[k] = NEWTON if jumped else CONVERGED
     rows.length[k] = length
     rows.cycles[k] = place[2] + place[3] + length
     rows.multiplier[k] = run.number[1]

@@ -3,7 +3,7 @@
 from enum import IntEnum
 
 
-class Shortcut(IntEnum):
+class SkipRule(IntEnum):
     """Which rule spared periods in one run; stored in the file as an integer."""
 
     NONE = 0

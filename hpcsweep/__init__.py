@@ -7,27 +7,40 @@ Units: lengths in gaps, time in 1/omega_0, or those in which a structure is give
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hpcsweep.job import load_job
+    from hpcsweep.model.buildings import Building, adjacent
     from hpcsweep.model.matrices import Contact
     from hpcsweep.model.structure import Structure
     from hpcsweep.solvers.solver import stroboscopic_points
-    from hpcsweep.store import open_results
-    from hpcsweep.studies.attractor_runs import attractors
+    from hpcsweep.store import meanings, open_results
+    from hpcsweep.store.trajectory import trajectory
+    from hpcsweep.studies.attractors.runs import attractors
 
 __all__ = [
+    "Building",
     "Contact",
     "Structure",
     "__version__",
+    "adjacent",
     "attractors",
+    "load_job",
+    "meanings",
     "open_results",
     "stroboscopic_points",
+    "trajectory",
 ]
 
 _HOME = {
+    "Building": "hpcsweep.model.buildings",
     "Contact": "hpcsweep.model.matrices",
+    "adjacent": "hpcsweep.model.buildings",
     "Structure": "hpcsweep.model.structure",
     "stroboscopic_points": "hpcsweep.solvers.solver",
+    "load_job": "hpcsweep.job",
+    "meanings": "hpcsweep.store",
     "open_results": "hpcsweep.store",
-    "attractors": "hpcsweep.studies.attractor_runs",
+    "trajectory": "hpcsweep.store.trajectory",
+    "attractors": "hpcsweep.studies.attractors.runs",
 }
 
 

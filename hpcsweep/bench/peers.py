@@ -1,7 +1,6 @@
 """The solvers that `hpcsweep bench` compares, each as a function from a state to points."""
 
 import importlib.util
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -51,7 +50,7 @@ PACKAGES = (
 
 
 @dataclass(frozen=True)
-class Regime:
+class Stretch:
     """A stretch of motion on which methods are compared.
 
     Attributes
@@ -91,7 +90,7 @@ def _absent() -> list[Package]:
 def methods() -> Iterator[tuple[str, float, Callable]]:
     """Return (name, rtol, function) of every method that is installed.
 
-    The function takes a `Regime` and returns one that maps a state to the stroboscopic points, or
+    The function takes a `Stretch` and returns one that maps a state to the stroboscopic points, or
     raises ArithmeticError.
     """
     for rtol in TIGHT:
@@ -106,7 +105,7 @@ def methods() -> Iterator[tuple[str, float, Callable]]:
 
 
 def _ours(name: str, rtol: float) -> Callable:
-    def prepare(regime: Regime):
+    def prepare(regime: Stretch):
         solver = make_solver(name, regime.structure, regime.omega, rtol)
 
         def points(state):
@@ -131,14 +130,14 @@ class Problem(NamedTuple):
     period: float
 
 
-def _problem(regime: Regime) -> Problem:
+def _problem(regime: Stretch) -> Problem:
     model = kernel_model(regime.structure, regime.omega)
     frame = Units(regime.structure, model)
     amplitude = regime.amplitude / frame.amplitude_unit
-    return Problem(model, MODEL.pack(model), frame, amplitude, 2 * math.pi / model.omega)
+    return Problem(model, MODEL.pack(model), frame, amplitude, model.period)
 
 
-def _by_periods(regime: Regime, frame: Units, one: Callable) -> Callable:
+def _by_periods(regime: Stretch, frame: Units, one: Callable) -> Callable:
     def points(state):
         z, found = frame.into(state), []
         for _ in range(regime.n_periods):
@@ -152,7 +151,7 @@ def _by_periods(regime: Regime, frame: Units, one: Callable) -> Callable:
 def _scipy(method: str, rtol: float) -> Callable:
     from scipy.integrate import solve_ivp
 
-    def prepare(regime: Regime):
+    def prepare(regime: Stretch):
         problem = _problem(regime)
         options: dict[str, Any] = {"rtol": rtol, "atol": rtol}
         if method in ("BDF", "Radau", "LSODA"):
@@ -194,7 +193,7 @@ def _numbalsoda() -> Iterator[tuple[str, float, Callable]]:
         return derivative
 
     def prepare_with(solve, rtol):
-        def prepare(regime: Regime):
+        def prepare(regime: Stretch):
             problem = _problem(regime)
             derivative = compiled(problem)
             times = np.array([0.0, problem.period])
@@ -223,7 +222,7 @@ def _cvode() -> Iterator[tuple[str, float, Callable]]:
         return
 
     def prepare_with(rtol):
-        def prepare(regime: Regime):
+        def prepare(regime: Stretch):
             problem = _problem(regime)
 
             def one(state):

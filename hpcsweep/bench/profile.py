@@ -14,7 +14,7 @@ import numpy as np
 
 from hpcsweep.job import Job, parse_job
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies.runs import FrameRuns
+from hpcsweep.studies.sweep.runs import FrameRuns
 
 STUDY = """
 [sweep]
@@ -25,17 +25,17 @@ period_tolerance = 1e-6
 [solver]
 skip = "all"
 """
-"""Frames of jobs/bluecrystal.toml."""
+"""Frames of jobs/paper/bluecrystal.toml."""
 STRETCHES, LENGTH = 10, 20
 """Of a frame's path: how many are run, and how many runs each has that count."""
 CALLS = ("follow_orbits", "observe", "grow", "settle", "monodromy", "advance", "points")
 COLUMNS = {
     "settled runs": ("follow_orbits", "advance"),
     "windows": ("observe",),
-    "decided after": ("grow", "settle", "monodromy", "points"),
+    "classified after": ("grow", "settle", "monodromy", "points"),
 }
 """Of the table, and the calls that each sums: runs that rules settle, and transients of others;
-their windows, and those of decided motions; what decides them."""
+their windows, and those of classified motions; what classifies them."""
 COUNTS = ("linear steps", "passages", "layer steps", "layer visits")
 
 
@@ -55,8 +55,8 @@ class FrameProfile:
         Forcing periods in each call, those of Newton's method among them.
     counts : dict of str to float
         Of `flow.shared.Shared`, all calls together.
-    fitted : bool
-        Whether the kernels are fitted to the structure.
+    specialised : bool
+        Whether the kernels are specialised to the structure.
     """
 
     omega: float
@@ -65,7 +65,7 @@ class FrameProfile:
     spent: dict[str, float] = field(default_factory=dict)
     periods: dict[str, float] = field(default_factory=dict)
     counts: dict[str, float] = field(default_factory=dict)
-    fitted: bool = False
+    specialised: bool = False
 
 
 class Watched:
@@ -149,7 +149,7 @@ def profile_frame(job: Job, frame: int) -> FrameProfile:
         a_run(watched.seconds, 1e6),
         a_run(watched.periods, 1.0),
         {name: float(count) / n_runs for name, count in zip(COUNTS, counts, strict=True)},
-        getattr(solver, "is_fitted", False),
+        getattr(solver, "is_specialised", False),
     )
 
 
@@ -179,7 +179,7 @@ def as_json(rows: list[FrameProfile]) -> list[dict]:
 
 def as_text(rows: list[FrameProfile]) -> str:
     """Write the profile, a line a frame."""
-    kernels = "fitted to the structure" if rows[0].fitted else "for any structure"
+    kernels = "specialised to the structure" if rows[0].specialised else "for any structure"
     lines = [
         f"a run on its path, CPU time in us, {rows[0].n_runs} runs a frame (in brackets: forcing "
         f"periods); kernels {kernels}:",

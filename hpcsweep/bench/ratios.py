@@ -10,14 +10,14 @@ from functools import partial
 import numpy as np
 
 from hpcsweep.bench import cpu_seconds
-from hpcsweep.bench.peers import Regime, absent, absent_text, methods
+from hpcsweep.bench.peers import Stretch, absent, absent_text, methods
 from hpcsweep.job import Job
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.reference import reference_points
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies.amplitude_sweep import sweep_block
+from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
 
 FIGURE_3 = """
 [sweep]
@@ -53,8 +53,8 @@ class Ratio:
         25, 50 and 75 per cent of the ratios within each turn.
     error, flow_error : float
         After `SHORT` periods from the attractor, max norm.
-    fitted : bool
-        Whether the kernels of `flow` are fitted to the structure.
+    specialised : bool
+        Whether the kernels of `flow` are specialised to the structure.
     """
 
     motion: str
@@ -67,11 +67,11 @@ class Ratio:
     quartiles: list[float]
     error: float
     flow_error: float
-    fitted: bool
+    specialised: bool
 
 
 def pounding() -> Structure:
-    """Make the two buildings of jobs/pounding.toml: three and five storeys, three floors pound."""
+    """Make the two buildings of jobs/structures/pounding.toml, of which three floors pound."""
     sizes = (3, 5)
     n = sum(sizes)
     stiffness, drift = np.zeros((2, n, n))
@@ -89,7 +89,7 @@ def pounding() -> Structure:
     return Structure.from_matrices((1.0,) * n, stiffness, contacts, damping_ratio=0.05, drift=drift)
 
 
-def motions() -> list[Regime]:
+def motions() -> list[Stretch]:
     """Return the motions that are compared.
 
     Of the paper's building one with one contact a period, and one with two floors in contact; of
@@ -97,15 +97,15 @@ def motions() -> list[Regime]:
     """
     paper, two = Structure(), pounding()
     return [
-        Regime("building", paper, 0.445, 0.06, SETTLE, SHORT),
-        Regime("building", paper, 0.445, 0.0987, SETTLE, SHORT),
-        Regime("pounding", two, 0.4, 0.15, SETTLE, SHORT),
-        Regime("pounding", two, 0.4, 0.28, SETTLE, SHORT),
+        Stretch("building", paper, 0.445, 0.06, SETTLE, SHORT),
+        Stretch("building", paper, 0.445, 0.0987, SETTLE, SHORT),
+        Stretch("pounding", two, 0.4, 0.15, SETTLE, SHORT),
+        Stretch("pounding", two, 0.4, 0.28, SETTLE, SHORT),
     ]
 
 
 def motion_ratios(
-    compared: list[Regime] | None = None,
+    compared: list[Stretch] | None = None,
     against: tuple[tuple[str, float], ...] = AGAINST,
     turns: int = 7,
 ) -> list[Ratio]:
@@ -142,7 +142,7 @@ def motion_ratios(
                     quartiles.tolist(),
                     errors[k],
                     errors[0],
-                    flow.is_fitted,
+                    flow.is_specialised,
                 )
             )
     return found
@@ -208,7 +208,7 @@ def as_text(motions: list[Ratio], sweep: dict) -> str:
     """Write all ratios, a line each."""
     lines = [
         "flow against others on the attractor, CPU time a period (building: beta = 1000, Omega = "
-        "0.445; pounding: jobs/pounding.toml, Omega = 0.4):"
+        "0.445; pounding: jobs/structures/pounding.toml, Omega = 0.4):"
     ]
     for row in motions:
         low, middle, high = row.quartiles
@@ -216,7 +216,8 @@ def as_text(motions: list[Ratio], sweep: dict) -> str:
             f"  {row.motion:9s}A = {row.amplitude:<7g}{row.method:18s}{row.rtol:6.0e} "
             f"{row.microseconds:9.4g} us, flow {row.flow_microseconds:.3g} us: ratio "
             f"{row.ratio:.4g} (in turn {low:.4g}, {middle:.4g}, {high:.4g}); error "
-            f"{row.error:.0e}, flow {row.flow_error:.0e}{', fitted' if row.fitted else ''}"
+            f"{row.error:.0e}, flow {row.flow_error:.0e}"
+            + (", specialised" if row.specialised else "")
         )
     lines += absent_text()
     quartiles = ", ".join(f"{value:.4g}" for value in sweep["ratio_quartiles"])

@@ -21,8 +21,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.compilation import warm_up
-from hpcsweep.studies.runs import FrameRuns
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.runs import FrameRuns
 
 OMEGA = (0.2, 0.8)
 AMPLITUDE = 0.35
@@ -37,7 +37,7 @@ MODAL_NORM = 1e-4
 """Modal norms agree to this: they turn within a short time where the largest mode changes sign, so
 that a rest of the transient of `AGREE` moves them further than it moves the points."""
 LONGER = (2_000, 20_000)
-"""Periods for which the plain run goes on. The jump is proved for multipliers up to 0.9999
+"""Periods for which the plain run goes on. The jump is verified for multipliers up to 0.9999
 (`flow.newton.NEWTON_STABLE`), of which 2,000 periods leave 0.82: the second is for those."""
 
 

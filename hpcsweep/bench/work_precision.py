@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from hpcsweep.bench import cpu_seconds
-from hpcsweep.bench.peers import Regime, absent, absent_text, methods
+from hpcsweep.bench.peers import Stretch, absent, absent_text, methods
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.reference import reference_points
 from hpcsweep.solvers.solver import make_solver
@@ -34,25 +34,25 @@ class Row:
     error: float
 
 
-def regimes() -> list[Regime]:
+def regimes() -> list[Stretch]:
     """Return the regimes of the comparison."""
     printed = Structure()
     described = Structure(damping_ratio=tuple(0.05 / (2 * printed.frequencies**2)))
     soft = Structure(stiffness_ratio=100.0)
     hard = Structure(stiffness_ratio=1e5)
     return [
-        Regime("no contact", printed, 0.445, 0.012, 100, 5),
-        Regime("P1 C3", printed, 0.445, 0.06, 100, 5),
-        Regime("P2 C23", printed, 0.445, 0.0987, 100, 5),
-        Regime("P8 C23", described, 0.445, 0.07, 300, 8),
-        Regime("chaos C23", described, 0.445, 0.0987, 100, 3),
-        Regime("beta = 100", soft, 0.445, 0.0987, 100, 5),
-        Regime("beta = 1e5", hard, 0.445, 0.0987, 100, 3),
+        Stretch("no contact", printed, 0.445, 0.012, 100, 5),
+        Stretch("P1 C3", printed, 0.445, 0.06, 100, 5),
+        Stretch("P2 C23", printed, 0.445, 0.0987, 100, 5),
+        Stretch("P8 C23", described, 0.445, 0.07, 300, 8),
+        Stretch("chaos C23", described, 0.445, 0.0987, 100, 3),
+        Stretch("beta = 100", soft, 0.445, 0.0987, 100, 5),
+        Stretch("beta = 1e5", hard, 0.445, 0.0987, 100, 3),
     ]
 
 
 def work_precision(
-    chosen: list[Regime] | None = None, repeats: int = REPEATS, say: Callable = lambda text: None
+    chosen: list[Stretch] | None = None, repeats: int = REPEATS, say: Callable = lambda text: None
 ) -> list[Row]:
     """Measure every method on every regime."""
     rows = []

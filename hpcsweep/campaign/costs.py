@@ -7,7 +7,7 @@ too, corrects the cells around it. A block costs what its cell does, a task what
 blocks. Only the order of the work depends on this, never a result.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -43,13 +43,18 @@ class TaskCosts:
 
     def __init__(self, study):
         self._table = study.table()
-        self._sizes = tuple(study.dimensions[dim] for dim in study.commit.dims)
-        directions, frames, blocks = self._sizes
-        self._strata = min(STRATA, blocks)
-        shape = directions, self._strata, frames
+        dims = study.commit.dims
+        self._sizes = tuple(study.dimensions[dim] for dim in dims)
+        axis = dims.index("direction")
+        self._strata = min(STRATA, self._sizes[-1])
+        # all axes but direction and block count frames, in their order
+        others = [k for k in range(len(dims) - 1) if k != axis]
+        shape = self._sizes[axis], self._strata, study.n_frames
         place = self._table.place
         stratum = np.minimum(self._table.middle * self._strata, self._strata - 1).astype(int)
-        self._cell = np.ravel_multi_index((place[:, 0], stratum, place[:, 1]), shape)
+        sizes = [self._sizes[k] for k in others]
+        frame = np.ravel_multi_index([place[:, k] for k in others], sizes)
+        self._cell = np.ravel_multi_index((place[:, axis], stratum, frame), shape)
         self._row = np.empty(len(place), np.int64)
         self._row[np.ravel_multi_index(tuple(place.T), self._sizes)] = np.arange(len(place))
         self._left_runs = self._table.n_runs.astype(float)
@@ -62,7 +67,7 @@ class TaskCosts:
 
     def sampled(self, sample: PilotCost) -> None:
         """Learn from a pilot's runs; a sample that the study does not have is passed over."""
-        if sample.frame >= self._sizes[1] or sample.runs < 1:
+        if sample.frame >= self._pilot_runs.shape[1] or sample.runs < 1:
             return
         cell = int(np.clip(sample.along * self._strata, 0, self._strata - 1)), sample.frame
         self._pilot_runs[cell] += sample.runs
@@ -71,7 +76,7 @@ class TaskCosts:
 
     def measured(self, cost: BlockCost) -> None:
         """Learn what a block cost; one that the study does not have is passed over."""
-        if any(at >= size for at, size in zip(cost.place, self._sizes, strict=True)):
+        if not is_place(cost.place, self._sizes):
             return
         cell = self._cell[self._row_of(cost.place)]
         self._runs.flat[cell] += cost.runs
@@ -221,10 +226,17 @@ def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
     return filled
 
 
+def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:
+    """Return whether a study of these sizes has a block at a place, which a journal tells."""
+    return len(place) == len(sizes) and all(
+        0 <= at < size for at, size in zip(place, sizes, strict=True)
+    )
+
+
 def n_samples(study) -> int:
     """Count the samples of a campaign's pilot: all runs of them are 1 % of the job's at most."""
     affordable = PILOT_SHARE * study.n_runs / (PILOT_TIMED + 1)
-    return int(min(affordable, PILOT_PER_FRAME * study.dimensions["frame"], MAX_SAMPLES))
+    return int(min(affordable, PILOT_PER_FRAME * study.n_frames, MAX_SAMPLES))
 
 
 def sample_place(index: int) -> tuple[float, float]:

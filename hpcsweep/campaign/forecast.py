@@ -9,6 +9,7 @@ import numpy as np
 
 from hpcsweep.campaign import costs, slurm
 from hpcsweep.campaign.costs import TaskCosts
+from hpcsweep.campaign.describe import describe
 from hpcsweep.campaign.progress import note
 from hpcsweep.job import Job
 from hpcsweep.parallel import memory
@@ -26,7 +27,7 @@ SAMPLE_SECONDS = 5.0
 """Time given to the sample."""
 RANKS = tuple(2**k for k in range(13))
 MOST_PIECES = 200_000
-"""Pieces a simulation may have; beyond it each task is one."""
+"""Polling a simulation may have; beyond it each task is one."""
 COPIES = 3
 """Copies of a block of results a rank holds at once: computed, ordered, checked."""
 MPI_BYTES = 40_000_000
@@ -60,7 +61,7 @@ def sample(job: Job, seconds: float = SAMPLE_SECONDS) -> Forecast:
     study.warm_up(note)
     task_costs = TaskCosts(study)
     per_run: list[float] = []
-    most = costs.PILOT_PER_FRAME * study.dimensions["frame"]
+    most = costs.PILOT_PER_FRAME * study.n_frames
     begun = time.perf_counter()
     while len(per_run) < 2 or (time.perf_counter() - begun < seconds and len(per_run) < most):
         timed = costs.time_sample(study, len(per_run))
@@ -166,7 +167,8 @@ def slurm_text(
 
 def study_text(study) -> str:
     """Write how many runs a study has, and along which dimensions."""
-    sizes = [f"{study.dimensions[dim]} {dim}s" for dim in study.run_dims]
+    counts = [(study.dimensions[dim], dim) for dim in study.run_dims]
+    sizes = [f"{count} {dim}{'' if count == 1 else 's'}" for count, dim in counts]
     return f"{' x '.join(sizes)} = {study.n_runs} runs ({study.kind.replace('_', ' ')})"
 
 
@@ -185,6 +187,7 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
     total, error = forecast.run_seconds * study.n_runs, forecast.error * study.n_runs
     lines = [
         f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
+        *describe(job),
         f"file:       {output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names",
         f"one run:    {1e3 * forecast.run_seconds:.4g} ms +- {1e3 * forecast.error:.2g} ms "
         f"({forecast.n_timed} runs timed, spread over frames and amplitudes)",

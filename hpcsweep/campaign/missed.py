@@ -17,13 +17,15 @@ SAME = 1e-9
 """Relative difference of frequencies and amplitudes that are the same."""
 
 
-def missed_attractors(attractors: Path, sweep: Path) -> np.ndarray:
+def missed_attractors(found: Frames, sweep: Path) -> np.ndarray:
     """Count the attractors of each point that no run of a sweep at this point ends on.
 
     Parameters
     ----------
-    attractors, sweep : Path
-        Results of a study of attractors, and of a sweep with its frequencies and amplitudes.
+    found : Frames
+        Of results of a study of attractors.
+    sweep : Path
+        Results of a sweep with its frequencies and amplitudes.
 
     Returns
     -------
@@ -35,16 +37,12 @@ def missed_attractors(attractors: Path, sweep: Path) -> np.ndarray:
     StoreError
         If they are of other kinds, of different structures, or the sweep has not all points.
     """
-    found = Frames(attractors, "attractors")
+    runs = Frames(sweep, at=found.at)
     try:
-        runs = Frames(sweep)
-        try:
-            rows = _common(found, runs, sweep)
-            return np.array([_of_frame(found, runs, k, *rows[k]) for k in range(len(rows))])
-        finally:
-            runs.close()
+        rows = _common(found, runs, sweep)
+        return np.array([_of_frame(found, runs, k, *rows[k]) for k in range(len(rows))])
     finally:
-        found.close()
+        runs.close()
 
 
 def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndarray]]:

@@ -55,7 +55,7 @@ def git_commit() -> str:
 def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
     """Collect what a campaign file stores as attributes when it is made."""
     # loads numba, which whoever asks for the version has no need of
-    from hpcsweep.kernels.cache import processor
+    from hpcsweep.kernels.compile.cache import processor
 
     return {
         "hpcsweep_version": version(),

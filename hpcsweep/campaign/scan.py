@@ -57,7 +57,7 @@ class Scan:
         self.finished = comm.bcast(finished)
 
     def _verify(self, blocks: Blocks, task: int) -> array.array:
-        """Verify a task; give the places of its valid blocks, one after the other."""
+        """Verify a task; return the places of its valid blocks, one after the other."""
         places = array.array("q")
         n_blocks = n_good = 0
         for block, valid in blocks.verify(task, self._poll_sometimes):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.costs import TaskCosts
+from hpcsweep.campaign.costs import TaskCosts, is_place
 from hpcsweep.job.paths import path_of
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
@@ -82,7 +82,7 @@ def _runs(layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray]) ->
         done[study.block(place).runs] = True
     n_done = int(done.sum())
     failed = np.argwhere(done & (outcome != Outcome.COMPLETE))
-    frames = done.all(axis=(0, 2))
+    frames = done.all(axis=_axes(study.run_dims, "direction", "amplitude"))
     return {
         "name": layout.name,
         "study": study.kind,
@@ -111,7 +111,7 @@ def _runs(layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray]) ->
 
 
 def _costs(history: History, work: float | None, complete: bool) -> dict:
-    """Tell what was timed, and what is left."""
+    """Return what was timed, and what is left."""
     seconds = sum(cost.seconds for cost in history.costs)
     runs = sum(cost.runs for cost in history.costs)
     return {
@@ -150,31 +150,33 @@ def _remaining(
 
 def _frame_seconds(layout: Layout, history: History) -> dict | None:
     """Cost of the frames all of whose blocks were timed."""
-    directions, frames, blocks = (layout.sizes[dim] for dim in layout.commit.dims)
-    seconds = np.full((directions, frames, blocks), np.nan)
+    study, dims = layout.study, layout.commit.dims
+    seconds = np.full(layout.shape(layout.commit), np.nan)
     for place, cost in history.latest.items():
-        if all(0 <= at < size for at, size in zip(place, seconds.shape, strict=True)):
+        if is_place(place, seconds.shape):
             seconds[place] = cost.seconds
-    whole = seconds.sum(axis=(0, 2))
-    timed = np.flatnonzero(np.isfinite(whole))
+    axes = _axes(dims, "direction", "block")
+    whole = seconds.sum(axis=axes, keepdims=True)
+    timed = np.argwhere(np.isfinite(whole))
     if not timed.size:
         return None
-    costliest = int(timed[whole[timed].argmax()])
-    cheapest = int(timed[whole[timed].argmin()])
-    omega = layout.study.omega
-    most = {"": float(whole[costliest]), "_omega": float(omega[costliest])}
-    return {
-        "frames": int(timed.size),
-        **{f"costliest{end}": value for end, value in most.items()},
-        **{f"costliest{end}": value for end, value in most.items()},  # the name it had first
-        "median": float(np.median(whole[timed])),
-        "cheapest": float(whole[cheapest]),
-        "cheapest_omega": float(omega[cheapest]),
-    }
+    order = np.argsort(whole[tuple(timed.T)], kind="stable")
+    told: dict = {"frames": len(timed), "median": float(np.median(whole[tuple(timed.T)]))}
+    for name, which in (("costliest", order[-1]), ("cheapest", order[0])):
+        place = tuple(timed[which].tolist())
+        run = study.describe(study.block(place).first)
+        told |= {name: float(whole[place]), f"{name}_omega": run["omega"]}
+        told[f"{name}_at"] = {axis.name: run[axis.name] for axis in study.axes}
+    return told
+
+
+def _axes(dims: tuple[str, ...], *names: str) -> tuple[int, ...]:
+    """Return the axes of dimensions."""
+    return tuple(dims.index(name) for name in names)
 
 
 def _master(session: Session | None) -> dict | None:
-    """Tell how busy the master was, by its last record."""
+    """Return how busy the master was, by its last record."""
     if session is None or session.load is None:
         return None
     load = session.load
@@ -189,7 +191,7 @@ def _master(session: Session | None) -> dict | None:
 
 
 def _session(session: Session) -> dict:
-    """Tell one session in plain values."""
+    """Return one session as a dict."""
     told = {
         "started": session.started,
         "ranks": session.ranks,

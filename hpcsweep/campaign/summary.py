@@ -36,24 +36,27 @@ def summarize(path: str | Path) -> dict:
     path = path_of("path", path)
     frames = Frames(path, None)
     try:
-        study = frames.study
+        study, job = frames.whole.study, frames.whole
         tally = study.tally()
-        for frame in range(study.omega.size):
-            tally.add(frames.dataset(frame))
+        for place in frames.places:
+            frames.choose(place)
+            for frame in range(frames.study.n_frames):
+                tally.add(frames.dataset(frame), frames.study)
     finally:
         frames.close()
     size, structure = path.stat(), study.structure
     return {
         "file": str(path),
-        "name": frames.job.name,
+        "name": job.name,
         "study": study.kind,
         "structure": _told(structure),
         "n_floors": structure.n_floors,
         "stiffness_ratio": None if structure.matrices else structure.stiffness_ratio,
         "contacts": len(structure.contacts),
         "damping_ratios": structure.damping_ratios.tolist(),
-        "frames": int(study.omega.size),
-        "amplitudes": int(study.n_amplitudes),
+        "vary": {axis.key: list(axis.values) for axis in study.axes},
+        "frames": study.n_frames,
+        "amplitudes": study.dimensions["amplitude"],
         "directions": list(study.directions),
         "runs_total": study.n_runs,
         "runs_done": tally.done,

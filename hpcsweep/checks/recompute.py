@@ -91,6 +91,7 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     -------
     RunAgain
     """
+    study, block = study.part_of(block)
     other = witness_of(study.settings.solver)
     told = study.describe(block.run(row))
     structure = study.structure.measured_at(told["omega"], told["amplitude"])
@@ -159,7 +160,7 @@ def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     period, amplitude = again.orbit_period, again.amplitude
     off_path = int(run.get("classification_cycles", 0)) > 0
     if off_path and "poincare" not in run:
-        again.compared = "nothing: the file holds no point of the motion that was decided"
+        again.compared = "nothing: the file holds no point of the motion that was classified"
         return
     stored = run["poincare"][:period] if "poincare" in run else run["final_state"][None]
     last = stored[-1] if off_path else run["final_state"]

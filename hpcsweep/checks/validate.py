@@ -120,7 +120,9 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
 def _place(study, block: Block) -> str:
     """Name the frame and the direction of a block."""
     found = study.describe(block.first)
-    return f"frame {block.first[1]} (Omega = {found['omega']:.6g}), {found['direction']}"
+    frame = block.first[study.run_dims.index("direction") + 1]
+    where = "".join(f"{axis.name} = {found[axis.name]}, " for axis in study.axes)
+    return f"{where}frame {frame} (Omega = {found['omega']:.6g}), {found['direction']}"
 
 
 class _Checker:
@@ -146,7 +148,7 @@ class _Checker:
         return valid
 
     def _check_block(self, block: Block, start: np.ndarray) -> tuple[dict, bool]:
-        """Verify a block; give its rows, the true ones where they are known."""
+        """Verify a block; return its rows, the true ones where they are known."""
         self._report.blocks += 1
         place = _place(self._study, block)
         try:

@@ -5,7 +5,7 @@ returns the exit code. What is slow to import is imported when it is used.
 """
 
 import argparse
-from pathlib import Path
+import contextlib
 
 USER_ERROR, FAILURE = 2, 1
 RAW = argparse.RawDescriptionHelpFormatter
@@ -20,30 +20,40 @@ def complain(message: str, rank: int | None = None) -> None:
         say_line(f"hpcsweep: error: {message}")
 
 
-def whole_number(least: int, most: int | None = None):
-    """Make the conversion of an argument that must be a whole number from `least` to `most`."""
+class AtAction(argparse.Action):
+    """Collects ``KEY=VALUE`` of ``--at`` in a dict: numbers as numbers, words as words."""
 
-    def convert(text: str) -> int:
-        value = int(text)
-        if value < least or (most is not None and value > most):
-            limit = f"at least {least}" if most is None else f"from {least} to {most}"
-            raise argparse.ArgumentTypeError(f"must be {limit}, is {text}")
-        return value
-
-    convert.__name__ = "whole number"
-    return convert
-
-
-def file_name(text: str) -> Path:
-    """Convert an argument that must name a file."""
-    if not text:
-        raise argparse.ArgumentTypeError("must not be empty")
-    return Path(text)
+    def __call__(self, parser, namespace, values, option_string=None):
+        """Add one."""
+        name, equals, text = str(values).partition("=")
+        if not (name.strip() and equals and text.strip()):
+            parser.error(f"{option_string} {values}: must be KEY=VALUE")
+        value: float | str = text.strip().strip('"')
+        with contextlib.suppress(ValueError):
+            value = float(value)
+        getattr(namespace, self.dest)[name.strip()] = value
 
 
-def positive(text: str) -> float:
-    """Convert an argument that must be a finite number greater than 0."""
-    value = float(text)
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be greater than 0, is {text}")
-    return value
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add ``--set`` to the parser of a command that reads a job."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="TABLE.KEY=VALUE",
+        help="replace what the job file gives, the value in TOML: structure.stiffness_ratio=100; "
+        "may be given more than once",
+    )
+
+
+def add_at(parser: argparse.ArgumentParser) -> None:
+    """Add ``--at`` to the parser of a command that shows one part of a file."""
+    parser.add_argument(
+        "--at",
+        action=AtAction,
+        default={},
+        metavar="KEY=VALUE",
+        help="of a job that varies keys, the value of one of them, may be given several times "
+        "(default: the first values)",
+    )

@@ -6,14 +6,10 @@ import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, file_name, positive, whole_number
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, add_at, complain
 from hpcsweep.commands.outputs import FILM, PICTURE, overwriting
-from hpcsweep.figures.diagrams.figure import FLOORS
-
-HELP = """\
-Make a film of the orbit diagrams, one frame a forcing frequency, with fixed axes: MP4 or, by the
-ending of OUT, GIF. Start it under mpirun to use many ranks; alone it uses several processes. The
-film is the same for any number. Needs the extra 'video' (imageio-ffmpeg)."""
+from hpcsweep.figures.film import figure
+from hpcsweep.figures.options import add_options, file_name, whole_number
 
 
 def add_to(commands) -> None:
@@ -21,7 +17,7 @@ def add_to(commands) -> None:
     animate = commands.add_parser(
         "animate",
         help="make a film of the orbit diagrams over Omega",
-        description=HELP,
+        description=figure.HELP,
         formatter_class=RAW,
     )
     animate.add_argument("file", type=Path, metavar="FILE")
@@ -32,40 +28,7 @@ def add_to(commands) -> None:
         metavar="OUT",
         help="film, .mp4 or .gif (default: FILE.mp4)",
     )
-    animate.add_argument(
-        "--poster",
-        type=file_name,
-        metavar="PNG",
-        help="also write the frame with most kinds of motion",
-    )
-    animate.add_argument(
-        "--fps", type=positive, default=25.0, help="frames per second (default: %(default)g)"
-    )
-    animate.add_argument(
-        "--every", type=whole_number(1), default=1, metavar="K", help="take every Kth frame"
-    )
-    animate.add_argument(
-        "--direction",
-        choices=("up", "down", "both"),
-        default="both",
-        help="sweeps that are drawn (default: %(default)s)",
-    )
-    animate.add_argument(
-        "--color",
-        choices=("direction", "contact", "period"),
-        default="direction",
-        help="what the colours tell (default: %(default)s)",
-    )
-    animate.add_argument(
-        FLOORS.flag, dest=FLOORS.keyword, help=FLOORS.help, default=[], **FLOORS.arguments
-    )
-    animate.add_argument(
-        "--width",
-        type=whole_number(1),
-        default=0,
-        metavar="PIXELS",
-        help="even (default: 1280, GIF 960); the height follows from the number of floors shown",
-    )
+    add_options(animate, [figure])
     animate.add_argument(
         "--processes",
         type=whole_number(1),
@@ -73,6 +36,7 @@ def add_to(commands) -> None:
         metavar="N",
         help="processes, where there is one rank (default: the cores)",
     )
+    add_at(animate)
     animate.set_defaults(function=_animate)
 
 
@@ -115,7 +79,8 @@ def _make(options, comm) -> tuple[int, str]:
         direction=options.direction,
         color=options.color,
         width=options.width,
-        floors=tuple(options.floors),
+        floors=tuple(options.floors or ()),
+        at=options.at,
     )
     problem = None
     if comm.rank == 0:

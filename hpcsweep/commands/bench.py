@@ -5,8 +5,9 @@ import json
 import sys
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, whole_number
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
 from hpcsweep.commands.outputs import PICTURE, overwriting
+from hpcsweep.figures.options import whole_number
 
 DESCRIPTION = """\
 Measure, everything that is compared in one run and in turn:
@@ -15,8 +16,8 @@ Measure, everything that is compared in one run and in turn:
                   (extra 'bench') and numbalsoda (built from source), in several regimes
   ratio           flow against scipy's BDF and DOP853 and a compiled DOP853 on attractors of a
                   building and of two that pound, and against bdf over the first frame of JOB
-  profile         runs on frames of JOB (default: eight frames of jobs/bluecrystal.toml): CPU time
-                  by what they ask of the solver, with counts of periods, steps and passages
+  profile         runs on frames of JOB (default: eight frames of jobs/paper/bluecrystal.toml): CPU
+                  time by what they ask of the solver, with counts of periods, steps and passages
   floors          flow against the number of floors
   ranks           strong scaling of a small job over the cores of this machine (needs mpirun)
   startup         seconds of a tiny job, cold and warm

@@ -12,8 +12,8 @@ from hpcsweep.commands import (
     USER_ERROR,
     animate,
     bench,
-    claims,
     complain,
+    describe,
     environment,
     explore,
     new,
@@ -31,6 +31,7 @@ from hpcsweep.commands import (
 
 COMMANDS = (
     new,
+    describe,
     run,
     status,
     summary,
@@ -40,7 +41,6 @@ COMMANDS = (
     plot,
     animate,
     explore,
-    claims,
     bench,
     stress,
     warmup,
@@ -54,13 +54,13 @@ Start under mpirun or srun to use many ranks; alone, one rank does it all."""
 EPILOG = """\
 examples:
   hpcsweep new study.toml                       write a job to start from
-  mpirun -n 4 hpcsweep run jobs/figure3.toml    compute, or resume, figure3.h5
+  hpcsweep describe study.toml                  modes, units, grazing amplitude, number of runs
+  mpirun -n 4 hpcsweep run jobs/paper/figure3.toml    compute, or resume, figure3.h5
   hpcsweep status figure3.h5                    what is done, live
   hpcsweep validate figure3.h5                  is it sound? checksums, values, a sample recomputed
   hpcsweep summary figure3.h5                   what it cost, what kinds of motion it found
   hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
   mpirun -n 4 hpcsweep animate map.h5 -o m.mp4  film the orbit diagrams over Omega
-  hpcsweep claims figure3.h5                    answer the paper's claims
   hpcsweep explore figure3.h5 -o figure3.html   explore it in a browser
 
 exit codes:

@@ -1,13 +1,12 @@
 """`hpcsweep explore`: make a page on which a whole study is explored in a browser."""
 
-import argparse
 import sys
 from pathlib import Path
 
-from hpcsweep.commands import USER_ERROR, complain, file_name, positive
+from hpcsweep.commands import USER_ERROR, add_at, complain
 from hpcsweep.commands.outputs import PAGE, overwriting
-
-MOST_MB = 150.0
+from hpcsweep.figures.explorer import figure
+from hpcsweep.figures.options import add_options, file_name
 
 
 def add_to(commands) -> None:
@@ -15,61 +14,15 @@ def add_to(commands) -> None:
     explore = commands.add_parser(
         "explore",
         help="make one page to explore a study in a browser, without a network",
-        description="Make one self-contained page: the map over (A, Omega); pointing at it shows "
-        "the orbit diagram of that frame, clicking the phase portrait and numbers of that run.",
+        description=figure.HELP,
     )
     explore.add_argument("file", type=Path, metavar="FILE")
     explore.add_argument(
         "-o", "--output", type=file_name, metavar="HTML", help="page (default: FILE with .html)"
     )
-    explore.add_argument(
-        "--points",
-        type=_whole(1, 10_000_000),
-        metavar="K",
-        help="at most K stroboscopic points of a run (default: as many as keep the page small)",
-    )
-    explore.add_argument(
-        "--bits",
-        type=_whole(6, 16),
-        default=12,
-        metavar="B",
-        help="resolution of the points: 1/2^B of a frame's range (default: %(default)s)",
-    )
-    explore.add_argument(
-        "--frame-step",
-        type=_whole(1, 10_000_000),
-        default=1,
-        metavar="N",
-        help="keep every Nth frame",
-    )
-    explore.add_argument(
-        "--amplitude-step",
-        type=_whole(1, 10_000_000),
-        default=1,
-        metavar="N",
-        help="keep every Nth amplitude",
-    )
-    explore.add_argument(
-        "--max-mb",
-        type=positive,
-        default=MOST_MB,
-        metavar="MB",
-        help="refuse to write a larger page (default: %(default)g)",
-    )
+    add_options(explore, [figure])
+    add_at(explore)
     explore.set_defaults(function=_explore)
-
-
-def _whole(least: int, most: int):
-    """Make a converter of arguments that must be whole numbers in a range."""
-
-    def convert(text: str) -> int:
-        if not text.isascii() or not text.isdigit() or not least <= int(text) <= most:
-            raise argparse.ArgumentTypeError(
-                f"must be a whole number from {least} to {most}, is {text}"
-            )
-        return int(text)
-
-    return convert
 
 
 def _explore(options) -> int:
@@ -92,6 +45,7 @@ def _explore(options) -> int:
             options.points,
             options.frame_step,
             options.amplitude_step,
+            at=options.at,
             say=_progress if sys.stderr.isatty() else None,
         )
         page, sizes = build_page(study, options.bits)

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain, file_name
+from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.figures.options import file_name
 
 PACK_HELP = """\
 Compress a results file. The copy is compared with the original, dataset by dataset and checksum by

@@ -1,39 +1,20 @@
 """`hpcsweep plot`: draw a results file."""
 
 import argparse
-from importlib import import_module
+import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
-from hpcsweep.commands import RAW, USER_ERROR, complain, file_name, whole_number
+from hpcsweep.commands import RAW, USER_ERROR, add_at, complain
 from hpcsweep.commands.outputs import PICTURE, overwriting
+from hpcsweep.figures.options import add_options, figures, file_name, options_of, whole_number
 
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
 
-FIGURES = (
-    "orbit_diagram",
-    "phase",
-    "frames",
-    "period_map",
-    "metrics",
-    "benefit",
-    "attractor_diagram",
-    "shares",
-    "attractor_map",
-    "basins",
-)
-"""Modules of `hpcsweep.figures.diagrams`, each a `figure.Figure`; the first one that draws what a
-file holds is the default."""
 NAME_WIDTH = 10
 RESOLUTIONS = 50, 1200
 """Pixels an inch, least and most."""
-
-
-def figures() -> dict[str, "Figure"]:
-    """Return the figures by name; imported when they are requested, as they load numpy."""
-    modules = [import_module(f"hpcsweep.figures.diagrams.{name}") for name in FIGURES]
-    return {module.NAME: cast("Figure", module) for module in modules}
 
 
 def add_to(commands) -> None:
@@ -66,12 +47,8 @@ def _complete(plot: argparse.ArgumentParser) -> None:
         metavar="N",
         help="pixels an inch (default: %(default)s)",
     )
-    options = dict.fromkeys(option for f in known.values() for option in f.OPTIONS)
-    for option in options:
-        kinds = ", ".join(f.NAME for f in known.values() if option in f.OPTIONS)
-        plot.add_argument(
-            option.flag, dest=option.keyword, help=f"{option.help}; {kinds}", **option.arguments
-        )
+    add_at(plot)
+    add_options(plot, known.values(), told=True)
 
 
 def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
@@ -89,7 +66,7 @@ def _describe(figure, default: dict[str, str]) -> str:
 
 def _plot(options) -> int:
     from hpcsweep.figures.style import PlotError, resolution
-    from hpcsweep.store import StoreError, job_of
+    from hpcsweep.store import Frames, StoreError, job_of
 
     known = figures()
     try:
@@ -102,7 +79,7 @@ def _plot(options) -> int:
         return USER_ERROR
     figure = known[kind]
     given = {}
-    for option in dict.fromkeys(option for f in known.values() for option in f.OPTIONS):
+    for option in options_of(known.values()):
         value = getattr(options, option.keyword)
         if value is None:
             continue
@@ -119,8 +96,9 @@ def _plot(options) -> int:
         complain(problem)
         return USER_ERROR
     try:
-        with resolution(options.dpi):
-            figure.draw(figure.load(options.file, **given), output, **given)
+        frames = Frames(options.file, figure.DRAWS, options.at)
+        with resolution(options.dpi), contextlib.closing(frames):
+            figure.draw(figure.load(frames, **given), output, **given)
     except (StoreError, PlotError) as error:
         complain(str(error))
         return USER_ERROR

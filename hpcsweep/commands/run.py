@@ -4,7 +4,8 @@ import traceback
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, file_name, positive
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, add_settings, complain
+from hpcsweep.figures.options import file_name, positive
 
 RUN_HELP = """\
 Run a job. If its results file exists already, the run resumes where it stopped, on any number
@@ -47,15 +48,7 @@ def add_to(commands) -> None:
         metavar="FILE",
         help="results (default: the job's name + .h5)",
     )
-    run.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="settings",
-        metavar="TABLE.KEY=VALUE",
-        help="replace what the job file gives, the value in TOML: structure.stiffness_ratio=100; "
-        "may be given more than once",
-    )
+    add_settings(run)
     run.add_argument(
         "--max-hours",
         type=positive,
@@ -99,6 +92,8 @@ def _run(options) -> int:
             except JobError as error:
                 problem = str(error)
         job, problem = comm.bcast((job, problem))
+        for text in job.notes if job is not None and comm.rank == 0 else ():
+            note(text)
         if problem is None:
             output = options.output or Path(f"{job.name}.h5")
             try:

@@ -6,7 +6,8 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain, positive
+from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.figures.options import positive
 
 HELP = """\
 Predict the makespan of a job on numbers of ranks, from the costs measured in a results file (also
@@ -81,7 +82,7 @@ def _costs(source: Path) -> tuple:
         job = job_of(source)
         forecast = estimate.from_journal(job, source)
         if forecast is None:
-            return None, f"{source}.journal: holds no costs; give the job file instead"
+            return None, f"{source}.journal: holds no costs; return the job file instead"
         return (job, forecast), None
     except (JobError, StoreError) as error:
         return None, str(error)

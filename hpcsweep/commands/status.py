@@ -113,6 +113,12 @@ def _describe_motions(state: dict) -> list[str]:
     return lines
 
 
+def _frame(frames: dict, which: str) -> str:
+    """Write what a frame cost and which it is."""
+    at = "".join(f"{name} = {value}, " for name, value in frames[f"{which}_at"].items())
+    return f"{frames[which]:.3g} s ({at}Omega = {frames[f'{which}_omega']:.6g})"
+
+
 def _describe_work(state: dict) -> list[str]:
     """Write rate, remaining time, cost by frame and the master's load."""
     lines = []
@@ -127,9 +133,8 @@ def _describe_work(state: dict) -> list[str]:
     frames = state["frame_seconds"]
     if frames:
         lines.append(
-            f"  frames    costliest {frames['costliest']:.3g} s (Omega = "
-            f"{frames['costliest_omega']:.6g}), median {frames['median']:.3g} s, cheapest "
-            f"{frames['cheapest']:.3g} s (Omega = {frames['cheapest_omega']:.6g}), of "
+            f"  frames    costliest {_frame(frames, 'costliest')}, median "
+            f"{frames['median']:.3g} s, cheapest {_frame(frames, 'cheapest')}, of "
             f"{frames['frames']} timed whole"
         )
     master = state["master"]

@@ -70,10 +70,13 @@ def _markdown(summaries: list[dict]) -> str:
 
 def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
     """Name and value of every line of a table, for summaries that are shown together."""
+    vary = [f"{key} {_values(values)}" for key, values in summary["vary"].items()]
     rows = {
-        "structure": summary["structure"],
-        "runs": f"{summary['runs_done']} of {summary['runs_total']} ({summary['frames']} frames x "
-        f"{summary['amplitudes']} amplitudes, {' and '.join(summary['directions'])})",
+        "structure": summary["structure"] + (" (the first)" if vary else ""),
+        **({"varied": "; ".join(vary)} if vary else {}),
+        "runs": f"{summary['runs_done']} of {summary['runs_total']} "
+        f"({count(summary['frames'], 'frame')} x "
+        f"{count(summary['amplitudes'], 'amplitude')}, {' and '.join(summary['directions'])})",
         **_cost_rows(summary),
     }
     rows |= _attractor_rows(summary) if "attractors" in summary else _history_rows(summary)
@@ -88,11 +91,11 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
             rows[name] += f": {', '.join(parts)}"
     if not summary["tells_chaos"]:
         rows["chaotic"] = "not told: the file holds neither motion nor lyapunov"
-    plain = summary.get("window_test")
-    if plain and plain["runs"]:
+    window = summary.get("window_test")
+    if window and window["runs"]:
         rows["window test"] = (
-            f"of {plain['runs']} windows it claims {plain['wrong']} wrong periods and misses "
-            f"{plain['missed']}"
+            f"of {window['runs']} windows it claims {window['wrong']} wrong periods and misses "
+            f"{window['missed']}"
         )
     for key, label in (("periods", "P{}"), ("contact_sets", "contact {}")):
         for name in _listed(key, together):
@@ -110,7 +113,7 @@ def _history_rows(summary: dict) -> dict[str, str]:
             f"{summary['periods_per_run']:.4g} integrated, of {summary['periods_per_run_window']}"
         )
     return rows | {
-        f"skip_rule {name}": _share(entry)
+        f"skip rule {name}": _share(entry)
         for name, entry in summary["skip_rules"].items()
         if name != "none"
     }
@@ -163,6 +166,17 @@ def _listed(key: str, together: list[dict]) -> list:
             total[name] = total.get(name, 0) + entry["runs"]
     chosen = sorted(total, key=lambda name: -total[name])[:MOST_ROWS]
     return sorted(chosen) if key == "periods" else chosen
+
+
+def count(number: int, noun: str) -> str:
+    """Write how many there are."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _values(values: list) -> str:
+    """Write the values of a key, of many the ends."""
+    told = [f"{one:.6g}" if isinstance(one, int | float) else one for one in values]
+    return ", ".join(told) if len(told) <= 3 else f"{told[0]} to {told[-1]} ({len(told)} values)"
 
 
 def _share(entry: dict) -> str:

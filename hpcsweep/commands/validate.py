@@ -5,7 +5,8 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain, whole_number
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
+from hpcsweep.figures.options import whole_number
 
 VALIDATE_HELP = """\
 Tell whether a results file is sound; it may be in use by a running campaign. Checked are the

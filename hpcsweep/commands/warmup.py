@@ -10,15 +10,15 @@ Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsw
 folder that is only read later. Kernels are compiled for the type of processor of this machine:
 do it on a node of the type that will compute.
 
-Given jobs, it also compiles the kernels fitted to their structures, which take 0.55 to 0.8 of the
-time and give the same results to the last bit. `run` fits kernels by itself from half a million
-histories a rank on, and takes fitted ones wherever the cache has them."""
+Given jobs, it also compiles the kernels specialised to their structures, which take 0.55 to 0.8 of
+the time and give the same results to the last bit. `run` specialises kernels by itself from half a
+million histories a rank on, and takes specialised ones wherever the cache has them."""
 
 WARMUP_EXAMPLE = """\
 examples:
   hpcsweep warmup                                      on all processors at hand
   srun -n 1 -c 4 hpcsweep warmup --jobs 4              on a node of a cluster
-  hpcsweep warmup jobs/bluecrystal.toml                fitted to its structure, too
+  hpcsweep warmup jobs/paper/bluecrystal.toml                specialised to its structure, too
   NUMBA_CACHE_DIR=/opt/kernels hpcsweep warmup         for all users of an image"""
 
 
@@ -36,7 +36,7 @@ def add_to(commands) -> None:
         type=Path,
         nargs="*",
         metavar="JOB.toml",
-        help="jobs to whose structures kernels are fitted, too",
+        help="jobs to whose structures kernels are specialised, too",
     )
     warmup.add_argument(
         "--jobs", type=int, metavar="N", help="processes that compile (default: one a processor)"
@@ -48,7 +48,7 @@ def _warmup(options) -> int:
     import time
 
     from hpcsweep.job import JobError, load_job
-    from hpcsweep.kernels.cache import kept_in, processor
+    from hpcsweep.kernels.compile.cache import kept_in, processor
     from hpcsweep.parallel.mpi import launched_rank
     from hpcsweep.studies.compilation import warm_up, warm_up_all
 
@@ -70,7 +70,7 @@ def _warmup(options) -> int:
     warm_up_all(say, options.jobs)
     for study in studies:
         if study.settings.solver == "flow":
-            warm_up(study.settings, say, options.jobs, fitted_to=study.structure)
+            warm_up(study.settings, say, options.jobs, specialised_to=study.structure)
     seconds = time.perf_counter() - begun
     folders = " and ".join(map(str, kept_in()))
     where = f"in {folders}" if folders else "are not kept"

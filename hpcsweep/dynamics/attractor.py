@@ -79,7 +79,7 @@ class Portrait:
 
     @property
     def n_undecided(self) -> int:
-        """Starts that were not decided."""
+        """Starts that were not classified."""
         return int((self.labels == UNDECIDED).sum())
 
     @property

@@ -41,7 +41,7 @@ MOST_RECORDS = 16
 """Records kept of motions that are no orbit."""
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
-again, and at last decided: it may be on its slow way to one of them."""
+again, and at last classified: it may be on its slow way to one of them."""
 FEW, LONGER = 5, 20
 """Starts that reach a motion which is no orbit, up to which it is followed for so many times
 `max_cycles` before it counts as an attractor."""
@@ -78,7 +78,7 @@ class AttractorSearch:
         return own
 
     def labels(self, starts: np.ndarray, first_group: int = FIRST_GROUP) -> np.ndarray:
-        """Tell what each start reaches: its place in `attractors`, `UNDECIDED` or `FAILED`.
+        """Return what each start reaches: its place in `attractors`, `UNDECIDED` or `FAILED`.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class AttractorSearch:
         return np.array([moved[label] if label >= 0 else label for label in labels], int)
 
     def _follow(self, starts: np.ndarray) -> np.ndarray:
-        """Tell what each start of a group reaches."""
+        """Return what each start of a group reaches."""
         labels = np.full(len(starts), UNDECIDED)
         left, gone = np.arange(len(starts)), 0
         longest = max(min(self._settings.transient_cycles, self._max_cycles), PATIENCE, WINDOW)
@@ -153,7 +153,7 @@ class AttractorSearch:
         return labels
 
     def classify(self, state: np.ndarray) -> int:
-        """Decide a motion; give its place in `attractors`, `UNDECIDED` or `FAILED`."""
+        """Classify a motion; return its place in `attractors`, `UNDECIDED` or `FAILED`."""
         motion = self._classified(state)
         if motion.outcome is not Outcome.COMPLETE or motion.kind is MotionClass.FAILED:
             return self._failed(motion.outcome)
@@ -265,7 +265,7 @@ class AttractorSearch:
         return self._add(motion, motion.points, seen, near)
 
     def _place_aperiodic(self, motion: Motion) -> int:
-        """Place what is classified to be no orbit, or not decided, if it stays so."""
+        """Place what is classified to be no orbit, or not at all, if it stays so."""
         there = self._resembling(motion.points)
         if there is not None:
             self._remember(motion.points, there)
@@ -313,7 +313,7 @@ class AttractorSearch:
             self._signatures.append((Signature(scaled), scaled, place))
 
     def _add(self, motion: Motion, points: np.ndarray, seen, near: Neighbourhood | None) -> int:
-        """Note a new attractor; give its place."""
+        """Note a new attractor; return its place."""
         drift = normalised_drift(seen.peak_drift, self._amplitude, self._solver.omega)
         self.attractors.append(
             Attractor(

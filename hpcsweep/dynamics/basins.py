@@ -66,7 +66,7 @@ class Basins:
     def labels(
         self, states: np.ndarray, poll: Callable[[], None] | None = None
     ) -> tuple[np.ndarray, int]:
-        """Tell a group of states.
+        """Classify a group of states.
 
         Parameters
         ----------

@@ -94,7 +94,7 @@ CLASS_NAMES = {
 
 
 def tells_chaos(names) -> bool:
-    """Return whether variables of these names tell chaos: decided motions, or exponents."""
+    """Return whether variables of these names tell chaos: classified motions, or exponents."""
     return MOTION in names or "lyapunov" in names
 
 

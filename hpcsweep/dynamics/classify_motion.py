@@ -4,7 +4,7 @@ The motion is watched for an orbit that is near, unless small differences grow, 
 with a tangent vector. This stretch is carried on, to twice its length up to `LEAST_TORUS` periods
 and by a part of it from then on, and judged each time by its later part. A motion is
 
-- periodic if Newton's method has proved the orbit it goes to (`solvers.flow.transient`,
+- periodic if Newton's method has verified the orbit it goes to (`solvers.flow.transient`,
   `shooting`), or its points have closed and stay closed (`orbit.closed_period`), and the orbit does
   not repel;
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
@@ -12,7 +12,7 @@ and by a part of it from then on, and judged each time by its later part. A moti
   over what is judged, and no orbit has ended it `CONFIRMED` periods later;
 - quasi-periodic if over `LEAST_TORUS` periods or more weighted means over both halves agree to
   `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
-  confidence, and no orbit is proved that the torus is locked to.
+  confidence, and no orbit is verified that the torus is locked to.
 
 A motion that repeats although it repels stays there until rounding drives it away; it is driven by
 `PUSH` at once. Chaos may be a transient that would end later.
@@ -133,7 +133,7 @@ class _Classifier:
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self._same = settings.period_tolerance
         self._units = solver.structure.state_units
-        self._time = 2 * math.pi / solver.omega
+        self._time = solver.structure.forcing.period(solver.omega)
         self._max_cycles = max_cycles
         self._last = np.empty((0, self._units.size))  # points of what was judged last
         self._logarithms = np.empty(0)  # of all that was observed
@@ -163,7 +163,7 @@ class _Classifier:
         return self.motion(MotionClass.UNDECIDED, last, growth=self.growth)
 
     def watch(self, z: np.ndarray, n_periods: int) -> Step:
-        """Integrate until the motion has reached an orbit or is proved to."""
+        """Integrate until the motion has reached an orbit or is verified to."""
         most = min(n_periods, self.left)
         end = self._solver.settle(
             z, self._amplitude, most, LONGEST, SETTLED, self._same, NEAR, self._poll
@@ -183,7 +183,7 @@ class _Classifier:
         return seen
 
     def judge_window(self, z: np.ndarray, seen: Observation) -> Step:
-        """Tell the motion from a window; give where it goes on."""
+        """Classify a motion by a window; return where it goes on."""
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         self._logarithms = aligned(seen.logarithms)
@@ -217,7 +217,7 @@ class _Classifier:
         return LEAST_TORUS - size if self._likely_torus else max(size, FIRST_STRETCH)
 
     def _confirmed(self, motion: Motion | None, z: np.ndarray) -> Motion | None:
-        """Watch chaos for an orbit that ends it; give what it turns out to be."""
+        """Watch chaos for an orbit that ends it; return what it turns out to be."""
         if motion is None or motion.kind is not MotionClass.CHAOTIC:
             return motion
         _, ended = self.watch(z, CONFIRMED)
@@ -246,7 +246,7 @@ class _Classifier:
         return end, None
 
     def _judge(self, seen: Observation | Growth, longest: int = 0) -> Step:
-        """Tell the motion from what was observed, if that is enough; give where it goes on.
+        """Classify a motion by what was observed, if that suffices; return where it goes on.
 
         `longest` is the longest period to which all of it may have closed.
         """
@@ -272,7 +272,7 @@ class _Classifier:
         return end, self._torus(points, seen, whole)
 
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
-        """Tell a torus, or the orbit that it is locked to, from points in units of the state."""
+        """Recognise a torus, or the orbit that it is locked to, by points in units of the state."""
         size = len(points)
         neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= LEAST_TORUS
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
@@ -296,7 +296,7 @@ class _Classifier:
     def _orbit(self, z, period: int, multiplier: float = math.nan, points=None) -> Step:
         """Make the motion of an orbit that was reached; where it repels, leave it.
 
-        `multiplier` is NaN if the orbit was not proved by Newton's method.
+        `multiplier` is NaN if the orbit was not verified by Newton's method.
         """
         start = z
         if math.isnan(multiplier):
@@ -322,7 +322,7 @@ class _Classifier:
         return z, self.motion(MotionClass.PERIODIC, last, smallest, multiplier, exponent)
 
     def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None) -> Motion | None:
-        """Solve for the orbit that is approached; give it if the motion is proved to go there.
+        """Solve for the orbit that is approached; return it if the motion is verified to go there.
 
         `limit` is where the points, in units of the state, extrapolate to, if they do.
         """

@@ -98,7 +98,7 @@ def lyapunov_forms(tangents: list[np.ndarray], form: np.ndarray) -> np.ndarray:
 
 
 def inside(states: np.ndarray, known: list[Neighbourhood | None]) -> np.ndarray:
-    """Tell in which neighbourhood each state lies: its place in `known`, -1 for none.
+    """Return in which neighbourhood each state lies: its place in `known`, -1 for none.
 
     Parameters
     ----------

@@ -161,7 +161,7 @@ def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
     return best
 
 
-class Closing(NamedTuple):
+class Recurrence(NamedTuple):
     """A period after which points return nearer and nearer."""
 
     period: int
@@ -172,7 +172,7 @@ class Closing(NamedTuple):
 
 def closing_period(
     points: np.ndarray, min_period: int, max_period: int, near: float, tolerance: float
-) -> Closing:
+) -> Recurrence:
     """Find the p after which the points return nearest and come nearer over the last three turns.
 
     Parameters
@@ -191,14 +191,14 @@ def closing_period(
     min_period, max_period = count("min_period", min_period, 1), count("max_period", max_period, 1)
     near, tolerance = number("near", near), number("tolerance", tolerance)
     coordinates = _coordinates(points)
-    best = Closing(0, near)
+    best = Recurrence(0, near)
     returns = _near_ends(coordinates, min(max_period, len(points) // 3), near)
     for period in [p for p in returns if p >= min_period][:CANDIDATES]:
         apart = _apart(coordinates[:, -3 * period :], period)
         before, last = float(apart[:period].max()), float(apart[period:].max())
         falls = last <= FALLS * before or last <= tolerance
         if falls and last < best.distance:
-            best = Closing(period, last)
+            best = Recurrence(period, last)
     return best
 
 

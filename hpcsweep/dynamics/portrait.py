@@ -29,7 +29,7 @@ def portrait(
         Of the structure and the frequency.
     amplitude : float
     seeds : ndarray, shape (m, 2n)
-        States whose motions are decided first and count for no share.
+        States whose motions are classified first and count for no share.
     starts : ndarray, shape (N, 2n)
     settings : SweepSettings
     max_cycles : int

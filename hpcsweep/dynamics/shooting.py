@@ -3,7 +3,7 @@
 With F that map and M its tangent at z, a step solves (M - 1) d = z - F(z). Its length is the
 distance from the orbit to first order; a residual is not: where a multiplier is near 1 a small one
 is far away. After a step shorter than `SAME` M is kept, and F alone tells the distance, with the
-points of the orbit. The motion of z is proved to go to an orbit that attracts if the map from it
+points of the orbit. The motion of z is verified to go to an orbit that attracts if the map from it
 is as good as linear: F(z) - o = M (z - o) but for `LINEAR` of F(z) - o, o the orbit. Where F(z) is
 known of the motion, Newton's method may start from a guess that is nearer to the orbit than z.
 """
@@ -49,7 +49,7 @@ class Shot(NamedTuple):
     """Of the orbit, shape (p, 2n), the last one as near to `point` as `distance`; if at hand."""
 
     def attracts(self, tolerance: float) -> bool:
-        """Return whether the motion of z is proved to go to the orbit, found to `tolerance`."""
+        """Return whether the motion of z is verified to go to the orbit, found to `tolerance`."""
         linear = self.bent <= LINEAR * self.left + ROUNDING
         return self.distance <= tolerance and self.multiplier < 1.0 and linear
 

@@ -52,7 +52,7 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
     """
     period = count("period", period, 1)
     _, matrix = solver.monodromy(state, amplitude, period)
-    time = period * 2 * math.pi / solver.omega
+    time = solver.structure.forcing.period(solver.omega, period)
     return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)
 
 

@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 
-from hpcsweep.figures.style import AMPLITUDE, OMEGA, PlotError
+from hpcsweep.figures.style import PlotError
+from hpcsweep.model.unit_names import is_in_gaps, unit_of
 
+WORD = r"$\omega_0$"
 MOST_FLOORS = 5
 """Floors that are all shown where none are requested; of more the top, the middle and the first."""
 
@@ -12,35 +14,46 @@ MOST_MODES = 5
 """Modes that are shown: the lowest."""
 
 
-def in_gaps(structure) -> bool:
-    """Return whether lengths are in gaps and times in 1/omega_0: equal storeys, all stops at 1."""
-    return structure.is_uniform and all(contact.gap == 1.0 for contact in structure.contacts)
-
-
 def displacement(structure, floor: int, at: str = "") -> str:
     """Label a floor's displacement (floor from 0)."""
-    return rf"$u_{{{floor + 1}}}{at}$" + ("  [gaps]" if in_gaps(structure) else "")
+    return rf"$u_{{{_name(structure, floor)}}}{at}$" + unit(structure, "length")
+
+
+def _name(structure, floor: int) -> str:
+    names = structure.names.floors
+    return rf"\mathrm{{{names[floor]}}}" if names else str(floor + 1)
 
 
 def velocity(structure, floor: int, at: str = "") -> str:
     """Label a floor's velocity (floor from 0)."""
-    return rf"$v_{{{floor + 1}}}{at}$" + (r"  [gaps $\omega_0$]" if in_gaps(structure) else "")
+    return rf"$v_{{{_name(structure, floor)}}}{at}$" + unit(structure, "velocity")
 
 
 def amplitude(structure) -> str:
     """Label the axis of the forcing amplitude."""
-    return AMPLITUDE if in_gaps(structure) else "forcing amplitude $A$"
+    return "forcing amplitude $A$" + unit(structure, "acceleration")
 
 
 def frequency(structure) -> str:
     """Label the axis of the forcing frequency."""
-    return OMEGA if structure.is_uniform else r"forcing frequency $\Omega$"
+    return r"forcing frequency $\Omega$" + unit(structure, "frequency")
 
 
 def exponent(structure) -> str:
     """Label the largest Lyapunov exponent."""
-    label = r"largest Lyapunov exponent $\lambda$"
-    return label + (r"  [$\omega_0$]" if structure.is_uniform else "")
+    return r"largest Lyapunov exponent $\lambda$" + unit(structure, "rate")
+
+
+def unit(structure, quantity: str) -> str:
+    """Write the unit of a quantity behind its label; nothing where it has no name."""
+    is_length = quantity in ("length", "velocity", "acceleration")
+    has_name = any(structure.unit_names) or (
+        is_in_gaps(structure) if is_length else structure.is_uniform
+    )
+    if not has_name:
+        return ""
+    name = unit_of(structure, quantity).replace("omega_0^2", r"$\omega_0^2$").replace("^2", "²")
+    return f"  [{name if '$' in name else name.replace('omega_0', WORD)}]"
 
 
 def choose_floors(n: int, asked: Sequence[int] | None = None) -> list[int]:

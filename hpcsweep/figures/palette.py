@@ -22,8 +22,8 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures.cielab import lightness, rgb, to_hex
-from hpcsweep.studies.amplitude_sweep import DOWN, UP
 from hpcsweep.studies.points import START
+from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 
 NOTHING = "#ffffff"
 """Where nothing is known: not computed, or not a number. Hatched where there is room."""

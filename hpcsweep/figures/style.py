@@ -9,14 +9,12 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.model.arguments import real
-from hpcsweep.studies.amplitude_sweep import DOWN, UP
 from hpcsweep.studies.points import START
+from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 
 DPI = 200
 """Pixels an inch, unless `resolution` says other."""
 _dpi: ContextVar[int] = ContextVar("dpi", default=DPI)
-AMPLITUDE = r"forcing amplitude $A$  [gaps $\cdot\,\omega_0^2$]"
-OMEGA = r"forcing frequency $\Omega$  [$\omega_0$]"
 MARKERS = {UP: "o", DOWN: "v", START: "o"}
 """Of the directions; those of runs on the way down are hollow."""
 LEGEND_ROOM = 24
@@ -116,12 +114,20 @@ def roman(number: int) -> str:
     return text
 
 
+FAR_OFF = 0.1
+"""Share of a frequency by which a frame may be off what is requested, beyond the range there is."""
+
+
 def nearest_frame(omegas: np.ndarray, omega: float | None) -> int:
     """Return the frame nearest to a frequency, the first if none is requested."""
     if omega is None:
         return 0
     if not np.isfinite(real("omega", omega)):
         raise PlotError(f"--omega {omega}: must be finite")
+    low, high = float(np.min(omegas)), float(np.max(omegas))
+    beyond = max(low - omega, omega - high)
+    if beyond > max(high - low, FAR_OFF * high):
+        raise PlotError(f"--omega {omega:g}: the results hold {low:.6g} to {high:.6g}")
     return int(np.argmin(np.abs(omegas - omega)))
 
 
@@ -160,10 +166,16 @@ def direction_index(results, direction: str | None) -> int:
 
 
 def job_of(results):
-    """Read the job the results were made for."""
-    from hpcsweep.job import parse_job
+    """Read the job the results were made for; where it varies keys, of the part they are."""
+    from hpcsweep.job import parse_job, part_of
 
-    return parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
+    job = parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
+    place = []
+    for axis in job.study.axes:
+        if axis.name in results.dims:
+            raise PlotError(f"the results hold several {axis.name}: choose one by sel")
+        place.append(axis.values.index(results[axis.name].item()))
+    return part_of(job, tuple(place))
 
 
 def words_of(results, direction: str | None = None) -> str:
@@ -187,7 +199,9 @@ def classes_of(results) -> np.ndarray:
 
 def caption(results, omega: float | None = None) -> str:
     """Write the parameters of a campaign, of one frame if `omega` is given."""
-    return parameters(job_of(results).structure, omega)
+    told = parameters(job_of(results).structure, omega)
+    part = results.attrs.get("part")
+    return f"{part}\n{told}" if part else told
 
 
 def parameters(structure, omega: float | None = None, room: int | None = CAPTION_ROOM) -> str:

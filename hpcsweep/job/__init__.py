@@ -1,6 +1,6 @@
 """Job files: what a user wrote, validated."""
 
 from hpcsweep.job.job import Job, JobError
-from hpcsweep.job.reading import load_job, parse_job
+from hpcsweep.job.reading import load_job, parse_job, part_of
 
-__all__ = ["Job", "JobError", "load_job", "parse_job"]
+__all__ = ["Job", "JobError", "load_job", "parse_job", "part_of"]

@@ -15,18 +15,26 @@ MEANING_VERSION = 2
 """Part of the fingerprint; raised when the same job text comes to mean other results."""
 
 
-TOLD_OTHERWISE = ("structure", "settings", "damping_ratio")
+TOLD_OTHERWISE = ("structure", "settings", "damping_ratio", "unit_names", "names")
 """Fields of the parts, and one that `Structure` also holds with a value for each mode."""
 
 
 def fingerprint(study) -> str:
     """Hash what a study means."""
     meaning: list[object] = [MEANING_VERSION, study.kind]
+    if study.axes:
+        axes = [(axis.key, _canonical(axis.values)) for axis in study.axes]
+        meaning += ["vary", fingerprint(study.base), axes]
+        return _hash(meaning)
     for part in (study.structure, study.settings, study):
         for field in fields(part):
             value = getattr(part, field.name)
             if field.name not in TOLD_OTHERWISE and not _is_default(field, value):
                 meaning.append((field.name, _canonical(value)))
+    return _hash(meaning)
+
+
+def _hash(meaning: list[object]) -> str:
     return hashlib.sha256(repr(meaning).encode()).hexdigest()
 
 

@@ -23,11 +23,14 @@ class Job:
         The TOML text.
     study : Study
         What it computes.
+    notes : tuple of str
+        What was done with the text that a user should know, a line each.
     """
 
     name: str
     text: str
     study: Any
+    notes: tuple[str, ...] = ()
 
     @property
     def structure(self) -> Any:

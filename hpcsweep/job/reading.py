@@ -6,7 +6,8 @@ one kind of study knows are read by that study, with the same `Values`.
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +15,30 @@ import numpy as np
 from hpcsweep.job import structures
 from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.paths import path_of
-from hpcsweep.job.tree import TreeError, parse_toml, resolve
+from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import MAX_VALUES, Values
+from hpcsweep.job.vary import read_varied
 from hpcsweep.model import arguments
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.settings import METRICS, SKIP_RULES, SweepSettings
+from hpcsweep.studies.study import Place
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("name", "study", "structure", "forcing", "sweep", "solver", "output"),
+    "": (
+        "name",
+        "study",
+        "structure",
+        "forcing",
+        "sweep",
+        "solver",
+        "output",
+        "units",
+        "building",
+        "pounding",
+        "vary",
+    ),
     "study": ("kind",),
     **structures.KEYS,
     "sweep": (
@@ -66,10 +81,39 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     path = path_of("path", path)
     settings = arguments.words("settings", settings)
     try:
-        text, source = resolve(path, settings, every_key())
+        text, source, notes = resolve(path, settings, every_key(), _drop_inherited)
     except TreeError as error:
         raise JobError(str(error)) from None
-    return parse_job(text, source, path.stem)
+    return replace(parse_job(text, source, path.stem), notes=tuple(notes))
+
+
+INSTEAD = {
+    "sweep.frequency": ("sweep.omega",),
+    "sweep.omega": ("sweep.frequency",),
+    "study.points": ("sweep.omega", "sweep.frequency", "sweep.amplitude"),
+    "structure.rayleigh": ("structure.damping_ratio",),
+}
+"""By a key, those in whose place it is given."""
+
+
+def _drop_inherited(whole: dict, own: set[str]) -> list[str]:
+    """Take away what was inherited and has no use beside the job's own keys; say what.
+
+    That is what another key stands in place of, and keys that only other kinds of study know.
+    """
+    kind = whole.get("study", {}).get("kind", DEFAULT_KIND)
+    if not isinstance(kind, str) or kind not in KINDS:
+        return []
+    elsewhere = {key: f"goes with {kinds}" for key, kinds in _keys_of_others(KINDS[kind]).items()}
+    for key in own:
+        elsewhere |= {other: f"{key} is given" for other in INSTEAD.get(key, ())}
+    notes = []
+    for full, why in elsewhere.items():
+        table, key = full.split(".")
+        if full not in own and key in whole.get(table, {}):
+            del whole[table][key]
+            notes.append(f"not inherited: {full} ({why})")
+    return notes
 
 
 def parse_job(text: str, source: str, default_name: str) -> Job:
@@ -88,18 +132,32 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
     except TreeError as error:
         raise JobError(str(error)) from None
     values = Values(source, tree)
+    study = read_varied(values, tree, read_study)
+    _check_extent(values, study)
+    return Job(name=_name(values, default_name), text=text, study=study)
+
+
+def read_study(source: str, tree: Mapping):
+    """Make the study of a job that varies no key; `source` is named in errors."""
+    values = Values(source, tree)
     study = _kind(values)
     values.check_tables(keys_of(study), _keys_of_others(study))
     structure = structures.read_structure(values)
-    found = study.read(
+    return study.read(
         values,
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
         settings=_settings(values),
         block_size=values.whole("output.block", _default_block(values, study), 1, MAX_VALUES),
     )
-    _check_extent(values, found)
-    return Job(name=_name(values, default_name), text=text, study=found)
+
+
+def part_of(job: Job, place: Place) -> Job:
+    """Return the job of one part of a job that varies keys; a job without is its only part."""
+    if not job.study.axes:
+        return job
+    text = write(job.study.make.tree_at(place), every_key())
+    return Job(name=job.name, text=text, study=job.study.part(place))
 
 
 def _default_block(values: Values, study) -> int:
@@ -153,7 +211,9 @@ def _kind(values: Values):
         raise values.error("study", table, "must be a table")
     kind = table.get("kind", DEFAULT_KIND)
     if not isinstance(kind, str) or kind not in KINDS:
-        raise values.error("study.kind", kind, f"must be one of {', '.join(KINDS)}")
+        near = [name for name in KINDS if isinstance(kind, str) and kind and kind in name]
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise values.error("study.kind", kind, f"must be one of {', '.join(KINDS)}{hint}")
     return KINDS[kind]
 
 

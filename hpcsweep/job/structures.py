@@ -5,23 +5,33 @@ be `hpcsweep.model.structure` says.
 """
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from typing import Any
 
 from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
+from hpcsweep.model.buildings import Building, adjacent
+from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact
-from hpcsweep.model.structure import ONE_HARMONIC, Structure
+from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import UnitNames
 
 KEYS: dict[str, tuple[str, ...]] = {
     "structure": (
         *("n_floors", "mass", "storey_stiffness", "gap", "gap_left", "stiffness_ratio"),
         *("sharpness", "damping_ratio", "rayleigh", "matrices", "contact"),
     ),
-    "forcing": ("harmonics",),
+    "forcing": ("harmonics",),  # those of `FORCINGS`
+    "units": UnitNames._fields,
+    "pounding": ("gap", "stiffness", "sharpness"),
 }
+Harmonics = tuple[tuple[int, float, float], ...]
+UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
 MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
 CONTACT = ("direction", "gap", "stiffness")
+BUILDING = tuple(field.name for field in fields(Building))
 HARMONIC = ("order", "amplitude", "phase")
 WITH_MATRICES = ("matrices", "contact", "sharpness", "damping_ratio", "rayleigh")
 """Keys of the structure that go with its matrices; all others are those of a building."""
@@ -42,12 +52,14 @@ def read_structure(values: Values) -> Structure:
         If they give no structure.
     """
     given = dict(values.table("structure"))
-    harmonics = _harmonics(values)
+    harmonics = read_forcing(values)
     matrices, contacts = given.get("matrices"), given.get("contact", [])
     if "contact" in given and matrices is None:
         raise values.error("structure.contact", contacts, "goes with structure.matrices")
     try:
-        if matrices is None:
+        if values.top("building", None) is not None or values.table("pounding"):
+            structure = _of_buildings(values, given, harmonics)
+        elif matrices is None:
             given = {key: _tuples(value) for key, value in given.items()}
             structure = Structure(**given, harmonics=harmonics)
         else:
@@ -55,13 +67,29 @@ def read_structure(values: Values) -> Structure:
     except (ValueError, OverflowError) as error:
         if isinstance(error, JobError):
             raise
-        table = "forcing" if str(error).startswith("harmonics") else "structure"
-        raise JobError(f"{values.source}: {table}.{error}") from None
+        table = "forcing." if str(error).startswith("harmonics") else "structure."
+        if str(error).startswith(("building", "pounding")):
+            table = ""
+        raise JobError(f"{values.source}: {table}{error}") from None
     if structure.rayleigh is not None and "damping_ratio" in given:
         shown = values.get("structure.rayleigh")
         raise values.error("structure.rayleigh", shown, "is given beside damping_ratio")
     _check_sizes(values, structure)
-    return structure
+    return replace(structure, unit_names=_unit_names(values, structure))
+
+
+def _unit_names(values: Values, structure: Structure) -> UnitNames:
+    """Read the table ``units``: names, which label what is in units of one's own."""
+    table = values.table("units")
+    for key, name in table.items():
+        if not isinstance(name, str) or not UNIT_NAME.fullmatch(name):
+            limit = 'must be the name of a unit, such as "m": letters, up to 12'
+            raise values.error(f"units.{key}", name, limit)
+    if table and structure.is_uniform:
+        first = next(iter(table))
+        limit = "goes with masses and stiffnesses of one's own (structure.mass, matrices)"
+        raise values.error(f"units.{first}", table[first], limit)
+    return UnitNames(**table)
 
 
 def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> Structure:
@@ -82,11 +110,42 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
     )
 
 
-def _harmonics(values: Values):
+def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
+    """Read buildings side by side: the tables ``building`` and ``pounding``."""
+    tables = values.top("building", None)
+    if not isinstance(tables, list):
+        raise values.error("building", tables, "must be tables, [[building]], two or more")
+    for key in given:
+        raise values.error(f"structure.{key}", given[key], "does not go with [[building]]")
+    for table in tables:
+        _check_table(values, "building", table, BUILDING, ("mass", "storey_stiffness"))
+        if not isinstance(table.get("name", ""), str):
+            raise values.error("building.name", table["name"], "must be a name")
+    pounding = dict(values.table("pounding"))
+    for key in ("gap", "stiffness"):
+        if key not in pounding:
+            raise JobError(f"{values.source}: pounding.{key} is missing")
+    buildings = [Building(**{key: _tuples(value) for key, value in t.items()}) for t in tables]
+    sharpness = values.number("pounding.sharpness", pounding.get("sharpness", math.inf))
+    return adjacent(
+        buildings, pounding["gap"], pounding["stiffness"], sharpness=sharpness, harmonics=harmonics
+    )
+
+
+def read_forcing(values: Values) -> Harmonics:
+    """Read the table ``forcing``: one key, of which each is a forcing of its own."""
     table = values.table("forcing")
-    given = table.get("harmonics")
-    if given is None:
-        return ONE_HARMONIC
+    if len(table) > 1:
+        first, second = list(table)[:2]
+        raise values.error(f"forcing.{second}", table[second], f"does not go with {first}")
+    for key, given in table.items():
+        if key in FORCINGS:
+            return FORCINGS[key](values, given)
+    return ONE_HARMONIC
+
+
+def _harmonics(values: Values, given) -> Harmonics:
+    """Read a sum of harmonics."""
     if not isinstance(given, list) or not given:
         limit = "must be a list of {order = 1, amplitude = 1.0, phase = 0.0}"
         raise values.error("forcing.harmonics", given, limit)
@@ -96,6 +155,10 @@ def _harmonics(values: Values):
         (harmonic["order"], harmonic.get("amplitude", 1.0), harmonic.get("phase", 0.0))
         for harmonic in given
     )
+
+
+FORCINGS: dict[str, Callable[[Values, Any], Harmonics]] = {"harmonics": _harmonics}
+"""By the key of the table ``forcing``: what reads its value, as (order, amplitude, phase) each."""
 
 
 def _check_table(values: Values, key: str, table, known, needed) -> None:

@@ -59,6 +59,10 @@ TEMPLATE = """\
 
 # In place of a building: [structure.matrices] with mass and stiffness, if wanted damping, forcing
 # and drift, and [[structure.contact]] with direction, gap and stiffness; see docs/job-files.md.
+# Or buildings that pound each other, from left to right, two [[building]] or more with mass,
+# storey_stiffness, storey_height, damping_ratio or rayleigh, and name, and [pounding] with gap,
+# stiffness and sharpness. [units] with length = "m", mass = "kg", time = "s" names the units in
+# which all this is given, for labels alone: nothing is converted.
 
 [forcing]
 # A sum of a_h sin(h Omega tau + phi_h): up to 16 orders h from 1 to 1000.
@@ -67,7 +71,8 @@ TEMPLATE = """\
 [sweep]
 # Omega, forcing frequency in omega_0: greater than 0. One number, a list of them, or a range:
 #     {from = 0.3, to = 0.6, count = 31}    or    {from = 0.3, to = 0.6, step = 0.01}
-# Each is a frame, the work of one rank at a time.
+# Each is a frame, the work of one rank at a time. Or frequency in its place: cycles per unit of
+# time.
 omega = 0.445
 
 # A, amplitude of the forcing acceleration in gaps omega_0^2: at least 0, ascending. Likewise.
@@ -90,9 +95,9 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 # more than this: between 0 and 1.
 #period_tolerance = 1e-6
 
-# Forcing periods for which a run whose motion these leave open is integrated on, until it is proved
-# periodic, chaotic or on a torus; the next run starts from where they ended all the same. A whole
-# number from 0, which takes what they tell, to 10000000; default: 50000, with bdf 0.
+# Forcing periods for which a run whose motion these leave open is integrated on, until it is known
+# to be periodic, chaotic or on a torus; the next run starts from where they ended all the same. A
+# whole number from 0, which takes what they tell, to 10000000; default: 50000, with bdf 0.
 #classify_cycles = 50000
 
 # State at which each frame begins: "rest", or a list of 2 n numbers, u_1 .. u_n, v_1 .. v_n.
@@ -117,6 +122,9 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 #drift = true         # peak interstorey drift, in A/Omega^2
 #modal_norm = true    # mean modal norms, free of contact
 #lyapunov = false     # largest Lyapunov exponent, per unit of time
+#storey_drift = false    # peak drift of each storey, in gaps
+#displacement = false    # peak displacement of each floor, in gaps
+#contact_force = false   # peak force of each contact, in k gaps
 
 # Stroboscopic points that are stored of each run, the last ones: at least 2 max_orbit_period, or
 # sampling_cycles where that is less; default: all.
@@ -125,4 +133,10 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 # Amplitudes that are committed to the file together: a whole number from 1 to 10000000. After a
 # kill at most this many of a frame are computed again. Default: 50, of points 1.
 #block = 50
+
+# Keys of study, structure, sweep or solver that take a number or a word, with several values each:
+# a list or a range. All is computed at every value of one with every value of another, in one file
+# with the keys as its first dimensions.
+#[vary]
+#structure.gap = {from = 0.5, to = 2.0, count = 16}
 """

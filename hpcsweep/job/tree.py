@@ -12,10 +12,14 @@ import json
 import re
 import stat
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 EXTENDS = "extends"
+UNSET = "unset"
+"""Value that takes an inherited key away."""
+INDEXED = re.compile(r"(\w+)\.(\w+)\[(\d+)\]\.(\w+)")
+"""A key of one of several tables: structure.contact[0].gap."""
 MAX_BASES = 8
 """Files that one job may be built on; the shipped jobs need at most four."""
 MAX_TEXT = 2**24
@@ -26,6 +30,7 @@ MAX_WORD = 4096
 LONG_DOTS = re.compile(r"^\s*\[*\s*(?:[\w\"'-]+\s*\.\s*){8}", re.MULTILINE)
 MAX_SHOWN = 80
 """Characters of a setting that an error shows."""
+QUOTED = re.compile(r"\"[^\"]*\"|'[^']*'")
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 Order = Mapping[str, Sequence[str]]
@@ -36,7 +41,12 @@ class TreeError(ValueError):
     """A tree that cannot be put together; the message is one line for the user."""
 
 
-def resolve(path: Path, settings: Sequence[str], order: Order) -> tuple[str, str]:
+def resolve(
+    path: Path,
+    settings: Sequence[str],
+    order: Order,
+    inherit: Callable[[dict, set[str]], list[str]] | None = None,
+) -> tuple[str, str, list[str]]:
     """Read a job file with all it extends and all that is set on the command line.
 
     Parameters
@@ -46,6 +56,9 @@ def resolve(path: Path, settings: Sequence[str], order: Order) -> tuple[str, str
         ``TABLE.KEY=VALUE`` each, the value in TOML; later ones replace earlier ones.
     order : mapping
         Order in which the keys are written.
+    inherit : callable, optional
+        Takes away what was inherited and has no use, of the whole tree and the names of the keys
+        that are the job's own; returns what it has to say.
 
     Returns
     -------
@@ -54,6 +67,8 @@ def resolve(path: Path, settings: Sequence[str], order: Order) -> tuple[str, str
         is set.
     source : str
         What the text was made of, to be named in errors.
+    notes : list of str
+        Of `inherit`.
 
     Raises
     ------
@@ -65,7 +80,7 @@ def resolve(path: Path, settings: Sequence[str], order: Order) -> tuple[str, str
     bases = _read_bases(path, tree)
     given = [_parse_setting(setting) for setting in settings]
     if not bases and not given:
-        return text, str(path)
+        return text, str(path), []
     made_of = [path.name, *(f"extends {base.name}" for base, _ in bases)]
     source = str(path)
     if bases:
@@ -74,13 +89,50 @@ def resolve(path: Path, settings: Sequence[str], order: Order) -> tuple[str, str
         made_of += [f"with {setting}" for setting in settings]
         source += f" with {' '.join(_option(setting) for setting in settings)}"
     whole: dict = {}
-    for layer in (*(layer for _, layer in reversed(bases)), tree, *given):
+    for layer in (*(layer for _, layer in reversed(bases)), tree):
         whole = merge(whole, layer)
+    for setting, layer in zip(settings, given, strict=True):
+        whole = merge(whole, layer) if layer else _set_indexed(whole, setting)
+    own = {
+        f"{table}.{key}"
+        for layer in (tree, *given)
+        for table, keys in layer.items()
+        if isinstance(keys, Mapping)
+        for key in keys
+    }
+    whole = _without_unset(whole)
+    notes = inherit(whole, own) if inherit else []
     try:
         text = write(whole, order)
     except (ValueError, RecursionError) as error:  # numbers too long, brackets too deep
         raise TreeError(f"{source}: cannot be written as TOML: {error}") from None
-    return "".join(f"# {_printable(line)}\n" for line in made_of) + text, source
+    made_of += notes
+    return "".join(f"# {_printable(line)}\n" for line in made_of) + text, source, notes
+
+
+def _without_unset(tree: Mapping) -> dict:
+    """Return a tree without the keys that are said to be unset, and without tables left empty."""
+    kept = {
+        key: _without_unset(value) if isinstance(value, Mapping) else value
+        for key, value in tree.items()
+        if value != UNSET
+    }
+    return {key: value for key, value in kept.items() if value != {} or tree[key] == {}}
+
+
+def _set_indexed(whole: dict, setting: str) -> dict:
+    """Return a tree in which a key of one of several tables is set."""
+    key, _, value = (part.strip() for part in setting.partition("="))
+    match = INDEXED.fullmatch(key)
+    assert match is not None, "it was recognised before"
+    table, name, place, inner = match.groups()
+    tables = whole.get(table, {}).get(name)
+    count = len(tables) if isinstance(tables, list) else 0
+    if int(place) >= count:
+        raise TreeError(f"{_option(setting)}: there are {count} tables {table}.{name}, from 0 on")
+    changed = [dict(one) for one in tables]
+    changed[int(place)] |= parse_toml(f"{inner} = {value}", _option(setting))
+    return merge(whole, {table: {name: changed}})
 
 
 def merge(base: Mapping, given: Mapping) -> dict:
@@ -221,7 +273,10 @@ def _parse_setting(setting: str) -> dict:
         raise TreeError(f"{option}: must be TABLE.KEY=VALUE")
     if key == EXTENDS:
         raise TreeError(f"{option}: {EXTENDS!r} can only be said in a job file")
-    if key.count(".") > 1:
+    if INDEXED.fullmatch(key):
+        parse_toml(f"x = {value}", option)
+        return {}
+    if re.sub(QUOTED, "", key).count(".") > 1:
         whole = ".".join(key.split(".")[:2])
         raise TreeError(f"{option}: must be TABLE.KEY=VALUE; the value of {whole} is set whole")
     try:

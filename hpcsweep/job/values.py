@@ -18,6 +18,24 @@ MAX_AMPLITUDE = 1e250
 """Beyond these a run leaves double precision, or one forcing period takes longer than a minute."""
 
 
+MEANT = {
+    **dict.fromkeys(("beta", "contact_stiffness"), "stiffness_ratio"),
+    **dict.fromkeys(("zeta", "damping", "xi"), "damping_ratio"),
+    **dict.fromkeys(("rho", "smoothness"), "sharpness"),
+    **dict.fromkeys(("n", "floors", "storeys", "n_storeys"), "n_floors"),
+    **dict.fromkeys(("k", "stiffness", "storey_stiffnesses"), "storey_stiffness"),
+    **dict.fromkeys(("m", "masses"), "mass"),
+    **dict.fromkeys(("w", "Omega", "omegas"), "omega"),
+    **dict.fromkeys(("f", "hertz", "freq", "frequencies"), "frequency"),
+    **dict.fromkeys(("A", "amplitudes"), "amplitude"),
+    **dict.fromkeys(("solver", "name"), "method"),
+    **dict.fromkeys(("tolerance", "tol"), "rtol"),
+    "direction": "directions",
+    "periods": "sampling_cycles",
+}
+"""By names that people give them, the keys that are meant."""
+
+
 class Values:
     """Reads the values of one job.
 
@@ -65,7 +83,8 @@ class Values:
             if key in known:
                 continue
             full = f"{table}.{key}" if table else key
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
+            near = [MEANT[key]] if MEANT.get(key) in known else []
+            near = near or difflib.get_close_matches(key, known, n=1, cutoff=0.4)
             hint = f"; did you mean {near[0]!r}?" if near else f"; known are {', '.join(known)}"
             homes = [name for name in keys or {} if name and name != table and key in keys[name]]
             if homes:
@@ -76,7 +95,7 @@ class Values:
 
     def has(self, key: str) -> bool:
         """Return whether a key of a table is given."""
-        table, name = key.split(".")
+        table, name = key.split(".", 1)
         return name in self._tree.get(table, {})
 
     def table(self, name: str) -> Mapping:
@@ -89,7 +108,7 @@ class Values:
 
     def get(self, key: str, default: object = None) -> object:
         """Return the value of a key; one without a default must be there."""
-        table, name = key.split(".")
+        table, name = key.split(".", 1)
         value = self._tree.get(table, {}).get(name, default)
         if value is None:
             raise JobError(f"{self.source}: {key} is missing")
@@ -128,8 +147,16 @@ class Values:
         return values
 
     def frequencies(self, key: str) -> np.ndarray:
-        """Read forcing frequencies."""
+        """Read forcing frequencies Omega, or ``frequency`` in their place: cycles per time."""
+        cycles = f"{key.split('.')[0]}.frequency"
+        if self.has(cycles):
+            if self.has(key):
+                limit = f'does not go with {key}: take one away (= "unset" where it is inherited)'
+                raise self.error(cycles, self.get(cycles), limit)
+            key = cycles
         omega = self.numbers(key, ascending=False)
+        if key == cycles:
+            omega = 2 * math.pi * omega
         if np.any(omega <= 0):
             raise self.error(key, omega[omega <= 0][0], "must be greater than 0")
         self.check_range(key, omega=omega)

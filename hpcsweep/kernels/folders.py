@@ -91,6 +91,18 @@ def write_whole(path: Path, data: bytes) -> None:
         unfinished.unlink(missing_ok=True)
 
 
+def is_writable() -> bool:
+    """Return whether `cache_root` can be written; say so once if it cannot."""
+    probe = cache_root() / f".{uuid.uuid4().hex}"
+    try:
+        write_whole(probe, b"writable")
+        probe.unlink()
+    except OSError as error:
+        say_unwritable(error.strerror or str(error))
+        return False
+    return True
+
+
 def where_kept(possible: bool = True) -> str:
     """Say what becomes of kernels that cannot be kept in `cache_root`, nor elsewhere perhaps."""
     own = own_folder() if possible else None

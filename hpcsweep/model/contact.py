@@ -3,12 +3,18 @@
 At a distance x past a stop the force beta S(rho x) x pushes back, S the
 sigmoid. The law stands here in every form that is needed: as numbers, as `Lanes` of kernels, and
 with its derivative. `hpcsweep.solvers.reference` has a form of its own, to be independent.
+
+The force depends on the position alone (`Contacts.is_elastic`). Two fast ways of the flow map rest
+on that, and decline by themselves where it does not hold, so that every layer is collocated:
+passages in closed form, fast ones by their energy and slow ones by the rule for their force
+(`flow.passage.passage.pass_layer`), and steps with one contact alone in its layer
+(`flow.layer.solitary.step`). Collocation asks for the force at a state, whatever it depends on.
 """
 
 import math
 
 from hpcsweep.kernels.compile import inlined, jit
-from hpcsweep.kernels.vectors import fma, switches
+from hpcsweep.kernels.simd.vectors import fma, switches
 
 NEGLIGIBLE_FORCE = 1e-13
 """Acceleration at the edge of the layer, in units of the structure, that is neglected outside."""

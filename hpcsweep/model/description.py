@@ -4,14 +4,15 @@ import json
 import math
 from collections.abc import Sequence
 
-from hpcsweep.model.structure import ONE_HARMONIC, Structure
+from hpcsweep.model.forcing import ONE_HARMONIC
+from hpcsweep.model.structure import Structure
 
 MOST_LISTED = 4
 """Values told one by one."""
 
 
 def describe(structure: Structure) -> dict:
-    """Tell all that the equations of `hpcsweep.model.matrices` need, but A and Omega."""
+    """Return all that the equations of `hpcsweep.model.matrices` need, but A and Omega."""
     return {
         "n_floors": structure.n_floors,
         "mass": structure.mass_matrix.tolist(),
@@ -53,7 +54,7 @@ def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
 
 
 def in_words(structure: Structure) -> list[tuple[str, str]]:
-    """Tell what differs from structure to structure: (symbol, value); without symbol in words.
+    """Describe what differs from structure to structure: (symbol, value); without symbol in words.
 
     The symbols are those of the equations: n, beta, m, k, g (gap), g_L (on the left), rho, zeta.
     """

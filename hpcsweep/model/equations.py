@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import jit
-from hpcsweep.kernels.packing import Packing
 from hpcsweep.model.contact import contact_force, contact_stiffness
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 
-MODEL = Packing(kernel_model(Structure(1), 1.0))
+MODEL = Arena(kernel_model(Structure(1), 1.0))
 """Models, of any structure, are handed over packed (`MODEL.pack`): numba looks into every array of
 a call, which takes longer than the equations, and cannot be interrupted while it does."""
 read_model: Any = MODEL.read

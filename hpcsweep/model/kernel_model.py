@@ -22,6 +22,9 @@ import numpy as np
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
 
+PEAK_FLAGS = (4, 8, 16)
+"""Of drifts, floors and contacts."""
+
 
 class Contacts(NamedTuple):
     """The m contacts, as the kernels see them."""
@@ -61,6 +64,8 @@ class Contacts(NamedTuple):
     """(m, m): d_k . e_l for k != l, 0 where contact l does not push contact k."""
     is_oblique: bool
     """Whether one of them is not 0."""
+    is_elastic: bool
+    """Whether its force depends on the position alone; see `hpcsweep.model.contact`."""
 
 
 class Energy(NamedTuple):
@@ -92,6 +97,10 @@ class Model(NamedTuple):
     contacts: Contacts
     drift_rows: np.ndarray
     """(any, 2) int: a drift is y[first] - y[second], or y[first] where the second is -1."""
+    watched: np.ndarray
+    """(W, 4) int: rows whose peaks can be asked for, first and second as of a drift, a side (0 for
+    |y|, 1 or -1 for that times y), and the flag that asks for them (`PEAK_FLAGS`). Drifts, floors
+    and contacts, in this order."""
     modal_transform: np.ndarray
     """(n, R): Phi^-1, row j gives modal coordinate j."""
     balance: np.ndarray
@@ -107,6 +116,8 @@ class Model(NamedTuple):
     """Likewise of M^-1 C."""
     rho: float
     omega: float
+    period: float
+    """Of the forcing."""
     layer: float
     """Half-width of the contact layer: |x| beyond it is linear; 0 if rho is infinite."""
 
@@ -129,10 +140,11 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
         forcing=_wide(per_mass(mass, structure.forcing_vector), extra),
-        harmonics=np.array(structure.harmonics, float).reshape(-1, 3),
+        harmonics=np.array(structure.forcing.terms, float).reshape(-1, 3),
         rows=extra,
         contacts=_contacts(structure, places, extra, (stiffness, damping), layer),
         drift_rows=drift_rows.reshape(-1, 2),
+        watched=_watched(drift_rows.reshape(-1, 2), n, places),
         modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
         balance=np.sqrt(masses.max() / masses),
         energy=energy,
@@ -142,9 +154,19 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         damping_bandwidth=_bandwidth(damping) if not len(extra) else n + len(extra) - 1,
         rho=float(structure.sharpness * length),
         omega=float(omega / rate),
+        period=structure.forcing.period(float(omega / rate)),
         layer=layer,
     )
     return _of_one_kind(model)
+
+
+def _watched(drift_rows: np.ndarray, n: int, places) -> np.ndarray:
+    """List drifts, floors and contacts; see `Model.watched`."""
+    drift, floor, contact = PEAK_FLAGS
+    listed = [(int(i), int(below), 0, drift) for i, below in drift_rows]
+    listed += [(i, -1, 0, floor) for i in range(n)]
+    listed += [(row, -1, int(sign), contact) for row, sign in places]
+    return np.array(listed, np.int64).reshape(-1, 4)
 
 
 def _of_one_kind(value):
@@ -235,11 +257,12 @@ def _contacts(structure: Structure, places, extra: np.ndarray, matrices, layer: 
         gain=np.sqrt(np.maximum(flexibility.max() / softness, 1.0)),
         oblique=oblique,
         is_oblique=bool(oblique.any()),
+        is_elastic=True,
     )
 
 
 def _shares(row: np.ndarray, pushed: list[np.ndarray], n_rows: int) -> tuple[np.ndarray, ...]:
-    """Tell which contacts are alone on a row that is all they push, and which are not."""
+    """Return which contacts are alone on a row that is all they push, and which are not."""
     solo = np.full(n_rows, -1, np.int64)
     others = []
     for k, (own, rows) in enumerate(zip(row, pushed, strict=True)):

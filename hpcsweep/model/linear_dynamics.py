@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpcsweep.model.arguments import number
+from hpcsweep.model.forcing import Harmonics
 from hpcsweep.model.modes import (
     damped_response,
     natural_modes,
@@ -39,6 +40,11 @@ class LinearDynamics:
     harmonics: Sequence[tuple[int, float, float]]
     matrices: "Matrices | None"
     _ratios: tuple[float, ...]
+
+    @cached_property
+    def forcing(self) -> Harmonics:
+        """What shakes the structure."""
+        return Harmonics(tuple(self.harmonics))
 
     @property
     def is_uniform(self) -> bool:
@@ -111,7 +117,7 @@ class LinearDynamics:
     @cached_property
     def modal_damping(self) -> np.ndarray:
         """Phi^T C Phi, shape (n, n)."""
-        return frozen(self.mode_shapes.T @ self.damping_matrix @ self.mode_shapes)
+        return frozen(self.modes.T @ self.damping_matrix @ self.modes)
 
     @cached_property
     def is_modal(self) -> bool:
@@ -185,7 +191,7 @@ class LinearDynamics:
         return self._modes[0]
 
     @property
-    def mode_shapes(self) -> np.ndarray:
+    def modes(self) -> np.ndarray:
         """Mode shapes Phi of (11), one a column, shape (n, n), with Phi^T M Phi = 1.
 
         Closed form of the uniform chain phi_ij ~ sin(i (2j - 1) pi / (2n + 1)); the sign makes the
@@ -197,8 +203,8 @@ class LinearDynamics:
     def modal_transform(self) -> np.ndarray:
         """Phi^-1 = Phi^T M, shape (n, n): takes displacements to modal coordinates."""
         if self.is_uniform:
-            return self.mode_shapes.T
-        return frozen(self.mode_shapes.T @ self.mass_matrix)
+            return self.modes.T
+        return frozen(self.modes.T @ self.mass_matrix)
 
     @cached_property
     def damping_matrix(self) -> np.ndarray:
@@ -229,7 +235,7 @@ class LinearDynamics:
         denominator = self.frequencies**2 - w**2 + 2j * self.damping_ratios * self.frequencies * w
         if np.any(denominator == 0):
             raise ZeroDivisionError(f"undamped resonance at omega = {omega!r}: no steady state")
-        phi = self.mode_shapes
+        phi = self.modes
         push = -phi.sum(axis=0) if self.is_uniform else phi.T @ self.forcing_vector
         return phi @ (push / denominator)
 
@@ -238,9 +244,9 @@ class LinearDynamics:
         responses = [
             self.linear_steady_state(omega, order)
             * (size if phase == 0.0 else size * np.exp(1j * phase))
-            for order, size, phase in self.harmonics
+            for order, size, phase in self.forcing.terms
         ]
-        return np.array([order for order, _, _ in self.harmonics], float), np.array(responses)
+        return np.array([order for order, _, _ in self.forcing.terms], float), np.array(responses)
 
     def grazing_amplitude(self, omega: float) -> float:
         """Return the amplitude at which the linear steady state first touches a stop.

@@ -6,14 +6,14 @@ with x_k = d_k . u - g_k the distance past the stop of contact k. A floor that h
 right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound with d = e_i - e_j.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, number, refused, shown
+from hpcsweep.model.arguments import finite, number, shown
 
 MAX_FLOORS = 64
 MAX_CONTACTS = 64
@@ -23,8 +23,6 @@ SYMMETRY = 1e-10
 MOST_SPREAD = 1e16
 """Largest ratio of two masses, or of the squares of two natural frequencies: beyond it the units
 of the entries are mixed, or one of them is a slip of the pen."""
-MAX_HARMONICS = 16
-MAX_ORDER = 1000
 
 Vector = tuple[float, ...]
 Matrix = tuple[Vector, ...]
@@ -188,26 +186,3 @@ def _check_damping(array: np.ndarray) -> None:
         raise ValueError(
             f"matrices.damping must not feed energy in, has the eigenvalue {values[0]:.3g}"
         )
-
-
-def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
-    """Validate the harmonics (order, amplitude, phase) of the forcing, one row each."""
-    if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
-        raise ValueError(
-            f"harmonics must be a list of (order, amplitude, phase), is {shown(given)}"
-        )
-    if not 1 <= len(given) <= MAX_HARMONICS:
-        raise ValueError(f"harmonics must be 1 to {MAX_HARMONICS}, are {len(given)}")
-    found = []
-    for entry in given:
-        order, amplitude, phase = vector("harmonics", entry, 3, "numbers each")
-        if not order.is_integer() or not 1 <= order <= MAX_ORDER:
-            limit = f"a whole number from 1 to {MAX_ORDER}"
-            raise refused("harmonics.order", limit, entry[0])
-        found.append(
-            (int(order), finite("harmonics.amplitude", amplitude), finite("harmonics.phase", phase))
-        )
-    orders = [order for order, _, _ in found]
-    if len(set(orders)) < len(orders):
-        raise ValueError(f"harmonics.order must not hold a value twice, is {orders}")
-    return tuple(found)

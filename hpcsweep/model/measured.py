@@ -1,12 +1,14 @@
 """By which lengths the motions of a structure are measured, and which contacts they can reach."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from typing import Any, Self, cast
 
 import numpy as np
 
 from hpcsweep.model.linear_dynamics import LinearDynamics
 from hpcsweep.model.reach import reach_of_motions
+from hpcsweep.model.unit_names import Names
 
 REACH = 64.0
 """How many times farther than the linear response a contact is taken to be reached. Motions with
@@ -21,6 +23,26 @@ class MeasuredDynamics(LinearDynamics):
     """Linear dynamics of a structure whose motions are measured by a length."""
 
     unreached: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        """Show what differs from the building of the paper, and how much matrices hold."""
+        given: Any = {f.name: getattr(self, f.name) for f in fields(cast("Any", self)) if f.init}
+        hidden = {f.name for f in fields(cast("Any", self)) if not f.repr}
+        defaults = {f.name: f.default for f in fields(cast("Any", self))}
+        shown = [f"n_floors={given['n_floors']}"]
+        if self.matrices is not None:
+            shown.append(f"matrices, {len(self.matrices.contacts)} contacts")
+            hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
+        shown += [
+            f"{name}={value!r}"
+            for name, value in given.items()
+            if name not in (*hidden, "n_floors") and value != defaults[name]
+        ]
+        return f"Structure({', '.join(shown)})"
+
+    def named(self, floors: Sequence[str], contacts: Sequence[str]) -> Self:
+        """Return the same structure with names of its floors and contacts."""
+        return replace(cast("Any", self), names=Names(tuple(floors), tuple(contacts)))
 
     @property
     def contact_numbers(self) -> tuple[int, ...]:
@@ -69,12 +91,12 @@ class MeasuredDynamics(LinearDynamics):
         """Return L_i of `lengths` at A = 1, shape (n,)."""
         frequencies = self.frequencies
         ratios = np.maximum(self.damping_ratios, LEAST_DAMPING)
-        push = self.mode_shapes.T @ self.forcing_vector
+        push = self.modes.T @ self.forcing_vector
         bound = np.zeros(self.n_floors)
-        for order, size, _ in self.harmonics:
+        for order, size, _ in self.forcing.terms:
             w = order * omega
             denominator = frequencies**2 - w**2 + 2j * ratios * frequencies * w
-            bound += abs(size) * np.abs(self.mode_shapes @ (push / denominator))
+            bound += abs(size) * np.abs(self.modes @ (push / denominator))
         return bound
 
     def measured_by(self, length: float) -> Self:

@@ -59,7 +59,7 @@ def reach_of_motions(structure, amplitude: float, states: np.ndarray) -> np.ndar
         return nothing
     eps = min(least / (2.0 + (most / lowest) ** 2), lowest / 4.0)
     push = np.linalg.norm(np.linalg.solve(root, structure.forcing_vector))
-    a = 1.5 * abs(amplitude) * sum(abs(size) for _, size, _ in structure.harmonics) * push
+    a = 1.5 * abs(amplitude) * structure.forcing.size * push
     kappa, rho = structure.contact_stiffness, structure.sharpness
     open_energy = math.pi**2 / (12.0 * rho**2)
     held = math.sqrt(float(kappa @ (open_energy + 0.28 * gaps / rho)))

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import count, finite, number, plain, refused
+from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
 from hpcsweep.model.linear_dynamics import frozen
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
@@ -25,13 +26,12 @@ from hpcsweep.model.matrices import (
     Contact,
     Matrices,
     check_definite,
-    read_harmonics,
     read_matrices,
     vector,
 )
 from hpcsweep.model.measured import MeasuredDynamics
+from hpcsweep.model.unit_names import Names, UnitNames
 
-ONE_HARMONIC = ((1, 1.0, 0.0),)
 PerFloor = float | tuple[float, ...]
 FOREIGN = (
     *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh"),
@@ -40,7 +40,7 @@ FOREIGN = (
 """Parameters that the building of the paper leaves at their defaults."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Structure(MeasuredDynamics):
     """Parameters of the structure and its stops, validated.
 
@@ -72,12 +72,10 @@ class Structure(MeasuredDynamics):
         (alpha, beta) of the damping matrix alpha M + beta K, in place of `damping_ratio`.
     harmonics : sequence of (order, amplitude, phase)
         Of the forcing: A sum_h a_h sin(h Omega tau + phi_h). Default: A sin(Omega tau).
-    matrices : Matrices, optional
-        See `from_matrices`, which makes them.
-    motion_length : float
-        See `measured_by`, which sets it.
-    unreached : tuple of int
-        Numbers of contacts that are left out, see `within_reach`, which sets it.
+    matrices, motion_length, unreached
+        See `from_matrices`, `measured_by` and `within_reach`, which set them.
+    unit_names : UnitNames
+        Of the units in which all this is given; `names` of floors and contacts. Labels alone.
 
     Raises
     ------
@@ -98,6 +96,8 @@ class Structure(MeasuredDynamics):
     rayleigh: tuple[float, float] | None = None
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
     matrices: Matrices | None = None
+    unit_names: UnitNames = field(default=UnitNames(), compare=False)
+    names: Names = field(default=Names(), compare=False)
     motion_length: float = field(default=0.0, repr=False)
     unreached: tuple[int, ...] = field(default=(), repr=False)
 
@@ -264,34 +264,32 @@ class Structure(MeasuredDynamics):
         """Stops of the floors, right ones first, or those of the matrices; bit k of a set each."""
         return tuple(
             contact
-            for number, contact in zip(self._all_numbers, self._all_contacts, strict=True)
+            for number, contact in zip(self.all_contact_numbers, self._all_contacts, strict=True)
             if number not in self.unreached
         )
 
     @cached_property
     def contact_numbers(self) -> tuple[int, ...]:
         """Number of each contact, from 1: of a floor's stop on the right, n + floor on the left."""
-        return tuple(number for number in self._all_numbers if number not in self.unreached)
+        return tuple(number for number in self.all_contact_numbers if number not in self.unreached)
 
     @cached_property
     def _all_contacts(self) -> tuple[Contact, ...]:
         if self.matrices is not None:
             return self.matrices.contacts
         found = []
-        stiffness = zip(
-            self._floors(self.stiffness_ratio), self._floors(self.storey_stiffness), strict=True
-        )
-        kappa = [beta * own for beta, own in stiffness]
+        storeys = self._floors(self.storey_stiffness)
+        kappa = np.multiply(self._floors(self.stiffness_ratio), storeys).tolist()
         for sign, gaps in ((1.0, self._floors(self.gap)), (-1.0, self._floors(self.gap_left))):
             for floor, gap in enumerate(gaps):
                 if gap < math.inf:
-                    direction = [0.0] * self.n_floors
-                    direction[floor] = sign
+                    direction = (sign if i == floor else 0.0 for i in range(self.n_floors))
                     found.append(Contact(tuple(direction), gap, kappa[floor]))
         return tuple(found)
 
     @cached_property
-    def _all_numbers(self) -> tuple[int, ...]:
+    def all_contact_numbers(self) -> tuple[int, ...]:
+        """As `contact_numbers`, with those that are left out."""
         if self.matrices is not None:
             return tuple(range(1, len(self.matrices.contacts) + 1))
         right, left = self._floors(self.gap), self._floors(self.gap_left)
@@ -306,11 +304,18 @@ class Structure(MeasuredDynamics):
     @cached_property
     def contact_labels(self) -> tuple[str, ...]:
         """Label of every number a contact can have, e.g. 2 or 2L (left); empty: no such contact."""
-        labels = [""] * max(self.contact_numbers, default=0)
-        for k in self.contact_numbers:
-            left = self.matrices is None and k > self.n_floors
-            labels[k - 1] = f"{k - self.n_floors}L" if left else str(k)
-        return tuple(labels)
+        own = {k: self._label(k) for k in self.contact_numbers}
+        return tuple(own.get(k, "") for k in range(1, max(own, default=0) + 1))
+
+    def _label(self, number: int) -> str:
+        left = self.matrices is None and number > self.n_floors
+        return f"{number - self.n_floors}L" if left else str(number)
+
+    @property
+    def contact_names(self) -> dict[int, str]:
+        """Name of each of `all_contact_numbers`: as given, A3-B3 say, or its label."""
+        names = self.names.contacts or tuple(map(self._label, self.all_contact_numbers))
+        return dict(zip(self.all_contact_numbers, names, strict=True))
 
     def without_contacts(self) -> "Structure":
         """Return the same structure, free."""
@@ -337,12 +342,9 @@ class Structure(MeasuredDynamics):
     def foreign(self) -> dict[str, Any]:
         """What makes it another structure than the paper's, by name.
 
-        That is a uniform building with one stop a floor at gap 1, one stiffness ratio and one
-        harmonic.
+        That is uniform, with one stop a floor at gap 1, one stiffness ratio and one harmonic.
         """
         usual = {part.name: part.default for part in fields(self)}
-        if not isinstance(self.stiffness_ratio, tuple):
-            # the paper varies it
+        if not isinstance(self.stiffness_ratio, tuple):  # the paper varies it
             usual["stiffness_ratio"] = self.stiffness_ratio
-        given = {name: getattr(self, name) for name in FOREIGN}
-        return {name: value for name, value in given.items() if value != usual[name]}
+        return {name: own for name in FOREIGN if (own := getattr(self, name)) != usual[name]}

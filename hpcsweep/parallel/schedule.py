@@ -105,7 +105,7 @@ class Schedule:
         self.end(task)
 
     def recalls(self, now: float, every: float = BALANCE_SECONDS) -> list[int]:
-        """Tell which running tasks to take back; looks once in `every` (s) at most."""
+        """Return which running tasks to take back; looks once in `every` (s) at most."""
         if self._n == 1 or not self._waiting or now < self._next_balance:
             return []
         self._refresh()

@@ -78,7 +78,7 @@ def points_array(n_periods: int, size: int) -> np.ndarray:
 
 
 def closing_arguments(max_period, settled, same, near) -> tuple[int, float, float, float]:
-    """Take when an orbit counts as closed; see `hpcsweep.solvers.flow.transient.Closing`.
+    """Take when an orbit counts as closed; see `hpcsweep.solvers.flow.orbit.transient.Closing`.
 
     Raises
     ------

@@ -67,7 +67,7 @@ class BdfMap:
         self._model = model = kernel_model(structure, self.omega)
         self._packed = MODEL.pack(model)
         self._units = Units(structure, model)
-        self.period = 2 * math.pi / model.omega
+        self.period = model.period
         self._layer = 1.0 / max(model.rho, FLATTEST)
         sharp = model.rho > FLATTEST
         self._layer_steps = model.contacts.beta * (math.pi * self._layer) ** 2 / 6 * sharp
@@ -126,13 +126,14 @@ class BdfMap:
         modal_norm: bool = False,
         growth: bool = False,
         poll: Callable[[], None] | None = None,
+        peaks: int = 0,
     ) -> Observation:
-        """Integrate `n_periods` and gather points, contact set, drift and modal norms.
+        """Integrate `n_periods` and gather points, contact set, drift, modal norms and peaks.
 
         With `growth` also the growth of a tangent vector, (1, ..., 1) at first; for that the window
         is integrated once more.
         """
-        tally = StepTally(self._model, modal_norm)
+        tally = StepTally(self._model, modal_norm, peaks)
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
@@ -145,6 +146,7 @@ class BdfMap:
             outcome,
             window_growth(logarithms),
             logarithms,
+            tally.peaks * self.structure.length_unit,
         )
 
     def grow(

@@ -3,12 +3,10 @@
 The proof is that of `flow.free`.
 """
 
-import math
-
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.free import FREE, NOT_KNOWN, Free, is_free
+from hpcsweep.solvers.free import FREE, NOT_KNOWN, Free, is_free
 from hpcsweep.solvers.linear import LinearOrbit, period_map
 from hpcsweep.solvers.records import Observation
 
@@ -59,9 +57,9 @@ def _tables(
     same: float,
 ) -> Free:
     n = structure.n_floors
-    phi, frequencies = structure.mode_shapes, structure.frequencies
+    phi, frequencies = structure.modes, structure.frequencies
     modal = structure.directions @ phi
-    once = period_map(structure, 2 * math.pi / omega)
+    once = period_map(structure, structure.forcing.period(omega))
     left, end = (np.linalg.matrix_power(once, count) for count in (transient, transient + sampling))
     shapes = np.kron(np.eye(2), phi)
     return Free(

@@ -39,6 +39,7 @@ class LinearOrbit:
         directions = structure.directions
         gaps = np.array([contact.gap for contact in structure.contacts])
         self.levels = gaps - structure.layer_half_width
+        self._peaks: np.ndarray | None = None
         self.is_known = False
         """Whether there is a steady state, and at rest no contact is in its layer."""
         try:
@@ -91,6 +92,21 @@ class LinearOrbit:
     def peak_drift(self, amplitude):
         """Return the largest interstorey drift at amplitudes A."""
         return np.abs(amplitude) * self._drift
+
+    def peaks(self, amplitudes) -> np.ndarray:
+        """Return the peaks of an `Observation` at amplitudes A, shape (k, D + n + m)."""
+        amplitudes = np.asarray(amplitudes, float).reshape(-1, 1)
+        if self._peaks is None:
+            rows = np.concatenate((self._structure.drift_rows, np.eye(self._structure.n_floors)))
+            both = [
+                trigonometric_maxima(self._orders, self._responses, sign * rows)
+                for sign in (1.0, -1.0)
+            ]
+            self._peaks = np.maximum(*both)
+        size = np.abs(amplitudes)
+        towards = size * np.where(amplitudes >= 0, self.largest[0], self.largest[1])
+        gaps = np.array([contact.gap for contact in self._structure.contacts])
+        return np.hstack((size * self._peaks, np.maximum(towards, gaps)))
 
     def modal_norm(self, amplitude: float) -> np.ndarray:
         """Return the mean modal norms, shape (n,); NaN at A = 0."""

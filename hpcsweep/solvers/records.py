@@ -75,6 +75,8 @@ class Orbits:
     contact : ndarray of uint64
         As in `Observation`; also `peak_drift` and `modal_norm`, shape (k, n), which of motions free
         of contact are NaN here.
+    peaks : ndarray, shape (k, D + n + m)
+        As in `Observation`; (k, 0) unless requested.
     state : ndarray, shape (2n,)
         State from which the next run starts.
     open : Approach or None
@@ -90,6 +92,7 @@ class Orbits:
     contact: np.ndarray
     peak_drift: np.ndarray
     modal_norm: np.ndarray
+    peaks: np.ndarray
     state: np.ndarray
     open: Approach | None
 
@@ -116,6 +119,10 @@ class Observation:
         (`window_growth`); NaN unless it was requested.
     logarithms : ndarray, shape (k,)
         Natural logarithm of that factor in each forcing period; empty unless it was requested.
+    peaks : ndarray, shape (D + n + m,)
+        Largest |drift| of each drift row, largest |u_i| of each floor, and largest d_k . u, at
+        least the gap, of each contact of the structure. Those that `PEAK_FLAGS` do not ask for are
+        where they start; empty if none is asked for.
     """
 
     points: np.ndarray
@@ -125,6 +132,7 @@ class Observation:
     outcome: Outcome
     growth: float = math.nan
     logarithms: np.ndarray = field(default_factory=lambda: np.empty(0))
+    peaks: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)

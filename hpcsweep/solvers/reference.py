@@ -209,7 +209,7 @@ def first_root(c, h):
 
 @jit
 def is_closed(x, v):
-    """Tell (1.0 or 0.0) whether a contact of infinite sharpness touches."""
+    """Return 1.0 or 0.0: whether a contact of infinite sharpness touches."""
     return 1.0 if x > 0 or (x == 0 and v > 0) else 0.0
 
 
@@ -425,7 +425,7 @@ def reference_window(structure, amplitude, omega, state, n_periods, samples=17):
     """Contact bits, peak drift, and mean modal norms over continuous time, from every step."""
     n = structure.n_floors
     parts = system(structure, amplitude, omega)[2]
-    phi = structure.mode_shapes
+    phi = structure.modes
     numbers, rows = structure.contact_numbers, structure.drift_rows
     contact, drift = 0, 0.0
     modal, free = np.zeros(n), 0.0
@@ -493,5 +493,5 @@ def _free_part(q, past, a, b):
 
 
 def _changes(signs):
-    """Tell which intervals see any sign change; signs (k, 3, intervals)."""
+    """Return which intervals see any sign change; signs (k, 3, intervals)."""
     return (signs != signs[:, :1]).any(axis=(0, 1))

@@ -13,4 +13,4 @@ class SkipRule(IntEnum):
     CONVERGED = 2
     """The orbit had closed before the transient's end: one orbit in place of the window."""
     NEWTON = 3
-    """A proved jump to the orbit that was approached, and one orbit in place of the window."""
+    """A verified jump to the orbit that was approached, and one orbit in place of the window."""

@@ -38,8 +38,8 @@ class SolverKind:
         Whether it does runs in a row that rules settle (`FlowMap.follow_orbits`).
     classify_cycles : int
         Forcing periods after which the motion of a run counts as undecided, of a job that says
-        nothing of it. A solver that takes a second for what takes `flow` a millisecond decides only
-        where it is asked to.
+        nothing of it. A solver that takes a second for what takes `flow` a millisecond classifies
+        only where it is asked to.
     """
 
     module: str
@@ -128,8 +128,9 @@ class Solver(Protocol):
         modal_norm: bool = False,
         growth: bool = False,
         poll: Callable[[], None] | None = None,
+        peaks: int = 0,
     ) -> Observation:
-        """Integrate, keeping points, contact set, drift, modal norms and growth of a tangent."""
+        """Integrate, keeping points and what else an `Observation` has, as far as requested."""
         ...
 
     def grow(

@@ -14,7 +14,7 @@ PANEL_NODES, PANEL_WEIGHTS = np.polynomial.legendre.leggauss(6)
 class StepTally:
     """Maxima and means over the steps' interpolants."""
 
-    def __init__(self, model: Model, modal_norm: bool):
+    def __init__(self, model: Model, modal_norm: bool, peaks: int = 0):
         self.contact = 0
         self.peak_drift = 0.0
         self._modal_transform = model.modal_transform
@@ -23,6 +23,12 @@ class StepTally:
         unit = np.vstack((np.eye(self._n), np.zeros(self._n)))  # row -1 is at rest: the base
         upper, lower = model.drift_rows.T
         self._drifts = unit[upper] - unit[lower]
+        rows, below, self._sides, _ = (model.watched if peaks else np.empty((0, 4), int)).T
+        self._watched = unit[rows] - unit[below]
+        self._watched[self._sides < 0] *= -1.0
+        self.peaks = np.zeros(len(rows))
+        if peaks:
+            self.peaks[len(rows) - model.contacts.gap.size :] = model.contacts.gap
         self._modal = np.zeros(len(model.modal_transform))
         self._free_time = 0.0
         self._modal_norm = modal_norm
@@ -32,9 +38,10 @@ class StepTally:
         n = self._n
         tau = np.linspace(start, end, STEP_NODES)
         z = interpolant(tau)
-        drifts = self._drifts
-        drift, slope = drifts @ z[:n], drifts @ z[n:]
-        self.peak_drift = max(self.peak_drift, float(np.abs(drift).max()))
+        own = self._tops(self._drifts, np.ones(len(self._drifts), bool), interpolant, tau, z)
+        self.peak_drift = max(self.peak_drift, float(own.max(initial=0.0)))
+        own = self._tops(self._watched, self._sides == 0, interpolant, tau, z)
+        self.peaks = np.maximum(self.peaks, own)
         contacts = self._contacts
         signs = contacts.sign[:, None]
         past = signs * z[contacts.row] - contacts.gap[:, None]
@@ -46,18 +53,28 @@ class StepTally:
                 lambda t, i=i, sign=sign: sign * interpolant(t)[[i, n + i]], *tau[left : left + 2]
             )
             highest[k] = max(highest[k], top - contacts.gap[k])
-        for i, left in zip(*np.nonzero(slope[:, :-1] * slope[:, 1:] < 0), strict=True):
-
-            def pair(t, i=i):
-                now = interpolant(t)
-                return np.array((drifts[i] @ now[:n], drifts[i] @ now[n:]))
-
-            top = abs(_extremum(pair, *tau[left : left + 2]))
-            self.peak_drift = max(self.peak_drift, float(top))
         for k in np.flatnonzero(highest >= 0.0):
             self.contact |= 1 << int(k)
         if self._modal_norm:
             self._add_modal(interpolant, tau, -past.max(axis=0, initial=-math.inf))
+
+    def _tops(self, rows, both, interpolant, tau, z) -> np.ndarray:
+        """Return the largest row . u of a step, |row . u| of those of `both` sides.
+
+        At the nodes, and between those where a slope changes its sign.
+        """
+        n = self._n
+        values, slopes = rows @ z[:n], rows @ z[n:]
+        highest = np.where(both[:, None], np.abs(values), values).max(axis=1, initial=-math.inf)
+        for i, left in zip(*np.nonzero(slopes[:, :-1] * slopes[:, 1:] < 0), strict=True):
+
+            def pair(t, i=i):
+                now = interpolant(t)
+                return np.array((rows[i] @ now[:n], rows[i] @ now[n:]))
+
+            top = float(_extremum(pair, *tau[left : left + 2]))
+            highest[i] = max(highest[i], abs(top) if both[i] else top)
+        return highest
 
     def _add_modal(self, interpolant, tau, gap):
         """Integrate |q_j| / ||q|| over the parts of a step in which nothing touches."""

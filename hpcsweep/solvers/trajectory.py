@@ -1,7 +1,5 @@
 """Motion in continuous time between stroboscopic points, for portraits and for inspection."""
 
-import math
-
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -52,7 +50,6 @@ def trajectory(
     structure = structure.measured_at(omega, amplitude)
     model = kernel_model(structure, omega)
     packed, frame = MODEL.pack(model), Units(structure, model)
-    period = 2 * math.pi / model.omega
     size = amplitude / frame.amplitude_unit
 
     def motion(tau, z):
@@ -60,13 +57,13 @@ def trajectory(
 
     done = solve_ivp(
         motion,
-        (0.0, period),
+        (0.0, model.period),
         frame.into(z),
         method="DOP853",
-        t_eval=np.linspace(0.0, period, n_samples),
+        t_eval=np.linspace(0.0, model.period, n_samples),
         rtol=RTOL,
         atol=ATOL,
-        max_step=LARGEST_STEP * period,
+        max_step=LARGEST_STEP * model.period,
     )
     if not done.success:
         raise ArithmeticError(f"DOP853: {done.message}")

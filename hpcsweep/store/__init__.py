@@ -16,7 +16,7 @@ from hpcsweep.store.lock import Lock
 from hpcsweep.store.offsets import is_packed
 from hpcsweep.store.opening import layout_problems, open_layout, read_layout
 from hpcsweep.store.packing import pack
-from hpcsweep.store.reader import job_of, open_results
+from hpcsweep.store.reader import job_of, meanings, open_results
 from hpcsweep.store.records import read_history
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "is_packed",
     "job_of",
     "layout_problems",
+    "meanings",
     "open_campaign",
     "open_layout",
     "open_results",

@@ -60,6 +60,7 @@ class Blocks:
         self.layout = layout
         self.study = layout.study
         self.variables = [variable.name for variable in layout.variables]
+        self._directions = layout.commit.dims.index("direction")
         self._seed = bytes.fromhex(layout.fingerprint)
         self._rows = open_rows(path) if rows is None else rows
 
@@ -102,7 +103,7 @@ class Blocks:
         return self.study.initial_state if before is None else self.end_state(before)
 
     def have_checksum(self) -> np.ndarray:
-        """Tell which blocks have a checksum, valid or not; shape of ``commit``."""
+        """Return which blocks have a checksum, valid or not; shape of ``commit``."""
         return self._whole("commit", self.layout.commit) != 0
 
     def whole(self, variable: str) -> np.ndarray:
@@ -187,13 +188,13 @@ class Blocks:
         block : Block
         valid : bool
         """
-        has_checksum = self._checksums_of(task)
+        axis, has_checksum = self._directions, self._checksums_of(task)
         before: Block | None = None
         state: np.ndarray | None = self.study.initial_state
         for block in self.study.path(task):
             poll()
             end = None
-            if has_checksum[block.place[0]][block.place[2]]:
+            if has_checksum[block.place[axis]][block.place[-1]]:
                 if state is None and before is not None:
                     state = self.end_state(before.run(before.end))
                 rows = self.read(block)
@@ -203,21 +204,19 @@ class Blocks:
             yield block, end is not None
             before, state = block, None if end is None else np.array(end)
 
-    def _checksums_of(self, task: int) -> dict[int, np.ndarray]:
-        """Tell which blocks of a task's frame have a checksum, by direction."""
-        place = self.study.path(task)[0].place
-        directions, _, n_blocks = self.layout.shape(self.layout.commit)
-        return {
-            direction: self._rows.read("commit", (direction, place[1], 0), n_blocks) != 0
-            for direction in range(directions)
-        }
+    def _checksums_of(self, task: int) -> list[np.ndarray]:
+        """Return which blocks of a task's frame have a checksum, by direction."""
+        place, axis = self.study.path(task)[0].place, self._directions
+        shape = self.layout.shape(self.layout.commit)
+        first = [(*place[:axis], k, *place[axis + 1 : -1], 0) for k in range(shape[axis])]
+        return [self._rows.read("commit", at, shape[-1]) != 0 for at in first]
 
     def valid(self, task: int) -> list[tuple[Block, bool]]:
-        """Tell for each block of a task whether its checksum holds."""
+        """Return for each block of a task whether its checksum holds."""
         return list(self.verify(task))
 
     def valid_runs(self) -> np.ndarray:
-        """Tell for each run whether it belongs to a valid block."""
+        """Return for each run whether it belongs to a valid block."""
         mask = np.zeros([self.layout.sizes[dim] for dim in self.study.run_dims], bool)
         for task in range(self.study.n_tasks):
             for block, good in self.verify(task):

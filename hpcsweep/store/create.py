@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 from hpcsweep.store.contents import Contents
-from hpcsweep.store.layout import Layout, StoreError
+from hpcsweep.store.layout import Layout, StoreError, flags_of
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 
 LIBRARY = ("v108", "v108")
@@ -89,6 +89,7 @@ def fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> N
             data.dims[axis].attach_scale(file[dim])
         data.attrs["units"] = variable.units
         data.attrs["long_name"] = variable.long_name
+        data.attrs.update(flags_of(variable, layout.study.structure))
     for variable, values in layout.given:
         file[variable.name][...] = values
     file[layout.commit.name][...] = 0

@@ -5,12 +5,18 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.job import part_of
 from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.layout import StoreError
+from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout
-from hpcsweep.studies.study import Variable
+from hpcsweep.studies.study import Axis, Block, Place, Variable
+
+MOST_TOLD = 20
+"""Values of an axis that an error lists."""
+NEAR_ENOUGH = 1e-5
+"""Share of a value by which it may be given otherwise: as figures and messages write it."""
 
 
 class Frames:
@@ -21,29 +27,83 @@ class Frames:
     path : str or Path
     holds : str, optional
         What it must hold (`Study.holds`); None: anything.
+    at : mapping of str to number or str, optional
+        Of a job that varies keys: the value of each axis, the nearest there is; default its first.
 
     Attributes
     ----------
     job : Job
+        The job the file was made for; of one that varies keys, the job of the part that is read.
+    whole : Job
         The job the file was made for.
+    place : tuple of int
+        Of the part that is read.
+    at : dict
+        The value of each key that the job varies.
+    given : tuple of str
+        The keys of `at` as it was given.
 
     Raises
     ------
     StoreError
-        If it is not a campaign file, or holds something else.
+        If it is not a campaign file, or holds something else, or does not vary what `at` names.
     """
 
-    def __init__(self, path: str | Path, holds: str | None = "motions"):
+    def __init__(
+        self,
+        path: str | Path,
+        holds: str | None = "motions",
+        at: Mapping[str, float | str] | None = None,
+    ):
         self.path = path_of("path", path)
         self._layout = open_layout(self.path)
-        self.job, self.study = self._layout.job, self._layout.study
+        self.whole = self._layout.job
+        self._blocks = Blocks(self.path, self._layout)
+        self.given = tuple(at or ())
+        try:
+            self.choose(_place_of(self.path, self.whole.study.axes, at or {}))
+            self._check(holds)
+        except BaseException:
+            self.close()
+            raise
+
+    def _check(self, holds: str | None) -> None:
         if holds not in (None, self.study.holds):
             raise StoreError(
                 f'{self.path}: holds {self.study.holds} (study.kind = "{self.study.kind}") where '
                 f"{holds} are needed; hpcsweep plot FILE draws it"
             )
-        self._variables = {variable.name: variable for variable in self._layout.variables}
-        self._blocks = Blocks(self.path, self._layout)
+
+    def choose(self, place: Place) -> None:
+        """Read the part of the job at a place of the axes that it varies."""
+        self.place = place
+        self.job = part_of(self.whole, place)
+        self.study = self.job.study
+        axes = self.whole.study.axes
+        self.at = {axis.name: axis.values[at] for axis, at in zip(axes, place, strict=True)}
+        self._own = self._layout if self.study is self.whole.study else Layout(self.job)
+        self._variables = {variable.name: variable for variable in self._own.variables}
+
+    @property
+    def part(self) -> str:
+        """Return which part is read; empty where the job varies no key."""
+        return self.whole.study.describe_part(self.place) if self.place else ""
+
+    @property
+    def places(self) -> list[Place]:
+        """Places of all parts of the job; of one that varies no key, its only one."""
+        return list(np.ndindex(*self._sizes))
+
+    @property
+    def _sizes(self) -> list[int]:
+        return [len(axis.values) for axis in self.whole.study.axes]
+
+    def _valid(self, task: int) -> Iterator[tuple[Block, Block, bool]]:
+        """Go through the blocks of a task of the part: as the part, and the file, calls them."""
+        number = int(np.ravel_multi_index(self.place, self._sizes)) if self.place else 0
+        blocks = self._blocks.valid(number * self.study.n_tasks + task)
+        for block, valid in blocks:
+            yield self.study.block(block.place[len(self.place) :]), block, valid
 
     def __contains__(self, variable: str) -> bool:
         return variable in self._variables
@@ -55,7 +115,7 @@ class Frames:
     @property
     def variables(self) -> list[Variable]:
         """The variables of a run, in the order of the file."""
-        return self._layout.variables
+        return self._own.variables
 
     def close(self) -> None:
         """Close the file."""
@@ -80,13 +140,13 @@ class Frames:
         found: dict[str, np.ndarray] = {}
         for name in names:
             variable = self._variables[name]
-            directions, _, *rest = self._layout.shape(variable)
+            directions, _, *rest = self._own.shape(variable)
             found[name] = np.full((directions, *rest), variable.missing, variable.dtype)
         for task in self.study.tasks_of(frame):
-            for block, valid in self._blocks.valid(task):
+            for own, block, valid in self._valid(task):
                 if valid:
                     rows = self._blocks.read(block)
-                    direction, _, at = block.runs
+                    direction, _, at = own.runs
                     for name in names:
                         found[name][direction, at] = rows[name]
         return found
@@ -100,8 +160,7 @@ class Frames:
         Returns
         -------
         xarray.Dataset
-            As of `open_results`, with dimension `frame` of size 1; of the attributes only
-            `job` and `name`.
+            As of `open_results`, with one `omega`; of the attributes only `job` and `name`.
         """
         frame = self._frame(frame)
         found = self.read(frame, tuple(self._variables))
@@ -115,21 +174,26 @@ class Frames:
         study = self.study
         given = {
             variable.name: (variable.dims, values[list(frames)])
-            for variable, values in self._layout.given
+            for variable, values in self._own.given
         }
         # the amplitudes of one frame are its own even where frames share none
         amplitude = study.amplitudes_of(frames[0]) if len(frames) == 1 else None
         if amplitude is None:
-            amplitude = self._layout.coordinates["amplitude"].values
+            amplitude = self._own.coordinates["amplitude"].values
         return xarray.Dataset(
             {**given, **arrays},
             coords={
                 "direction": list(study.directions)[directions],
-                "frame": list(frames),
+                study.frame_dim: self._own.coordinates[study.frame_dim].values[list(frames)],
                 "amplitude": amplitude,
-                "state": self._layout.coordinates["state"].values.astype(str),
+                "state": self._own.coordinates["state"].values.astype(str),
+                **{
+                    name: self._own.coordinates[name].values.astype(str)
+                    for name in ("storey", "floor", "stop")
+                    if name in self._own.coordinates
+                },
             },
-            attrs={"job": self.job.text, "name": self.job.name},
+            attrs={"job": self.job.text, "name": self.job.name, "part": self.part},
         )
 
     def gather(
@@ -151,7 +215,7 @@ class Frames:
             Keep only this one of the job's directions.
         derive : mapping of str to callable, optional
             New variables: functions of a frame's dataset (all its variables and directions) to an
-            array of axes (direction, frame, amplitude).
+            array of axes (direction, omega, amplitude).
 
         Returns
         -------
@@ -165,7 +229,7 @@ class Frames:
         elif not isinstance(frames, Sequence | np.ndarray):
             raise arguments.refused("frames", "a sequence of whole numbers", frames)
         frames = [self._frame(frame) for frame in frames]
-        kept = [v for v in self._layout.variables if v.name in names]
+        kept = [v for v in self._own.variables if v.name in names]
         axes = {v.name: v.dims for v in kept} | dict.fromkeys(derive or {}, study.run_dims)
         chosen = slice(None)
         if direction is not None:
@@ -185,6 +249,32 @@ class Frames:
                     arrays[name] = np.empty(shape, values.dtype)
                 arrays[name][:, place] = values[:, 0]
         return self._dataset(frames, {n: (axes[n], values) for n, values in arrays.items()}, chosen)
+
+
+def _place_of(path: Path, axes: Sequence[Axis], at: Mapping[str, float | str]) -> Place:
+    """Find the place of values of the axes that a job varies; the first of those not given."""
+    names = [axis.name for axis in axes]
+    for name in at:
+        if name not in names:
+            there = f"it varies {', '.join(names)}" if names else "it varies no key"
+            raise StoreError(f"{path}: {name} = {at[name]}: {there}")
+    return tuple(_nearest(path, axis, at[axis.name]) if axis.name in at else 0 for axis in axes)
+
+
+def _nearest(path: Path, axis: Axis, value: float | str) -> int:
+    """Return the place of a value of an axis."""
+    if isinstance(axis.values[0], str) != isinstance(value, str) or (
+        isinstance(value, str) and value not in axis.values
+    ):
+        there = ", ".join(map(str, axis.values[:MOST_TOLD]))
+        raise StoreError(f"{path}: {axis.name} = {value}: must be one of {there}")
+    if isinstance(value, str):
+        return axis.values.index(value)
+    place = int(np.argmin(np.abs(np.array(axis.values) - value)))
+    if abs(axis.values[place] - value) > NEAR_ENOUGH * max(abs(value), abs(axis.values[place])):
+        there = ", ".join(f"{one:.6g}" for one in axis.values[:MOST_TOLD])
+        raise StoreError(f"{path}: {axis.name} = {value:g}: must be one of {there}")
+    return place
 
 
 class Grid:
@@ -231,10 +321,10 @@ class Grid:
             arrays[variable.name] = (variable.dims, values)
         own = parts[0]
         return xarray.Dataset(
-            {"omega": own["omega"], **arrays},
+            arrays,
             coords={
                 "direction": own["direction"],
-                "frame": own["frame"],
+                "omega": own["omega"],
                 "amplitude": self.amplitude,
                 "state": own["state"],
             },

@@ -21,10 +21,19 @@ A file may be packed (`hpcsweep.store.packing`): the same datasets, chunked and 
 same values, attributes and checksums. It is read like any other and written never again.
 """
 
+from dataclasses import replace
+from enum import IntEnum
+
 import numpy as np
 
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.job import Job
 from hpcsweep.model import description
+from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import unit_of
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.study import Variable
 
 LAYOUT_VERSION = 2
 FORMAT = "hpcsweep campaign"
@@ -47,6 +56,17 @@ class DamagedError(StoreError):
     def __init__(self, message: str, repairable: bool = True):
         super().__init__(message)
         self.repairable = repairable
+
+
+FLAGS: dict[str, type[IntEnum]] = {
+    "outcome": Outcome,
+    "skip_rule": SkipRule,
+    "motion": MotionClass,
+    "motion_class": MotionClass,
+}
+"""Variables whose numbers are those of an enumeration."""
+CONTACT_SET = "contact"
+"""Variable with a bit for each contact."""
 
 
 class WriteError(RuntimeError):
@@ -79,11 +99,15 @@ class Layout:
         self.job = job
         self.study = job.study
         self.name, self.text, self.fingerprint = job.name, job.text, job.fingerprint
-        self.variables = job.study.variables
-        self.sizes = job.study.dimensions
-        self.coordinates = job.study.coordinates
-        self.given = job.study.given
-        self.commit = job.study.commit
+        study, structure = job.study, job.study.structure
+        self.variables = [_named(variable, structure) for variable in study.variables]
+        self.sizes = study.dimensions
+        self.coordinates = {
+            name: one._replace(units=unit_of(structure, one.units))
+            for name, one in study.coordinates.items()
+        }
+        self.given = [(_named(variable, structure), values) for variable, values in study.given]
+        self.commit = study.commit
 
     @property
     def datasets(self) -> list:
@@ -117,3 +141,23 @@ class Layout:
     def file_size(self) -> int:
         """Return the bytes of the file, without its few kilobytes of metadata."""
         return sum(map(self.bytes_of, [*self.variables, self.commit]))
+
+
+def _named(variable: Variable, structure) -> Variable:
+    """Return a variable with the name of its unit."""
+    return replace(variable, units=unit_of(structure, variable.units))
+
+
+def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:
+    """Return what the numbers of a variable mean, as the CF conventions tell it; often nothing."""
+    if variable.name == CONTACT_SET and structure.contact_names:
+        masks = [1 << (number - 1) for number in structure.contact_names]
+        names = [name.replace(" ", "_") for name in structure.contact_names.values()]
+        return {"flag_masks": np.array(masks, variable.dtype), "flag_meanings": " ".join(names)}
+    kind = FLAGS.get(variable.name)
+    if kind is None:
+        return {}
+    return {
+        "flag_values": np.array([int(one) for one in kind], variable.dtype),
+        "flag_meanings": " ".join(one.name.lower() for one in kind),
+    }

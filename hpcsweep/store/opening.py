@@ -194,7 +194,7 @@ def layout_problems(path: Path, layout: Layout) -> list[str]:
 
 
 def open_layout(path: str | Path) -> Layout:
-    """Check all of a campaign file but its results; give the layout that everything else needs.
+    """Check all of a campaign file but its results; return the layout that everything else needs.
 
     Raises
     ------

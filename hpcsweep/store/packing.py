@@ -1,4 +1,4 @@
-"""Pack a campaign file: the same datasets, chunked and compressed, proved equal before use."""
+"""Pack a campaign file: the same datasets, chunked and compressed, verified equal before use."""
 
 import contextlib
 import os
@@ -149,8 +149,9 @@ def _copy_scale(copy: h5py.File, name: str, data: h5py.Dataset) -> None:
 
 
 def _copy_notes(data: h5py.Dataset, packed: h5py.Dataset) -> None:
-    for key in ("units", "long_name"):
-        packed.attrs[key] = data.attrs[key]
+    for key in ("units", "long_name", "flag_values", "flag_meanings"):
+        if key in data.attrs:
+            packed.attrs[key] = data.attrs[key]
 
 
 def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:

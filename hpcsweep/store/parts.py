@@ -23,7 +23,7 @@ def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
 
 def parts_of(data: h5py.Dataset) -> Iterator[tuple[slice, ...]]:
     """Cut a dataset into parts of about `COPY_BYTES`, of whole chunks if it is packed."""
-    axes = min(data.ndim, 3)
+    axes = data.ndim
     size = [*(data.chunks or chunk_shape(data.shape, data.dtype.itemsize))[:axes]]
     room = COPY_BYTES // CHUNK_BYTES
     for axis in reversed(range(axes)):

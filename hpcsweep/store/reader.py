@@ -8,6 +8,7 @@ from hpcsweep.job import Job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.contents import NOTES, Contents
+from hpcsweep.store.layout import flags_of
 from hpcsweep.store.metadata import CHECKSUM
 from hpcsweep.store.opening import open_layout, reading
 from hpcsweep.store.parts import parts_of
@@ -58,10 +59,48 @@ def open_results(path: str | Path):
         attributes = {key: value for key, value in contents.attributes.items() if key != CHECKSUM}
     with Blocks(path, layout) as blocks:
         missing = ~blocks.valid_runs()
-    for place in map(tuple, np.argwhere(missing.any(axis=2))):  # a frame at a time
+    for variable in layout.variables:
+        arrays[variable.name][2].update(flags_of(variable, layout.study.structure))
+    for place in map(tuple, np.argwhere(missing.any(axis=-1))):  # a frame at a time
         for variable in layout.variables:
             arrays[variable.name][1][place][missing[place]] = variable.missing
     return xarray.Dataset(arrays, attrs=attributes)
+
+
+def meanings(variable):
+    """Return in words what numbers of results mean: a motion, an outcome, a set of contacts.
+
+    Parameters
+    ----------
+    variable : xarray.DataArray
+        Of `open_results`, whole or a part: `motion`, `outcome`, `skip_rule`, `contact`, say.
+
+    Returns
+    -------
+    xarray.DataArray
+        Of str, with the same dimensions and coordinates: "chaotic"; of a set of contacts the names
+        of its members, "A2-B2,A3-B3", "none" if it is empty.
+
+    Raises
+    ------
+    ValueError
+        If its numbers are no flags (the attribute ``flag_meanings`` of the CF conventions).
+    """
+    notes = variable.attrs
+    if "flag_meanings" not in notes:
+        raise ValueError(f"{variable.name}: has no flag_meanings: its numbers mean themselves")
+    words = notes["flag_meanings"].split()
+    numbers, place = np.unique(variable.values, return_inverse=True)
+    if "flag_masks" in notes:
+        masks = np.atleast_1d(notes["flag_masks"])
+        sets = (
+            [word for word, mask in zip(words, masks, strict=True) if n & mask] for n in numbers
+        )
+        said = [",".join(members) or "none" for members in sets]
+    else:
+        word_of = dict(zip(np.atleast_1d(notes["flag_values"]).tolist(), words, strict=True))
+        said = [word_of[number] for number in numbers.tolist()]
+    return variable.copy(data=np.array(said, dtype=str)[place].reshape(variable.shape))
 
 
 def _read(data) -> np.ndarray:

@@ -5,7 +5,7 @@ kind       values
 =========  ======================================================================================
 start      ranks, hosts, transport: a session begins
 pilot      frame, along, runs, seconds: runs that were timed at a place of a frame
-block      rank, direction, frame, block, runs, seconds: a block was computed
+block      rank, place, runs, seconds: the block at a place of ``commit`` was computed
 master     messages, message_seconds, master_seconds, recalls: load of rank 0 so far
 end        reason, written_bytes, write_seconds, rank_seconds, peak_memory, and as master
 =========  ======================================================================================
@@ -95,11 +95,8 @@ class History:
 
 def block_record(cost: BlockCost) -> dict:
     """Write the values of a record of a block."""
-    direction, frame, block = cost.place
     return {
-        "frame": frame,
-        "direction": direction,
-        "block": block,
+        "place": [int(at) for at in cost.place],
         "runs": cost.runs,
         "seconds": cost.seconds,
     }
@@ -157,11 +154,9 @@ def _is_word(value: object) -> bool:
 
 
 _MAYBE = ("transport", "written_bytes", "write_seconds", "rank_seconds", "peak_memory")
-_LISTS = ("hosts", "peak_memory")
+_LISTS = ("hosts", "peak_memory", "place")
 _KINDS = {
-    **dict.fromkeys(
-        ("ranks", "rank", "direction", "frame", "block", "runs", "messages", "recalls"), _is_count
-    ),
+    **dict.fromkeys(("ranks", "rank", "place", "frame", "runs", "messages", "recalls"), _is_count),
     **dict.fromkeys(("written_bytes", "peak_memory"), _is_count),
     **dict.fromkeys(
         ("along", "seconds", "message_seconds", "master_seconds", "write_seconds", "rank_seconds"),
@@ -191,8 +186,7 @@ def _start(history: History, record: dict) -> None:
 def _block(history: History, record: dict) -> None:
     if record["runs"] < 1:
         raise ValueError("a block without runs")
-    place = record["direction"], record["frame"], record["block"]
-    cost = BlockCost(place, record["runs"], record["seconds"], record["time"])
+    cost = BlockCost(tuple(record["place"]), record["runs"], record["seconds"], record["time"])
     history.costs.append(cost)
     if history.sessions:
         history.sessions[-1].costs.append(cost)

@@ -1,8 +1,7 @@
 """Runs over direction, frame (forcing frequency) and forcing amplitude: what studies of them share.
 
-A frame's runs of one direction are cut into blocks of `block_size` amplitudes. Rows of the file are
-always in ascending amplitude; block b of a direction that descends holds as many amplitudes,
-counted from the top.
+A frame's runs of one direction are cut into blocks of `block_size` amplitudes, in ascending order;
+block b of a direction that descends holds as many amplitudes, counted from the top.
 """
 
 import time
@@ -18,7 +17,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.invariants import broken_invariants
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Amplitudes, Block, BlockTable, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes, Axis, Block, BlockTable, Coordinate, Place, Variable
 from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variables import (
     AMPLITUDE,
@@ -27,6 +26,7 @@ from hpcsweep.studies.variables import (
     RUN,
     named,
     numbered,
+    peak_coordinates,
     run_variables,
 )
 
@@ -69,9 +69,13 @@ class RunGrid:
     keys: ClassVar[dict[str, tuple[str, ...]]]
     """Keys of job files, by table, that this study has of its own."""
     default_block: ClassVar[int]
+    frame_dim: ClassVar[str] = "omega"
+    """Dimension of the frames."""
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
+    axes: ClassVar[tuple[Axis, ...]] = ()
+    """Further axes that are varied; see `hpcsweep.studies.vary`."""
     holds: ClassVar[str] = "motions"
     point_dim: ClassVar[str] = "point"
     """Dimension of the stroboscopic points."""
@@ -134,6 +138,11 @@ class RunGrid:
         return False
 
     @property
+    def n_frames(self) -> int:
+        """Sweeps over the last axis, of each direction."""
+        return self.omega.size
+
+    @property
     def n_amplitudes(self) -> int:
         """Runs of one frame and direction."""
         return self.amplitude.size
@@ -180,8 +189,11 @@ class RunGrid:
         """Size of every dimension."""
         n = self.structure.n_floors
         return {
+            **{
+                k: c.values.size for k, c in peak_coordinates(self.structure, self.settings).items()
+            },
             "direction": len(self.directions),
-            "frame": self.omega.size,
+            self.frame_dim: self.omega.size,
             "amplitude": self.n_amplitudes,
             self.point_dim: self.settings.stored_points,
             "state": 2 * n,
@@ -195,8 +207,9 @@ class RunGrid:
         n, size = self.structure.n_floors, self.dimensions
         states = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
         return {
+            **peak_coordinates(self.structure, self.settings),
             "direction": named(self.directions, self.direction_name),
-            "frame": numbered(size["frame"], "frame"),
+            "omega": Coordinate(self.omega.astype("<f8"), *OMEGA),
             "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),
             self.point_dim: numbered(size[self.point_dim], "stroboscopic point"),
             "state": named(states, "state component"),
@@ -207,7 +220,7 @@ class RunGrid:
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known beforehand, with their values."""
-        return [(OMEGA, self.omega)]
+        return []
 
     def block(self, place: tuple[int, ...]) -> Block:
         """Return the block with an index in ``commit``: direction, frame, number along the path."""
@@ -275,6 +288,14 @@ class RunGrid:
         _, frame, at = block.run(row)
         return self.rows(frame, self.amplitudes_of(frame)[at : at + 1], state)
 
+    def part_of(self, block: Block) -> tuple["RunGrid", Block]:
+        """Return the study that a block is of, and the block as it is called there."""
+        return self, block
+
+    def part(self, _place: Place) -> "RunGrid":
+        """Return the study at a place of `axes`, of which there are none."""
+        return self
+
     def with_settings(self, **changes: Any) -> "RunGrid":
         """Return the same study with other settings."""
         return replace(self, settings=replace(self.settings, **changes))
@@ -307,19 +328,23 @@ class RunGrid:
         return broken_invariants(self.structure, self.settings, amplitudes, rows, units)
 
     def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
-        """Tell what a run is: ``direction``, ``omega``, ``amplitude``."""
+        """Describe a run: ``direction``, ``omega``, ``amplitude``."""
         direction, frame, at = run
         omega, amplitude = float(self.omega[frame]), float(self.amplitudes_of(frame)[at])
         return {"direction": self.directions[direction], "omega": omega, "amplitude": amplitude}
 
+    def describe_task(self, task: int) -> str:
+        """Describe a task by its frequency, and what else is its own."""
+        raise NotImplementedError
+
     def is_compiled(self, n_ranks: int | None = None) -> bool:
         """Return whether the cache is known to have all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled, worth_fitting
+        from hpcsweep.studies.compilation import is_compiled, worth_specialising
 
-        return is_compiled(self.settings, worth_fitting(self, n_ranks))
+        return is_compiled(self.settings, worth_specialising(self, n_ranks))
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks=None) -> None:
         """Compile all that its runs call, or load it from the disk."""
-        from hpcsweep.studies.compilation import warm_up, worth_fitting
+        from hpcsweep.studies.compilation import warm_up, worth_specialising
 
-        warm_up(self.settings, say, fitted_to=worth_fitting(self, n_ranks))
+        warm_up(self.settings, say, specialised_to=worth_specialising(self, n_ranks))

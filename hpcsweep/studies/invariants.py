@@ -18,7 +18,7 @@ def broken_invariants(
     rows: dict[str, np.ndarray],
     units: np.ndarray,
 ) -> list[tuple[int, str]]:
-    """Check k runs against what `hpcsweep.studies.runs` says of its results.
+    """Check k runs against what `hpcsweep.studies.sweep.runs` says of its results.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
     outcome, skip_rule = rows["outcome"], rows["skip_rule"]
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
-    # whatever was decided off the path is no longer what the path's end is
+    # whatever was classified off the path is no longer what the path's end is
     off = (
         rows["classification_cycles"] > 0
         if "classification_cycles" in rows
@@ -73,7 +73,7 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
     )
     known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
     used = [SkipRule.NONE, *(SkipRule[rule.upper()] for rule in settings.skip)]
-    plain = settings.transient_cycles + settings.sampling_cycles
+    whole_run = settings.transient_cycles + settings.sampling_cycles
     linear = complete & (skip_rule == SkipRule.LINEAR)
     return {
         "outcome is one of 1 to 4": ~np.isin(outcome, known),
@@ -86,7 +86,7 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
         & (period == 0),
         "a linear run has orbit_period 1 and no cycles": linear & ((period != 1) | (cycles != 0)),
         "cycles is at least that of transient and window": (cycles < 0)
-        | (complete & (skip_rule == SkipRule.NONE) & (cycles < plain)),
+        | (complete & (skip_rule == SkipRule.NONE) & (cycles < whole_run)),
         "final_state is finite": ~np.isfinite(rows["final_state"]).all(axis=1),
     }
 

@@ -12,12 +12,12 @@ from typing import ClassVar
 import numpy as np
 
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.runs import frame_runs
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
+from hpcsweep.studies.sweep.runs import frame_runs
 from hpcsweep.studies.variables import AMPLITUDE
 
 START = "initial"
-FORCING_AMPLITUDE = Variable("forcing_amplitude", ("frame",), "<f8", *AMPLITUDE)
+FORCING_AMPLITUDE = Variable("forcing_amplitude", ("omega",), "<f8", *AMPLITUDE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Points(RunGrid):
     why_whole: ClassVar[str] = "a point is one run, which cannot be cut"
     words: ClassVar[dict[str, str]] = {START: "each from the initial state"}
     direction_name: ClassVar[str] = "where each run starts"
-    keys: ClassVar[dict] = {"study": ("points",), "sweep": ("omega", "amplitude")}
+    keys: ClassVar[dict] = {"study": ("points",), "sweep": ("omega", "frequency", "amplitude")}
     default_block: ClassVar[int] = 1
 
     @classmethod
@@ -108,7 +108,7 @@ class Points(RunGrid):
         return [self.block((0, *divmod(task, self.n_blocks)))]
 
     def descends(self, direction: int) -> bool:
-        """Tell that amplitudes are computed in their order."""
+        """Return False: amplitudes are computed in their order."""
         del direction
         return False
 
@@ -124,12 +124,12 @@ class Points(RunGrid):
         return runs.each(amplitudes, state, poll)
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Tell that every run starts from the initial state."""
+        """Return None: every run starts from the initial state."""
         del block, row
         return None
 
     def describe_task(self, task: int) -> str:
-        """Tell a point by its frequency and amplitude."""
+        """Describe a point by its frequency and amplitude."""
         (block,) = self.path(task)
         found = self.describe(block.first)
         return f"Omega = {found['omega']:.6g}, A = {found['amplitude']:.6g}"

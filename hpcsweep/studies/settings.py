@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
-METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov")
+PEAKS = ("storey_drift", "displacement", "contact_force")
+"""Peaks over the window: of each storey, floor and contact."""
+METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov", *PEAKS)
 """Results a job may ask for; the final state, period, cycles and outcome are always kept."""
 
 SKIP_RULES = ("linear", "converged", "newton")
@@ -48,7 +50,7 @@ class SweepSettings:
     solver: str = "flow"
     rtol: float = 1e-9
     skip: frozenset[str] = frozenset(SKIP_RULES)
-    metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov"}
+    metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov", *PEAKS}
     max_points: int | None = None
     classify_cycles: int | None = None
 

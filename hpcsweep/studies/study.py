@@ -10,11 +10,13 @@ module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, overload
 
 import numpy as np
 
+Place = tuple[int, ...]
+"""An index, an entry for each axis."""
 Amplitudes = Sequence[float] | np.ndarray
 """In the order in which they are computed, shape (k,)."""
 
@@ -42,6 +44,10 @@ class Variable:
         """What stands where nothing is committed: 0 in whole numbers, NaN in others."""
         return np.nan if np.dtype(self.dtype).kind == "f" else 0
 
+    def along(self, names: tuple[str, ...]) -> "Variable":
+        """Return the same variable along further dimensions, which come first."""
+        return replace(self, dims=(*names, *self.dims))
+
 
 class Coordinate(NamedTuple):
     """Values of a dimension of the results, numbers or (as objects) strings."""
@@ -49,6 +55,32 @@ class Coordinate(NamedTuple):
     values: np.ndarray
     units: str
     long_name: str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Values that a key of the job takes, one after the other; a dimension of the file.
+
+    Attributes
+    ----------
+    name : str
+        Of the dimension.
+    key : str
+        ``TABLE.KEY`` of job files.
+    values : tuple of int, of float or of str
+    units : str
+    """
+
+    name: str
+    key: str
+    values: tuple[Any, ...]
+    units: str = "1"
+
+    @property
+    def coordinate(self) -> Coordinate:
+        """The values as the file holds them."""
+        types: dict[type, Any] = {int: "<i8", float: "<f8", str: object}
+        return Coordinate(np.array(self.values, types[type(self.values[0])]), self.units, self.key)
 
 
 @dataclass(frozen=True)
@@ -70,8 +102,8 @@ class Block:
     """
 
     task: int
-    place: tuple[int, ...]
-    first: tuple[int, ...]
+    place: Place
+    first: Place
     n_runs: int
     descending: bool = False
 
@@ -95,7 +127,7 @@ class Block:
         """Index of all its runs in the variables of the runs."""
         return (*self.first[:-1], slice(self.first[-1], self.first[-1] + self.n_runs))
 
-    def run(self, row: int) -> tuple[int, ...]:
+    def run(self, row: int) -> Place:
         """Return the index of one of its runs."""
         return (*self.first[:-1], self.first[-1] + row)
 
@@ -149,37 +181,97 @@ class BlockTable(NamedTuple):
     middle: np.ndarray
 
 
-class Study(Protocol):
-    """What `store`, `campaign` and `checks` ask of a study.
+class Work(Protocol):
+    """What is computed: tasks, each a path of blocks, in any order and on any rank.
 
-    A block's results are arrays by the names of `variables`, first axis its runs in the order of
-    the file.
+    A block's results are arrays by the names of the study's variables, first axis its runs in the
+    order of the file.
     """
 
-    kind: str
-    """Name in job files."""
-    task_noun: str
-    """What a task is called."""
-    why_whole: str
-    """Why a task cannot be cut further, as a user is told."""
-    structure: Any
-    settings: Any
+    n_tasks: int
+    n_runs: int
+    polls_per_run: int
+    """Times that a run calls its `poll`, at least."""
     initial_state: np.ndarray
     """State from which the first run of every task starts, shape (2n,)."""
     carried: tuple[str, ...]
     """Variables that tell what the run after a run starts from."""
+
+    def path(self, task: int) -> Sequence[Block]:
+        """Return the blocks of a task in the order of computation."""
+        ...
+
+    def block(self, place: Place) -> Block:
+        """Return the block with an index in ``commit``."""
+        ...
+
+    def table(self) -> BlockTable:
+        """Describe all blocks at once."""
+        ...
+
+    def predecessor(self, block: Block, row: int) -> Place | None:
+        """Return the index of the run whose end state a run starts from; None: `initial_state`."""
+        ...
+
+    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+        """Return what the run after one of the rows starts from, of its variables `carried`.
+
+        The state it ends in, or whatever else the study carries along its path: an array of one
+        dimension, finite, all of it in the file.
+        """
+        ...
+
+    def compute(
+        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Compute a block from the state its path has reached."""
+        ...
+
+    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+        """Return what is not as every run promises: row and what is wrong there."""
+        ...
+
+    def time_runs(
+        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
+    ) -> tuple[tuple[int, float], int, float]:
+        """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis.
+
+        Returns
+        -------
+        place : (int, float)
+            Frame, and place along the last axis of the runs, from 0 to 1.
+        n_runs : int
+        seconds : float
+        """
+        ...
+
+    def is_compiled(self, n_ranks: int | None = None) -> bool:
+        """Return whether the cache is known to have all that its runs call; see `warm_up`."""
+        ...
+
+    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
+        """Compile all that its runs call, or load it from the disk.
+
+        With `n_ranks` it is for all of its runs on so many ranks: if that is worth it the kernels
+        are specialised to the structure.
+        """
+        ...
+
+
+class Data(Protocol):
+    """What the file holds: variables along axes, by name."""
+
     holds: str
     """What is held: ``motions``, one a run, or ``attractors``, several."""
-    status_variables: tuple[str, ...]
-    """Variables of `count`."""
-    n_tasks: int
-    n_runs: int
+    axes: tuple[Axis, ...]
+    """Keys that are varied, the first dimensions of the file; see `hpcsweep.studies.vary`."""
     run_dims: tuple[str, ...]
     """Dimensions of a run."""
-    polls_per_run: int
-    """Times that a run calls its `poll`, at least."""
     commit: Variable
     """Checksums of the blocks."""
+    structure: Any
+    """Of the first part."""
+    settings: Any
 
     @property
     def variables(self) -> list[Variable]:
@@ -201,56 +293,35 @@ class Study(Protocol):
         """Variables that are known beforehand, with their values."""
         ...
 
-    def path(self, task: int) -> Sequence[Block]:
-        """Return the blocks of a task in the order of computation."""
+    def part(self, place: Place) -> "Study":
+        """Return the study at a place of `axes`: the study itself where there are none."""
         ...
 
-    def block(self, place: tuple[int, ...]) -> Block:
-        """Return the block with an index in ``commit``."""
+    def part_of(self, block: Block) -> tuple["Study", Block]:
+        """Return the part that a block is of, and the block as it is called there."""
         ...
 
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
+
+class Report(Protocol):
+    """What users are told of a study and its runs."""
+
+    kind: str
+    """Name in job files."""
+    task_noun: str
+    """What a task is called."""
+    why_whole: str
+    """Why a task cannot be cut further, as a user is told."""
+    n_frames: int
+    """Sweeps over the last axis, of each direction."""
+    status_variables: tuple[str, ...]
+    """Variables of `count`."""
+
+    def describe(self, run: Place) -> dict[str, Any]:
+        """Describe a run: ``direction``, ``omega``, ``amplitude``, the values of `axes`."""
         ...
 
-    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return the index of the run whose end state a run starts from; None: `initial_state`."""
-        ...
-
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return what the run after one of the rows starts from, of its variables `carried`.
-
-        The state it ends in, or whatever else the study carries along its path: an array of one
-        dimension, finite, all of it in the file.
-        """
-        ...
-
-    def compute(
-        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
-        """Compute a block from the state its path has reached."""
-        ...
-
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
-        """Compute one run alone from a state; arrays as of `compute`, for one run."""
-        ...
-
-    def with_settings(self, **changes: Any) -> "Study":
-        """Return the same study with other settings."""
-        ...
-
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
-    ) -> tuple[tuple[int, float], int, float]:
-        """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis.
-
-        Returns
-        -------
-        place : (int, float)
-            Frame, and place along the last axis of the runs, from 0 to 1.
-        n_runs : int
-        seconds : float
-        """
+    def describe_task(self, task: int) -> str:
+        """Describe a task by its frequency, and what else is its own."""
         ...
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -272,26 +343,6 @@ class Study(Protocol):
         """Make what counts the runs for ``summary``; see `hpcsweep.studies.tally`."""
         ...
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return what is not as every run promises: row and what is wrong there."""
-        ...
 
-    def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
-        """Tell what a run is: ``direction``, ``omega``, ``amplitude``."""
-        ...
-
-    def describe_task(self, task: int) -> str:
-        """Tell a task by its frequency, and what else is its own."""
-        ...
-
-    def is_compiled(self, n_ranks: int | None = None) -> bool:
-        """Return whether the cache is known to have all that its runs call; see `warm_up`."""
-        ...
-
-    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
-        """Compile all that its runs call, or load it from the disk.
-
-        With `n_ranks` it is for all of its runs on so many ranks: if that is worth it the kernels
-        are fitted to the structure.
-        """
-        ...
+class Study(Work, Data, Report, Protocol):
+    """What `store`, `campaign` and `checks` ask of a study."""

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.settings import PEAKS, SweepSettings
 from hpcsweep.studies.study import Coordinate, Variable
 
-SPEED = "gaps omega_0"
-RUN = ("direction", "frame", "amplitude")
+STATES = "length; velocity"
+RUN = ("direction", "omega", "amplitude")
 """Dimensions of a run."""
 
 CYCLES = Variable("cycles", RUN, "<i4", "forcing periods", "forcing periods integrated")
@@ -14,15 +14,18 @@ OUTCOME = Variable(
     "outcome", RUN, "<i1", "1", "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed"
 )
 RUN_VARIABLES = (
-    Variable("poincare", (*RUN, "point", "state"), "<f8", "gaps; " + SPEED, "stroboscopic points"),
+    Variable("poincare", (*RUN, "point", "state"), "<f8", STATES, "stroboscopic points"),
     Variable("n_points", RUN, "<i4", "1", "number of stroboscopic points stored"),
     Variable("orbit_period", RUN, "<i4", "forcing periods", "orbit period, 0 if none was found"),
     Variable("contact", RUN, "<u8", "1", "contact set, bit i - 1 for floor i"),
     Variable("drift", RUN, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*RUN, "mode"), "<f8", "1", "mean modal norm free of contact"),
-    Variable("lyapunov", RUN, "<f8", "omega_0", "largest Lyapunov exponent"),
-    Variable("lyapunov_low", RUN, "<f8", "omega_0", "its 95 % confidence interval, lower end"),
-    Variable("lyapunov_high", RUN, "<f8", "omega_0", "its 95 % confidence interval, upper end"),
+    Variable("storey_drift", (*RUN, "storey"), "<f8", "length", "peak drift of each storey"),
+    Variable("displacement", (*RUN, "floor"), "<f8", "length", "peak displacement of each floor"),
+    Variable("contact_force", (*RUN, "stop"), "<f8", "force", "peak force of each contact"),
+    Variable("lyapunov", RUN, "<f8", "rate", "largest Lyapunov exponent"),
+    Variable("lyapunov_low", RUN, "<f8", "rate", "its 95 % confidence interval, lower end"),
+    Variable("lyapunov_high", RUN, "<f8", "rate", "its 95 % confidence interval, upper end"),
     Variable(
         "motion",
         RUN,
@@ -44,11 +47,9 @@ RUN_VARIABLES = (
         RUN,
         "<i4",
         "forcing periods",
-        "forcing periods until it was decided",
+        "forcing periods until it was classified",
     ),
-    Variable(
-        "final_state", (*RUN, "state"), "<f8", "gaps; " + SPEED, "state after the last period"
-    ),
+    Variable("final_state", (*RUN, "state"), "<f8", STATES, "state after the last period"),
     CYCLES,
     OUTCOME,
     Variable(
@@ -56,10 +57,10 @@ RUN_VARIABLES = (
     ),
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")
-OMEGA = Variable("omega", ("frame",), "<f8", "omega_0", "forcing frequency Omega")
-COMMIT = Variable("commit", ("direction", "frame", "block"), "<u8", "1", "checksum of a block")
-AMPLITUDE = ("gaps omega_0^2", "forcing amplitude A")
-"""Units and long name."""
+COMMIT = Variable("commit", ("direction", "omega", "block"), "<u8", "1", "checksum of a block")
+AMPLITUDE = ("acceleration", "forcing amplitude A")
+OMEGA = ("frequency", "forcing frequency Omega")
+"""Units and long names."""
 
 
 def run_variables(settings: SweepSettings) -> list[Variable]:
@@ -84,3 +85,17 @@ def numbered(count: int, long_name: str, first: int = 0) -> Coordinate:
 def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
     """Make the coordinate of a dimension whose values are names."""
     return Coordinate(np.array(names, object), "1", long_name)
+
+
+def peak_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
+    """Return the dimensions of the peaks that are asked for: storeys, floors, contacts."""
+    n = structure.n_floors
+    floors = structure.names.floors or tuple(map(str, range(1, n + 1)))
+    n_drifts = len(structure.drift_rows)
+    storeys = floors if n_drifts == n else tuple(map(str, range(1, n_drifts + 1)))
+    made = {
+        "storey_drift": ("storey", named(storeys, "storey")),
+        "displacement": ("floor", named(floors, "floor")),
+        "contact_force": ("stop", named(tuple(structure.contact_names.values()), "contact")),
+    }
+    return dict(made[name] for name in PEAKS if name in settings.metrics)

@@ -16,7 +16,14 @@ BREACHES = {
     "Only store imports h5py": ("figures/style.py", "import h5py"),
     "Only figures imports matplotlib": ("campaign/summary.py", "import matplotlib.pyplot"),
     "Only kernels imports numba": ("solvers/bdf.py", "import numba"),
-    "The numerical core sees no path": ("studies/runs.py", "import pathlib"),
+    "The numerical core sees no path": ("studies/sweep/runs.py", "import pathlib"),
+    "The rooms of the studies": ("studies/grid.py", "from hpcsweep.studies import sweep"),
+    "The rooms of the flow map": (
+        "solvers/flow/state/state.py",
+        "from hpcsweep.solvers.flow.linear import forcing",
+    ),
+    "The rooms of the solvers": ("solvers/free.py", "from hpcsweep.solvers import bdf"),
+    "The rooms of the kernels": ("kernels/simd/vectors.py", "import hpcsweep.kernels.compile"),
 }
 """For each contract, by the beginning of its name, a line that it forbids, and where."""
 

@@ -16,10 +16,10 @@ from hpcsweep.figures.diagrams import work_precision as figure
 from hpcsweep.job import load_job, parse_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.studies import amplitude_sweep as sweep
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep import amplitude_sweep as sweep
 
-P1 = work_precision.Regime("P1 C3", Structure(), 0.445, 0.06, 100, 3)
+P1 = work_precision.Stretch("P1 C3", Structure(), 0.445, 0.06, 100, 3)
 UNDECIDED = (0.593820358198865, 0.18524934160705717)
 """Omega and A at which the plain run from rest still sees P2 in what settles to P1."""
 
@@ -180,7 +180,7 @@ def test_ratio_on_an_attractor():
 
 
 def test_the_motions_of_the_ratios_are_those_they_say():
-    assert ratios.pounding() == load_job(JOBS / "pounding.toml").structure
+    assert ratios.pounding() == load_job(JOBS / "structures/pounding.toml").structure
     touched = []
     for regime in ratios.motions():
         flow = FlowMap(regime.structure, regime.omega)

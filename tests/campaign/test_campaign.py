@@ -72,9 +72,7 @@ def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(
     first_session = len(journal(path, "block"))
     resumed = hpcsweep(3, "run", job, "-o", path)
     assert resumed.returncode == 0, resumed.stderr
-    again = {
-        (b["direction"], b["frame"], b["block"]) for b in journal(path, "block")[first_session:]
-    }
+    again = {tuple(b["place"]) for b in journal(path, "block")[first_session:]}
     assert not again & before
     assert len(again) == 48 - len(before)
     assert_same_datasets(tmp_path / "whole.h5", path)
@@ -216,7 +214,7 @@ def test_an_exception_on_a_worker_ends_the_job_with_one_traceback(tmp_path, smal
     script.write_text(
         "import sys\n"
         "from hpcsweep.commands import cli\n"
-        "from hpcsweep.studies import amplitude_sweep as sweep\n"
+        "from hpcsweep.studies.sweep import amplitude_sweep as sweep\n"
         "from hpcsweep.parallel import mpi\n"
         "good = sweep.sweep_block\n"
         "def broken(*a, **k):\n"

@@ -81,7 +81,7 @@ def test_sessions_add_up_and_a_block_done_twice_counts_once(tmp_path):
 
     def block(time, place, seconds):
         return {
-            "kind": "block", "time": time, "frame": place, "direction": 0, "block": 0,
+            "kind": "block", "time": time, "place": [0, place, 0],
             "runs": 50, "seconds": seconds,
         }  # fmt: skip
 
@@ -130,7 +130,9 @@ def test_the_command_writes_text_tables_and_json(file, tmp_path, capsys):
 def test_maps_read_frame_by_frame_are_the_same_pictures(file, tmp_path):
     whole = store.open_results(file)
     for direction in ("up", "down"):
-        few = mesh.open_map(file, direction=direction)
+        frames = store.Frames(file)
+        few = mesh.open_map(frames, direction=direction)
+        frames.close()
         assert "poincare" not in few
         np.testing.assert_array_equal(
             classes_of(few)[0], classes_of(whole)[whole.direction.values.tolist().index(direction)]
@@ -147,8 +149,9 @@ def test_frames_are_gathered_in_the_order_asked_for(file):
     whole, frames = store.open_results(file), store.Frames(file)
     few = frames.gather(("drift", "poincare", "no_such"), [3, 1], "down")
     frames.close()
-    assert set(few.data_vars) == {"omega", "drift", "poincare"}
-    chosen = whole.isel(direction=[1], frame=[3, 1])
+    assert set(few.data_vars) == {"drift", "poincare"}
+    np.testing.assert_array_equal(few["omega"].values, whole["omega"].values[[3, 1]])
+    chosen = whole.isel(direction=[1], omega=[3, 1])
     for name in few.data_vars:
         assert few[name].dims == chosen[name].dims
         np.testing.assert_array_equal(few[name].values, chosen[name].values)

@@ -175,7 +175,7 @@ def at_points() -> None:
 def over_ranks(numbers: list[int]) -> None:
     """Print a row for each number of ranks: processor time of all, and of the work alone."""
     given = [word for setting in STUDY for word in ("--set", setting)]
-    job = JOBS / "attractors-map.toml"
+    job = JOBS / "attractors/attractors-map.toml"
     print("\n| ranks | s of all processes | s of the work | wall s |\n|---:|---:|---:|---:|")
     with tempfile.TemporaryDirectory() as folder:
         for ranks in numbers:

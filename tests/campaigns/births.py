@@ -1,10 +1,10 @@
 """Births and ends of attractors against a fine sweep: births.py FILE [STEP].
 
-FILE holds attractors along amplitudes (`jobs/attractors-figure3.toml`). Each identity is followed
-from its first amplitude down, and from its last one up, by steps of 1e-5, each from where the one
-before ended, until the motion is another one; then with ever smaller steps, to 1e-10. What it is a
-little beyond is followed the other way, to see where that sweep comes onto another motion. So are
-the two sides of each place where an identity changes its period. At the end
+FILE holds attractors along amplitudes (`jobs/attractors/attractors-figure3.toml`). Each identity is
+followed from its first amplitude down, and from its last one up, by steps of 1e-5, each from where
+the one before ended, until the motion is another one; then with ever smaller steps, to 1e-10. What
+it is a little beyond is followed the other way, to see where that sweep comes onto another motion.
+So are the two sides of each place where an identity changes its period. At the end
 
 fold
     the largest multiplier goes to 1, with the square root of the amplitude left
@@ -151,7 +151,7 @@ def main(path: str, step: float) -> None:
         "event | beyond | the other way: to |\n|---|---|---|---:|---:|---:|---|---|---|"
     )
     for frame in range(study.omega.size):
-        results, fine = open_results(path).isel(direction=0, frame=frame), Fine(study, frame)
+        results, fine = open_results(path).isel(direction=0, omega=frame), Fine(study, frame)
         amplitudes = results["amplitude"].values
         for number, event, slot, place, way in events(results):
             coarse = abs(float(amplitudes[place + way] - amplitudes[place]))

@@ -155,7 +155,7 @@ def records(path: Path) -> list[dict]:
 
 def computed(history: list[dict]) -> list[tuple[int, int, int]]:
     """Blocks computed in a part of the journal: (direction, frame, block)."""
-    return [(r["direction"], r["frame"], r["block"]) for r in history if r["kind"] == "block"]
+    return [tuple(r["place"]) for r in history if r["kind"] == "block"]
 
 
 def committed(path: Path) -> set[tuple[int, int, int]]:

@@ -179,7 +179,7 @@ class Patient:
         self.inside = np.setdiff1d(
             np.arange(len(self.bytes["metadata"])), self.places["metadata"]
         ).tolist()
-        self.texts = [load_job(path).text for path in sorted(JOBS.glob("*.toml"))] + [SMALL]
+        self.texts = [load_job(path).text for path in sorted(JOBS.rglob("*.toml"))] + [SMALL]
 
     # results files
 

@@ -14,7 +14,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.commands import cli
 from hpcsweep.job import parse_job
 from hpcsweep.kernels import folders
-from hpcsweep.kernels.cache import SUFFIX, kept_in
+from hpcsweep.kernels.compile.cache import SUFFIX, kept_in
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Lock, StoreError, is_packed, open_results, pack
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from hpcsweep.job import load_job
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.runs import frame_runs
+from hpcsweep.studies.sweep.runs import frame_runs
 
 THERE = 1e-8
 """Distance in units of the state at which a motion is on its orbit."""

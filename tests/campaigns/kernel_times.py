@@ -1,4 +1,4 @@
-"""Seconds that each kernel takes, compiled by one and by two processes, and loaded.
+"""Seconds that each kernel takes to be compiled and loaded; one and two processes that compile.
 
 python tests/campaigns/kernel_times.py: a table in Markdown. Processor time of each kernel, of all
 processes together, and by the clock; the most memory that one process had.
@@ -10,17 +10,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
-
-from hpcsweep.kernels.warm import SECONDS
 
 LOAD = """
 import json, time
 begun = time.process_time()
 import hpcsweep.solvers.flow
-from hpcsweep.kernels import separate
+from hpcsweep.kernels.compile import entry_points
 found = {"imports": time.process_time() - begun}
-for one in separate.ALL:
+for one in entry_points.ALL:
     begun = time.process_time()
     one.load()
     found[one.name] = time.process_time() - begun
@@ -56,17 +53,18 @@ def main() -> None:
     for jobs in (1, 2):
         with tempfile.TemporaryDirectory() as cache:
             _, *total = run(cache, "-m", "hpcsweep", "warmup", "--jobs", str(jobs))
-            columns.append(json.loads((Path(cache) / SECONDS).read_text()))
             totals.append(total)
-            if jobs == 2:
-                said, *total = run(cache, "-c", LOAD)
-                columns.append(json.loads(said))
-                totals.append(total)
-    print("| kernel | one process | two | loaded |")
-    print("|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as cache:
+        for _ in ("compiled", "loaded"):
+            said, *total = run(cache, "-c", LOAD)
+            columns.append(json.loads(said))
+            totals.append(total)
+    print("| kernel | compiled | loaded |")
+    print("|---|---|---|")
     for name in sorted(columns[0], key=lambda name: -columns[0][name]):
         words = [f"{column[name]:.3g}" for column in columns]
         print(f"| `{name.removeprefix('hpcsweep.solvers.flow.')}` | {' | '.join(words)} |")
+    print("\n| | warmup, one process | two | compiled as above | loaded |\n|---|---|---|---|---|")
     for what, place in (("processor time, all", 0), ("by the clock", 1), ("memory (MB)", 2)):
         print(f"| {what} | {' | '.join(f'{total[place]:.3g}' for total in totals)} |")
 

@@ -18,7 +18,7 @@ from hpcsweep.bench.profile import CALLS, Watched, periods_of
 from hpcsweep.job import load_job
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.compilation import warm_up
-from hpcsweep.studies.runs import FrameRuns
+from hpcsweep.studies.sweep.runs import FrameRuns
 
 Part = tuple[np.ndarray, float, int]
 """State, amplitude, forcing periods."""
@@ -102,7 +102,7 @@ def main() -> None:
     arguments = parser.parse_args()
     for job in arguments.jobs:
         study, frames = load_job(job).study, slice(arguments.first, None, arguments.every)
-        warm_up(study.settings, fitted_to=study.structure)
+        warm_up(study.settings, specialised_to=study.structure)
         print(
             f"{job.name}: {study.omega[frames].size} frames\n{measure(study, frames)}", flush=True
         )

@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.signal.windows import blackmanharris
-from tools import JOBS
+from tools import PAPER
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.dynamics.classify_motion import classify_motion
@@ -41,8 +41,8 @@ from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.reference import reference_monodromy, reference_points
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies.runs import FrameRuns
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.runs import FrameRuns
 
 ASIDE = 1e-5
 """From where a decided motion ended, in each component: an orbit has to be approached anew."""
@@ -232,7 +232,7 @@ def drawn(scale: float, seed: int, known=(), turns: int = TURNS) -> list[Case]:
             break
         again = tori[int(random.integers(len(tori)))] if tori and turn % 2 else None
         figure = again[0] if again else FIGURES[turn // 2 % len(FIGURES)]
-        study = load_job(JOBS / figure).study
+        study = load_job(PAPER / figure).study
         settings = replace(
             study.settings,
             metrics=frozenset({"poincare", "contact", "lyapunov"}),

@@ -32,7 +32,7 @@ CASES = (
     ("as described", [0.1262, 0.0161, 0.0077], 0.445, 0.0987),
 )
 TRANSIENT, PERIODS, TIMED, TURNS = 300, 4, 400, 25
-COUNTED = ("hpcsweep.solvers.flow.", "hpcsweep.kernels.twins", "hpcsweep.model.contact")
+COUNTED = ("hpcsweep.solvers.flow.", "hpcsweep.kernels.simd.fallback", "hpcsweep.model.contact")
 NOT_COUNTED = ("hpcsweep.solvers.flow.flow_map",)
 """It takes states from one unit to another, once a call."""
 NAMES = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
@@ -161,7 +161,7 @@ def measure() -> tuple[list, list, float]:
 def limit() -> float:
     """Measure the fused products of lanes that a core does in independent chains (GFlop/s)."""
     from hpcsweep.kernels.compile import kernel
-    from hpcsweep.kernels.vectors import LANES, fma, load, store
+    from hpcsweep.kernels.simd.vectors import LANES, fma, load, store
 
     names = [f"v{k}" for k in range(CHAINS)]
     lines = ["def chains(x, n):", "    a = load(x, 0)", f"    b = load(x, {LANES})"]

@@ -4,7 +4,7 @@ import sys
 import time
 
 from hpcsweep.commands import cli
-from hpcsweep.studies import amplitude_sweep as sweep
+from hpcsweep.studies.sweep import amplitude_sweep as sweep
 
 SLICE = 0.002
 """Seconds between two polls: the master serves the others meanwhile."""

@@ -23,11 +23,11 @@ from collections import Counter
 from functools import cache
 
 import numpy as np
-from tools import JOBS
+from tools import PAPER
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.job import load_job
-from hpcsweep.studies.runs import FrameRuns
+from hpcsweep.studies.sweep.runs import FrameRuns
 
 ORBIT = 1e-9
 NEXT = 1.001
@@ -47,7 +47,7 @@ KEPT = ("motion", "orbit_period", "contact", "outcome", "lyapunov", "drift", "cy
 @cache
 def study(damping: int):
     """Return the whole study, as printed or as described."""
-    return load_job(JOBS / f"bluecrystal{('', '-described')[damping]}.toml").study
+    return load_job(PAPER / f"bluecrystal{('', '-described')[damping]}.toml").study
 
 
 def computed(cases) -> dict[str, np.ndarray]:

@@ -19,8 +19,9 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 JOBS = ROOT / "jobs"
+PAPER = JOBS / "paper"
 DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
-"""Damping ratios of the building as the paper describes it, see jobs/figure3-described.toml."""
+"""Damping ratios of the building as the paper describes it: jobs/paper/figure3-described.toml."""
 LIMIT = 300
 """Seconds after which a command hangs."""
 
@@ -50,7 +51,7 @@ gap_left = 0.5
 stiffness_ratio = 50.0
 sharpness = inf
 """
-"""One mass between stops (jobs/clearance.toml): two orbits, mirror images of each other."""
+"""One mass between stops (jobs/structures/clearance.toml): two orbits, mirror images."""
 ATTRACTORS = f"""
 [study]
 kind = "attractors"

@@ -15,8 +15,8 @@ from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Layout, layout_problems, pack
-from hpcsweep.studies.amplitude_sweep import AmplitudeSweep
-from hpcsweep.studies.runs import frame_runs
+from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.sweep.runs import frame_runs
 
 JOB = SMALL.replace("count = 4", "count = 2").replace("to = 0.3", "to = 0.15")
 

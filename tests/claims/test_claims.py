@@ -3,19 +3,19 @@
 import json
 from dataclasses import replace
 
+import answer_claims
 import numpy as np
 import pytest
-from tools import JOBS, SMALL
+from claims import Map, Sweep, Verdict, coexistence, judgement, report, variant_of
+from claims.coexistence import BranchEnd
+from claims.evidence import Study
+from claims.judge import judge_files
+from claims.judgement import Hits
+from claims.reading import open_frames, read_map
+from claims.words import C3, C13, C23, C123
+from tools import PAPER, SMALL
 
 from hpcsweep.campaign import run as campaign
-from hpcsweep.claims import Map, Sweep, Verdict, coexistence, judgement, report, variant_of
-from hpcsweep.claims.coexistence import BranchEnd
-from hpcsweep.claims.evidence import Study
-from hpcsweep.claims.judge import judge_files
-from hpcsweep.claims.judgement import Hits
-from hpcsweep.claims.reading import open_frames, read_map
-from hpcsweep.claims.words import C3, C13, C23, C123
-from hpcsweep.commands import cli
 from hpcsweep.job import load_job, parse_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
@@ -202,8 +202,8 @@ def test_linear_is_exact():
 
 
 def test_variants():
-    assert variant_of(load_job(JOBS / "figure3.toml").structure) == "printed"
-    assert variant_of(load_job(JOBS / "figure3-described.toml").structure) == "described"
+    assert variant_of(load_job(PAPER / "figure3.toml").structure) == "printed"
+    assert variant_of(load_job(PAPER / "figure3-described.toml").structure) == "described"
     assert variant_of(Structure(damping_ratio=0.04)) == "zeta = 0.04, 0.04, 0.04"
 
 
@@ -281,16 +281,18 @@ def test_maps_of_both_stiffnesses_are_compared(tmp_path, capsys):
     )
     assert untouched.any()
     capsys.readouterr()
-    assert cli.main(["claims", "--json", *paths]) == 0
+    assert answer_claims.main(["--json", *paths]) == 0
     rows = json.loads(capsys.readouterr().out)["printed"]
     verdicts = {row["number"]: row["verdict"] for row in rows}
     assert set(verdicts) == {"1", "2", "3", "4", "5", "6", "7a", "7b", "8", "9"}
     assert verdicts["6"] in ("yes", "no")
     assert verdicts["1"] == "cannot tell"
-    assert "jobs/figure3.toml" in next(r["finding"] for r in rows if r["number"] == "1")
-    assert cli.main(["claims", "--json", paths[0]]) == 0
+    assert "jobs/paper/figure3.toml" in next(r["finding"] for r in rows if r["number"] == "1")
+    assert answer_claims.main(["--json", paths[0]]) == 0
     rows = json.loads(capsys.readouterr().out)["printed"]
-    assert "jobs/figure6-beta100.toml" in next(r["finding"] for r in rows if r["number"] == "6")
+    assert "jobs/paper/figure6-beta100.toml" in next(
+        r["finding"] for r in rows if r["number"] == "6"
+    )
 
 
 def test_of_two_maps_the_one_of_more_runs_counts_and_a_map_needs_no_points(tmp_path):
@@ -311,7 +313,7 @@ def test_other_structures_are_refused_on_one_line(tmp_path, capsys):
     path = tmp_path / "two.h5"
     assert campaign.run(parse_job(SMALL, "small", "small"), path, Serial()) == 0
     capsys.readouterr()
-    assert cli.main(["claims", str(path)]) == 2
+    assert answer_claims.main([str(path)]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "structure.n_floors = 2" in error
@@ -326,7 +328,7 @@ EXPECTED = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(EXPECTED))
 def test_claims_of_figure_3(tmp_path, name):
-    text = load_job(JOBS / f"{name}.toml").text
+    text = load_job(PAPER / f"{name}.toml").text
     if "lyapunov" not in text:
         text += "\n[output]\nlyapunov = true\n"
     path = tmp_path / "f.h5"

@@ -96,3 +96,15 @@ def test_a_run_loads_the_solver_of_its_job_and_no_other(tmp_path):
     assert code == 0
     assert {"numba", "hpcsweep.solvers.flow"} <= modules
     assert not modules & ({"scipy.integrate", "hpcsweep.solvers.bdf"} | DRAWS)
+
+
+@pytest.mark.parametrize("method", ["flow", "bdf"])
+def test_each_solver_runs_in_a_process_that_has_loaded_no_other(tmp_path, method):
+    job = tmp_path / "job.toml"
+    job.write_text(
+        f"{SMALL.replace('count = 11', 'count = 2').replace('count = 4', 'count = 2')}\n"
+        f'[solver]\nmethod = "{method}"\n'
+    )
+    code, modules = loaded("run", job, "-o", tmp_path / "out.h5")
+    assert code == 0
+    assert f"hpcsweep.solvers.{method}" in modules

@@ -11,13 +11,19 @@ from pathlib import Path
 
 import h5py
 import pytest
-from tools import ROOT, hpcsweep
+from tools import ATTRACTORS, BASINS, GRID, ROOT, SMALL, hpcsweep
 
 from hpcsweep.commands.cli import build_parser
 from hpcsweep.job import JobError, parse_job
 
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 ROOMS = sorted(path.parent.name for path in (ROOT / "hpcsweep").glob("*/__init__.py"))
+PEAKS = "storey_drift = true\ndisplacement = true\ncontact_force = true\n"
+LIST = """
+[study]
+kind = "points"
+points = [[0.05, 0.6], [0.2, 0.5]]
+"""
 TOP = ("hpcsweep", "jobs", "slurm", "tests", "docs", r"\.ci")
 LAUNCHER = re.compile(r"^(?:(?:mpirun|srun)(?: -n \S+| --\S+)* )?hpcsweep (?=[a-z-])")
 
@@ -129,12 +135,26 @@ def test_every_example_can_be_read(page):
     for example in blocks(text, "toml"):
         tree = tomllib.loads(example)
         if "sweep" in tree and "study" not in tree:
-            assert parse_job(example, page.name, "example").study.omega.size
+            assert parse_job(example, page.name, "example").study.n_runs
+
+
+def test_the_way_to_pandas(tmp_path):
+    page = (ROOT / "docs" / "pandas.md").read_text()
+    made = hpcsweep(0, "run", ROOT / "jobs" / "ci.toml", "-o", tmp_path / "ci.h5")
+    assert made.returncode == 0
+    script = tmp_path / "page.py"
+    script.write_text("\n".join(blocks(page, "python")))
+    done = subprocess.run(
+        [sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "periodic" in done.stdout
+    assert len((tmp_path / "drift.csv").read_text().splitlines()) == 1 + 15
 
 
 def test_the_exercises_apply():
     exercises = blocks((ROOT / "docs" / "extending.md").read_text(), "diff")
-    assert len(exercises) == 4
+    assert len(exercises) == 5
     for exercise in exercises:
         done = subprocess.run(
             ["git", "apply", "--check"], input=exercise, text=True, cwd=ROOT, capture_output=True
@@ -151,10 +171,10 @@ def known_keys(start: str) -> list[str]:
 
 def test_every_key_of_a_job_is_described():
     described = spans((ROOT / "docs" / "job-files.md").read_text())
-    tables = [key for key in known_keys("") if key != "name"]
+    tables = [key for key in known_keys("") if key not in ("name", "vary", "building")]
     keys = [f"{table}.{key}" for table in tables for key in known_keys(f"[{table}]\n")]
     assert len(keys) > 20
-    assert [key for key in ["name", *keys] if key not in described] == []
+    assert [key for key in ["name", "vary", "building", *keys] if key not in described] == []
 
 
 def test_every_variable_and_attribute_of_a_file_is_described(small_job, tmp_path):
@@ -177,3 +197,14 @@ def test_every_room_has_its_page_of_words():
     for room in ROOMS:
         source = Path(ROOT / "hpcsweep" / room / "__init__.py").read_text()
         assert ast.get_docstring(ast.parse(source))
+
+
+@pytest.mark.parametrize(
+    "text", [SMALL + PEAKS + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST]
+)
+def test_every_name_in_a_file_is_in_the_glossary(text):
+    study = parse_job(text, "job.toml", "job").study
+    named = spans((ROOT / "docs" / "glossary.md").read_text())
+    held = [study.commit, *study.variables, *(variable for variable, _ in study.given)]
+    names = {*study.dimensions, *(variable.name for variable in held), study.kind}
+    assert sorted(names - set(named)) == []

@@ -25,7 +25,7 @@ from hpcsweep.studies.settings import SweepSettings
 
 PAPER, AS_DESCRIBED = Structure(), Structure(damping_ratio=DESCRIBED)
 MACHINE = Structure(1, 50.0, math.inf, gap=0.5, gap_left=0.5)
-"""Of jobs/clearance.toml: its own mirror image."""
+"""Of jobs/structures/clearance.toml: its own mirror image."""
 
 
 def test_so_many_starts_find_a_share():

@@ -46,7 +46,7 @@ def results(period, exponent, contact, outcome, points):
     import xarray
 
     n = len(period)
-    run = ("direction", "frame", "amplitude")
+    run = ("direction", "omega", "amplitude")
 
     def twice(values, dtype):
         return run, np.array([[values, values]], dtype)
@@ -64,7 +64,7 @@ def results(period, exponent, contact, outcome, points):
             "outcome": twice(outcome, int),
             "n_points": (run, counts),
             "poincare": ((*run, "point", "state"), poincare),
-            "omega": ("frame", [0.5, 2.0]),
+            "omega": ("omega", [0.5, 2.0]),
             "amplitude": ("amplitude", np.linspace(0.1, 0.9, n)),
         },
     )
@@ -133,7 +133,7 @@ def test_what_a_file_does_not_hold_is_not_told(every_kind):
 
 
 def test_shares_are_of_the_runs_that_were_computed(every_kind):
-    one = every_kind.isel(frame=[0])
+    one = every_kind.isel(omega=[0])
     shares = class_shares(classify(one, SETTINGS))
     assert MotionClass.NOT_COMPUTED not in shares
     assert shares[MotionClass.UNDECIDED] == 2 / 8

@@ -85,14 +85,14 @@ def test_point_pixels_of_the_decoded_film_are_where_they_should_be(made):
     painter = film_frame.Painter(film._scene(view, found))
     n = data.sizes["state"] // 2
     seen = 0
-    for k in range(data.sizes["frame"]):
-        up = data.isel(direction=0, frame=k)
+    for k in range(data.sizes["omega"]):
+        up = data.isel(direction=0, omega=k)
         for a in range(data.sizes["amplitude"]):
             for floor in range(n):
                 u = float(up["poincare"].values[a, 0, floor])
                 y, x = (
-                    painter.layout.row(floor, u),
-                    painter.layout.column(float(data["amplitude"][a])),
+                    painter.page.row(floor, u),
+                    painter.page.column(float(data["amplitude"][a])),
                 )
                 colour = pictures[k][y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3).astype(int)
                 # the other sweep's colour is 213 away, the background 255
@@ -100,8 +100,8 @@ def test_point_pixels_of_the_decoded_film_are_where_they_should_be(made):
                 seen += 1
     assert seen == 4 * 11 * 2
     # between two columns of points there is none
-    middle = int(painter.layout.column(data["amplitude"].values[5:7]).mean())
-    top, bottom = painter.layout.panels[0][:2]
+    middle = int(painter.page.column(data["amplitude"].values[5:7]).mean())
+    top, bottom = painter.page.panels[0][:2]
     assert pictures[:, top + 3 : bottom - 3, middle].min() > 190
 
 
@@ -130,40 +130,40 @@ def test_points_agree_with_the_axes_that_matplotlib_draws():
     }
     blank = painter.paint(1.5, empty)[..., :3].astype(int)
     for floor in range(2):
-        top, bottom, left, right = painter.layout.panels[floor]
+        top, bottom, left, right = painter.page.panels[floor]
         inside = blank[top + 3 : bottom - 3, left + 3 : right - 3].sum(axis=2)
         lines = np.flatnonzero(np.median(inside, axis=1) < 3 * 250) + top + 3
-        assert np.abs(lines - painter.layout.row(floor, 0.0)).min() <= 1
+        assert np.abs(lines - painter.page.row(floor, 0.0)).min() <= 1
         columns = np.flatnonzero(np.median(inside, axis=0) < 3 * 250) + left + 3
         for a in ticks:
-            assert np.abs(columns - painter.layout.column(a)).min() <= 1
+            assert np.abs(columns - painter.page.column(a)).min() <= 1
     points = empty["poincare"].copy()
     points[0, 1, 0] = 0.3, -0.1
     drawn = painter.paint(1.5, {**empty, "poincare": points})[..., :3]
     y, x = np.nonzero(np.abs(drawn.astype(int) - blank).max(axis=2) > 0)
     for floor, u in enumerate((0.3, -0.1)):
-        top, bottom, _, _ = painter.layout.panels[floor]
+        top, bottom, _, _ = painter.page.panels[floor]
         own = (y >= top) & (y < bottom)
-        low, high = painter.layout.limits(floor)
+        low, high = painter.page.limits(floor)
         expected = bottom - (u - low) / (high - low) * (bottom - top)
         assert y[own].mean() == pytest.approx(expected, abs=1)
-        assert x[own].mean() == pytest.approx(painter.layout.column(0.1), abs=0.5)
+        assert x[own].mean() == pytest.approx(painter.page.column(0.1), abs=0.5)
         assert own.sum() >= 9
 
 
 def test_bands_tell_the_contact_sets(made):
-    data = open_results(made.file).isel(frame=0)
+    data = open_results(made.file).isel(omega=0)
     view = film.Film(made, made.output.parent)
     painter = film_frame.Painter(film._scene(view, view.survey(view.order)))
     picture = painter.paint(float(data["omega"]), view.read(0))
     contacts = painter.scene.contacts
     assert set(contacts) >= set(np.unique(data["contact"].values).tolist())
-    for d, (top, _) in enumerate(painter.layout.bands):
+    for d, (top, _) in enumerate(painter.page.bands):
         for a, contact in enumerate(data["contact"].values[d]):
             x = min(
                 max(
-                    painter.layout.column(data["amplitude"].values[a]),
-                    painter.layout.panels[0][2] + 6,
+                    painter.page.column(data["amplitude"].values[a]),
+                    painter.page.panels[0][2] + 6,
                 ),
                 10**6,
             )
@@ -177,7 +177,7 @@ def test_poster_is_the_frame_with_most_kinds_of_motion(made):
     data = open_results(made.file)
     kinds = [
         len(np.unique(np.stack((frame["orbit_period"], frame["contact"])).reshape(2, -1), axis=1).T)
-        for frame in (data.isel(frame=k) for k in range(4))
+        for frame in (data.isel(omega=k) for k in range(4))
     ]
     points = data["n_points"].values.sum(axis=(0, 2))
     richest = max(range(4), key=lambda k: (kinds[k], points[k]))
@@ -222,15 +222,15 @@ def test_colours_tell_the_class_of_the_run(made, tmp_path, color):
     painter = film_frame.Painter(scene)
     results = open_results(made.file)
     classes = classes_of(results)[1, 1]
-    data = results.isel(frame=1, direction=1)
+    data = results.isel(omega=1, direction=1)
     picture = painter.paint(0.6, view.read(1))
     of = {
         "contact": lambda a: contact_colour(int(data["contact"][a]), 2),
         "period": lambda a: MOTION_COLOURS[motion_place(classes[a], data["orbit_period"][a])],
     }[color]
     for a in range(data.sizes["amplitude"]):
-        x = painter.layout.column(data["amplitude"].values[a])
-        y = painter.layout.row(0, data["poincare"].values[a, 0, 0])
+        x = painter.page.column(data["amplitude"].values[a])
+        y = painter.page.row(0, data["poincare"].values[a, 0, 0])
         assert picture[y, x, :3].tolist() == rgb(of(a)).tolist()
 
 
@@ -272,7 +272,7 @@ def test_single_frames_are_read_as_the_whole_file_is(results, tmp_path):
     whole = open_results(copy)
     assert 0 < int((whole["outcome"] == 0).sum()) < whole["outcome"].size
     frames = Frames(copy)
-    for k in range(whole.sizes["frame"]):
+    for k in range(whole.sizes["omega"]):
         for name, values in frames.read(k, ("poincare", "contact", "outcome")).items():
             np.testing.assert_array_equal(values, whole[name].values[:, k])
     with pytest.raises(StoreError, match=r"output\.lyapunov"):
@@ -340,7 +340,7 @@ def test_legends_keep_to_the_picture():
         width=WIDTH,
     )
     painter = film_frame.Painter(scene)
-    bottom = painter.layout.panels[0][1]
+    bottom = painter.page.panels[0][1]
     nothing = {
         "poincare": np.full((2, 2, 1, 12), np.nan),
         "orbit_period": np.ones((2, 2), int),

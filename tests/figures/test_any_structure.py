@@ -123,9 +123,10 @@ def general(request, tmp_path_factory):
 
 
 def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
+    from claims.reading import open_frames
+
     from hpcsweep import open_results
     from hpcsweep.campaign.summary import summarize
-    from hpcsweep.claims.reading import open_frames
     from hpcsweep.store import StoreError
 
     name, path = general

@@ -83,7 +83,7 @@ def test_a_study_holds_what_the_file_holds(results_file):
     assert np.array_equal(study.values["drift"], drift)
     ends = np.cumsum(study.counts.ravel()).reshape(study.counts.shape)
     for frame, direction, amplitude in np.ndindex(study.counts.shape):
-        run = results.isel(frame=frame, direction=direction, amplitude=amplitude)
+        run = results.isel(omega=frame, direction=direction, amplitude=amplitude)
         n_points = int(run["n_points"])
         stored = run["poincare"].values[:n_points]
         end = ends[frame, direction, amplitude]

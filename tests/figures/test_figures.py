@@ -26,6 +26,9 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.outcome import Outcome
 
+OWN_JOBS = ("vary", "peaks")
+"""Figures of results that not every job holds."""
+
 
 def test_contact_regions_are_maximal_and_short_ones_are_absorbed():
     up = [0] * 5 + [4] * 6 + [6] + [4] * 5 + [6] * 8
@@ -219,7 +222,7 @@ def test_map_sorts_frames_and_hatches_what_is_not_computed(results, drawn_figure
     outcome = results["outcome"].copy()
     outcome[0, 2, 3] = Outcome.NOT_COMPUTED
     outcome[0, 2, 4] = Outcome.STEP_LIMIT
-    mixed = results.assign(outcome=outcome).isel(frame=[2, 0, 3, 1])
+    mixed = results.assign(outcome=outcome).isel(omega=[2, 0, 3, 1])
     figure = drawn_figure(period_map, mixed)
     shown = figure.axes[0].collections[0].get_array().reshape(4, 11)
     assert np.argwhere(np.ma.getmaskarray(shown)).tolist() == [[2, 3]]
@@ -261,7 +264,7 @@ def test_benefit_counts_the_runs_it_shows(results, drawn_figure):
 
 
 def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn_figure):
-    frame = results.isel(frame=2)
+    frame = results.isel(omega=2)
     structure = style.job_of(results).structure
     classes = classes_of(results)[:, 2]
     run = np.argwhere((classes == MotionClass.PERIODIC) & (frame["contact"].values > 0))[-1]
@@ -278,7 +281,7 @@ def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn_
 
 
 def test_the_asked_period_is_found_in_the_middle_of_its_longest_stretch(results):
-    frame = results.isel(frame=0, amplitude=slice(0, 10))
+    frame = results.isel(omega=0, amplitude=slice(0, 10))
     period = np.array([[1, 1, 1, 1, 2, 2, 0, 2, 2, 2], [1, 1, 1, 1, 1, 1, 1, 1, 4, 4]])
     kinds = np.where(period > 0, MotionClass.PERIODIC, MotionClass.CHAOTIC)
     kinds[:, :4] = MotionClass.NO_CONTACT
@@ -324,9 +327,14 @@ def test_mistakes_take_one_line_and_write_nothing(file, tmp_path, capsys, argume
 
 def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
     from hpcsweep.commands.cli import main
-    from hpcsweep.commands.plot import figures
+    from hpcsweep.figures.options import figures
 
-    kinds = [name for name, figure in figures().items() if figure.DRAWS == "motions"]
+    # those that need a job of their own are drawn in test_vary_map.py and test_peaks_figure.py
+    kinds = [
+        n
+        for n, figure in figures().items()
+        if figure.DRAWS == "motions" and n not in ("vary", "peaks")
+    ]
     assert len(kinds) == 6
     for kind in kinds:
         output = tmp_path / f"{kind}.png"
@@ -344,9 +352,9 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     from hpcsweep import open_results
     from hpcsweep.campaign import run as campaign
     from hpcsweep.commands.cli import main
-    from hpcsweep.commands.plot import figures
     from hpcsweep.figures.explorer.page import build_page
     from hpcsweep.figures.explorer.page_data import gather
+    from hpcsweep.figures.options import figures
     from hpcsweep.job import parse_job
     from hpcsweep.parallel.mpi import Serial
     from hpcsweep.studies.points import START
@@ -356,7 +364,12 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     assert campaign.run(parse_job(text, "points", "points"), path, Serial()) == 0
     results = open_results(path)
     assert [str(name) for name in results["direction"].values] == [START]
-    kinds = [name for name, figure in figures().items() if figure.DRAWS == "motions"]
+    # those that need a job of their own are drawn in test_vary_map.py and test_peaks_figure.py
+    kinds = [
+        n
+        for n, figure in figures().items()
+        if figure.DRAWS == "motions" and n not in ("vary", "peaks")
+    ]
     assert len(kinds) == 6
     for kind in kinds:
         output = tmp_path / f"{kind}.png"
@@ -373,7 +386,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
 
 def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
     from hpcsweep.commands.cli import main
-    from hpcsweep.commands.plot import figures
+    from hpcsweep.figures.options import figures
 
     with pytest.raises(SystemExit) as stop:
         main(["plot", "--help"])
@@ -390,7 +403,7 @@ def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
             assert option.keyword in parameters, (name, option.flag)
             assert option.flag in said
             # one flag is one option, so that its help and its meaning are the same everywhere
-            assert flags.setdefault(option.flag, option) is option
+            assert flags.setdefault(option.flag, option) == option
             inspect.signature(figure.load).bind("file", **{option.keyword: None})
 
 
@@ -403,7 +416,7 @@ def test_the_figures_are_loaded_only_for_plot():
 
 def test_a_map_needs_two_frames_and_a_direction_that_is_there(results, tmp_path):
     with pytest.raises(style.PlotError, match="at least 2 frames"):
-        period_map.draw(results.isel(frame=[0]), tmp_path / "o.png")
+        period_map.draw(results.isel(omega=[0]), tmp_path / "o.png")
     with pytest.raises(style.PlotError, match="up only"):
         benefit.draw(results.isel(direction=[0]), tmp_path / "o.png", direction="down")
     with pytest.raises(style.PlotError, match=r"output\.lyapunov"):
@@ -414,24 +427,24 @@ def test_a_map_needs_two_frames_and_a_direction_that_is_there(results, tmp_path)
 def test_modal_norms_without_stop_are_the_mean_over_a_period():
     structure, omega = Structure(n_floors=4, damping_ratio=0.03), 0.7
     phase = 2 * np.pi * np.arange(100_000) / 100_000
-    modal = structure.mode_shapes.T @ structure.linear_steady_state(omega)
+    modal = structure.modes.T @ structure.linear_steady_state(omega)
     q = np.abs(np.imag(modal[:, None] * np.exp(1j * phase)))
     mean = (q / np.linalg.norm(q, axis=0)).mean(axis=1)
     assert np.allclose(metrics.free_modal_norms(structure, omega), mean, rtol=0, atol=1e-6)
 
 
 def test_every_figure_of_the_paper_has_its_jobs_and_each_its_command():
-    from tools import JOBS
+    from tools import PAPER
 
     from hpcsweep.commands.cli import build_parser
-    from hpcsweep.commands.plot import figures
+    from hpcsweep.figures.options import figures
 
     names = {f"figure{k}" for k in range(2, 9)} | {"figure6-beta100"}
     names |= {f"{name}-described" for name in names}
-    names.add("figure3-decided")
-    assert names == {path.stem for path in JOBS.glob("figure*.toml")}
+    names.add("figure3-classified")
+    assert names == {path.stem for path in PAPER.glob("figure*.toml")}
     for name in names:
-        lines = (JOBS / f"{name}.toml").read_text().splitlines()
+        lines = (PAPER / f"{name}.toml").read_text().splitlines()
         draw = [line for line in lines if line.startswith("# Draw: hpcsweep plot ")]
         assert len(draw) == 1, name
         options = build_parser().parse_args(draw[0].removeprefix("# Draw: hpcsweep ").split())
@@ -444,11 +457,11 @@ def test_every_figure_of_the_paper_has_its_jobs_and_each_its_command():
 def test_jobs_as_described_differ_from_those_as_printed_by_the_damping_alone():
     from dataclasses import replace
 
-    from tools import JOBS
+    from tools import PAPER
 
     from hpcsweep.job import load_job
 
-    for path in sorted(JOBS.glob("figure[678]*-described.toml")):
+    for path in sorted(PAPER.glob("figure[678]*-described.toml")):
         described = load_job(path)
         printed = load_job(path.with_name(path.name.replace("-described", "")))
         w = described.structure.frequencies
@@ -509,3 +522,12 @@ def test_chaos_is_told_by_decided_motions_or_by_the_exponent(tmp_path, cycles):
         assert hint in captions
         with pytest.raises(style.PlotError, match="hold no lyapunov"):
             benefit.draw(results, tmp_path / "b.png")
+
+
+def test_a_frequency_far_from_every_frame_is_refused(file, tmp_path, capsys):
+    from hpcsweep.commands.cli import main
+
+    picture = tmp_path / "o.png"
+    assert main(["plot", str(file), "--omega", "7.5", "-o", str(picture)]) == 2
+    assert "--omega 7.5: the results hold" in capsys.readouterr().err
+    assert not picture.exists()

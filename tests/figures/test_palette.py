@@ -362,7 +362,7 @@ def test_the_film_has_the_same_colours():
     }
     frame["poincare"][0] = 0.0
     picture = painter.paint(1.0, frame)
-    row, columns = painter.layout.row(0, 0.0), painter.layout.column(painter.scene.amplitude)
+    row, columns = painter.page.row(0, 0.0), painter.page.column(painter.scene.amplitude)
     painted = ["#" + bytes(picture[row, x, :3].tolist()).hex() for x in columns]
     assert painted == list(palette.MOTION_COLOURS)
 

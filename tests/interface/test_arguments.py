@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from claims import judge_files
 from tools import SMALL
 
 import hpcsweep
@@ -15,7 +16,6 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
-from hpcsweep.claims import judge_files
 from hpcsweep.dynamics import classify, orbit, stability
 from hpcsweep.figures.diagrams import orbit_diagram
 from hpcsweep.job import load_job, parse_job

@@ -14,7 +14,13 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.settings import SKIP_RULES
 
 KEYS = keys_of(KINDS[DEFAULT_KIND])
-WITHOUT_DEFAULT = {"structure": ("mass", "storey_stiffness", "rayleigh", "matrices", "contact")}
+WITHOUT_DEFAULT = {
+    "": ("vary", "units", "building", "pounding"),
+    "sweep": ("frequency",),
+    "units": ("length", "mass", "time"),
+    "pounding": ("gap", "stiffness", "sharpness"),
+    "structure": ("mass", "storey_stiffness", "rayleigh", "matrices", "contact"),
+}
 """Keys that stand in the place of others, which the template only mentions."""
 EVERY_KEY = re.sub(r"^#(?=\w+ = )", "", TEMPLATE, flags=re.MULTILINE)
 """The template with every key given."""
@@ -23,11 +29,13 @@ EVERY_KEY = re.sub(r"^#(?=\w+ = )", "", TEMPLATE, flags=re.MULTILINE)
 def test_it_has_every_key_in_its_table_in_order_and_no_other():
     tree = tomllib.loads(EVERY_KEY)
     assert tree.pop("extends")
-    tables = {"": tree, **{name: tree[name] for name in KEYS[""] if name in KEYS}}
+    named = [name for name in KEYS[""] if name in KEYS and name not in WITHOUT_DEFAULT[""]]
+    tables = {"": tree, **{name: tree[name] for name in named}}
     found = {name: tuple(table) for name, table in tables.items()}
     assert found == {
         name: tuple(key for key in keys if key not in WITHOUT_DEFAULT.get(name, ()))
         for name, keys in KEYS.items()
+        if name not in WITHOUT_DEFAULT[""]
     }
     for keys in WITHOUT_DEFAULT.values():
         assert [key for key in keys if not re.search(rf"^#.*\b{key}\b", TEMPLATE, re.M)] == []
@@ -77,8 +85,13 @@ def test_every_kind_of_study_is_told_with_the_keys_that_only_it_has():
 
 @pytest.mark.parametrize("key", [key for keys in KEYS.values() for key in keys])
 def test_every_key_is_explained_before_it_or_beside_it(key):
-    if key in KEYS:
+    if key in ("units", "pounding", "building"):
+        assert f"[{key}]" in TEMPLATE
+    elif key in KEYS:
         assert f"\n[{key}]\n" in TEMPLATE
+    elif key == "vary":
+        assert "\n#[vary]\n#structure.gap = " in TEMPLATE
+        parse_job(TEMPLATE + "[vary]\nstructure.gap = [1.0, 2.0]", "x", "x")
     elif any(key in keys for keys in WITHOUT_DEFAULT.values()):
         assert re.search(rf"^# .*\b{key}\b", TEMPLATE, flags=re.MULTILINE)
     else:

@@ -344,14 +344,14 @@ def test_the_papers_building_has_no_such_attribute(tmp_path):
     [("pounding", 8, 3), ("clearance", 1, 2), ("two-masses", 2, 1), ("bilinear", 1, 1)],
 )
 def test_the_shipped_jobs_are_what_they_say(name, n, contacts):
-    job = load_job(JOBS / f"{name}.toml")
+    job = load_job(JOBS / "structures" / f"{name}.toml")
     assert job.structure.n_floors == n
     assert len(job.structure.contacts) == contacts
     assert job.structure.foreign
 
 
 def test_pounding_buildings_are_those_of_three_and_five_equal_storeys():
-    found = load_job(JOBS / "pounding.toml").structure
+    found = load_job(JOBS / "structures/pounding.toml").structure
     stiffness = found.stiffness_matrix
     assert np.array_equal(stiffness[:3, :3], Structure(3).stiffness_matrix)
     assert np.array_equal(stiffness[3:, 3:], Structure(5).stiffness_matrix)

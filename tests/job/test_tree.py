@@ -319,7 +319,7 @@ def test_the_text_depends_on_the_tree_not_on_the_order_of_known_keys(tree):
 
 
 def test_every_shipped_job_is_as_its_text_says():
-    for path in sorted(JOBS.glob("*.toml")):
+    for path in sorted(JOBS.rglob("*.toml")):
         job = load_job(path)
         again = parse_job(job.text, path.name, path.stem)
         assert (again.fingerprint, again.name) == (job.fingerprint, path.stem)

@@ -14,9 +14,9 @@ import pytest
 from tools import environment, python
 
 import hpcsweep
-from hpcsweep.kernels import cache as jit
 from hpcsweep.kernels import folders
-from hpcsweep.kernels.separate import Separate
+from hpcsweep.kernels.compile import cache as jit
+from hpcsweep.kernels.compile.entry_points import EntryPoint
 
 if numba.config.DISABLE_JIT:
     pytest.skip("nothing is compiled", allow_module_level=True)
@@ -32,7 +32,7 @@ def kernels():
             continue
         module = importlib.import_module(info.name)
         for value in vars(module).values():
-            if isinstance(value, numba.core.dispatcher.Dispatcher | Separate):
+            if isinstance(value, numba.core.dispatcher.Dispatcher | EntryPoint):
                 found[value.py_func] = value
     return found
 
@@ -67,8 +67,8 @@ CODE = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from hpcsweep.{module} import switch
-from hpcsweep.kernels import cache as jit
-from hpcsweep.kernels.separate import Separate
+from hpcsweep.kernels.compile import cache as jit
+from hpcsweep.kernels.compile.entry_points import EntryPoint
 switch(0.5, 3.0)
 stats = switch.stats
 print(jit.source_hash(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
@@ -112,7 +112,7 @@ def test_settings_of_numba_for_other_packages_are_left_alone():
 
 
 HASHED = """
-from hpcsweep.kernels import cache
+from hpcsweep.kernels.compile import cache
 parsed, text = [], cache._program_text
 cache._program_text = lambda source: parsed.append(1) or text(source)
 print(cache.source_hash(), len(parsed))

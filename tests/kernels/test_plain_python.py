@@ -138,7 +138,7 @@ def test_the_cases_reach_what_they_are_for(both):
 def test_plain_kernels_refuse_what_lies_beyond_an_array():
     code = (
         "import numpy as np, pytest\n"
-        "from hpcsweep.kernels.vectors import LANES, load, store\n"
+        "from hpcsweep.kernels.simd.vectors import LANES, load, store\n"
         "array = np.zeros((2, LANES))\n"
         "store(array, LANES, load(array, 0) + 1.0)\n"
         "assert array.tolist() == [[0.0] * LANES, [1.0] * LANES]\n"

@@ -2,9 +2,6 @@
 
 import ast
 import gc
-import io
-import json
-import math
 import os
 import shutil
 import subprocess
@@ -17,149 +14,78 @@ import pytest
 import tools
 from tools import JOBS, environment
 
-from hpcsweep.kernels import folders, separate, warm
-from hpcsweep.kernels.warm import Progress
-from hpcsweep.solvers import flow
-from hpcsweep.studies.compilation import SILENCE, Report, duration
+from hpcsweep.kernels import folders
+from hpcsweep.kernels.compile import entry_points, warm
+from hpcsweep.solvers.flow import flow_map
+from hpcsweep.studies.compilation import SILENCE, announced
 
 if numba.config.DISABLE_JIT:
     pytest.skip("nothing is compiled", allow_module_level=True)
 
 
-FLOW_KERNELS = [one for one in separate.ALL if one.name.startswith(flow.__name__)]
+FLOW_KERNELS = [one for one in entry_points.ALL if one.name.startswith("hpcsweep.solvers.")]
+assert FLOW_KERNELS, flow_map  # its import registers them
 
 
 class Fake:
-    """In place of a separate kernel."""
+    """In place of an entry point."""
 
-    def __init__(self, name, takes, clock, kept=False):
-        self.name = self.__name__ = self.cost_name = name
-        self.fit = None
+    def __init__(self, name, kept=False):
+        self.name = self.__name__ = name
+        self.specialisation = None
         self.__module__ = f"{__name__}.{name.partition('.')[0]}"
-        self.takes, self.clock, self.is_kept, self.is_loaded = takes, clock, kept, False
+        self.is_kept, self.is_loaded = kept, False
 
     def load(self):
-        if not self.is_loaded and not self.is_kept:
-            self.clock[0] += self.takes
         self.is_loaded = True
 
 
 @pytest.fixture
 def told(monkeypatch, tmp_path):
-    """Compile fake kernels of given seconds; return what was told."""
-    clock = [0.0]
+    """Compile fake kernels; return what was told."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(warm.time, "process_time", lambda: clock[0])
-    monkeypatch.setattr(warm.time, "perf_counter", lambda: clock[0])
 
-    def compiled(takes: dict[str, float], kept=(), jobs=1):
-        fakes = [Fake(name, seconds, clock, name in kept) for name, seconds in takes.items()]
-        monkeypatch.setattr(separate, "ALL", fakes)
-        found: list[Progress] = []
-        warm.load_all(found.append, jobs)
+    def compiled(names: str, kept="", jobs=1):
+        fakes = [Fake(name, name in kept) for name in names]
+        monkeypatch.setattr(entry_points, "ALL", fakes)
+        found: list[tuple[int, int]] = []
+        warm.load_all(lambda *progress: found.append(progress), jobs)
         assert all(fake.is_loaded for fake in fakes)
         return found
 
     return compiled
 
 
-def test_the_time_left_is_learnt_and_scaled(told, tmp_path):
-    takes = {"a": 2.0, "b": 5.0, "c": 1.0}
-    first = told(takes)
-    assert [(one.done, one.total) for one in first] == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    assert all(math.isnan(one.left) for one in first)
-    assert json.loads((tmp_path / warm.SECONDS).read_text()) == takes
-    # the costliest first, and all twice as slow as the last time: known after the first
-    second = told({name: 2.0 * seconds for name, seconds in takes.items()})
-    assert [one.name for one in second] == ["", "b", "a", "c"]
-    assert [one.left for one in second] == [8.0, 6.0, 2.0, 0.0]
-    assert json.loads((tmp_path / warm.SECONDS).read_text())["b"] == 10.0
+def test_progress_is_told_of_what_is_to_be_compiled(told):
+    assert told("abc") == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    assert told("ab", kept="ab") == []
+    assert told("ab", kept="a") == [(0, 1), (1, 1)]
 
 
-def test_kernels_of_a_module_are_compiled_together(told):
-    """They share parts. The costliest group first; nothing known, callers before what they call."""
-    takes = {"leaf.a": 1.0, "other.a": 5.0, "root.a": 2.0, "root.b": 2.5, "leaf.b": 1.0}
-    fakes = [Fake(name, 0.0, [0.0]) for name in takes]
-
-    def order(learnt):
-        return [one.name for group in warm._groups(fakes, learnt) for one in group]
-
-    assert order({}) == ["leaf.b", "leaf.a", "root.b", "root.a", "other.a"]
-    assert order(takes) == ["other.a", "root.b", "root.a", "leaf.b", "leaf.a"]
+def test_kernels_of_a_module_are_compiled_together():
+    """They share parts. The largest group first, callers before what they call."""
+    fakes = [Fake(name) for name in ("leaf.a", "other.a", "root.a", "root.b", "leaf.b")]
+    order = [one.name for group in warm._groups(fakes) for one in group]
+    assert order == ["leaf.b", "leaf.a", "root.b", "root.a", "other.a"]
 
 
 def test_the_garbage_collector_is_as_it_was_before(told):
     before = gc.get_threshold()
-    told({"a": 2.0})
+    told("a")
     assert gc.get_threshold() == before
 
 
-def test_a_new_kernel_is_expected_to_take_as_long_as_the_others(told):
-    told({"a": 2.0, "b": 4.0})
-    assert told({"a": 2.0, "b": 4.0, "new": 1.0})[0].left == 9.0
-
-
-def test_kernels_in_the_cache_are_not_counted(told):
-    assert told({"a": 2.0, "b": 4.0}, kept=("a", "b")) == []
-    assert [one.total for one in told({"a": 2.0, "b": 4.0}, kept=("a",))] == [1, 1]
-
-
-@pytest.mark.parametrize("text", ["", "{", "[1]", '{"a": null}', '{"a": "x"}'])
-def test_what_was_learnt_may_be_damaged(told, tmp_path, text):
-    (tmp_path / warm.SECONDS).write_text(text)
-    assert math.isnan(told({"a": 2.0})[0].left)
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-STEPS = (
-    Progress(0, 3, "", 40.0),
-    Progress(1, 3, "march", 300.0),
-    Progress(2, 3, "lookup", 4.0),
-    Progress(3, 3, "visit", 0.0),
-)
-
-
-def test_a_terminal_has_a_bar():
-    lines: list[str] = []
-    stream = Terminal()
-    report = Report(lines.append, stream)
-    for step in STEPS:
-        report(step)
-    assert lines == ["compiling 3 kernels, once for this type of processor, about 40 s"]
-    drawn = stream.getvalue().split("\r\033[K")
-    assert drawn == [
-        "",
-        "[" + "." * 30 + "] 0/3",
-        "[" + "#" * 10 + "." * 20 + "] 1/3 march, 5 min to go",
-        "[" + "#" * 20 + "." * 10 + "] 2/3 lookup, 4 s to go",
-        "",
-    ]
-
-
-def test_elsewhere_there_is_a_line_now_and_then(monkeypatch):
+def test_there_is_a_line_at_the_start_and_now_and_then(monkeypatch):
     times = iter([0.0, 1.0, SILENCE + 1.0, SILENCE + 1.0])
     monkeypatch.setattr("hpcsweep.studies.compilation.time.monotonic", lambda: next(times))
     lines: list[str] = []
-    stream = io.StringIO()
-    report = Report(lines.append, stream)
-    for step in STEPS:
-        report(step._replace(left=math.nan) if step.done == 0 else step)
-    assert stream.getvalue() == ""
+    tell = announced(lines.append, "kernels")
+    for done in range(4):
+        tell(done, 3)
     assert lines == [
-        "compiling 3 kernels, once for this type of processor",
-        "compiled 2 of 3 kernels, 4 s to go",
+        "compiling 3 kernels, once for this type of processor: up to a minute",
+        "compiled 2 of 3 kernels",
     ]
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(0.2, "1 s"), (41.4, "41 s"), (99.4, "99 s"), (140.0, "2 min")]
-)
-def test_durations(seconds, text):
-    assert duration(seconds) == text
 
 
 def command(*arguments, **variables) -> subprocess.CompletedProcess:
@@ -247,7 +173,8 @@ def test_where_kernels_are_kept_is_known(tmp_path, kept):
         own.write_text("")
     usual = tmp_path / ("cache" if kept == "usual" else "file/cache")
     done = tools.python(
-        COMPILED + "from hpcsweep.kernels.cache import kept_in\nprint([*map(str, kept_in())])\n",
+        COMPILED
+        + "from hpcsweep.kernels.compile.cache import kept_in\nprint([*map(str, kept_in())])\n",
         NUMBA_CACHE_DIR=str(usual),
         TMPDIR=str(tmp_path),
     )
@@ -391,7 +318,7 @@ def test_what_others_cannot_hand_over_is_compiled_here(told, monkeypatch):
 
         def submit(self, *arguments):
             future = Future()
-            future.set_result((1.0, ["the disk is full"]))
+            future.set_result(["the disk is full"])
             return future
 
         def shutdown(self, **options):
@@ -401,9 +328,9 @@ def test_what_others_cannot_hand_over_is_compiled_here(told, monkeypatch):
     monkeypatch.setattr(warm, "ProcessPoolExecutor", Pool)
     monkeypatch.setattr(folders, "_said", [])
     monkeypatch.setattr(folders, "_way", [said.append])
-    found = told({"a": 2.0, "b": 5.0, "c": 1.0}, jobs=2)
+    found = told("abc", jobs=2)
     assert said == ["the disk is full"]
-    assert [one.done for one in found] == [0, 1, 2, 3]
+    assert [done for done, _ in found] == [0, 1, 2, 3]
 
 
 HASWELL = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,-avx512f"}
@@ -437,7 +364,7 @@ def test_results_do_not_depend_on_the_processor(tmp_path):
         out = tmp_path / f"{name}.h5"
         done = command(
             "run",
-            JOBS / "figure3.toml",
+            JOBS / "paper/figure3.toml",
             "-o",
             out,
             NUMBA_CACHE_DIR=str(tmp_path / "cache"),

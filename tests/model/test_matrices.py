@@ -26,7 +26,7 @@ def test_masses_and_storeys_of_a_building():
     assert structure.stiffness_matrix.tolist() == [[5, -2, 0], [-2, 3, -1], [0, -1, 1]]
     assert [contact.stiffness for contact in structure.contacts] == [3000.0, 2000.0, 1000.0]
     assert structure.forcing_vector.tolist() == [-1.0, -2.0, -4.0]
-    phi, mass = structure.mode_shapes, structure.mass_matrix
+    phi, mass = structure.modes, structure.mass_matrix
     assert np.allclose(phi.T @ mass @ phi, np.eye(3), atol=1e-13)
     assert np.allclose(structure.modal_transform @ phi, np.eye(3), atol=1e-13)
     values = eigh(structure.stiffness_matrix, mass, eigvals_only=True)
@@ -39,7 +39,7 @@ def test_ones_are_the_uniform_building():
     plain, told = Structure(4), Structure(4, mass=1.0, storey_stiffness=(1.0,) * 4)
     for name in ("stiffness_matrix", "mass_matrix", "forcing_vector", "drift_rows"):
         assert np.array_equal(getattr(plain, name), getattr(told, name))
-    for name in ("frequencies", "mode_shapes", "damping_matrix"):
+    for name in ("frequencies", "modes", "damping_matrix"):
         assert np.allclose(getattr(plain, name), getattr(told, name), atol=1e-13)
     assert plain.contacts == told.contacts
     assert not plain.foreign

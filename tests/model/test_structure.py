@@ -15,7 +15,7 @@ from hpcsweep.solvers.reference import reference_window
 @pytest.mark.parametrize("n", [1, 2, 3, 7, 20, MAX_FLOORS])
 def test_modes_diagonalise_the_stiffness(n):
     structure = Structure(n, damping_ratio=np.linspace(0.01, 0.2, n))
-    phi, omega = structure.mode_shapes, structure.frequencies
+    phi, omega = structure.modes, structure.frequencies
     values, vectors = eigh(structure.stiffness_matrix)
     assert np.allclose(omega**2, values, rtol=0, atol=1e-12)
     assert np.allclose(np.abs(phi.T @ vectors), np.eye(n), atol=1e-10)
@@ -130,10 +130,10 @@ def test_what_the_solvers_know_of_the_matrices_holds(n):
     assert np.linalg.norm(stiffness, 2) <= structure.stiffness_bound == 4.0
     rows, columns = np.nonzero(stiffness)
     assert np.abs(rows - columns).max() == kernel_model(structure, 1.0).bandwidth
-    assert np.allclose(structure.modal_transform @ structure.mode_shapes, np.eye(n), atol=1e-13)
+    assert np.allclose(structure.modal_transform @ structure.modes, np.eye(n), atol=1e-13)
     u = np.linspace(0.1, 0.9, n)
     q = structure.modal_transform @ u
-    assert np.allclose(structure.mode_shapes @ q, u, atol=1e-13)
+    assert np.allclose(structure.modes @ q, u, atol=1e-13)
 
 
 def test_the_kernels_know_the_structure_and_cannot_change_it():

@@ -23,6 +23,8 @@ ATTRACTOR_PLOTS = {"attractors": ("--floor", "3"), "shares": (), "number": ("--s
 """Those of a study of attractors."""
 BASIN_PLOTS = {"basins": ()}
 """Those of a study of basins."""
+VARY_PLOTS = {"vary": (), "peaks": ()}
+"""Those of a job that varies a key."""
 BASINS = (
     'study.kind="basins"',
     "study.starts=8",
@@ -108,12 +110,21 @@ def check(hpcsweep: Installed) -> None:
     assert len(json.loads(hpcsweep("schedule", "study.h5", "--json"))["predictions"]) == 13
     assert hpcsweep("validate", "study.h5", "--samples", "6")
     kinds = re.search(r"--kind \{([\w,]+)\}", hpcsweep("plot", "--help"))[1].split(",")
-    assert set(kinds) == {*PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS}
+    assert set(kinds) == {*PLOTS, *VARY_PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS}
     own = [word for setting in ATTRACTORS for word in ("--set", setting)]
     hpcsweep("run", "study.toml", *given, *own, "-o", "each.h5", ranks=2, makes="each.h5")
     own = [word for setting in BASINS for word in ("--set", setting)]
     hpcsweep("run", "study.toml", *given, *own, "-o", "slice.h5", ranks=2, makes="slice.h5")
-    drawn = ("study.h5", PLOTS), ("each.h5", ATTRACTOR_PLOTS), ("slice.h5", BASIN_PLOTS)
+    gaps = 'vary."structure.gap"=[0.9, 1.0, 1.1]'
+    own = ("--set", gaps, "--set", "output.storey_drift=true")
+    hpcsweep("run", "study.toml", *given, *own, "-o", "gaps.h5", ranks=2, makes="gaps.h5")
+    assert "mode 1" in hpcsweep("describe", "study.toml")
+    drawn = (
+        ("study.h5", PLOTS),
+        ("gaps.h5", VARY_PLOTS),
+        ("each.h5", ATTRACTOR_PLOTS),
+        ("slice.h5", BASIN_PLOTS),
+    )
     for file, plots in drawn:
         for kind, more in plots.items():
             picture = f"{kind}.png"
@@ -123,7 +134,6 @@ def check(hpcsweep: Installed) -> None:
         hpcsweep("animate", "study.h5", "--width", "640", "-o", film, makes=film)
     hpcsweep("explore", "study.h5", "-o", "study.html", makes="study.html")
     assert "<html" in Path("study.html").read_text()
-    assert json.loads(hpcsweep("claims", "study.h5", "--json"))
     hpcsweep("pack", "study.h5", "-o", "packed.h5", makes="packed.h5")
     assert json.loads(hpcsweep("status", "packed.h5", "--json"))["complete"]
     found = json.loads(hpcsweep("bench", "--only", "floors", "--json"))

@@ -16,8 +16,8 @@ from hpcsweep.parallel import schedule
 from hpcsweep.parallel.schedule import ranks_that_help, simulate
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store.records import BlockCost, PilotCost
-from hpcsweep.studies.amplitude_sweep import AmplitudeSweep
-from hpcsweep.studies.runs import empty_rows
+from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.sweep.runs import empty_rows
 
 MANY = """
 [sweep]
@@ -161,7 +161,7 @@ def test_costs_of_single_points_are_told_apart():
     assert study.n_tasks == len(known.totals()) == study.n_runs // study.block_size
     known.sampled(PilotCost(0, 0.1, 1, 2.0))
     known.sampled(PilotCost(0, 0.9, 1, 6.0))
-    last = study.path(study.n_tasks // study.dimensions["frame"] - 1)[0]
+    last = study.path(study.n_tasks // study.n_frames - 1)[0]
     assert known.left(0) == pytest.approx(2.0 * study.block_size)
     assert known.left(last.task) == pytest.approx(6.0 * last.n_runs)
     known.done(last.place)
@@ -246,7 +246,7 @@ def test_frames_that_move_between_ranks_give_the_same_bytes(tmp_path):
     assert done.returncode == 0, done.stderr
     ranks_of = {}
     for record in journal(tmp_path / "three.h5", "block"):
-        ranks_of.setdefault(record["frame"], set()).add(record["rank"])
+        ranks_of.setdefault(record["place"][1], set()).add(record["rank"])
     recalls = journal(tmp_path / "three.h5", "end")[0]["recalls"]
     assert recalls > 0
     assert max(map(len, ranks_of.values())) > 1
@@ -297,8 +297,8 @@ from pathlib import Path
 from hpcsweep.campaign import run as campaign
 from hpcsweep.job import load_job
 from hpcsweep.parallel import mpi
-from hpcsweep.studies.amplitude_sweep import AmplitudeSweep
-from hpcsweep.studies.runs import empty_rows
+from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.sweep.runs import empty_rows
 from tools import of_study
 
 class Nothing(AmplitudeSweep):
@@ -306,7 +306,7 @@ class Nothing(AmplitudeSweep):
         pass
 
     def rows(self, frame, amplitudes, state, poll=None):
-        result = empty_rows(self.structure.n_floors, len(amplitudes), self.settings)
+        result = empty_rows(self.structure, len(amplitudes), self.settings)
         result["final_state"][:], result["outcome"][:] = 0.0, 1
         return result
 
@@ -342,7 +342,7 @@ class Failing(AmplitudeSweep):
     """Results of which some failed."""
 
     def rows(self, frame, amplitudes, state, poll=None):
-        result = empty_rows(self.structure.n_floors, len(amplitudes), self.settings)
+        result = empty_rows(self.structure, len(amplitudes), self.settings)
         result["final_state"][:] = 0.0
         result["outcome"][:] = Outcome.COMPLETE
         result["outcome"][np.asarray(amplitudes) > 0.2] = Outcome.STEP_LIMIT
@@ -437,7 +437,7 @@ def test_the_log_has_a_line_a_minute_without_any_news(monkeypatch, capsys):
 
 
 def test_what_a_run_gives_depends_on_the_path_so_a_frame_is_not_cut():
-    from hpcsweep.studies import amplitude_sweep as sweep
+    from hpcsweep.studies.sweep import amplitude_sweep as sweep
 
     job = parse_job(
         "[sweep]\nomega = 0.445\namplitude = {from = 0.21, to = 0.25, step = 0.002}\n", "h", "h"

@@ -1,13 +1,12 @@
 """Two buildings that pound, by a finite-element program of earthquake engineering.
 
-`python tests/reference/newmark.py` integrates the structure of jobs/pounding.toml, with Rayleigh's
-damping, by OpenSees (openseespy, to be installed beside; it needs the system's BLAS and LAPACK):
-average acceleration (Newmark, 1/2 and 1/4) with steps of equal length, springs and stops as
-elements between nodes, the ground as a uniform excitation. Nothing is shared with hpcsweep but the
-numbers of the structure. Newmark's method is of second order and the contact force continuous, so
-that its distance from the exact flow map falls with the square of the step; where in its steps the
-contacts begin and end makes single ratios scatter.
-"""
+`python tests/reference/newmark.py` integrates the structure of jobs/structures/pounding.toml, with
+Rayleigh's damping, by OpenSees (openseespy, to be installed beside; it needs the system's BLAS and
+LAPACK): average acceleration (Newmark, 1/2 and 1/4) with steps of equal length, springs and stops
+as elements between nodes, the ground as a uniform excitation. Nothing is shared with hpcsweep but
+the numbers of the structure. Newmark's method is of second order and the contact force continuous,
+so that its distance from the exact flow map falls with the square of the step; where in its steps
+the contacts begin and end makes single ratios scatter."""
 
 import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
 import argparse
@@ -20,7 +19,7 @@ from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 
-JOB = Path(__file__).resolve().parent.parent.parent / "jobs" / "pounding.toml"
+JOB = Path(__file__).resolve().parent.parent.parent / "jobs" / "structures" / "pounding.toml"
 RAYLEIGH = (0.02, 0.05)
 """alpha, beta of alpha M + beta K."""
 STEPS = (1000, 2000, 4000, 8000, 16000, 32000, 64000)

@@ -2,12 +2,11 @@
 
     python tests/reference/two_masses.py
 
-Two masses between walls, a one-sided spring of stiffness 100 at the first, the force
-0.1 cos(Omega tau) on the second (jobs/two-masses.toml). The orbit of period 1 is followed along arc
+Two masses between walls, a one-sided spring of stiffness 100 at the first, the force 0.1 cos(Omega
+tau) on the second (jobs/structures/two-masses.toml). The orbit of period 1 is followed along arc
 length by Newton's method on the exact stroboscopic map, from Omega = 0.5 to 0.8, and each crossing
 of the unit circle by its multipliers is bisected. Published are values by harmonic balance with 21
-harmonics, and bifurcations that were read off a figure to 0.005.
-"""
+harmonics, and bifurcations that were read off a figure to 0.005."""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from hpcsweep.job import load_job
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.trajectory import trajectory
 
-JOB = Path(__file__).resolve().parents[2] / "jobs" / "two-masses.toml"
+JOB = Path(__file__).resolve().parents[2] / "jobs" / "structures" / "two-masses.toml"
 STRUCTURE = load_job(JOB).structure
 AMPLITUDE = 0.1
 FROM, TO = 0.5, 0.8

@@ -9,9 +9,10 @@ import platform
 import numba
 import pytest
 
-from hpcsweep.kernels import separate
-from hpcsweep.kernels.parts import KernelDispatcher
+from hpcsweep.kernels.compile import entry_points
+from hpcsweep.kernels.compile.inline import KernelDispatcher
 from hpcsweep.solvers import flow
+from hpcsweep.solvers.flow.linear.propagators import lookup
 
 if numba.config.DISABLE_JIT:
     pytest.skip("nothing is compiled", allow_module_level=True)
@@ -20,12 +21,12 @@ if platform.machine() not in ("x86_64", "AMD64"):
 
 MOST = 60
 """Words; a state, a part of a step and some arrays."""
-KERNELS = [one for one in separate.ALL if one.name.startswith(flow.__name__)]
+KERNELS = [one for one in entry_points.ALL if one.name.startswith(flow.__name__)]
 
 
 def words_on_the_stack(kernel) -> int:
     """Compile a kernel anew; give the most words that are pushed for one call."""
-    separate.load_all()
+    entry_points.load_all()
     (signature,) = kernel.signatures
     fresh = KernelDispatcher(kernel.py_func, kernel.dispatcher.targetoptions)
     fresh.compile(signature)
@@ -46,5 +47,5 @@ def words_on_the_stack(kernel) -> int:
 @pytest.mark.parametrize("kernel", KERNELS, ids=lambda kernel: kernel.name.rpartition(".")[2])
 def test_calls_hand_over_little(kernel):
     # a table that is missing is built once: there the words do not matter, and are found
-    builds = kernel is flow.propagators.lookup
+    builds = kernel is lookup
     assert (words_on_the_stack(kernel) > MOST) is builds

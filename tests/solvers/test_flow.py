@@ -10,28 +10,24 @@ import pytest
 from building import generator
 from numpy.polynomial import chebyshev
 
-from hpcsweep.kernels import vectors
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.vectors import LANES, load, store
+from hpcsweep.kernels.simd import vectors
+from hpcsweep.kernels.simd.vectors import LANES, load, store
 from hpcsweep.model.contact import layer_half_width, less_contact_forces
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow import (
-    FlowMap,
-    crossing,
-    forcing,
-    modal_norm,
-    polynomials,
-    propagators,
-    search,
-    shared,
-    tables,
-    tangent,
-)
-from hpcsweep.solvers.flow.economisation import economisation
-from hpcsweep.solvers.flow.layer import error, scheme, tableau, visit
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.flow.layer import error, scheme, visit
+from hpcsweep.solvers.flow.linear import forcing, polynomials, propagators
+from hpcsweep.solvers.flow.observe import modal_norm
+from hpcsweep.solvers.flow.passage import crossing, tangent
+from hpcsweep.solvers.flow.rules import tableau
+from hpcsweep.solvers.flow.rules.economisation import economisation
+from hpcsweep.solvers.flow.search import search
+from hpcsweep.solvers.flow.state import shared, tables
+from hpcsweep.solvers.flow.state.accelerations import accelerations
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.pieces import POLL_PERIODS
+from hpcsweep.solvers.polling import POLL_PERIODS
 from hpcsweep.solvers.records import window_growth
 from hpcsweep.solvers.reference import reference_points
 
@@ -100,7 +96,7 @@ def test_error_of_a_layer_step_is_measured():
         a = np.zeros(n)
         pairs = np.zeros(2)
         forcing.forcing_at(tau, 0.3, model, pairs, 0)
-        scheme.accelerations(pairs[0], z, model, a)
+        accelerations(pairs[0], z, model, a)
         length, stiffness = visit.step_limit(z, a, model, visit.longest_step(model))
         ends, measured = [], math.inf
         for parts in (1, 6):
@@ -109,7 +105,7 @@ def test_error_of_a_layer_step_is_measured():
                 start = end.copy()
                 begun = tau + part * h
                 forcing.forcing_at(begun, 0.3, model, pairs, 0)
-                scheme.accelerations(pairs[0], start, model, a)
+                accelerations(pairs[0], start, model, a)
                 if scheme.collocate(begun, h, start, a, 0.3, pairs, stiffness, model, work):
                     scheme.finish(h, start, work.g, end)
                     if parts == 1:
@@ -657,7 +653,7 @@ def test_modal_norms_are_those_of_the_closed_form(structure, omega, amplitude):
     orbit = LinearOrbit(structure, omega)
     n = structure.n_floors
     seen = FlowMap(structure, omega).observe(orbit.state(amplitude), amplitude, 1, modal_norm=True)
-    modal = structure.mode_shapes.T @ structure.linear_steady_state(omega)
+    modal = structure.modes.T @ structure.linear_steady_state(omega)
     theta = (np.arange(400_000) + 0.5) / 400_000 * math.pi
     q = np.abs(np.imag(modal[:, None] * np.exp(1j * theta)))
     dense = (q / np.linalg.norm(q, axis=0)).mean(axis=1)

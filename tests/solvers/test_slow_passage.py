@@ -7,7 +7,10 @@ import pytest
 from building import generator
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow import FlowMap, passage_rule, propagators, slow_passage
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.flow.linear import propagators
+from hpcsweep.solvers.flow.passage import slow_passage
+from hpcsweep.solvers.flow.rules import passage_rule
 from hpcsweep.solvers.reference import reference_points
 
 PERIOD = 1.0

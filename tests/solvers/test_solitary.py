@@ -10,10 +10,13 @@ from scipy.linalg import expm
 from scipy.special import expit
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow import FlowMap, propagators
-from hpcsweep.solvers.flow.layer import tableau
-from hpcsweep.solvers.flow.layer.solitary import plan, rule, step, store, tables
-from hpcsweep.solvers.flow.tally import MAXIMA, NO_TALLY
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.flow.layer.solitary import plan, step, tables
+from hpcsweep.solvers.flow.linear import propagators
+from hpcsweep.solvers.flow.rules import solitary_rule as rule
+from hpcsweep.solvers.flow.rules import tableau
+from hpcsweep.solvers.flow.state import responses
+from hpcsweep.solvers.flow.state.tally import MAXIMA, NO_TALLY
 
 OMEGA, AMPLITUDE = 0.445, 0.05
 RHO = 1e4
@@ -148,7 +151,7 @@ def test_an_emptied_store_changes_nothing():
     start = flow.advance(np.zeros(6), 0.22, 20).state
     points, _ = flow.points(start, 0.22, 30)
     assert flow._shared.responses.count[0] > 0
-    store.forget(flow._shared.responses)
+    responses.forget(flow._shared.responses)
     assert flow._shared.responses.count[0] == 0
     again, _ = flow.points(start, 0.22, 30)
     assert np.array_equal(points, again)

@@ -1,9 +1,14 @@
 """Files of another layout are refused; the job in a file gives the file again."""
 
+import math
+
 import h5py
+import numpy as np
 import pytest
+import xarray
 from tools import assert_same_datasets, hpcsweep
 
+from hpcsweep import Structure, meanings, open_results
 from hpcsweep.store.layout import LAYOUT_VERSION
 
 
@@ -34,3 +39,76 @@ def test_the_job_written_back_out_of_the_file_gives_equal_data(tmp_path, small_j
     both = hpcsweep(0, "status", first, "--job", "--json")
     assert both.returncode == 2
     assert "not allowed with" in both.stderr
+
+
+def test_what_numbers_mean_is_told_as_cf_has_it(small_job, tmp_path):
+    from hpcsweep.dynamics.classify import MotionClass
+    from hpcsweep.solvers.outcome import Outcome
+    from hpcsweep.store import pack
+
+    path = tmp_path / "a.h5"
+    assert hpcsweep(0, "run", small_job, "-o", path).returncode == 0
+    for form in ("as written", "packed"):
+        if form == "packed":
+            pack(path)
+        told = open_results(path)["outcome"].attrs
+        meanings = dict(
+            zip(told["flag_values"].tolist(), told["flag_meanings"].split(), strict=True)
+        )
+        assert meanings == {int(one): one.name.lower() for one in Outcome}
+        with h5py.File(path, locking=False) as file:
+            assert file["motion"].attrs["flag_meanings"].split()[2] == MotionClass(2).name.lower()
+            assert "flag_values" not in file["cycles"].attrs
+
+
+BUILDINGS = """
+[[building]]
+name = "A"
+mass = [1.0, 1.0]
+storey_stiffness = 1.0
+
+[[building]]
+name = "B 1"
+mass = [1.0, 1.0, 1.0]
+storey_stiffness = 2.0
+
+[pounding]
+gap = 0.2
+stiffness = 100.0
+
+[sweep]
+omega = 0.5
+amplitude = {from = 0.02, to = 0.6, count = 10}
+"""
+
+
+def test_numbers_are_put_into_words(tmp_path):
+    job = tmp_path / "buildings.toml"
+    job.write_text(BUILDINGS)
+    assert hpcsweep(0, "run", job, "-o", tmp_path / "a.h5").returncode == 0
+    results = open_results(tmp_path / "a.h5")
+    contact = meanings(results.contact)
+    assert contact.dims == results.contact.dims
+    names = ("A1-B_11", "A2-B_12")
+    for number, word in zip(results.contact.values.flat, contact.values.flat, strict=True):
+        members = [name for k, name in enumerate(names) if int(number) >> k & 1]
+        assert word == (",".join(members) or "none")
+    assert len(set(contact.values.flat)) > 1
+    motion = meanings(results.motion.sel(direction="up"))
+    assert motion.dims == ("omega", "amplitude")
+    assert motion.values.flat[0] == "no_contact"
+    with pytest.raises(ValueError, match="drift: has no flag_meanings"):
+        meanings(results.drift)
+
+
+@pytest.mark.parametrize("contact_set", [0, 1, 2**63 + 5])
+def test_every_set_of_contacts_has_a_name(contact_set):
+    masks = np.array([1, 4, 2**63], "u8")
+    notes = {"flag_masks": masks, "flag_meanings": "1 3 64"}
+    said = meanings(xarray.DataArray(np.array([[contact_set]], "u8"), attrs=notes))
+    assert said.item() == {0: "none", 1: "1", 2**63 + 5: "1,3,64"}[contact_set]
+
+
+def test_a_contact_out_of_reach_keeps_its_name():
+    structure = Structure(n_floors=2, gap_left=(1.0, math.inf), stiffness_ratio=10.0)
+    assert structure.contact_names == {1: "1", 2: "2", 3: "1L"}

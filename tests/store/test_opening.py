@@ -55,7 +55,7 @@ def flip(path: Path, offset: int, bit: int = 0) -> None:
     path.write_bytes(data)
 
 
-@pytest.mark.parametrize("name", ["omega", "amplitude", "frame", "point", "mode", "block"])
+@pytest.mark.parametrize("name", ["omega", "amplitude", "point", "mode", "block"])
 def test_a_flipped_bit_of_a_coordinate_is_refused_and_repaired(copy, whole, name):
     attributes = dict(open_results(whole).attrs)
     with h5py.File(copy, "r") as file:
@@ -140,10 +140,10 @@ def write_journal(path: Path, *lines: bytes) -> None:
 def test_a_journal_is_believed_where_it_is_one(copy):
     start = json.dumps({"kind": "start", "time": 1.0, "ranks": 2, "hosts": ["a"]}).encode()
     block = {"kind": "block", "time": 2.0, "rank": 0, "runs": 4, "seconds": 0.5}
-    place = {"direction": 0, "frame": 1, "block": 2}
+    place = {"place": [0, 1, 2]}
     wrong = [
-        {**block, "direction": 0, "frame": -1, "block": 2},
-        {**block, "direction": 0, "frame": "x", "block": 2},
+        {**block, "place": [0, -1, 2]},
+        {**block, "place": [0, "x", 2]},
         {**block, **place, "seconds": [1]},
         {**block, **place, "runs": 0},
         {**block, **place, "seconds": float("nan")},
@@ -152,7 +152,7 @@ def test_a_journal_is_believed_where_it_is_one(copy):
         {"time": 1.0},
         [1, 2],
     ]
-    far = {**block, "direction": 0, "frame": 10**9, "block": 2}
+    far = {**block, "place": [0, 10**9, 2]}
     write_journal(
         copy,
         b"\xff\xfe\x00no text",
@@ -189,7 +189,7 @@ def test_a_code_without_a_meaning_is_not_believed(tmp_path, whole):
 def test_the_commands_say_it_in_one_line(copy, tmp_path):
     with h5py.File(copy, "r+") as file:
         file["amplitude"][2] = 0.5
-    for command in (("status",), ("summary",), ("plot",), ("explore",), ("pack",), ("claims",)):
+    for command in (("status",), ("summary",), ("plot",), ("explore",), ("pack",)):
         done = hpcsweep(0, *command, copy)
         assert done.returncode == 2, (command, done.stderr)
         assert len(done.stderr.splitlines()) == 1, (command, done.stderr)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tools import JOBS, hpcsweep
+from tools import PAPER, hpcsweep
 
 from hpcsweep import open_results
 from hpcsweep.dynamics.classify import MotionClass
@@ -18,8 +18,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.reference import reference_points
 from hpcsweep.solvers.solver import stroboscopic_points
-from hpcsweep.studies.amplitude_sweep import sweep_block
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
 
 PLAIN = frozenset()
 
@@ -63,7 +63,7 @@ DESCRIBED = {
 
 
 def labels(results, direction: str, period: str) -> list[str]:
-    runs = results.sel(direction=direction).isel(frame=0)
+    runs = results.sel(direction=direction).isel(omega=0)
     n = results.sizes["mode"]
     return [
         f"P{p} {contact_name(int(c), n)}"
@@ -80,7 +80,7 @@ def labels(results, direction: str, period: str) -> list[str]:
 )
 def test_figure_3_has_its_regions_from_the_command_line(tmp_path, name, expected):
     path = tmp_path / "f.h5"
-    done = hpcsweep(0, "run", JOBS / f"{name}.toml", "-o", path)
+    done = hpcsweep(0, "run", PAPER / f"{name}.toml", "-o", path)
     assert done.returncode == 0, done.stderr
     results = open_results(path)
     amplitude = results["amplitude"].values
@@ -102,7 +102,7 @@ def test_figure_3_has_its_regions_from_the_command_line(tmp_path, name, expected
 
 
 def test_described_chaos_where_the_paper_says(tmp_path):
-    job = load_job(JOBS / "figure3-described.toml")
+    job = load_job(PAPER / "figure3-described.toml")
     settings = replace(job.settings, metrics=frozenset({"lyapunov", "contact"}))
     path = job.study.amplitude[: int(np.searchsorted(job.study.amplitude, 0.0991))]
     swept = sweep_block(job.structure, 0.445, path, job.study.initial_state, settings)
@@ -209,8 +209,9 @@ def test_orbit_period_is_the_smallest_that_repeats():
 
 LEFT_TO_COMPILE = """
 import numpy as np
-from hpcsweep.studies import amplitude_sweep as sweep
-from hpcsweep.solvers.flow import march, transient
+from hpcsweep.studies.sweep import amplitude_sweep as sweep
+from hpcsweep.solvers.flow.period import march
+from hpcsweep.solvers.flow.orbit import transient
 from hpcsweep.studies.compilation import warm_up
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.model.structure import Structure
@@ -237,7 +238,7 @@ def test_the_warm_up_leaves_nothing_to_compile(metrics):
 
 
 def test_what_the_paper_calls_p2_on_the_way_down_of_figure_3_is_p1():
-    study = load_job(JOBS / "figure3.toml").study
+    study = load_job(PAPER / "figure3.toml").study
     start = stroboscopic_points(study.structure, 0.2488, 0.445, np.zeros(6), 300)[-1]
     amplitudes = study.amplitude[(study.amplitude > 0.212) & (study.amplitude < 0.249)][::-1]
     found = sweep_block(study.structure, 0.445, amplitudes, start, study.settings)
@@ -252,7 +253,7 @@ def test_what_the_paper_calls_p2_on_the_way_down_of_figure_3_is_p1():
 
 
 def test_the_path_is_that_of_the_plain_procedure_whatever_is_decided():
-    study = load_job(JOBS / "figure3-described.toml").study
+    study = load_job(PAPER / "figure3-described.toml").study
     amplitudes = study.amplitude[::12]
     rows = [
         sweep_block(
@@ -280,7 +281,7 @@ def test_the_path_is_that_of_the_plain_procedure_whatever_is_decided():
 
 def test_metrics_are_those_of_the_decided_motion():
     # Figure 3 as described, up: P8 with a multiplier of modulus 0.52, not settled in the window
-    study = load_job(JOBS / "figure3-described.toml").study
+    study = load_job(PAPER / "figure3-described.toml").study
     amplitudes = study.amplitude[study.amplitude < 0.0681]
     found = sweep_block(study.structure, 0.445, amplitudes, study.initial_state, study.settings)
     assert amplitudes[-1] == pytest.approx(0.068)

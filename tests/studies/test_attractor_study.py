@@ -88,7 +88,7 @@ def test_the_file_holds_what_the_function_finds(whole):
     assert dict(results.sizes)["attractor"] == 4
     structure = Structure(1, 50.0, np.inf, gap=0.5, gap_left=0.5)
     for frame, k in ((0, 0), (1, 5), (2, 3)):
-        point = results.isel(frame=frame, amplitude=k)
+        point = results.isel(omega=frame, amplitude=k)
         found = package.attractors(
             structure,
             float(point["amplitude"]),
@@ -112,8 +112,8 @@ def test_the_file_holds_what_the_function_finds(whole):
 
 
 def test_an_identity_is_carried_along_and_mirrored_motions_are_born_from_one(whole):
-    """At Omega = 1 the symmetric motion splits into two at A = 0.63 (jobs/clearance.toml)."""
-    frame = open_results(whole).isel(direction=0, frame=1)
+    """At Omega = 1 the symmetric motion splits into two at A = 0.63 (clearance.toml)."""
+    frame = open_results(whole).isel(direction=0, omega=1)
     assert frame["n_attractors"].values.tolist() == [1, 1, 2, 2, 2, 2]
     ids = [sorted(row[row > 0].tolist()) for row in frame["attractor_id"].values]
     assert ids == [[1], [1], *[[1, 2]] * 4]
@@ -167,16 +167,16 @@ def test_the_explorer_shows_each_attractor_in_the_place_of_a_direction(tmp_path,
     n = int(results["n_attractors"].max())
     assert study.directions == ("1", "2", "3", "4")[:n]
     assert study.words == tuple(f"attractor {name}" for name in study.directions)
-    held = results["attractor_id"].transpose("frame", "attractor", "amplitude").values[:, :n] > 0
+    held = results["attractor_id"].transpose("omega", "attractor", "amplitude").values[:, :n] > 0
     motion, period = study.codes["motion"], study.codes["period"]
     assert np.array_equal(motion > 0, held)
-    stored = results["orbit_period"].transpose("frame", "attractor", "amplitude").values[:, :n]
+    stored = results["orbit_period"].transpose("omega", "attractor", "amplitude").values[:, :n]
     assert np.array_equal(period, stored)
-    shares = results["share"].transpose("frame", "attractor", "amplitude").values[:, :n]
+    shares = results["share"].transpose("omega", "attractor", "amplitude").values[:, :n]
     assert np.array_equal(study.values["share"], shares.astype(np.float32), equal_nan=True)
     number = results["n_attractors"].values[:, None]
     assert np.array_equal(study.values["number"], np.where(held, number, np.nan), equal_nan=True)
-    counts = results["n_points"].transpose("frame", "attractor", "amplitude").values[:, :n]
+    counts = results["n_points"].transpose("omega", "attractor", "amplitude").values[:, :n]
     assert np.array_equal(study.counts, counts)
     assert len(study.points) == counts.sum()
     points = results["poincare"].values

@@ -7,11 +7,11 @@ import pytest
 
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.model.structure import Contact, Structure
-from hpcsweep.solvers.flow.spectrum import spectral_radius
-from hpcsweep.solvers.pieces import Pieces
+from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
+from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.runs import FrameRuns
 from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.sweep.runs import FrameRuns
 
 SETTINGS = SweepSettings(metrics=frozenset(METRICS), classify_cycles=2000, max_points=40)
 STRUCTURES = {
@@ -85,7 +85,7 @@ def test_however_the_work_is_cut_it_is_the_same_to_the_last_bit(name, monkeypatc
     state = np.zeros(2 * structure.n_floors)
     polls = []
     whole = runs(name).follow(amplitudes, state)
-    monkeypatch.setattr(Pieces, "_learn", lambda *_: None)  # one period at a time
+    monkeypatch.setattr(Polling, "_learn", lambda *_: None)  # one period at a time
     pieces = runs(name).follow(amplitudes, state, lambda: polls.append(0))
     half = runs(name)
     first = half.follow(amplitudes[:17], state)

@@ -3,7 +3,7 @@
 import jumps
 import numpy as np
 import pytest
-from tools import JOBS
+from tools import PAPER
 
 from hpcsweep.job import load_job
 
@@ -11,7 +11,7 @@ STUDIES = ["bluecrystal", "bluecrystal-described"]
 
 
 def study_of(name):
-    return load_job(JOBS / f"{name}.toml").study
+    return load_job(PAPER / f"{name}.toml").study
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -13,7 +13,7 @@ from hpcsweep.solvers.flow import FlowMap
 
 @pytest.fixture(scope="module")
 def study():
-    whole = load_job(JOBS / "bluecrystal.toml").study
+    whole = load_job(JOBS / "paper/bluecrystal.toml").study
     return replace(whole, amplitude=whole.amplitude[600::40])
 
 

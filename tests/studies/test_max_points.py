@@ -9,7 +9,7 @@ from tools import SMALL, hpcsweep
 from hpcsweep.figures.style import classes_of
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.store import Frames, open_results
-from hpcsweep.studies.amplitude_sweep import sweep_block
+from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
 
 OPEN = SMALL.replace("[sweep]\n", "[sweep]\nclassify_cycles = 0\n")
 """Some of its runs have no orbit within their windows."""

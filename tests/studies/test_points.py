@@ -12,7 +12,7 @@ from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.store import Frames, Grid
-from hpcsweep.studies.amplitude_sweep import sweep_block
+from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
 
 LIST = """
 [study]
@@ -66,7 +66,7 @@ def test_a_point_is_the_run_from_the_initial_state(tmp_path, grid_job):
     results = open_results(path)
     study = parse_job(GRID, "grid", "grid").study
     assert results["direction"].values.tolist() == ["initial"]
-    assert dict(results.sizes)["frame"] == 4
+    assert dict(results.sizes)["omega"] == 4
     for frame, at in ((0, 0), (2, 7), (3, 10)):
         alone = sweep_block(
             study.structure,

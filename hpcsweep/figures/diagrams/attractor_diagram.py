@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.figures.diagrams.figure import FLOORS, OMEGA
+from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.orbit_diagram import FINE, FINE_KEY, PAGE, PANEL
 from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures.options import FLOORS, OMEGA
 from hpcsweep.figures.palette import MOTIONS, STOP, motion_index
 from hpcsweep.figures.style import (
     PlotError,
@@ -27,19 +28,9 @@ HELP = """\
 stroboscopic displacement of each floor on all attractors against the forcing
 amplitude, one frame"""
 OPTIONS = (OMEGA, FLOORS)
+load = load_frame
 MOST_COLUMNS = 6
 """Columns of the legend."""
-
-
-def load(path: Path, omega: float | None = None, **_options):
-    """Read the frame nearest to a frequency, default the first."""
-    from hpcsweep.store import Frames
-
-    frames = Frames(path, DRAWS)
-    try:
-        return frames.gather([*frames], [nearest_frame(frames.study.omega, omega)])
-    finally:
-        frames.close()
 
 
 def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] = ()) -> None:
@@ -90,7 +81,7 @@ def opened(results, omega: float | None):
     PlotError
     """
     place = nearest_frame(results["omega"].values, omega)
-    frame = results.isel(direction=0, frame=place)
+    frame = results.isel(direction=0, omega=place)
     if not (frame["outcome"].values > 0).any():
         raise PlotError("no point of this frame is computed yet")
     return frame, motions_of(frame), structure_of(results)

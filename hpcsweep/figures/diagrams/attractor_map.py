@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.figures.diagrams.figure import Option
 from hpcsweep.figures.diagrams.mesh import (
     by_frequency,
     draw_classes,
@@ -12,6 +11,7 @@ from hpcsweep.figures.diagrams.mesh import (
     grazing_keys,
     least_cells,
 )
+from hpcsweep.figures.options import Option
 from hpcsweep.figures.palette import NOTHING, OTHER_MOTION, count_colour
 from hpcsweep.figures.style import caption, job_of, new_grid, percent, save, structure_of
 
@@ -34,21 +34,15 @@ MISSED = "missed"
 """Variable of the attractors that the sweep misses."""
 
 
-def load(path: Path, sweep: Path | None = None):
+def load(frames, sweep: Path | None = None):
     """Read the numbers of attractors, and count those that a sweep misses."""
-    from hpcsweep.store import Frames
-
-    frames = Frames(path, DRAWS)
-    try:
-        least_cells(frames.study.omega.size, frames.study.amplitude.size)
-        results = frames.gather(("n_attractors", "outcome", "n_undecided"))
-    finally:
-        frames.close()
+    least_cells(frames.study.omega.size, frames.study.amplitude.size)
+    results = frames.gather(("n_attractors", "outcome", "n_undecided"))
     if sweep is None:
         return results
     from hpcsweep.campaign.missed import missed_attractors
 
-    return results.assign({MISSED: (("frame", "amplitude"), missed_attractors(path, sweep))})
+    return results.assign({MISSED: (("omega", "amplitude"), missed_attractors(frames, sweep))})
 
 
 def draw(results, path: Path, sweep: Path | None = None) -> None:

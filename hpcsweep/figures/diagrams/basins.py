@@ -38,16 +38,10 @@ SIZE = 6.4, 6.9
 """Inches."""
 
 
-def load(path: Path):
+def load(frames):
     """Read the labels, and what the attractors are."""
-    from hpcsweep.store import Frames
-
-    frames = Frames(path, DRAWS)
-    try:
-        names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point")
-        return frames.gather((*names, "outcome"))
-    finally:
-        frames.close()
+    names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point")
+    return frames.gather((*names, "outcome"))
 
 
 def draw(results, path: Path) -> None:
@@ -125,7 +119,7 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
 
     The first of a motion has the motion's colour, further ones have shades of it.
     """
-    one = results.isel(direction=0, frame=row, amplitude=0)
+    one = results.isel(direction=0, row=row, amplitude=0)
     labels = job_of(results).structure.contact_labels
     found: dict[int, tuple[str, str, np.ndarray]] = {}
     seen: dict[int, int] = {}
@@ -162,7 +156,7 @@ def _label(structure, component: int) -> str:
 
 
 def _rest(study) -> str:
-    """Tell the components that all starts have in common."""
+    """Name the components that all starts have in common."""
     names = study.coordinates["state"].values
     state = study.initial_state
     others = [k for k in range(state.size) if k not in study.components]

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass, tells_chaos
-from hpcsweep.figures.diagrams.figure import DIRECTION
 from hpcsweep.figures.diagrams.mesh import (
     by_frequency,
     draw_classes,
@@ -13,6 +12,7 @@ from hpcsweep.figures.diagrams.mesh import (
     grazing_keys,
     open_map,
 )
+from hpcsweep.figures.options import DIRECTION
 from hpcsweep.figures.palette import NO_CONTACT, OTHER_MOTION, RATIOS
 from hpcsweep.figures.style import (
     caption,
@@ -44,9 +44,9 @@ SHADES = (
 """(name, colour)."""
 
 
-def load(path: Path, direction: str | None = None):
+def load(frames, direction: str | None = None):
     """Read the maps of one direction."""
-    return open_map(path, direction=direction)
+    return open_map(frames, direction=direction)
 
 
 def draw(results, path: Path, direction: str | None = None) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures.diagrams.figure import DIRECTION, FLOORS, Option
-from hpcsweep.figures.labels import amplitude, choose_floors, displacement, in_gaps
+from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures.options import DIRECTION, FLOORS, Option
 from hpcsweep.figures.palette import MOTIONS, motion_index
 from hpcsweep.figures.style import (
     PlotError,
@@ -41,15 +41,9 @@ OPTIONS = (
 )
 
 
-def load(path: Path, frames: int | None = None, **_options):
+def load(reader, frames: int | None = None, **_options):
     """Read the frames that are drawn."""
-    from hpcsweep.store import Frames
-
-    reader = Frames(path)
-    try:
-        return reader.gather([*reader], choose(reader.job.study.omega, frames).tolist())
-    finally:
-        reader.close()
+    return reader.gather([*reader], choose(reader.study.omega, frames).tolist())
 
 
 def draw(
@@ -85,7 +79,7 @@ def draw(
     floor = choose_floors(structure.n_floors, floors)[-1] + 1
     chosen = choose(results["omega"].values, frames)
     count = len(chosen)
-    results = results.isel(frame=chosen, direction=[direction_index(results, direction)])
+    results = results.isel(omega=chosen, direction=[direction_index(results, direction)])
     classes = classes_of(results)
     motions = motion_index(classes[0], results["orbit_period"].values[0])
     columns = min(COLUMNS, count)
@@ -95,16 +89,14 @@ def draw(
         if place >= count:
             axis.set_visible(False)
             continue
-        _panel(axis, results.isel(frame=place, direction=0), motions[place], floor)
+        _panel(axis, results.isel(omega=place, direction=0), motions[place], floor)
     figure.supylabel(displacement(structure, floor - 1, "(jT)"), fontsize=10)
     for column in range(columns):
         last = max(place for place in range(count) if place % columns == column)
-        axes.flat[last].set_xlabel("$A$" if columns > 1 else amplitude(structure), fontsize=9)
+        axes.flat[last].set_xlabel(amplitude(structure).removeprefix("forcing amplitude "))
         axes.flat[last].tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
-    unit = r";  $A$ in gaps $\cdot\,\omega_0^2$, $\Omega$ in $\omega_0$"
-    unit = unit if in_gaps(structure) else ""
-    figure.suptitle(f"{caption(results)},  {words_of(results)}{unit}", fontsize=8.5)
+    figure.suptitle(f"{caption(results)},  {words_of(results)}", fontsize=8.5)
     save(figure, path)
 
 

@@ -9,7 +9,7 @@ from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.labels import frequency as frequency_label
 from hpcsweep.figures.palette import GRAZING, NOTHING
-from hpcsweep.figures.style import PlotError, classes_of, pixels, structure_of
+from hpcsweep.figures.style import PlotError, classes_of, percent, pixels, structure_of
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -18,12 +18,12 @@ SCATTERED = FORCING_AMPLITUDE.name
 """Variable of results whose frames share no amplitudes."""
 
 
-def open_map(path, value: str | None = None, direction: str | None = None):
+def open_map(frames, value: str | None = None, direction: str | None = None):
     """Read what maps are drawn of, one frame at a time: not the points, of which classes are told.
 
     Parameters
     ----------
-    path : Path
+    frames : hpcsweep.store.Frames
     value : str, optional
         A further variable.
     direction : {"up", "down"}, optional
@@ -36,27 +36,17 @@ def open_map(path, value: str | None = None, direction: str | None = None):
 
     Raises
     ------
-    StoreError
-        If it is not a campaign file.
     PlotError
         If there is no such direction, or fewer than two frames or amplitudes.
     """
-    from hpcsweep.store import Frames
-
-    frames = Frames(path)
-    try:
-        study = frames.study
-        least_cells(study.omega.size, study.amplitude.size)
-        further = () if value is None else (value,)
-        direction = study.directions[0] if direction is None else direction
-        if direction not in study.directions:
-            there = " and ".join(study.directions)
-            raise PlotError(f"--direction {direction}: the results hold {there} only")
-        return frames.gather(
-            (*VARIABLES, *further), direction=direction, derive={MOTION: classes_of}
-        )
-    finally:
-        frames.close()
+    study = frames.study
+    least_cells(study.omega.size, study.amplitude.size)
+    further = () if value is None else (value,)
+    direction = study.directions[0] if direction is None else direction
+    if direction not in study.directions:
+        there = " and ".join(study.directions)
+        raise PlotError(f"--direction {direction}: the results hold {there} only")
+    return frames.gather((*VARIABLES, *further), direction=direction, derive={MOTION: classes_of})
 
 
 def least_cells(frames: int, amplitudes: int) -> None:
@@ -82,8 +72,8 @@ def by_frequency(results):
     PlotError
         If there are fewer than two frames or amplitudes.
     """
-    least_cells(results.sizes["frame"], amplitudes(results).size)
-    return results.isel(frame=np.argsort(results["omega"].values, kind="stable"))
+    least_cells(results.sizes["omega"], amplitudes(results).size)
+    return results.isel(omega=np.argsort(results["omega"].values, kind="stable"))
 
 
 def amplitudes(results) -> np.ndarray:
@@ -116,8 +106,8 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
     rows = _thinned(values.shape[0], height)
     columns = _thinned(values.shape[1], width)
     return axis.pcolormesh(
-        _edges(results["amplitude"].values[columns]),
-        _edges(results["omega"].values[rows]),
+        edges_of(results["amplitude"].values[columns]),
+        edges_of(results["omega"].values[rows]),
         values[rows][:, columns],
         rasterized=True,
         **options,
@@ -154,13 +144,64 @@ def draw_grazing(axis, results, structure) -> None:
 
 def grazing_keys(results) -> list:
     """Make the legend's key of that curve; none where it does not cross the map."""
-    from matplotlib.lines import Line2D
-
     omega, across = results["omega"].values, amplitudes(results)
     reached, _ = _curve(structure_of(results), omega.min(), omega.max())
     if not ((across.min() <= reached) & (reached <= across.max())).any():
         return []
-    return [Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")]
+    return [grazing_key()]
+
+
+def grazing_key():
+    """Make the legend's key of the curve of grazing."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")
+
+
+def legend_of_shares(
+    figure,
+    entries: list[tuple[str, str, float]],
+    blank: float,
+    blank_name: str,
+    more: Sequence = (),
+) -> None:
+    """Name colours beside the panels, and the share of the runs that each has.
+
+    Parameters
+    ----------
+    entries : list of (name, colour, share)
+    blank : float
+        Share of cells without a colour, which are hatched; not named if it is 0.
+    blank_name : str
+    more : sequence of matplotlib artists
+        Further keys.
+    """
+    from matplotlib.patches import Patch
+
+    handles = [
+        Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=f"{name}  {percent(share)}")
+        for name, colour, share in entries
+    ]
+    if blank:
+        handles.append(
+            Patch(
+                facecolor=NOTHING,
+                edgecolor="0.55",
+                hatch="xxxx",
+                linewidth=0.5,
+                label=f"{blank_name}  {percent(blank)}",
+            )
+        )
+    handles += more
+    figure.legend(
+        handles=handles,
+        loc="outside right center",
+        fontsize=8,
+        frameon=False,
+        title="share of runs",
+        title_fontsize=8,
+        alignment="left",
+    )
 
 
 @functools.lru_cache(maxsize=8)
@@ -178,7 +219,10 @@ def _grazing(structure, omega: float) -> float:
         return 0.0
 
 
-def _edges(centres: np.ndarray) -> np.ndarray:
+def edges_of(centres: np.ndarray) -> np.ndarray:
+    """Return the borders of cells around ascending values."""
+    if centres.size == 1:
+        return centres[0] + np.array([-0.5, 0.5])
     middle = 0.5 * (centres[1:] + centres[:-1])
     return np.concatenate(
         ([1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]])

@@ -6,9 +6,10 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.diagrams.benefit import free_drift
-from hpcsweep.figures.diagrams.figure import OMEGA, load_frame
+from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.labels import MOST_MODES
 from hpcsweep.figures.labels import amplitude as amplitude_label
+from hpcsweep.figures.options import OMEGA
 from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, mode_colour, motion_place
 from hpcsweep.figures.style import (
     MARKERS,
@@ -25,7 +26,7 @@ from hpcsweep.figures.style import (
     structure_of,
 )
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.amplitude_sweep import DOWN
+from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "metrics"
 DRAWS = "motions"
@@ -45,8 +46,8 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     """
     need(results, "drift", "modal_norm")
     need_amplitudes(job_of(results).study)
-    results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(frame=0)
+    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
+    frame = results.isel(omega=0)
     if not (frame["outcome"].values == Outcome.COMPLETE).any():
         raise PlotError("no run of this frame is complete yet")
     classes = classes_of(results)

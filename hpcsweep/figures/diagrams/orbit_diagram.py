@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.figures.diagrams.figure import FLOORS, OMEGA, Option, load_frame
+from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
 from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures.options import FLOORS, OMEGA, Option
 from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, STOP, contact_colour, motion_index
 from hpcsweep.figures.style import (
     MARKERS,
@@ -30,7 +31,7 @@ from hpcsweep.figures.style import (
 )
 from hpcsweep.model.description import stops
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.amplitude_sweep import DOWN
+from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "orbit"
 DRAWS = "motions"
@@ -111,8 +112,8 @@ def draw(
     """
     need(results, "poincare", *(("contact",) if color == "contact" else ()))
     need_amplitudes(job_of(results).study)
-    results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(frame=0)
+    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
+    frame = results.isel(omega=0)
     structure = structure_of(results)
     shown = choose_floors(structure.n_floors, floors)
     done = frame["outcome"].values == Outcome.COMPLETE
@@ -141,7 +142,7 @@ def draw(
 
 def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) -> list[Group]:
     """Divide the complete runs of one frame by colour, in the order of the legend."""
-    frame = results.isel(frame=0)
+    frame = results.isel(omega=0)
     if color == "direction":
         own = np.eye(len(done), dtype=bool)[:, :, None]
         return [

@@ -1,25 +1,24 @@
 """Map over amplitude and frequency of the motion of each run, or of one of its numbers."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures.diagrams.figure import DIRECTION, Option
 from hpcsweep.figures.diagrams.mesh import (
     by_frequency,
     draw_classes,
     draw_grazing,
     draw_mesh,
     grazing_keys,
+    legend_of_shares,
     open_map,
 )
 from hpcsweep.figures.labels import exponent as exponent_label
+from hpcsweep.figures.options import DIRECTION, Option
 from hpcsweep.figures.palette import (
     MOTION_COLOURS,
     MOTIONS,
-    NOTHING,
     NUMBERS,
     contact_colour,
     motion_index,
@@ -31,7 +30,6 @@ from hpcsweep.figures.style import (
     foot,
     need,
     new_grid,
-    percent,
     save,
     set_name,
     structure_of,
@@ -61,9 +59,9 @@ MOST_PANELS = 9
 """Modes shown, the lowest."""
 
 
-def load(path: Path, direction: str | None = None, value: str | None = None):
+def load(frames, direction: str | None = None, value: str | None = None):
     """Read the map of one direction."""
-    return open_map(path, value, direction)
+    return open_map(frames, value, direction)
 
 
 def draw(results, path: Path, value: str = "period", direction: str | None = None) -> None:
@@ -121,7 +119,7 @@ def _classes(figure, axes, results) -> None:
         for place, (name, colour) in enumerate(MOTIONS)
         if name in ALWAYS or (index == place).any()
     ]
-    _legend(figure, entries, float(missing.mean()), "not computed", grazing_keys(results))
+    legend_of_shares(figure, entries, float(missing.mean()), "not computed", grazing_keys(results))
 
 
 def _contact_sets(figure, axes, results) -> None:
@@ -143,7 +141,7 @@ def _contact_sets(figure, axes, results) -> None:
     if rest:
         share = (counts.sum() - counts[named].sum()) / done.size
         entries.append((f"{rest} rarer sets", "none", float(share)))
-    _legend(figure, entries, float((~done).mean()), "failed or not computed")
+    legend_of_shares(figure, entries, float((~done).mean()), "failed or not computed")
 
 
 def _drift(figure, axes, results) -> None:
@@ -172,38 +170,3 @@ def _modal_norms(figure, axes, results) -> None:
         mesh = draw_mesh(axis, results, norms[..., mode], cmap=NUMBERS, vmin=0, vmax=1)
         axis.set_title(f"mode {mode + 1}", fontsize=9)
     figure.colorbar(mesh, ax=axes, label=r"mean modal norm $\eta_j$ free of contact", aspect=30)
-
-
-def _legend(
-    figure,
-    entries: list[tuple[str, str, float]],
-    blank: float,
-    blank_name: str,
-    more: Sequence = (),
-) -> None:
-    from matplotlib.patches import Patch
-
-    handles = [
-        Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=f"{name}  {percent(share)}")
-        for name, colour, share in entries
-    ]
-    if blank:
-        handles.append(
-            Patch(
-                facecolor=NOTHING,
-                edgecolor="0.55",
-                hatch="xxxx",
-                linewidth=0.5,
-                label=f"{blank_name}  {percent(blank)}",
-            )
-        )
-    handles += more
-    figure.legend(
-        handles=handles,
-        loc="outside right center",
-        fontsize=8,
-        frameon=False,
-        title="share of runs",
-        title_fontsize=8,
-        alignment="left",
-    )

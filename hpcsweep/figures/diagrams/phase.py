@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
-from hpcsweep.figures.diagrams.figure import DIRECTION, FLOORS, OMEGA, Option, load_frame
+from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.labels import choose_floors, displacement, velocity
+from hpcsweep.figures.options import DIRECTION, FLOORS, OMEGA, Option
 from hpcsweep.figures.palette import MOTIONS, motion_place
 from hpcsweep.figures.style import (
     LEGEND_ROOM,
@@ -110,8 +111,8 @@ def draw(
     need_amplitudes(job_of(results).study)
     if not len(amplitudes) and not len(periods):
         raise PlotError("--kind phase needs --amplitude or --period")
-    results = results.isel(frame=[nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(frame=0)
+    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
+    frame = results.isel(omega=0)
     classes = classes_of(results)[:, 0]
     motions = [_at_amplitude(frame, value, direction) for value in amplitudes]
     motions += [find_period(frame, classes, period, direction) for period in periods]

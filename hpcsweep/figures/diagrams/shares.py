@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.figures.diagrams import attractor_diagram
 from hpcsweep.figures.diagrams.attractor_diagram import (
     legend,
     limit_amplitudes,
     opened,
     starts_text,
 )
-from hpcsweep.figures.diagrams.figure import OMEGA
+from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.labels import amplitude as amplitude_label
+from hpcsweep.figures.options import OMEGA
 from hpcsweep.figures.palette import MOTION_COLOURS, ink
 from hpcsweep.figures.style import caption, job_of, new_figure, save, set_name
 
@@ -25,7 +25,7 @@ OPTIONS = (OMEGA,)
 MOST_COLUMNS = 7
 LEAST_WIDTH, LEAST_HEIGHT = 0.05, 0.1
 """Parts of the panel that an identity must fill to be named in it."""
-load = attractor_diagram.load
+load = load_frame
 
 
 def draw(results, path: Path, omega: float | None = None) -> None:

@@ -35,7 +35,7 @@ def as_runs(frame):
     if "contact" in one:
         kind = kind.where((one["contact"] > 0) | ~held, MotionClass.NO_CONTACT)
     one[MOTION] = kind.astype(np.int8)
-    return one.transpose("direction", "frame", "amplitude", ...)
+    return one.transpose("direction", "omega", "amplitude", ...)
 
 
 def as_study(study):

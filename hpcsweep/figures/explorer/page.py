@@ -18,7 +18,6 @@ from hpcsweep.figures.explorer.encode import (
     to_text,
 )
 from hpcsweep.figures.explorer.page_data import PageData
-from hpcsweep.figures.labels import in_gaps
 from hpcsweep.figures.palette import (
     DIRECTIONS,
     LONGEST,
@@ -33,6 +32,7 @@ from hpcsweep.figures.palette import (
 from hpcsweep.figures.style import set_name
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.modes import per_mass
+from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.outcome import Outcome
 
 SCRIPTS = (
@@ -170,7 +170,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
 
 
 def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
-    """Add the points, each frame and component on its own range; give the worst steps."""
+    """Add the points, each frame and component on its own range; return the worst steps."""
     n_frames = study.omega.size
     sweeps = study.counts.reshape(-1, study.amplitude.size)
     per_frame = study.counts.reshape(n_frames, -1).sum(axis=1)
@@ -252,7 +252,7 @@ def _structure(structure) -> dict:
     told = (f"{GREEK.get(s, s)} = {value}" if s else value for s, value in in_words(structure))
     return {
         "words": ", ".join(told).replace("inf", "∞"),
-        "gaps": in_gaps(structure),
+        "gaps": is_in_gaps(structure),
         "floors": structure.n_floors,
         "rho": structure.sharpness if finite else None,
         "stiffness": per_mass(mass, structure.stiffness_matrix).tolist(),

@@ -1,6 +1,6 @@
 """Gather what the explorer shows from a results file, a frame at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -69,6 +69,7 @@ def gather(
     most_points: int | None = None,
     frame_step: int = 1,
     amplitude_step: int = 1,
+    at: Mapping[str, float | str] | None = None,
     say: Callable[[int, int], None] | None = None,
 ) -> PageData:
     """Read a results file, one frame in memory at a time.
@@ -80,6 +81,8 @@ def gather(
         Points kept of a run; by default as many as `POINT_BUDGET` allows for the whole study.
     frame_step, amplitude_step : int
         Keep every so many-th frame and amplitude.
+    at : mapping, optional
+        Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
     say : callable, optional
         Told the frames done and their number.
 
@@ -91,7 +94,7 @@ def gather(
     from hpcsweep.store import Frames, Grid, job_of
 
     several = job_of(path).study.holds == attractors.HOLDS
-    reader = Frames(path, attractors.HOLDS if several else "motions")
+    reader = Frames(path, attractors.HOLDS if several else "motions", at)
     study, grid = reader.study, Grid(reader)
     rows = range(0, grid.omega.size, frame_step)
     if len(rows) * grid.amplitude.size > MOST_CELLS:

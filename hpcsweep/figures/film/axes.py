@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcsweep.figures.film.scene import WIDTH, Layout, Scene
+from hpcsweep.figures.film.scene import WIDTH, Page, Scene
 
 LETTER, SWATCH, LEGEND = 7.2, 44, WIDTH - 180
 """Widths of a letter and of a swatch with its gaps in a legend, and of all of it."""
@@ -10,7 +10,7 @@ LOW_PANEL = 110
 """Height of a panel (pixels at `WIDTH`) up to which its label is short."""
 
 
-def draw_axes(scene: Scene, layout: Layout) -> np.ndarray:
+def draw_axes(scene: Scene, page: Page) -> np.ndarray:
     """Draw what does not change.
 
     Returns
@@ -21,36 +21,36 @@ def draw_axes(scene: Scene, layout: Layout) -> np.ndarray:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    dpi = 100 * layout.scale
-    figure = Figure(figsize=(layout.width / dpi, layout.height / dpi), dpi=dpi)
+    dpi = 100 * page.scale
+    figure = Figure(figsize=(page.width / dpi, page.height / dpi), dpi=dpi)
     canvas = FigureCanvasAgg(figure)
     for panel in range(scene.n_panels):
-        _panel(figure, scene, layout, panel)
-    _label(figure, layout, layout.left, int(22 * layout.scale), scene.title, fontsize=10)
-    for direction, (top, bottom) in zip(scene.directions, layout.bands, strict=False):
+        _panel(figure, scene, page, panel)
+    _label(figure, page, page.left, int(22 * page.scale), scene.title, fontsize=10)
+    for direction, (top, bottom) in zip(scene.directions, page.bands, strict=False):
         text = f"contact, {direction}"
         y = (top + bottom) / 2
-        _label(figure, layout, layout.left - 6, y, text, fontsize=7.5, ha="right")
-    _omega_scale(figure, scene, layout)
-    _legends(figure, scene, layout)
+        _label(figure, page, page.left - 6, y, text, fontsize=7.5, ha="right")
+    _omega_scale(figure, scene, page)
+    _legends(figure, scene, page)
     canvas.draw()
-    picture = np.asarray(canvas.buffer_rgba())[: layout.height, : layout.width]
-    return np.ascontiguousarray(picture).view("<u4").reshape(layout.height, layout.width).copy()
+    picture = np.asarray(canvas.buffer_rgba())[: page.height, : page.width]
+    return np.ascontiguousarray(picture).view("<u4").reshape(page.height, page.width).copy()
 
 
-def _panel(figure, scene: Scene, layout: Layout, panel: int) -> None:
-    top, bottom, left, right = layout.panels[panel]
-    scale = layout.scale
+def _panel(figure, scene: Scene, page: Page, panel: int) -> None:
+    top, bottom, left, right = page.panels[panel]
+    scale = page.scale
     axis = figure.add_axes(
         (
-            left / layout.width,
-            1 - bottom / layout.height,
-            (right - left) / layout.width,
-            (bottom - top) / layout.height,
+            left / page.width,
+            1 - bottom / page.height,
+            (right - left) / page.width,
+            (bottom - top) / page.height,
         )
     )
-    axis.set_xlim(*layout.span)
-    axis.set_ylim(*layout.limits(panel))
+    axis.set_xlim(*page.span)
+    axis.set_ylim(*page.limits(panel))
     axis.grid(True, color="0.92", linewidth=0.7)
     axis.set_axisbelow(True)
     axis.tick_params(labelsize=9, labelbottom=panel == 0)
@@ -63,15 +63,15 @@ def _panel(figure, scene: Scene, layout: Layout, panel: int) -> None:
         axis.set_xlabel(amplitude)
 
 
-def _omega_scale(figure, scene: Scene, layout: Layout) -> None:
+def _omega_scale(figure, scene: Scene, page: Page) -> None:
     from matplotlib.lines import Line2D
 
-    left, right, y = layout.omega_scale()
+    left, right, y = page.omega_scale()
     low, high = scene.omega
-    s = layout.scale
+    s = page.scale
 
     def line(x, rows, **style):
-        xs, ys = np.array(x) / layout.width, 1 - np.array(rows) / layout.height
+        xs, ys = np.array(x) / page.width, 1 - np.array(rows) / page.height
         figure.add_artist(Line2D(xs, ys, **style))
 
     line((left, right), (y, y), color="0.6", linewidth=2)
@@ -79,10 +79,10 @@ def _omega_scale(figure, scene: Scene, layout: Layout) -> None:
         x = left + (value - low) / (high - low or 1.0) * (right - left)
         line((x, x), (y - 7 * s, y + 7 * s), color="0.4", linewidth=1)
         where = y - 15 * s if name.startswith("$") else y + 17 * s
-        _label(figure, layout, x, where, name, fontsize=8.5, ha="center")
+        _label(figure, page, x, where, name, fontsize=8.5, ha="center")
 
 
-def _legends(figure, scene: Scene, layout: Layout) -> None:
+def _legends(figure, scene: Scene, page: Page) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -96,14 +96,14 @@ def _legends(figure, scene: Scene, layout: Layout) -> None:
         fitting = _that_fit(handles)
         if not fitting:
             continue
-        y = layout.bottom + (66 + 28 * row) * layout.scale
-        _label(figure, layout, layout.left - 70 * layout.scale, y, title, fontsize=9)
+        y = page.bottom + (66 + 28 * row) * page.scale
+        _label(figure, page, page.left - 70 * page.scale, y, title, fontsize=9)
         figure.legend(
             handles=fitting,
             loc="center left",
             bbox_to_anchor=(
-                (layout.left + 46 * layout.scale) / layout.width,
-                1 - y / layout.height,
+                (page.left + 46 * page.scale) / page.width,
+                1 - y / page.height,
             ),
             ncols=len(fitting),
             fontsize=9,
@@ -120,5 +120,5 @@ def _that_fit(handles: list) -> list:
     return [handle for handle, end in zip(handles, widths, strict=True) if end < LEGEND]
 
 
-def _label(figure, layout: Layout, x: float, y: float, text: str, **style) -> None:
-    figure.text(x / layout.width, 1 - y / layout.height, text, va="center", **style)
+def _label(figure, page: Page, x: float, y: float, text: str, **style) -> None:
+    figure.text(x / page.width, 1 - y / page.height, text, va="center", **style)

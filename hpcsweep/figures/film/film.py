@@ -19,7 +19,7 @@ from hpcsweep.figures.film import video
 from hpcsweep.figures.film.piece import Film, Found, Request, is_gif
 from hpcsweep.figures.film.scene import WIDTH, Scene
 from hpcsweep.figures.film.workers import Workers
-from hpcsweep.figures.labels import amplitude, choose_floors, in_gaps
+from hpcsweep.figures.labels import amplitude, choose_floors, unit
 from hpcsweep.figures.style import PlotError, need_amplitudes, parameters
 from hpcsweep.store import Frames
 
@@ -56,7 +56,7 @@ def check(request: Request) -> None:
         raise PlotError(
             f"--width {request.width}: must be even, from {LEAST_WIDTH} to {MOST_WIDTH}"
         )
-    frames = Frames(request.file)
+    frames = Frames(request.file, at=request.at)
     try:
         needed = ("poincare", *(("contact",) if request.color == "contact" else ()))
         for name in needed:
@@ -195,7 +195,7 @@ def _scene(film: Film, found: Found) -> Scene:
         width=request.width or (GIF_WIDTH if is_gif(request) else WIDTH),
         floors=tuple(film.floors),
         labels=job.structure.contact_labels,
-        axes=(amplitude(job.structure), "  [gaps]" if in_gaps(job.structure) else ""),
+        axes=(amplitude(job.structure), unit(job.structure, "length")),
     )
 
 

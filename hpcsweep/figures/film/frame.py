@@ -17,7 +17,7 @@ from hpcsweep.figures.film.pixels import (
     packed_colour,
     text_mask,
 )
-from hpcsweep.figures.film.scene import Layout, Scene
+from hpcsweep.figures.film.scene import Page, Scene
 from hpcsweep.figures.palette import DARK_INK, DIRECTIONS, MOTION_COLOURS, ink
 from hpcsweep.solvers.outcome import Outcome
 
@@ -34,17 +34,17 @@ class Painter:
 
     Attributes
     ----------
-    layout : Layout
+    page : Page
     """
 
     def __init__(self, scene: Scene):
         self.scene = scene
-        self.layout = layout = Layout(scene)
-        self._background = draw_axes(scene, layout)
-        self._nearest = layout.amplitude_index(scene.amplitude)
-        self._column = layout.column(scene.amplitude)
-        room = (layout.right - layout.left) / max(scene.amplitude.size, 1)
-        self._radius = float(np.clip(0.3 * room, 1.0, 3.2 * max(layout.scale, 0.6)))
+        self.page = page = Page(scene)
+        self._background = draw_axes(scene, page)
+        self._nearest = page.amplitude_index(scene.amplitude)
+        self._column = page.column(scene.amplitude)
+        room = (page.right - page.left) / max(scene.amplitude.size, 1)
+        self._radius = float(np.clip(0.3 * room, 1.0, 3.2 * max(page.scale, 0.6)))
 
     def paint(self, omega: float, frame: Mapping[str, np.ndarray]) -> np.ndarray:
         """Paint one frame.
@@ -66,7 +66,7 @@ class Painter:
         self._paint_bands(canvas, frame)
         self._paint_points(canvas, frame)
         self._paint_omega(canvas, omega)
-        return canvas.view(np.uint8).reshape(self.layout.height, self.layout.width, 4)
+        return canvas.view(np.uint8).reshape(self.page.height, self.page.width, 4)
 
     def _paint_points(self, canvas: np.ndarray, frame: Mapping[str, np.ndarray]) -> None:
         points = frame["poincare"][..., : self.scene.n_panels]
@@ -79,13 +79,13 @@ class Painter:
             for few, stamp in ((False, fine_point(self._radius)), (True, disc(self._radius))):
                 run, point = np.nonzero(there & (settled[d] == few)[:, None])
                 for floor in range(self.scene.n_panels if run.size else 0):
-                    top, bottom, left, right = self.layout.panels[floor]
-                    rows = self.layout.row(floor, points[d, run, point, floor])
+                    top, bottom, left, right = self.page.panels[floor]
+                    rows = self.page.row(floor, points[d, run, point, floor])
                     columns, colour = self._column[run], colours[d, run]
                     for dy, dx in stamp:
                         y, x = rows + dy, columns + dx
                         inside = (y >= top) & (y < bottom) & (x >= left) & (x < right)
-                        flat[(y * self.layout.width + x)[inside]] = colour[inside]
+                        flat[(y * self.page.width + x)[inside]] = colour[inside]
 
     def _run_colours(self, frame: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the packed colour of every run's points, shape (direction, amplitude)."""
@@ -106,15 +106,15 @@ class Painter:
 
     def _paint_bands(self, canvas: np.ndarray, frame: Mapping[str, np.ndarray]) -> None:
         """Paint which floors touch, a band for each direction, named where there is room."""
-        if not self.layout.bands:
+        if not self.page.bands:
             return
         colours = self._contact_colours(frame)
-        size = max(9, round(13 * self.layout.scale))
-        for d, (top, bottom) in enumerate(self.layout.bands):
+        size = max(9, round(13 * self.page.scale))
+        for d, (top, bottom) in enumerate(self.page.bands):
             done = frame["outcome"][d] == Outcome.COMPLETE
             own = np.where(done, colours[d], np.uint32(WHITE))
             chosen = np.append(own, np.uint32(WHITE))[self._nearest]
-            canvas[top:bottom, self.layout.left : self.layout.right] = chosen
+            canvas[top:bottom, self.page.left : self.page.right] = chosen
             # runs without a set are told by a place of their own, as sets may use all 64 bits
             sets, index = np.unique(frame["contact"][d], return_inverse=True)
             at = np.append(np.where(done, index, -1), -1)[self._nearest]
@@ -126,17 +126,17 @@ class Painter:
                 room = int((end - start) / (LETTER * size))
                 mask = text_mask(self.scene.set_name(contact, max(room, 1)), size)
                 if mask.shape[1] + 6 <= end - start:
-                    x = self.layout.left + (start + end - mask.shape[1]) // 2
+                    x = self.page.left + (start + end - mask.shape[1]) // 2
                     y = (top + bottom - mask.shape[0]) // 2
                     blend(canvas, mask, y, x, ink(self.scene.contact_colour(contact)))
 
     def _paint_omega(self, canvas: np.ndarray, omega: float) -> None:
-        s = self.layout.scale
+        s = self.page.scale
         mask = text_mask(f"Ω = {omega:.4f}", max(12, round(30 * s)))
-        blend(canvas, mask, int(46 * s), self.layout.left, DARK_INK)
+        blend(canvas, mask, int(46 * s), self.page.left, DARK_INK)
         low, high = self.scene.omega
         share = (omega - low) / (high - low) if high > low else 0.5
-        left, right, y = self.layout.omega_scale()
+        left, right, y = self.page.omega_scale()
         x = round(left + share * (right - left))
         for dy, dx in disc(6 * s):
             canvas[y + dy, x + dx] = packed_colour(DARK_INK)

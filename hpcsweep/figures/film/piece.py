@@ -1,6 +1,7 @@
-"""Pieces of a film: surveyed, painted and encoded by one rank or process."""
+"""Polling of a film: surveyed, painted and encoded by one rank or process."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,6 +38,8 @@ class Request:
         In pixels, even; 0 for the default.
     floors : tuple of int
         Shown, from 1; see `labels.choose_floors`.
+    at : dict
+        Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
     """
 
     file: Path
@@ -48,6 +51,7 @@ class Request:
     color: str = "direction"
     width: int = 0
     floors: tuple[int, ...] = ()
+    at: Mapping[str, float | str] = field(default_factory=dict)
 
 
 @dataclass
@@ -87,7 +91,7 @@ class Film:
     def __init__(self, request: Request, folder: Path):
         self.request = request
         self.folder = folder
-        self.frames = Frames(request.file)
+        self.frames = Frames(request.file, at=request.at)
         job = self.frames.job
         self.variables = (*VARIABLES, *(("contact",) if "contact" in self.frames else ()))
         wanted = job.study.directions if request.direction == "both" else (request.direction,)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, contact_colour
-from hpcsweep.figures.style import AMPLITUDE, LEGEND_ROOM, set_name
+from hpcsweep.figures.style import LEGEND_ROOM, set_name
 
 WIDTH = 1280
 """Width (pixels) for which the sizes below are meant; other widths scale them."""
@@ -65,7 +65,7 @@ class Scene:
     width: int = WIDTH
     floors: tuple[int, ...] = ()
     labels: tuple[str, ...] = ()
-    axes: tuple[str, str] = (AMPLITUDE, "  [gaps]")
+    axes: tuple[str, str] = ("forcing amplitude $A$", "")
 
     @property
     def n_panels(self) -> int:
@@ -103,7 +103,7 @@ class Scene:
         return [(self.contact_colour(c), self.set_name(c)) for c in self.contacts]
 
 
-class Layout:
+class Page:
     """The places of everything, in pixels from the top left.
 
     Parameters

@@ -15,14 +15,14 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
-from hpcsweep.solvers.flow.batch import MORE, OPEN, Rules, new_rows, new_run, orbits_of
-from hpcsweep.solvers.flow.fitted import FOR_ANY, kernels_for
-from hpcsweep.solvers.flow.free import NOTHING
-from hpcsweep.solvers.flow.shared import SHARED, WATCH, Watch, new_shared, new_watch
-from hpcsweep.solvers.flow.tally import MAXIMA, NO_TALLY, NORMS, clear
+from hpcsweep.solvers.flow.orbit.batch import MORE, OPEN, Rules, new_rows, new_run, orbits_of
+from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
+from hpcsweep.solvers.flow.state.shared import SHARED, WATCH, Watch, new_shared, new_watch
+from hpcsweep.solvers.flow.state.tally import MAXIMA, NO_TALLY, NORMS, PEAKS, clear
+from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.pieces import Pieces
+from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, Orbits, window_growth
 
 MAX_STEPS = 2_000_000
@@ -60,11 +60,11 @@ class FlowMap:
         self._watches: dict[int, tuple] = {}
         self._watch_for(1)
         self.counts = self._shared.counts
-        self._pieces = Pieces()
+        self._pieces = Polling()
 
     @property
-    def is_fitted(self) -> bool:
-        """Whether its kernels are fitted to the structure, see `fitted`."""
+    def is_specialised(self) -> bool:
+        """Whether its kernels are specialised to the structure, see `specialised`."""
         return self._kernels is not FOR_ANY
 
     @property
@@ -153,6 +153,7 @@ class FlowMap:
         rules: Rules,
         free: FreeMotion | None,
         modal_norm: bool = False,
+        peaks: int = 0,
         poll: Callable[[], None] | None = None,
     ) -> Orbits:
         """Do runs one after the other, until one is left open by the rules; see `path`.
@@ -165,7 +166,7 @@ class FlowMap:
         rules : Rules
         free : FreeMotion, optional
             The rule by which motions without contact are known.
-        modal_norm, poll
+        modal_norm, peaks, poll
             As in `observe` and `settle`.
         """
         n = self.structure.n_floors
@@ -175,8 +176,10 @@ class FlowMap:
         z = motion(self, state, 0.0, rules.transient)[0]
         units = np.array(self.structure.state_units)
         self._watch_for(closing[0])
-        run = new_run(n, self._units.size, closing[0], modal_norm)
-        rows = new_rows(len(amplitudes), n, closing[0])
+        run = new_run(n, self._units.size, closing[0], _wanted(modal_norm, peaks))
+        rows = new_rows(
+            len(amplitudes), n, closing[0], self._shared.tally.peaks.size if peaks else 0
+        )
         why = MORE
         while why == MORE:
             why, n_periods, outcome = self._kernels.follow_orbits(
@@ -226,14 +229,15 @@ class FlowMap:
         modal_norm: bool = False,
         growth: bool = False,
         poll: Callable[[], None] | None = None,
+        peaks: int = 0,
     ) -> Observation:
-        """Integrate `n_periods` and gather points, contact set, drift and modal norms.
+        """Integrate `n_periods` and gather points, contact set, drift, modal norms and peaks.
 
         With `growth` also the growth of a tangent vector, (1, ..., 1) at first.
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         n = self.structure.n_floors
-        tally, wanted = self._shared.tally, NORMS if modal_norm else MAXIMA
+        tally, wanted = self._shared.tally, _wanted(modal_norm, peaks)
         clear.py_func(tally)
         tangent = logarithms = None
         if growth:
@@ -249,6 +253,7 @@ class FlowMap:
             norms,
             outcome,
             *_growth_of(logarithms if outcome is Outcome.COMPLETE else None),
+            peaks=tally.peaks * self.structure.length_unit if peaks else np.empty(0),
         )
 
     def grow(
@@ -337,3 +342,8 @@ def _growth_of(logarithms: np.ndarray | None) -> tuple[float, np.ndarray]:
     if logarithms is None:
         return math.nan, np.empty(0)
     return window_growth(logarithms), logarithms
+
+
+def _wanted(modal_norm: bool, peaks: int) -> int:
+    """Return what is to be gathered; see `tally`."""
+    return (NORMS if modal_norm else MAXIMA) + (peaks & PEAKS)

@@ -7,11 +7,10 @@ same difference with the weight 2 s - 1 tells of residuals whose mean vanishes.
 """
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.vectors import fma, load, total
+from hpcsweep.kernels.simd.vectors import fma, load, total
 from hpcsweep.model.contact import contact_force, contact_forces
-from hpcsweep.solvers.flow.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.layer.scheme import distances, weighted
-from hpcsweep.solvers.flow.layer.tableau import (
+from hpcsweep.solvers.flow.rules.tableau import (
     ADDED_SLOPE,
     CHECK_ADDED,
     CHECK_GAUSS,
@@ -20,6 +19,7 @@ from hpcsweep.solvers.flow.layer.tableau import (
     CHECK_START,
     GAUSS_SLOPE,
 )
+from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
 
 
 @inlined

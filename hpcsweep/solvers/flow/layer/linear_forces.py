@@ -1,8 +1,8 @@
 """The linear forces at all stages of a collocation step: products of banded matrices."""
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.vectors import fma, load, store
-from hpcsweep.solvers.flow.layer.tableau import N_STAGES
+from hpcsweep.kernels.simd.vectors import fma, load, store
+from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 
 
 @inlined

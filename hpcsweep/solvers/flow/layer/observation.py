@@ -3,16 +3,17 @@
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.vectors import LANES, combine, fma, load, maximum, modulus, root, total
-from hpcsweep.solvers.flow.contacts import approach_speed, distance
-from hpcsweep.solvers.flow.layer.tableau import N_STAGES, NODES, WEIGHTS
-from hpcsweep.solvers.flow.modal_norm import TINY
-from hpcsweep.solvers.flow.tables import ZERO
+from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, root, total
+from hpcsweep.solvers.flow.observe.modal_norm import TINY
+from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
+from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
+from hpcsweep.solvers.flow.state.tables import ZERO
+from hpcsweep.solvers.flow.state.tally import PEAKS, wants_norms
 
 
 @inlined
-def observe_layer_step(h, z0, z1, model, norms, tally, work):
-    """Update contact, drift and, if `norms`, modal norms with one step inside a layer.
+def observe_layer_step(h, z0, z1, model, wanted, tally, work):
+    """Update contact, drift and what else is wanted with one step inside a layer.
 
     Maxima are taken over the ends and the stages, and, where the velocity changes sign between
     two neighbours, at the top of the quintic Hermite interpolant through them; its error is
@@ -50,7 +51,9 @@ def observe_layer_step(h, z0, z1, model, norms, tally, work):
             if sign * drift + way > tally.peak_drift[0]:
                 peak = _highest_of(h, i, below, sign, z0, z1, n, work)
                 tally.peak_drift[0] = max(tally.peak_drift[0], peak)
-    if norms:
+    if wanted & PEAKS:
+        _update_peaks(h, z0, z1, wanted, model, ways, tally, work)
+    if wants_norms(wanted):
         modes = tally.modal.shape[0]
         share = _free_share(h, z0, z1, contacts) if touching else 1.0
         if share > 0.0:
@@ -76,6 +79,23 @@ def observe_layer_step(h, z0, z1, model, norms, tally, work):
             weight = load(WEIGHTS, 0) / root(square)
             for j in range(modes):
                 tally.modal[j] += share * h * total(weight * modulus(load(q, j * LANES)))
+
+
+@kernel
+def _update_peaks(h, z0, z1, wanted, model, ways, tally, work):
+    """Update the peaks of the watched rows that are wanted."""
+    n = model.stiffness.shape[0]
+    for w in range(model.watched.shape[0]):
+        i, below, side, flag = model.watched[w]
+        if wanted & flag == 0:
+            continue
+        value, way = z0[i], ways[i]
+        if below >= 0:
+            value, way = value - z0[below], way + ways[below]
+        for sign in (1.0, -1.0):
+            if side * sign >= 0.0 and sign * value + way > tally.peaks[w]:
+                peak = _highest_of(h, i, below, sign, z0, z1, n, work)
+                tally.peaks[w] = max(tally.peaks[w], peak)
 
 
 @kernel

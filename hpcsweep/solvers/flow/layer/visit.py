@@ -18,26 +18,30 @@ promises, and taken again.
 import math
 from typing import NamedTuple
 
+from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.packing import as_long_as
-from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate, type_of
-from hpcsweep.solvers.flow.contacts import approach_speed, distance
-from hpcsweep.solvers.flow.forcing import forcing_after, forcing_at, total_forcing
+from hpcsweep.kernels.compile.entry_points import (
+    BYTES,
+    FLOAT,
+    INT,
+    MATRIX,
+    VECTOR,
+    entry_point,
+    type_of,
+)
 from hpcsweep.solvers.flow.layer.error import quadrature_error
 from hpcsweep.solvers.flow.layer.limits import allowed_error, reach, stiffness_up_to
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
-from hpcsweep.solvers.flow.layer.scheme import (
-    accelerations,
-    accelerations_at_stages,
-    collocate,
-    finish,
-)
+from hpcsweep.solvers.flow.layer.scheme import accelerations_at_stages, collocate, finish
 from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
-from hpcsweep.solvers.flow.layer.tableau import N_STAGES
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
-from hpcsweep.solvers.flow.shared import read_shared
-from hpcsweep.solvers.flow.state import copy_state, is_ordinary
-from hpcsweep.solvers.flow.tally import NO_TALLY, NORMS
+from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
+from hpcsweep.solvers.flow.rules.tableau import N_STAGES
+from hpcsweep.solvers.flow.state.accelerations import accelerations
+from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
+from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.state.state import copy_state, is_ordinary
+from hpcsweep.solvers.flow.state.tally import NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 ELLIPSE = 5.5
@@ -163,7 +167,9 @@ def _collocated_step(interval, most, z, amplitude, shared):
     return h, STEP_LIMIT, interval.steps_left
 
 
-@separate((FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, INT, MATRIX, inner=True, fits=True)
+@entry_point(
+    (FLOAT, INT, INT), BYTES, INTERVAL, VECTOR, FLOAT, INT, MATRIX, inner=True, specialises=True
+)
 def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     """Integrate from tau until no contact is inside its layer, or until `end`.
 
@@ -214,7 +220,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
         forcing_after(h, tau, amplitude, pairs, 0, model, pairs)
         accelerations(total_forcing(pairs, 0, model), work.z_end, model, work.a_end)
         if wanted != NO_TALLY:
-            observe_layer_step(h, z, work.z_end, model, wanted == NORMS, shared.tally, work)
+            observe_layer_step(h, z, work.z_end, model, wanted, shared.tally, work)
         if tangent.shape[1] > 0 and not solitary:
             layer_tangent(h, model, work.layer, tangent)
         copy_state(work.z_end, z)

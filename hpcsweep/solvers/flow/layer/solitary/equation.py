@@ -25,7 +25,7 @@ is seen at both ends of the step, where f is known.
 import math
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.vectors import (
+from hpcsweep.kernels.simd.vectors import (
     LANES,
     combine,
     fma,
@@ -37,10 +37,10 @@ from hpcsweep.kernels.vectors import (
     total,
 )
 from hpcsweep.model.contact import contact_force, contact_forces, contact_stiffnesses
-from hpcsweep.solvers.flow.augmented import start
-from hpcsweep.solvers.flow.contacts import distance
-from hpcsweep.solvers.flow.layer.solitary.rule import AT_END, AT_START, N_NODES, NODES
-from hpcsweep.solvers.flow.tables import ZERO
+from hpcsweep.solvers.flow.rules.solitary_rule import AT_END, AT_START, N_NODES, NODES
+from hpcsweep.solvers.flow.state.augmented import start
+from hpcsweep.solvers.flow.state.contacts import distance
+from hpcsweep.solvers.flow.state.tables import ZERO
 
 MAX_ITERATIONS = 60
 ROUNDING = 2e-17

@@ -1,12 +1,12 @@
 """Displacements and velocities along a step with one contact in its layer, for `observation`."""
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.vectors import LANES, combine, fma, load, store
-from hpcsweep.solvers.flow.augmented import start
-from hpcsweep.solvers.flow.layer.solitary.rule import N_NODES, RESPONSES
-from hpcsweep.solvers.flow.layer.tableau import NODES as STAGE_NODES
-from hpcsweep.solvers.flow.polynomials import evaluate, expand_row
-from hpcsweep.solvers.flow.tables import ZERO
+from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, store
+from hpcsweep.solvers.flow.linear.polynomials import evaluate, expand_row
+from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES, RESPONSES
+from hpcsweep.solvers.flow.rules.tableau import NODES as STAGE_NODES
+from hpcsweep.solvers.flow.state.augmented import start
+from hpcsweep.solvers.flow.state.tables import ZERO
 
 
 @inlined

@@ -15,10 +15,10 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.solvers.flow.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.layer.limits import reach, stiffness_up_to
-from hpcsweep.solvers.flow.layer.solitary.store import LEVELS
-from hpcsweep.solvers.flow.propagators import table_of
+from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.responses import LEVELS
 
 ELLIPSE = 3.0
 """kappa + 1 / kappa with kappa = 2.62: kappa^-32 = 4e-14."""

@@ -2,9 +2,8 @@
 
 import math
 
-from hpcsweep.kernels.packing import as_long_as
-from hpcsweep.kernels.separate import BYTES, FLOAT, INT, MATRIX, VECTOR, separate
-from hpcsweep.solvers.flow.contacts import distance
+from hpcsweep.kernels.arena import as_long_as
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
 from hpcsweep.solvers.flow.layer.limits import allowed_error
 from hpcsweep.solvers.flow.layer.solitary.equation import solitary_tangent, take_step
 from hpcsweep.solvers.flow.layer.solitary.output import dense_output
@@ -15,13 +14,14 @@ from hpcsweep.solvers.flow.layer.solitary.plan import (
     plan_step,
     solitary_contact,
 )
-from hpcsweep.solvers.flow.layer.solitary.store import LEVELS
 from hpcsweep.solvers.flow.layer.solitary.tables import response_table
-from hpcsweep.solvers.flow.shared import read_shared
-from hpcsweep.solvers.flow.tally import NO_TALLY
+from hpcsweep.solvers.flow.state.contacts import distance
+from hpcsweep.solvers.flow.state.responses import LEVELS
+from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.state.tally import NO_TALLY
 
 
-@separate(FLOAT, FLOAT, VECTOR, INT, MATRIX, BYTES, fits=True)
+@entry_point(FLOAT, FLOAT, VECTOR, INT, MATRIX, BYTES, specialises=True)
 def solitary_step(left, z, wanted, tangent, packed):
     """Take a step if one contact alone is in its layer; see `equation`.
 
@@ -49,7 +49,7 @@ def solitary_step(left, z, wanted, tangent, packed):
     tangent = as_long_as(tangent, shared.previous)
     model, tables, work, responses = shared.model, shared.tables, shared.work, shared.responses
     contact = solitary_contact(z, model)
-    if contact < 0 or not model.rho > 0.0:
+    if contact < 0 or not (model.rho > 0.0 and model.contacts.is_elastic):
         return 0.0
     h, stiffness = plan_step(contact, z, work.a, left, model)
     if not h > 0.0:

@@ -14,13 +14,13 @@ and l = 0, 1, .., so that each table serves often.
 """
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.separate import BYTES, INT, separate
-from hpcsweep.kernels.vectors import LANES, combine, load, store
-from hpcsweep.solvers.flow.layer.solitary.rule import LAGRANGE, N_NODES, NODES, WEIGHTS
-from hpcsweep.solvers.flow.layer.solitary.store import forget
-from hpcsweep.solvers.flow.polynomials import evaluate
-from hpcsweep.solvers.flow.shared import read_shared
-from hpcsweep.solvers.flow.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.kernels.compile.entry_points import BYTES, INT, entry_point
+from hpcsweep.kernels.simd.vectors import LANES, combine, load, store
+from hpcsweep.solvers.flow.linear.polynomials import evaluate
+from hpcsweep.solvers.flow.rules.solitary_rule import LAGRANGE, N_NODES, NODES, WEIGHTS
+from hpcsweep.solvers.flow.state.responses import forget
+from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
 
 
 @inlined
@@ -40,9 +40,9 @@ def _impulse_row(poly, row, contact, model, out):
             out[p] += poly[row, n_rows + i, p] * model.contacts.kick[contact, i]
 
 
-@separate(INT, INT, INT, INT, BYTES)
+@entry_point(INT, INT, INT, INT, BYTES)
 def build_response(index, contact, level, packed):
-    """Make the table of a step; give its place.
+    """Make the table of a step; return its place.
 
     Parameters
     ----------

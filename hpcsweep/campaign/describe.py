@@ -1,0 +1,165 @@
+"""What a job computes, in numbers one checks before an hour of computing, and what looks wrong."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hpcsweep.job import Job
+from hpcsweep.model.description import few, in_words
+from hpcsweep.model.unit_names import is_in_gaps, unit_of
+
+MOST_MODES = 12
+"""Modes that are listed, the lowest."""
+FAR = 3.0
+"""Ratio of every frequency to every natural one from which on they are far from resonance."""
+WIDE = 0.05
+"""Amplitude step, of the smallest grazing amplitude, from which on a step disturbs a sweep."""
+
+
+def describe(job: Job) -> list[str]:
+    """Describe the structure and the study of a job, line by line, warnings last."""
+    study, structure = job.study, job.structure
+    told = ", ".join(f"{s} = {v}" if s else v for s, v in in_words(structure))
+    lines = [f"structure:  {told}", f"units:      {_units(structure)}"]
+    lines += [f"varied:     {axis.key}: {_listed(axis.values)}" for axis in study.axes]
+    lines += _modes(structure)
+    lines += [f"contact:    {line}" for line in _contacts(structure)]
+    lines += _grazing(study, structure)
+    return lines + [f"warning:    {text}" for text in warnings(job)]
+
+
+def warnings(job: Job) -> list[str]:
+    """Return what looks like a mistake, a line each."""
+    return list(_warnings(job.study, job.structure))
+
+
+def _listed(values) -> str:
+    return ", ".join(values) if isinstance(values[0], str) else few(values)
+
+
+def _units(structure) -> str:
+    if is_in_gaps(structure):
+        return "lengths in gaps, time in 1/omega_0, frequencies in omega_0"
+    if structure.is_uniform:
+        return "lengths as given, time in 1/omega_0, frequencies in omega_0"
+    if not any(structure.unit_names):
+        return "those in which masses, stiffnesses and lengths are given; [units] names them"
+    names = ("length", "velocity", "acceleration", "force", "frequency")
+    return ", ".join(f"{name} {unit_of(structure, name)}" for name in names)
+
+
+def _named(structure, quantity: str) -> str:
+    """Write the unit of a quantity behind a number; nothing where it has no name."""
+    known = any(structure.unit_names) or is_in_gaps(structure)
+    return f" {unit_of(structure, quantity)}" if known else ""
+
+
+def _cycles(structure, omega: float) -> str:
+    """Write a frequency in cycles per unit of time, where time has a unit."""
+    if not structure.unit_names.time:
+        return ""
+    return f" = {omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
+
+
+def _modes(structure) -> list[str]:
+    """Write natural frequencies, periods and damping ratios, and the mode shapes."""
+    frequencies, ratios = structure.frequencies, structure.damping_ratios
+    lines = []
+    for i, omega in enumerate(frequencies[:MOST_MODES]):
+        shape = structure.modes[:, i]
+        shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
+        told = ", ".join(f"{value:.3g}" for value in shape[:MOST_MODES])
+        more = ", ..." if shape.size > MOST_MODES else ""
+        lines.append(
+            f"mode {i + 1:<3}    omega = {omega:.6g}{_cycles(structure, omega)}, period "
+            f"{2 * np.pi / omega:.6g}, damping ratio {ratios[i]:.4g}, shape ({told}{more})"
+        )
+    if frequencies.size > MOST_MODES:
+        lines.append(
+            f"            and {frequencies.size - MOST_MODES} modes more, up to "
+            f"omega = {frequencies[-1]:.6g}"
+        )
+    return lines
+
+
+def _contacts(structure) -> list[str]:
+    names = structure.contact_names
+    length = _named(structure, "length")
+    return [
+        f"{names[k]}: gap {contact.gap:.6g}{length}, stiffness {contact.stiffness:.6g}"
+        for k, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
+    ] or ["none"]
+
+
+def _grazing_amplitudes(study, structure) -> np.ndarray:
+    """Return the grazing amplitude at each frequency, inf where nothing grazes."""
+    omegas = np.unique(_omega(study))
+    if omegas.size > 200:
+        omegas = omegas[np.linspace(0, omegas.size - 1, 200).astype(int)]
+    found = []
+    for omega in omegas.tolist():
+        try:
+            found.append(structure.grazing_amplitude(omega))
+        except ZeroDivisionError:
+            found.append(0.0)
+    return np.array([omegas, found])
+
+
+def _omega(study) -> np.ndarray:
+    return (study.base if study.axes else study).omega
+
+
+def _amplitudes(study) -> np.ndarray:
+    own = study.base if study.axes else study
+    return np.unique(np.concatenate([own.amplitudes_of(k) for k in range(min(own.n_frames, 200))]))
+
+
+def _grazing(study, structure) -> list[str]:
+    """Write the range of frequencies and amplitudes, and where contact begins."""
+    omega, amplitude = _omega(study), _amplitudes(study)
+    low, high = float(omega.min()), float(omega.max())
+    unit = _named(structure, "acceleration")
+    cycles = _cycles(structure, low)
+    lines = [
+        f"frequency:  {low:.6g} to {high:.6g}{_named(structure, 'frequency')}"
+        + (f"{cycles} to {high / (2 * np.pi):.6g}" if cycles else ""),
+        f"amplitude:  {amplitude.min():.6g} to {amplitude.max():.6g}{unit}",
+    ]
+    omegas, grazes = _grazing_amplitudes(study, structure)
+    if np.isfinite(grazes).any():
+        least, most = int(grazes.argmin()), int(np.where(np.isfinite(grazes), grazes, 0).argmax())
+        lines.append(
+            f"grazing:    the free motion touches from A = {grazes[least]:.6g} (Omega = "
+            f"{omegas[least]:.6g}) to {grazes[most]:.6g}{unit} (Omega = {omegas[most]:.6g}) on"
+        )
+    else:
+        lines.append("grazing:    there is no contact")
+    return lines
+
+
+def _warnings(study, structure) -> Iterator[str]:
+    ratios = structure.damping_ratios
+    if ratios.max() > 1:
+        yield f"mode {int(ratios.argmax()) + 1} has the damping ratio {ratios.max():.4g}, above 1"
+    omega, natural = _omega(study), structure.frequencies
+    orders = np.array([order for order, _, _ in structure.forcing.terms])
+    ratio = np.abs(np.log(np.outer(orders, omega).ravel()[:, None] / natural))
+    if ratio.min() > np.log(FAR):
+        yield (
+            f"every frequency ({few(tuple(np.unique(omega).tolist()))}) is more than {FAR:g} times "
+            f"off every natural one (the lowest {natural[0]:.6g})"
+        )
+    if structure.matrices is None and not np.all(np.array(structure.stiffness_ratio) >= 1):
+        least = float(np.min(structure.stiffness_ratio))
+        if least > 0:
+            yield f"the contact is softer than a storey: stiffness_ratio = {least:g}"
+    _, grazes = _grazing_amplitudes(study, structure)
+    amplitude = _amplitudes(study)
+    if amplitude.size > 1 and "final_state" in study.carried and 0 < grazes.min() < np.inf:
+        step, least = float(np.diff(amplitude).max()), float(grazes.min())
+        if step > WIDE * least and amplitude.max() > least:
+            yield (
+                f"an amplitude step of {step:.4g} is {step / least:.2g} of the smallest grazing "
+                f"amplitude {least:.4g}: the transient after a step touches where the steady "
+                "motion does not"
+            )

@@ -1,0 +1,38 @@
+"""`hpcsweep describe`: what a job computes, before it is run."""
+
+from pathlib import Path
+
+from hpcsweep.commands import RAW, USER_ERROR, add_settings, complain
+
+HELP = """\
+Describe a job: structure, units, natural frequencies, modes, damping ratios, contacts, the
+amplitude from which on the free motion touches, the number of runs; and warn of what looks like a
+mistake.
+Nothing is computed that takes time."""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    parser = commands.add_parser(
+        "describe",
+        help="tell what a job computes: modes, units, grazing amplitude, runs",
+        description=HELP,
+        formatter_class=RAW,
+    )
+    parser.add_argument("job", type=Path, metavar="JOB.toml")
+    add_settings(parser)
+    parser.set_defaults(function=_describe)
+
+
+def _describe(options) -> int:
+    from hpcsweep.campaign.describe import describe
+    from hpcsweep.campaign.forecast import study_text
+    from hpcsweep.job import JobError, load_job
+
+    try:
+        job = load_job(options.job, options.settings)
+    except JobError as error:
+        complain(str(error))
+        return USER_ERROR
+    print("\n".join([f"{job.name}: {study_text(job.study)}", *job.notes, *describe(job)]))
+    return 0

@@ -1,0 +1,81 @@
+"""Peaks of storeys, floors and contacts against the amplitude, one frame."""
+
+from pathlib import Path
+
+from hpcsweep.figures.diagrams.figure import load_frame
+from hpcsweep.figures.labels import amplitude, unit
+from hpcsweep.figures.options import DIRECTION, OMEGA
+from hpcsweep.figures.palette import STOP, series_colour
+from hpcsweep.figures.style import (
+    PlotError,
+    caption,
+    direction_index,
+    job_of,
+    nearest_frame,
+    need_amplitudes,
+    new_figure,
+    save,
+    structure_of,
+    words_of,
+)
+from hpcsweep.solvers.outcome import Outcome
+
+NAME = "peaks"
+DRAWS = "motions"
+HELP = """\
+peak drift of each storey, displacement of each floor and force of each contact
+against the amplitude, one frame"""
+OPTIONS = (OMEGA, DIRECTION)
+PANELS = {
+    "storey_drift": ("peak storey drift", "length", "storey"),
+    "displacement": ("peak displacement", "length", "floor"),
+    "contact_force": ("peak contact force", "force", "stop"),
+}
+MOST_LINES = 10
+"""Storeys, floors or contacts that are drawn, the first."""
+load = load_frame
+
+
+def draw(results, path: Path, omega: float | None = None, direction: str | None = None) -> None:
+    """Draw the frame nearest to `omega`, default the first, and write it to `path`.
+
+    Raises
+    ------
+    PlotError
+        If the file holds no peaks.
+    """
+    held = [name for name in PANELS if name in results]
+    if not held:
+        asked = ", ".join(f"output.{name}" for name in PANELS)
+        raise PlotError(f"the file holds no peaks: set one of {asked} to true in the job")
+    need_amplitudes(job_of(results).study)
+    structure = structure_of(results)
+    place = nearest_frame(results["omega"].values, omega)
+    frame = results.isel(omega=place, direction=direction_index(results, direction))
+    done = frame["outcome"].values == Outcome.COMPLETE
+    if not done.any():
+        raise PlotError("no run of this frame is complete yet")
+    figure, axes = new_figure(len(held), 1.2 + 2.3 * len(held))
+    for axis, name in zip(axes, held, strict=True):
+        label, quantity, dim = PANELS[name]
+        for place, which in enumerate(frame[dim].values.tolist()[:MOST_LINES]):
+            values = frame[name].isel({dim: place}).where(done)
+            axis.plot(
+                frame["amplitude"],
+                values,
+                ".-",
+                markersize=3,
+                linewidth=0.8,
+                color=series_colour(place),
+                label=f"{'contact' if dim == 'stop' else dim} {which}",
+            )
+        axis.set_ylabel(label + unit(structure, quantity))
+        axis.set_ylim(bottom=0)
+        axis.legend(fontsize=7, frameon=False, ncols=2)
+        graze = structure.grazing_amplitude(float(frame["omega"]))
+        if frame["amplitude"].min() <= graze <= frame["amplitude"].max():
+            axis.axvline(graze, color=STOP, linewidth=0.8, linestyle="--")
+    axes[-1].set_xlabel(amplitude(structure) + ",  dashed: grazing")
+    words = words_of(results, str(frame["direction"].item()))
+    figure.suptitle(f"{caption(results, float(frame['omega']))},  {words}", fontsize=9)
+    save(figure, path)

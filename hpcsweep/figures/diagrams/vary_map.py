@@ -1,0 +1,220 @@
+"""Motions over the amplitude and a key that the job varies, at one frequency."""
+
+import itertools
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpcsweep.figures.diagrams.mesh import edges_of, grazing_key, legend_of_shares
+from hpcsweep.figures.labels import amplitude as amplitude_label
+from hpcsweep.figures.labels import unit
+from hpcsweep.figures.options import DIRECTION, OMEGA, Option
+from hpcsweep.figures.palette import GRAZING, MOTION_COLOURS, MOTIONS, NOTHING, motion_index
+from hpcsweep.figures.style import (
+    PlotError,
+    classes_of,
+    direction_index,
+    nearest_frame,
+    need_amplitudes,
+    new_grid,
+    save,
+)
+
+NAME = "vary"
+DRAWS = "motions"
+HELP = """\
+motion classes over the amplitude and a key that the job varies, one frame; a panel
+for each value of another"""
+OPTIONS = (
+    OMEGA,
+    DIRECTION,
+    Option(
+        "--over",
+        "key on the vertical axis (default: the one with most values)",
+        "over",
+        {"metavar": "KEY"},
+    ),
+)
+MOST_PANELS = 12
+COLUMNS = 3
+WIDE = 30.0
+"""Ratio of the largest to the smallest value from which on they are drawn on a logarithmic axis."""
+
+
+class Panels(NamedTuple):
+    """One frame of every part that is drawn, and what tells them apart.
+
+    Attributes
+    ----------
+    motion : ndarray of int, shape (n_panels, n_keys, n_amplitudes)
+        Places in `hpcsweep.figures.palette.MOTIONS`, -1 where nothing is computed.
+    grazing : ndarray, shape (n_panels, n_keys)
+        Amplitude at which the free steady state of a part touches a stop.
+    titles : tuple of str
+    key : str
+        Name of the key on the vertical axis; its values are `values`.
+    values : tuple
+    amplitude : ndarray, shape (n_amplitudes,)
+    omega : float
+    direction : str
+        In words.
+    name : str
+        Of the job.
+    structure : hpcsweep.Structure
+        Of one part.
+    """
+
+    motion: np.ndarray
+    grazing: np.ndarray
+    titles: tuple[str, ...]
+    key: str
+    values: tuple[Any, ...]
+    amplitude: np.ndarray
+    omega: float
+    direction: str
+    name: str
+    structure: Any
+
+
+def load(frames, omega: float | None = None, direction: str | None = None, over: str | None = None):
+    """Read one frame of every part that is drawn.
+
+    Returns
+    -------
+    Panels
+    """
+    axes = frames.whole.study.axes
+    if not axes:
+        raise PlotError(f"{frames.path}: --kind {NAME} shows a key that a job varies ([vary])")
+    need_amplitudes(frames.study)
+    names = [axis.name for axis in axes]
+    free = [name for name in names if name not in frames.given]
+    if over is None and free:
+        over = max(free, key=lambda name: len(axes[names.index(name)].values))
+    if over is None or over not in free:
+        raise PlotError(f"--over {over}: must be one of {', '.join(free)}")
+    wanted = [[at] for at in frames.place]
+    for name in free:
+        wanted[names.index(name)] = [*range(len(axes[names.index(name)].values))]
+    rows = wanted[names.index(over)]
+    wanted[names.index(over)] = [0]
+    panels = list(itertools.product(*wanted))
+    if len(panels) > MOST_PANELS:
+        others = ", ".join(name for name in free if name != over)
+        raise PlotError(
+            f"{len(panels)} panels are more than {MOST_PANELS}: choose {others} by --at"
+        )
+    place = nearest_frame(frames.study.omega, omega)
+    motion, grazing, titles = [], [], []
+    for panel in panels:
+        for row in rows:
+            frames.choose(
+                tuple(row if n == over else at for n, at in zip(names, panel, strict=True))
+            )
+            frame = frames.dataset(place)
+            at = direction_index(frame, direction)
+            period = frame["orbit_period"].values[at, 0]
+            motion.append(motion_index(classes_of(frame)[at, 0], period))
+            grazing.append(frames.study.structure.grazing_amplitude(float(frame["omega"].item())))
+        told = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
+        titles.append(", ".join(" = ".join(pair) for pair in told))
+    study, shape = frames.study, (len(panels), len(rows))
+    return Panels(
+        motion=np.array(motion).reshape(*shape, -1),
+        grazing=np.array(grazing).reshape(shape),
+        titles=tuple(titles),
+        key=_words(over) + unit(study.structure, axes[names.index(over)].units),
+        values=axes[names.index(over)].values,
+        amplitude=study.amplitude,
+        omega=float(study.omega[place]),
+        direction=study.words[study.directions[at]],
+        name=frames.whole.name,
+        structure=study.structure,
+    )
+
+
+def draw(
+    results,
+    path: Path,
+    omega: float | None = None,
+    direction: str | None = None,
+    over: str | None = None,
+) -> None:
+    """Draw what `load` returned and write it to `path`; the options are those of `load`.
+
+    Raises
+    ------
+    PlotError
+        If nothing is computed.
+    """
+    del omega, direction, over
+    if (results.motion < 0).all():
+        raise PlotError("no run of this frame is computed yet")
+    count = len(results.titles)
+    columns = min(count, COLUMNS)
+    n_rows = -(-count // columns)
+    size = (7.2, 5.2) if count == 1 else (3.5 * columns + 1.0, 3.2 * n_rows + 0.9)
+    figure, axes = new_grid(n_rows, columns, size, sharex=True, sharey=True)
+    for panel, axis in enumerate(axes.flat):
+        if panel >= count:
+            axis.set_visible(False)
+            continue
+        _panel(axis, results, panel)
+        axis.set_title(results.titles[panel], fontsize=9)
+        axis.set_xlabel(amplitude_label(results.structure))
+        axis.set_ylabel(results.key)
+        axis.label_outer()
+    _legend(figure, results.motion)
+    told = rf"{results.name},  $\Omega$ = {results.omega:.6g},  {results.direction}"
+    figure.suptitle(told, fontsize=10)
+    save(figure, path)
+
+
+def _panel(axis, results: Panels, panel: int) -> None:
+    """Draw the motions of one panel, and the amplitude from which on contact is possible."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    cells, grazing, keys = results.motion[panel], results.grazing[panel], np.array(results.values)
+    axis.set_facecolor(NOTHING)
+    if (cells < 0).any():
+        axis.patch.set(hatch="xxxx", edgecolor="0.55")
+    is_number = keys.dtype.kind in "if" and keys.size > 1 and bool(np.all(np.diff(keys) > 0))
+    is_wide = is_number and keys[0] > 0 and keys[-1] / keys[0] >= WIDE
+    heights = keys.astype(float) if is_number else np.arange(keys.size, dtype=float)
+    edges = np.exp(edges_of(np.log(heights))) if is_wide else edges_of(heights)
+    axis.pcolormesh(
+        edges_of(results.amplitude),
+        edges,
+        np.ma.masked_less(cells, 0),
+        cmap=ListedColormap(MOTION_COLOURS),
+        norm=BoundaryNorm(np.arange(len(MOTION_COLOURS) + 1) - 0.5, len(MOTION_COLOURS)),
+        rasterized=True,
+    )
+    if is_wide:
+        axis.set_yscale("log")
+    elif not is_number:
+        axis.set_yticks(heights, [_written(key) for key in keys])
+    limits = axis.get_xlim()
+    for colour, width in (("white", 1.8), (GRAZING, 1.0)):
+        axis.stairs(grazing, edges, baseline=None, orientation="horizontal", color=colour, lw=width)
+    axis.set(xlim=limits, ylim=(edges[0], edges[-1]))
+
+
+def _legend(figure, index: np.ndarray) -> None:
+    done = max(int((index >= 0).sum()), 1)
+    entries = [
+        (name, colour, int((index == place).sum()) / done)
+        for place, (name, colour) in enumerate(MOTIONS)
+        if (index == place).any()
+    ]
+    blank = float((index < 0).mean())
+    legend_of_shares(figure, entries, blank, "not computed", [grazing_key()])
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _written(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, int | float | np.number) else str(value)

@@ -1,0 +1,43 @@
+"""The explorer as a figure: its name, its options; `hpcsweep explore` makes it."""
+
+from hpcsweep.figures.options import Option, positive, whole_number
+
+NAME = "explorer"
+DRAWS = "motions"
+WRITES = (".html",)
+HELP = """\
+Make one self-contained page: the map over (A, Omega); pointing at it shows the orbit diagram of
+that frame, clicking the phase portrait and numbers of that run."""
+MOST_MB = 150.0
+OPTIONS = (
+    Option(
+        "--points",
+        "at most K stroboscopic points of a run (default: as many as keep the page small)",
+        "points",
+        {"type": whole_number(1, 10_000_000), "metavar": "K"},
+    ),
+    Option(
+        "--bits",
+        "resolution of the points: 1/2^B of a frame's range (default: %(default)s)",
+        "bits",
+        {"type": whole_number(6, 16), "default": 12, "metavar": "B"},
+    ),
+    Option(
+        "--frame-step",
+        "keep every Nth frame",
+        "frame_step",
+        {"type": whole_number(1, 10_000_000), "default": 1, "metavar": "N"},
+    ),
+    Option(
+        "--amplitude-step",
+        "keep every Nth amplitude",
+        "amplitude_step",
+        {"type": whole_number(1, 10_000_000), "default": 1, "metavar": "N"},
+    ),
+    Option(
+        "--max-mb",
+        "refuse to write a larger page (default: %(default)g)",
+        "max_mb",
+        {"type": positive, "default": MOST_MB, "metavar": "MB"},
+    ),
+)

@@ -1,0 +1,50 @@
+"""The film as a figure: its name, its options; `hpcsweep animate` makes it."""
+
+from hpcsweep.figures.options import FLOORS, Option, file_name, positive, whole_number
+
+NAME = "film"
+DRAWS = "motions"
+WRITES = (".mp4", ".gif")
+HELP = """\
+Make a film of the orbit diagrams, one frame a forcing frequency, with fixed axes: MP4 or, by the
+ending of OUT, GIF. Start it under mpirun to use many ranks; alone it uses several processes. The
+film is the same for any number. Needs the extra 'video' (imageio-ffmpeg)."""
+OPTIONS = (
+    Option(
+        "--poster",
+        "also write the frame with most kinds of motion",
+        "poster",
+        {"type": file_name, "metavar": "PNG"},
+    ),
+    Option(
+        "--fps",
+        "frames per second (default: %(default)g)",
+        "fps",
+        {"type": positive, "default": 25.0},
+    ),
+    Option(
+        "--every",
+        "take every Kth frame",
+        "every",
+        {"type": whole_number(1), "default": 1, "metavar": "K"},
+    ),
+    Option(
+        "--direction",
+        "sweeps that are drawn (default: %(default)s)",
+        "direction",
+        {"choices": ("up", "down", "both"), "default": "both"},
+    ),
+    Option(
+        "--color",
+        "what the colours tell (default: %(default)s)",
+        "color",
+        {"choices": ("direction", "contact", "period"), "default": "direction"},
+    ),
+    FLOORS,
+    Option(
+        "--width",
+        "even (default: 1280, GIF 960); the height follows from the number of floors shown",
+        "width",
+        {"type": whole_number(1), "default": 0, "metavar": "PIXELS"},
+    ),
+)

@@ -1,0 +1,127 @@
+"""Options of figures, and what figures there are: pictures, the film and the explorer alike.
+
+A figure is a module that says its name, what it draws, its help and its options (`Figure`), and is
+listed in `FIGURES`. Every command that makes one takes its options from it. Nothing here takes time
+to import.
+"""
+
+import argparse
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+FIGURES = (
+    "diagrams.orbit_diagram",
+    "diagrams.phase",
+    "diagrams.frames",
+    "diagrams.period_map",
+    "diagrams.metrics",
+    "diagrams.peaks",
+    "diagrams.vary_map",
+    "diagrams.benefit",
+    "diagrams.attractor_diagram",
+    "diagrams.shares",
+    "diagrams.attractor_map",
+    "diagrams.basins",
+    "film.figure",
+    "explorer.figure",
+)
+"""Modules of `hpcsweep.figures`, each a `diagrams.figure.Figure`; the first one that draws what a
+file holds is the default."""
+PICTURE = (".png",)
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option of the command line.
+
+    Attributes
+    ----------
+    flag : str
+        Such as ``--omega``. Figures that know an option of the same flag say the same of it.
+    help : str
+        What it chooses, and its default; the figures that know it are named by the command.
+    keyword : str
+        Name under which the figure takes the value.
+    arguments : dict
+        Further arguments of `argparse.ArgumentParser.add_argument`.
+    """
+
+    flag: str
+    help: str
+    keyword: str
+    arguments: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+
+def figures(writes: tuple[str, ...] = PICTURE) -> dict[str, Any]:
+    """Return the figures that write files of these endings, by name."""
+    modules = [import_module(f"hpcsweep.figures.{name}") for name in FIGURES]
+    return {
+        module.NAME: module for module in modules if getattr(module, "WRITES", PICTURE) == writes
+    }
+
+
+def add_options(parser: argparse.ArgumentParser, known: Iterable[Any], told: bool = False) -> None:
+    """Add the options of figures to a parser, each once; `told`: its help names who knows it."""
+    known = list(known)
+    for option in options_of(known):
+        kinds = ", ".join(figure.NAME for figure in known if option in figure.OPTIONS)
+        words = f"{option.help}; {kinds}" if told else option.help
+        parser.add_argument(option.flag, dest=option.keyword, help=words, **option.arguments)
+
+
+def options_of(known: Iterable[Any]) -> list[Option]:
+    """Return the options of figures, each once."""
+    return list(dict.fromkeys(option for figure in known for option in figure.OPTIONS))
+
+
+def whole_number(least: int, most: int | None = None):
+    """Make the conversion of an argument that must be a whole number from `least` to `most`."""
+
+    def convert(text: str) -> int:
+        value = int(text)
+        if value < least or (most is not None and value > most):
+            limit = f"at least {least}" if most is None else f"from {least} to {most}"
+            raise argparse.ArgumentTypeError(f"must be {limit}, is {text}")
+        return value
+
+    convert.__name__ = "whole number"
+    return convert
+
+
+def file_name(text: str) -> Path:
+    """Convert an argument that must name a file."""
+    if not text:
+        raise argparse.ArgumentTypeError("must not be empty")
+    return Path(text)
+
+
+def positive(text: str) -> float:
+    """Convert an argument that must be a finite number greater than 0."""
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be greater than 0, is {text}")
+    return value
+
+
+OMEGA = Option(
+    "--omega",
+    "frequency; the nearest frame is drawn (default: the first)",
+    "omega",
+    {"type": float},
+)
+FLOORS = Option(
+    "--floor",
+    "floor shown, may be given several times (default: all of up to 5, of more the first, the "
+    "middle and the top)",
+    "floors",
+    {"type": int, "action": "append", "metavar": "I"},
+)
+DIRECTION = Option(
+    "--direction",
+    "sweep drawn (default: the first)",
+    "direction",
+    {"choices": ("up", "down")},
+)

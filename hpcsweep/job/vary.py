@@ -1,0 +1,143 @@
+"""The table ``vary`` of a job: keys that take several values, each an axis of the study.
+
+A part of the job is the job without the table, with one value of every key in it. It is a job of
+its own: it is validated like any other, and has a text from which it can be run alone.
+"""
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.job.job import JobError
+from hpcsweep.job.values import RANGE_KEYS, Values
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import Axis, Place
+from hpcsweep.studies.vary import Varied
+
+MOST_PARTS = 100_000
+"""Parts of a job: each is validated before anything is computed."""
+TABLES = ("study", "structure", "pounding", "sweep", "solver")
+"""Whose keys may be varied: what is stored must be the same of all runs."""
+NEVER = {
+    "study.kind": "must be one and the same of all runs",
+    "sweep.omega": "is an axis of every study; give sweep.omega its values",
+    "sweep.amplitude": "is an axis of every study; give sweep.amplitude its values",
+    "sweep.initial_state": "must be one and the same of all runs",
+}
+UNITS = {"structure.gap": "length", "structure.gap_left": "length", "pounding.gap": "length"}
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Makes the parts of a job; what it holds can be sent to other processes.
+
+    Attributes
+    ----------
+    source : str
+        Named in errors.
+    tree : mapping
+        The job without the table ``vary``.
+    axes : tuple of Axis
+    read : callable
+        Makes the study of a job without that table: (source, tree).
+    """
+
+    source: str
+    tree: Mapping
+    axes: tuple[Axis, ...]
+    read: Callable[[str, Mapping], RunGrid]
+
+    def __call__(self, place: Place) -> RunGrid:
+        """Make the study of a part."""
+        return self.read(self.source, self.tree_at(place))
+
+    def tree_at(self, place: Place) -> dict:
+        """Return the job of a part."""
+        tree = dict(self.tree)
+        for axis, at in zip(self.axes, place, strict=True):
+            table, _, key = axis.key.partition(".")
+            tree[table] = {**tree.get(table, {}), key: axis.values[at]}
+        return tree
+
+
+def read_varied(
+    values: Values, tree: Mapping, read: Callable[[str, Mapping], RunGrid]
+) -> RunGrid | Varied:
+    """Read the study of a job, at all values of the keys that it varies.
+
+    Raises
+    ------
+    JobError
+        If a key cannot be varied, or a part is not a valid job.
+    """
+    if "vary" not in tree:
+        return read(values.source, tree)
+    given = _flat(values, tree["vary"])
+    rest = {key: value for key, value in tree.items() if key != "vary"}
+    axes = tuple(_axis(values, key, value) for key, value in given.items())
+    n_parts = int(np.prod([len(axis.values) for axis in axes], dtype=object))
+    if n_parts > MOST_PARTS:
+        raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MOST_PARTS}")
+    parts = Parts(values.source, rest, axes, read)
+    base = parts((0,) * len(axes))
+    study = Varied(base, axes, parts)
+    for place in itertools.islice(study.places(), 1, None):
+        _check_shape(values, study, place)
+    return study
+
+
+def _flat(values: Values, table: object) -> dict[str, object]:
+    """Return the keys of the table with their values; ``structure.gap`` needs no quotes."""
+    if not isinstance(table, Mapping) or not table:
+        raise values.error("vary", table, 'must be a table such as "structure.gap" = [0.5, 1.0]')
+    given: dict[str, object] = {}
+    for key, value in table.items():
+        below = value if isinstance(value, Mapping) and not set(value) & set(RANGE_KEYS) else None
+        if "." in key or not below:
+            given[key] = value
+        else:
+            given.update({f"{key}.{name}": one for name, one in below.items()})
+    return given
+
+
+def _axis(values: Values, key: str, given: object) -> Axis:
+    table, _, name = key.partition(".")
+    if table not in TABLES or not name or "." in name:
+        limit = f"must be a key of {', '.join(TABLES)}, such as structure.gap"
+        raise JobError(f"{values.source}: vary: {key!r}: {limit}")
+    if key in NEVER:
+        raise values.error(f"vary.{key}", given, NEVER[key])
+    if isinstance(given, list) and {type(one) for one in given} in ({str}, {int}):
+        read = [*given]
+    else:
+        read = Values(values.source, {"vary": {key: given}}).numbers(f"vary.{key}", False).tolist()
+    if len(set(read)) < len(read):
+        raise values.error(f"vary.{key}", given, "must not hold a value twice")
+    return Axis(name, key, tuple(read), UNITS.get(key, "1"))
+
+
+def _check_shape(values: Values, study: Varied, place: Place) -> None:
+    """Refuse a part that does not fit into one file with the first."""
+    base, part = study.base, study.part(place)
+    other = _difference(base, part)
+    if other is not None:
+        told = study.describe_part(place)
+        raise JobError(f"{values.source}: vary: {told}: all parts must be of one shape, it {other}")
+
+
+def _difference(base: RunGrid, part: RunGrid) -> str | None:
+    """Return why two parts do not fit into one file; None where they do."""
+    if part.structure.contact_labels != base.structure.contact_labels:
+        return "has other contacts than the first"
+    if part.variables != base.variables or part.dimensions != base.dimensions:
+        return "has not the dimensions of the first"
+    known, own = base.coordinates, part.coordinates
+    for name, coordinate in known.items():
+        if not np.array_equal(own[name].values, coordinate.values):
+            return f"has another {name} than the first"
+    for (variable, first), (_, values) in zip(base.given, part.given, strict=True):
+        if not np.array_equal(first, values):
+            return f"has another {variable.name} than the first"
+    return None

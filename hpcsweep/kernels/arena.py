@@ -1,0 +1,151 @@
+"""Values of the kernels, tuples of arrays too, written into an array of bytes and read from it.
+
+numba looks into every array of a call; what is read from one buffer costs nothing to hand over.
+The arrays lie in it too (`places`). Where kernels are not compiled (`fallback`) a tuple is handed
+over as it is.
+"""
+
+from functools import cached_property
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import types
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic
+
+from hpcsweep.kernels.compile import kernel, specialise
+from hpcsweep.kernels.compile.places import Shapes, apart, in_one_piece, with_arrays
+from hpcsweep.kernels.simd import fallback
+
+
+def _place_of(context, builder, signature, arguments, which: int, kind):
+    """Point at a value of type `kind` at the start of the array that is argument `which`."""
+    array = context.make_array(signature.args[which])(context, builder, arguments[which])
+    return builder.bitcast(array.data, context.get_value_type(kind).as_pointer())
+
+
+@intrinsic
+def write(typingctx, value, buffer):
+    """Write a value into an array of bytes, as the kernels hold it; arrays by their addresses."""
+    del typingctx
+
+    def generate(context, builder, signature, arguments):
+        place = _place_of(context, builder, signature, arguments, 1, signature.args[0])
+        builder.store(arguments[0], place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(value, buffer), generate
+
+
+def reader(kind):
+    """Make the function of kernels that reads a value of a type of numba from where it was written.
+
+    Nothing is checked, and nothing is counted: see `kernel`.
+    """
+
+    @intrinsic
+    def read(typingctx, buffer):
+        del typingctx
+
+        def generate(context, builder, signature, arguments):
+            place = _place_of(context, builder, signature, arguments, 0, kind)
+            value = builder.load(place, align=8)
+            return specialise.with_known_sizes(context, builder, kind, value, place)
+
+        return kind(buffer), generate
+
+    return read
+
+
+@intrinsic
+def _as_long_as(typingctx, array, other):
+    del typingctx
+
+    def generate(context, builder, signature, arguments):
+        ours, its = (
+            context.make_array(kind)(context, builder, value)
+            for kind, value in zip(signature.args, arguments, strict=True)
+        )
+        length = builder.extract_value(its.shape, 0)
+        ours.shape = builder.insert_value(ours.shape, length, 0)
+        return ours._getvalue()
+
+    return array(array, other), generate
+
+
+as_long_as = fallback.as_long_as if numba.config.DISABLE_JIT else _as_long_as
+"""``as_long_as(array, other)``, kernels only: `array`, whose length is that of `other`.
+
+Nothing is checked. The length of an array that was read from a packing may be known when a kernel
+is compiled (`specialise`), that of an argument is not.
+"""
+
+
+@kernel
+def _write(value, buffer):
+    write(value, buffer)
+
+
+class Arena:
+    """Tuples of one type, packed and read.
+
+    Parameters
+    ----------
+    example : tuple
+        Any value of the type.
+
+    Attributes
+    ----------
+    read : function of kernels
+        Reads such a tuple from the buffer it was packed into.
+    """
+
+    def __init__(self, example: tuple):
+        self._kind = numba.typeof(with_arrays(example, apart))
+        self.read = fallback.read if numba.config.DISABLE_JIT else reader(self._kind)
+
+    def specialise(self, shapes: Shapes) -> specialise.Specialisation:
+        """Return what kernels are specialised to for tuples of these shapes: `shapes_of`."""
+        return specialise.Specialisation(self._kind, shapes)
+
+    @cached_property
+    def _head(self) -> int:
+        """Bytes of such a tuple as the kernels hold it: its numbers, and what tells its arrays."""
+        context = cpu_target.target_context
+        return context.get_abi_sizeof(context.get_value_type(self._kind))
+
+    def place(self, value: tuple) -> tuple[Any, np.ndarray]:
+        """Copy a tuple into memory from which the kernels read it (`places`).
+
+        Parameters
+        ----------
+        value : tuple
+            In place of an array it may have `placing.zeros`.
+
+        Returns
+        -------
+        value : tuple
+            The copy, whose arrays are those that the kernels work on.
+        packed : ndarray of bytes
+            What kernels are given.
+
+        Raises
+        ------
+        TypeError
+            If the value is of another type: the kernels would read nonsense.
+        """
+        if numba.config.DISABLE_JIT:
+            value = packed = with_arrays(value, apart)
+        else:
+            value, packed = in_one_piece(value, self._head)
+        kind = numba.typeof(value)
+        if kind != self._kind:
+            raise TypeError(f"the kernels read {self._kind}, not {kind}")
+        if not numba.config.DISABLE_JIT:
+            _write(value, packed)
+        return value, packed
+
+    def pack(self, value: tuple) -> np.ndarray:
+        """Copy as `place`, and give what kernels are given."""
+        return self.place(value)[1]

@@ -1,0 +1,230 @@
+"""The cache of compiled kernels on disk: one file for each kernel and processor.
+
+numba's own cache looks only at the file of the function it compiled, not at the files of the
+functions that were inlined into it, so an edited kernel could go on running in its old form. The
+kernels have a cache of their own, which is named after all they are made of: the program text of
+every file in `KERNEL_FILES` (comments, docstrings and places in the file do not count), and the
+versions of numba and of numpy, which computes the constants that are frozen into them. The name of
+a file in it is the hash of the signature, the processor's name and its features, so that nodes of
+different types keep their kernels side by side.
+
+It lies under ``$NUMBA_CACHE_DIR`` where that is set, else under ``$XDG_CACHE_HOME/hpcsweep`` or
+``~/.cache/hpcsweep``, whatever environment or path the package is installed in. Where that cannot
+be written, what is not in it yet goes to a folder of the user's own under ``$TMPDIR``. numba's
+settings for other packages are left alone.
+
+A file begins with a digest of what it holds, which is verified before any of it is loaded: machine
+code with one bit changed may crash, or give results that are wrong in the tenth digit. What does
+not hold is compiled anew. A file is written under another name and renamed into place, and there is
+no index that two processes could both change: many ranks may compile at once, and the worst that
+happens is that work is done twice.
+"""
+
+import ast
+import contextlib
+import functools
+import hashlib
+import os
+import pickle
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+from numba.core import serialize
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
+
+from hpcsweep.kernels.compile.specialise import KEY_LENGTH, specialised_name
+from hpcsweep.kernels.folders import (
+    cache_root,
+    own_folder,
+    read_verified,
+    roots,
+    say_unwritable,
+    write_verified,
+)
+
+PACKAGE = Path(__file__).resolve().parents[2]
+KERNEL_FILES = (
+    "kernels",
+    "model/contact.py",
+    "model/equations.py",
+    "model/kernel_model.py",
+    "solvers/flow",
+    "solvers/free.py",
+    "solvers/outcome.py",
+    "solvers/reference.py",
+    "solvers/skip_rule.py",
+)
+"""Files and folders of the package of which kernels, and the constants in them, are made."""
+SUFFIX = ".kernel"
+HASH_LENGTH = 16
+
+
+def kernel_files(package: Path = PACKAGE, names: tuple[str, ...] = KERNEL_FILES) -> list[Path]:
+    """Return the files of which kernels are made.
+
+    Raises
+    ------
+    FileNotFoundError
+        If one that is named is not there: a file that was moved would go on running in its old
+        form.
+    """
+    found: list[Path] = []
+    for name in names:
+        path = package / name
+        inside = sorted(path.rglob("*.py")) if path.is_dir() else [path]
+        if not inside or not inside[0].is_file():
+            raise FileNotFoundError(f"kernels are made of {path}, which is not there")
+        found += inside
+    return found
+
+
+def _program_text(source: bytes) -> str:
+    """Return what a file says to Python: without comments, docstrings and line numbers."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [
+                line
+                for line in body
+                if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
+            ]
+    return ast.dump(tree)
+
+
+def _hash(texts: dict[str, bytes]) -> str:
+    """Hash versions and what is in files, by their names."""
+    digest = hashlib.sha256(f"numba {numba.__version__} numpy {np.__version__}".encode())
+    digest.update(f" python {sys.version_info[:2]}".encode())
+    for name, text in texts.items():
+        digest.update(b"\0".join((b"", name.encode(), text)))
+    return digest.hexdigest()[:HASH_LENGTH]
+
+
+@functools.cache
+def source_hash() -> str:
+    """Hash all that the kernels are made of.
+
+    To parse it takes as long as to load the kernels. So the hash is kept in the cache, too, under
+    that of the files as they are, comments and all.
+    """
+    sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
+    kept = cache_root() / "sources" / _hash(sources)
+    found = read_verified(kept)
+    if found is not None:
+        return found.decode()
+    made = _hash({name: _program_text(text).encode() for name, text in sources.items()})
+    with contextlib.suppress(OSError):
+        write_verified(kept, made.encode())
+    return made
+
+
+def cache_folder() -> Path:
+    """Return the folder of the compiled kernels."""
+    return cache_root() / source_hash()
+
+
+def kept_in() -> list[Path]:
+    """Return the folders in which there are compiled kernels: none where they cannot be kept."""
+    folders = (root / source_hash() for root in roots())
+    return [folder for folder in folders if any(folder.rglob(f"*{SUFFIX}"))]
+
+
+class _Locator(_CacheLocator):
+    """Tells numba where a kernel of this package is kept: by module, not by installed path."""
+
+    def __init__(self, py_func, py_file):
+        self._py_file = py_file
+        module = Path(py_file).resolve()
+        inside = module.is_relative_to(PACKAGE)
+        self.place = module.relative_to(PACKAGE).with_suffix("") if inside else None
+        self._lineno = py_func.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, py_func, py_file):
+        """Make a locator; None for functions of other packages, which are not cached here."""
+        locator = cls(py_func, py_file)
+        return locator if locator.place is not None else None
+
+    def get_cache_path(self):
+        """Return the kernel's folder."""
+        return str(cache_folder() / self.place)
+
+    def get_source_stamp(self):
+        """Return what the cache must have been made from."""
+        return source_hash()
+
+    def get_disambiguator(self):
+        """Return nothing: names are unique in a module."""
+        return "kernel"
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = (_Locator,)
+
+
+class KernelCache(FunctionCache):
+    """The cache of one function, in the folder of this package."""
+
+    _impl_class = _Implementation
+
+    def _path(self, sig, codegen) -> Path:
+        """Return the place of a compiled kernel below a root."""
+        key = repr(self._index_key(sig, codegen)).encode()
+        name = f"{self._py_func.__qualname__}-{hashlib.sha256(key).hexdigest()[:16]}{SUFFIX}"
+        return Path(source_hash()) / self._impl.locator.place / name
+
+    def load_overload(self, sig, target_context):
+        """Return a compiled kernel; None if it is not there, or not as it was written."""
+        # all of numba's registries, which `refresh` would load, are for compiling
+        rtsys.initialize(target_context)
+        place = self._path(sig, target_context.codegen())
+        for root in roots():
+            found = read_verified(root / place)
+            if found is not None:
+                return self._impl.rebuild(target_context, pickle.loads(found))
+        return None
+
+    def holds(self, sig, target_context) -> bool:
+        """Return whether a kernel is in the cache."""
+        place = self._path(sig, target_context.codegen())
+        return any(os.access(root / place, os.R_OK) for root in roots())
+
+    def specialisations(self) -> frozenset[str]:
+        """Return the keys of the specialisations that are there, for any processor."""
+        found = set()
+        for root in roots():
+            folder = root / source_hash() / self._impl.locator.place
+            for path in folder.glob(f"{specialised_name(self._py_func, '*')}-*{SUFFIX}"):
+                found.add(path.name.rpartition("-")[0][-KEY_LENGTH:])
+        return frozenset(found)
+
+    def save_overload(self, sig, data):
+        """Keep a compiled kernel where that is possible."""
+        if not self._impl.check_cachable(data):
+            return
+        place = self._path(sig, data.codegen)
+        content = serialize.dumps(self._impl.reduce(data))
+        try:
+            write_verified(cache_root() / place, content)
+        except OSError as error:
+            kept, own = False, own_folder()
+            if own is not None:
+                with contextlib.suppress(OSError):
+                    write_verified(own / place, content)
+                    kept = True
+            say_unwritable(error.strerror or str(error), kept)
+
+
+def processor() -> str:
+    """Name the processor that kernels are compiled for, and what of it they may use.
+
+    It is that of this machine if ``$NUMBA_CPU_NAME`` and ``$NUMBA_CPU_FEATURES`` name no other.
+    """
+    _, name, features = cpu_target.target_context.codegen().magic_tuple()
+    used = (word[1:] for word in features.split(",") if word.startswith("+"))
+    return " ".join([name, *sorted(used)])

@@ -1,0 +1,256 @@
+"""Kernels that are called through their address: compiled once, whoever calls them.
+
+What a kernel calls becomes a part of it (`inline`) and is optimised and compiled anew with it,
+which pays where the call would cost more than the work. A kernel that works for long between two
+calls is made an entry point: its types are declared, each has one address, and callers read that
+from a cell known to them by name. A caller can so be compiled, and kept, before what it calls has
+been.
+
+`load_all` fills the cells: it compiles each entry point or loads it from the cache. Only one
+thread of a process does so at a time (`LOADING`), and others wait until it is done.
+
+Kernels that read a packing may be specialised to the sizes in it (`specialise`). All that are
+specialised alike are a `SpecialisedKernels`: entry points once more, with addresses of their own.
+"""
+
+import contextlib
+import threading
+import types as python_types
+from collections.abc import Callable
+
+import numba
+import numpy as np
+from llvmlite import binding, ir
+from numba.core import cgutils, types
+from numba.core.typing import signature
+from numba.core.typing.templates import ConcreteTemplate, infer_global
+from numba.extending import lower_builtin
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile.specialise import Specialisation, specialised_name
+from hpcsweep.kernels.simd.fallback import plain
+
+BYTES = types.uint8[::1]
+FLOAT = types.float64
+INT = types.int64
+KEY = types.uint64
+VECTOR = types.float64[::1]
+MATRIX = types.float64[:, ::1]
+
+
+LOADING = threading.RLock()
+"""Held while kernels are compiled or loaded: a kernel takes no second compilation."""
+
+
+def type_of(example):
+    """Return the type of a value, for the declaration of an entry point."""
+    return numba.typeof(example)
+
+
+class EntryPoint:
+    """A kernel with one address, called by Python and by other kernels.
+
+    Parameters
+    ----------
+    function : callable
+    result
+        Type of its result; a tuple of types for a tuple.
+    arguments
+        Types of its arguments.
+    inner : bool
+        Whether kernels alone call it: what looks into the arguments of a call by Python takes up
+        to a second to compile.
+    specialises : bool
+        Whether it can be specialised to the sizes in a packing.
+    """
+
+    def __init__(self, function: Callable, result, arguments, inner: bool, specialises: bool):
+        self.name = f"{function.__module__}.{function.__qualname__}"
+        self.specialises = specialises
+        self.__doc__ = function.__doc__
+        self.__name__ = function.__name__
+        self.__module__ = function.__module__
+        self.result, self.arguments, self.inner = result, arguments, inner
+        result = types.Tuple(result) if isinstance(result, tuple) else result
+        self._signature = signature(result, *arguments)
+        self.dispatcher = kernel(function, no_cpython_wrapper=inner)
+        self.py_func = function
+        self._all_loaded = False
+        self._cell = np.zeros(1, np.int64)
+        self.symbol = f"address of {self.name}"
+        binding.add_symbol(self.symbol, self._cell.ctypes.data)
+        self._declare(arguments)
+
+    def _declare(self, arguments) -> None:
+        """Let kernels call it."""
+
+        class Template(ConcreteTemplate):
+            key = self
+            cases = [self._signature]  # noqa: RUF012 (so numba wants it)
+
+        infer_global(self, types.Function(Template))
+        lower_builtin(self, *arguments)(self._call)
+        ALL.append(self)
+
+    specialisation: Specialisation | None = None
+    """What it is specialised to."""
+
+    def __call__(self, *arguments):
+        """Call the kernel from Python.
+
+        Raises
+        ------
+        TypeError
+            If only kernels can call it.
+        """
+        if self.inner:
+            raise TypeError(f"{self.name} can be called by kernels alone")
+        if not self._all_loaded:
+            self._load_what_is_called()
+            self._all_loaded = True
+        return self.dispatcher(*arguments)
+
+    def _load_what_is_called(self) -> None:
+        load_all()
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether the kernel has its address."""
+        return bool(self._cell[0])
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the cache has the kernel."""
+        return self.dispatcher.is_kept(self._signature)
+
+    def kept_specialisations(self) -> frozenset[str]:
+        """Return the keys of the specialisations that the cache has, for any processor."""
+        return self.dispatcher.kept_specialisations()
+
+    @property
+    def signatures(self) -> list:
+        """The types for which the kernel is compiled."""
+        return self.dispatcher.signatures
+
+    def load(self) -> None:
+        """Compile the kernel, or load it from the cache, and let all know its address."""
+        with LOADING:
+            if self.is_loaded:
+                return
+            with self._compiling():
+                self.dispatcher.compile(self._signature)
+            compiled = self.dispatcher.overloads[self._signature.args]
+            self.dispatcher.disable_compile()
+            name = compiled.fndesc.llvm_func_name
+            self._cell[0] = compiled.library.get_pointer_to_function(name)
+
+    def _compiling(self) -> contextlib.AbstractContextManager:
+        return contextlib.nullcontext()
+
+    def _call(self, context, builder, sig, arguments):
+        """Generate a call of what the cell points at."""
+        convention = context.call_conv
+        kind = convention.get_function_type(sig.return_type, sig.args)
+        address = ir.IntType(64)
+        cell = builder.module.globals.get(self.symbol)
+        if cell is None:
+            cell = ir.GlobalVariable(builder.module, address, self.symbol)
+        function = builder.inttoptr(builder.load(cell), kind.as_pointer())
+        status, result = convention.call_function(
+            builder, function, sig.return_type, sig.args, arguments
+        )
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return result
+
+
+ALL: list[EntryPoint] = []
+"""All entry points of the modules that are imported."""
+
+
+class _Specialised(EntryPoint):
+    """An entry point specialised to sizes, called by Python and by others of these sizes."""
+
+    def __init__(self, one: EntryPoint, kernels: "SpecialisedKernels"):
+        function, key = one.py_func, kernels.specialisation.key
+        again = python_types.FunctionType(
+            function.__code__,
+            function.__globals__,
+            function.__name__,
+            function.__defaults__,
+            function.__closure__,
+        )
+        again.__module__, again.__doc__ = function.__module__, function.__doc__
+        # names the file of the kernel, and its function of LLVM
+        again.__qualname__ = specialised_name(function, key)
+        self.origin, self.specialisation, self._kernels = one, kernels.specialisation, kernels
+        super().__init__(again, one.result, one.arguments, one.inner, True)
+        self.__name__ = one.__name__
+
+    def _declare(self, arguments) -> None:
+        """Kernels ask for the one that is not specialised, see `specialise.rename_addresses`."""
+
+    def _load_what_is_called(self) -> None:
+        self._kernels.load()
+
+    def _compiling(self) -> contextlib.AbstractContextManager:
+        return self.specialisation.compiling(self._kernels.renamed)
+
+
+class SpecialisedKernels:
+    """The entry points specialised to the sizes of one packing.
+
+    Parameters
+    ----------
+    specialisation : specialise.Specialisation
+
+    Attributes
+    ----------
+    all : list of EntryPoint
+        The specialised ones, and those others that cannot be specialised: all that a motion asks
+        for.
+    renamed : dict of str to str
+        Symbols of the addresses of the specialised ones, by those in whose place they are.
+    """
+
+    def __init__(self, specialisation: Specialisation):
+        self.specialisation = specialisation
+        self._by_origin = {one: _Specialised(one, self) for one in ALL if one.specialises}
+        self.renamed = {
+            one.symbol: specialised.symbol for one, specialised in self._by_origin.items()
+        }
+        self.all = [self._by_origin.get(one, one) for one in ALL]
+
+    def __getitem__(self, one: EntryPoint) -> EntryPoint:
+        """Return a kernel specialised."""
+        return self._by_origin[one]
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether all are loaded, or the cache has them."""
+        return all(one.is_loaded or one.is_kept for one in self.all)
+
+    def load(self) -> None:
+        """Compile all, or load them from the cache."""
+        for one in self.all:
+            one.load()
+
+
+def entry_point(result, *arguments, inner: bool = False, specialises: bool = False):
+    """Compile a kernel on its own: ``@entry_point(result, type, ...)``; see `EntryPoint`.
+
+    With NUMBA_DISABLE_JIT=1 the kernel stays Python.
+    """
+
+    def decorate(function):
+        if numba.config.DISABLE_JIT:
+            return plain(function)
+        return EntryPoint(function, result, arguments, inner, specialises)
+
+    return decorate
+
+
+def load_all() -> None:
+    """Compile all entry points, or load them from the cache; see `warm.load_all`."""
+    for one in ALL:
+        one.load()

@@ -1,0 +1,197 @@
+"""Kernels as parts of other kernels: typed and lowered once, optimised only where they are used.
+
+numba compiles a function that another one calls on its own, to machine code, and then optimises and
+compiles it again inside its caller, and inside the caller's caller. Here what a kernel calls is
+only brought to the intermediate form of LLVM; optimisation and code generation happen once for each
+kernel that is called from Python or through its address (`entry_points`), over all of its parts.
+"""
+
+from functools import cached_property
+
+from llvmlite import binding, ir
+from llvmlite.binding import Linkage
+from numba.core import compiler, typed_passes
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_machinery import register_pass
+from numba.core.registry import CPUDispatcher
+
+from hpcsweep.kernels.compile import specialise
+
+
+class _InlineLibrary(JITCodeLibrary):
+    """A library that is there to be linked into others: not optimised, not given to the engine."""
+
+    def finalize(self):
+        """Let the functions be defined wherever they are used."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.external:
+                function.linkage = "linkonce_odr"
+        self._finalized = True
+
+    def link_into(self, module):
+        """Link the functions of this library alone into a module of LLVM."""
+        module.link_in(self._final_module, preserve=True)
+
+    def _get_module_for_linking(self):
+        """Return numba's own libraries the functions with all that they call."""
+        if self._shared_module is None:
+            whole = self._final_module.clone()
+            for library in _all_that_is_called(self):
+                if isinstance(library, _InlineLibrary):
+                    library.link_into(whole)
+                else:
+                    whole.link_in(library._get_module_for_linking(), preserve=True)
+            self._shared_module = whole
+        return self._shared_module
+
+
+class _WholeLibrary(JITCodeLibrary):
+    """A library with all its parts, those of its parts too; no other is linked with it."""
+
+    def finalize(self):
+        """Link, optimise and generate code."""
+        called = _all_that_is_called(self)
+        for library in called:
+            if isinstance(library, _InlineLibrary):
+                library.link_into(self._final_module)
+        specialise.rename_addresses(self._final_module)
+        self._linking_libraries = [one for one in called if not isinstance(one, _InlineLibrary)]
+        super().finalize()
+
+    def _get_module_for_linking(self):
+        """Return its names alone, which numba wants to know when it loads the machine code.
+
+        The functions themselves would be kept beside their machine code, and be parsed again by
+        everybody who loads it.
+        """
+        names = ir.Module(self.name)
+        nothing = ir.FunctionType(ir.VoidType(), ())
+        for function in self._final_module.functions:
+            if not function.is_declaration:
+                entry = ir.Function(names, nothing, function.name).append_basic_block()
+                ir.IRBuilder(entry).ret_void()
+        return binding.parse_assembly(str(names))
+
+
+def _all_that_is_called(library):
+    """Return the libraries that one calls, and those that its parts call, each once."""
+    found = dict.fromkeys(library._linking_libraries)
+    queue = list(found)
+    while queue:
+        part = queue.pop()
+        for called in part._linking_libraries if isinstance(part, _InlineLibrary) else ():
+            if called not in found:
+                found[called] = None
+                queue.append(called)
+    return list(found)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerInline(typed_passes.NativeLowering):
+    _name = "hpcsweep_lower_part"
+
+    def run_pass(self, state):
+        """Lower into a library that is not compiled, and tell callers where it is."""
+        codegen = state.targetctx.codegen()
+        state.library = _InlineLibrary(codegen, state.func_id.func_qualname)
+        state.flags.no_compile = True
+        with specialise.unspecialised():
+            super().run_pass(state)
+        lowered = state["cr"]
+        state.library.finalize()
+        entry = _Entry()
+        state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=entry)
+        return True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerWhole(typed_passes.NativeLowering):
+    _name = "hpcsweep_lower_whole"
+
+    def run_pass(self, state):
+        """Lower into a library that gathers the parts of its parts."""
+        codegen = state.targetctx.codegen()
+        state.library = _WholeLibrary(codegen, state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return super().run_pass(state)
+
+
+class _Entry:
+    """Stands for a compiled part where numba looks a function up."""
+
+
+def _pipeline(lowering):
+    class Pipeline(compiler.CompilerBase):
+        def define_pipelines(self):
+            made = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
+            made.passes = [
+                (lowering if which is typed_passes.NativeLowering else which, why)
+                for which, why in made.passes
+            ]
+            made.finalize()
+            return [made]
+
+    return Pipeline
+
+
+_PART, _WHOLE = _pipeline(_LowerInline), _pipeline(_LowerWhole)
+
+
+class _InlineDispatcher(CPUDispatcher):
+    """Compiles a kernel for its callers; Python cannot call it."""
+
+    def add_overload(self, cres):
+        """Keep what was compiled."""
+        self.overloads[tuple(cres.signature.args)] = cres
+
+
+class KernelDispatcher(CPUDispatcher):
+    """Compiles a kernel for calls from Python; kernels that call it take it as a part."""
+
+    def __init__(self, function, options):
+        # no kernel is called through a pointer of C
+        options = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, **options}
+        super().__init__(function, targetoptions=options, pipeline_class=_WHOLE)
+
+    @cached_property
+    def _part(self) -> _InlineDispatcher:
+        options = self.targetoptions | {"no_cpython_wrapper": True}
+        return _InlineDispatcher(self.py_func, targetoptions=options, pipeline_class=_PART)
+
+    def get_call_template(self, args, kws):
+        """Return numba the signature of a call by a kernel."""
+        return self._part.get_call_template(args, kws)
+
+    def is_kept(self, sig) -> bool:
+        """Return whether the cache has the kernel compiled for a signature."""
+        return self._cache.holds(sig, self.targetctx)
+
+    def kept_specialisations(self) -> frozenset[str]:
+        """Return the keys of the specialisations that the cache has the kernel for."""
+        return self._cache.specialisations()
+
+    def get_overload(self, sig):
+        """Return numba what a kernel calls."""
+        return self._part.get_overload(sig)
+
+
+class KeptDispatcher(KernelDispatcher):
+    """The same, with a cache, which is made when it is asked: most kernels are only parts.
+
+    Parameters
+    ----------
+    function : callable
+    options : dict
+    cache : callable (function)
+        Makes the cache.
+    """
+
+    def __init__(self, function, options, cache):
+        super().__init__(function, options)
+        self._make_cache = cache
+        del self.__dict__["_cache"]  # numba's, which keeps nothing
+
+    @cached_property
+    def _cache(self):
+        return self._make_cache(self.py_func)

@@ -1,0 +1,1 @@
+"""Arithmetic on eight doubles at once, as instructions and in numpy."""

@@ -1,0 +1,146 @@
+"""The operations of `vectors` and of arenas in numpy, for kernels that are not compiled.
+
+With NUMBA_DISABLE_JIT=1 a kernel is the Python function it is written as: a debugger steps through
+it, coverage counts its lines, and an index beyond an array is an error. `Lanes` are then arrays of
+`LANES` numbers. Results are those of `instructions` to rounding: a product is rounded before it is
+added, sums are added up in another order, and the exponential is that of numpy.
+"""
+
+import functools
+
+import numpy as np
+
+LANES = 8
+"""Doubles worked on together, as in `instructions`."""
+
+
+def plain(function):
+    """Let a kernel run as Python with the arithmetic of the compiled one.
+
+    Numbers that are given to it, or to a kernel it calls, become those of numpy, whose quotients
+    are IEEE: 1 / 0 is infinite.
+    """
+
+    @functools.wraps(function)
+    def called(*arguments, **named):
+        with np.errstate(all="ignore"):
+            return _ieee(function(*map(_ieee, arguments), **named))
+
+    called.py_func = function
+    return called
+
+
+def _ieee(value):
+    """Make numbers of Python numbers of numpy, in a tuple too."""
+    if isinstance(value, float):
+        return np.float64(value)
+    if type(value) is tuple:
+        return tuple(map(_ieee, value))
+    return value
+
+
+def _flat(array: np.ndarray, index: int, count: int = LANES, stride: int = 1) -> np.ndarray:
+    """View array[index], array[index + stride], ... of an array that is contiguous."""
+    if not array.flags.c_contiguous:
+        raise IndexError("the array is not contiguous: the compiled kernel would misread it")
+    last = index + stride * (count - 1)
+    if count and not 0 <= index <= last < array.size:
+        raise IndexError(f"{index} to {last} lie beyond an array of {array.size}")
+    return array.reshape(-1)[index : last + 1 : stride]
+
+
+def fma(a, b, c):
+    """Evaluate a b + c, numbers or `Lanes`; the product is rounded."""
+    return a * b + c
+
+
+def load(array, index):
+    """Read array[index:index + LANES] of a contiguous array, flat."""
+    return _flat(array, index).copy()
+
+
+def store(array, index, value):
+    """Write array[index:index + LANES] as `load` reads it."""
+    _flat(array, index)[:] = value
+
+
+def root(value):
+    """Take the square roots."""
+    return _lanes(np.sqrt(value))
+
+
+def modulus(value):
+    """Take the moduli."""
+    return _lanes(np.abs(value))
+
+
+def greatest(a, b):
+    """Take the greater of each two, NaN if one is."""
+    return _lanes(np.maximum(a, b))
+
+
+def _lanes(value):
+    return np.broadcast_to(value, LANES).copy()
+
+
+def total(value):
+    """Add up."""
+    return value.sum()
+
+
+def maximum(value):
+    """Take the greatest, NaN if one is."""
+    return value.max()
+
+
+def negative(value):
+    """Return which are negative: the sum of 2^k of those lanes k."""
+    return np.int64(np.sum((value < 0.0) * 2 ** np.arange(LANES)))
+
+
+def first_not_negative(value):
+    """Return the first lane that is not negative, `LANES` if all are."""
+    return next((k for k, number in enumerate(value) if not number < 0.0), LANES)
+
+
+def lane(value, index):
+    """Read one lane."""
+    return value[index]
+
+
+def shifted(first, value):
+    """Put a number before the lanes; the last one falls off."""
+    return np.concatenate(([first], value[:-1]))
+
+
+def combine(out, o, init, i, scale, table, t, stride, x, s, n):
+    """Write out[o:] = init[i:] + sum_k table[t + k stride:] (scale x[s + k]), k < n, all flat."""
+    value = load(init, i)
+    for k, factor in enumerate(_flat(x, s, n)):
+        value += load(table, t + k * stride) * (scale * factor)
+    store(out, o, value)
+
+
+def combine_moduli(out, o, init, i, scale, table, t, stride, x, s, n):
+    """Write as `combine`, with |x[s + k]|."""
+    combine(out, o, init, i, scale, table, t, stride, np.abs(x), s, n)
+
+
+def switches(y):
+    """Evaluate S(y) = 1 / (1 + exp(-y)) without overflow and cancellation."""
+    t = np.exp(-np.abs(y))
+    return np.where(y >= 0.0, 1.0, t) / (1.0 + t)
+
+
+def read(packed: tuple) -> tuple:
+    """Return back a tuple that was not packed, with numbers of numpy in it."""
+    if isinstance(packed, tuple):
+        return type(packed)(*map(read, packed))
+    return _ieee(packed)
+
+
+def as_long_as(array, other):
+    """Return back an array that is as long as another."""
+    if len(array) != len(other):
+        raise IndexError(f"an array of {len(array)} is taken for one of {len(other)}")
+    return array

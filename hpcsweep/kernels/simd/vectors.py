@@ -1,0 +1,36 @@
+"""Vectors of eight doubles as numbers of the kernels: what a register of 64 bytes holds.
+
+Sums, products and quotients of them are written as those of numbers; a loop over an array is read
+from and written to by `load` and `store`. In compiled kernels these operations are instructions of
+LLVM (`instructions`, `sigmoid`). Where numba is told not to compile (NUMBA_DISABLE_JIT=1) they are
+functions of numpy (`fallback`), the kernels run as plain Python, and what reaches beyond an array
+is an error.
+"""
+
+from numba import config
+
+if config.DISABLE_JIT:
+    from hpcsweep.kernels.simd import fallback as _operations
+    from hpcsweep.kernels.simd import fallback as _sigmoid
+else:
+    from hpcsweep.kernels.simd import instructions as _operations
+    from hpcsweep.kernels.simd import sigmoid as _sigmoid
+
+LANES = _operations.LANES
+"""Doubles worked on together."""
+
+combine = _operations.combine
+combine_moduli = _operations.combine_moduli
+first_not_negative = _operations.first_not_negative
+fma = _operations.fma
+greatest = _operations.greatest
+lane = _operations.lane
+load = _operations.load
+maximum = _operations.maximum
+modulus = _operations.modulus
+negative = _operations.negative
+root = _operations.root
+shifted = _operations.shifted
+store = _operations.store
+switches = _sigmoid.switches
+total = _operations.total

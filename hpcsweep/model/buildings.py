@@ -1,0 +1,187 @@
+"""Buildings side by side, as an engineer writes them: masses, storeys, gaps between floors."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.model.arguments import finite, plain
+from hpcsweep.model.forcing import ONE_HARMONIC
+from hpcsweep.model.matrices import Contact, vector
+from hpcsweep.model.structure import Structure
+
+SAME_HEIGHT = 1e-6
+"""Relative difference of heights that are the same."""
+
+
+@dataclass(frozen=True)
+class Building:
+    """A building of storeys on the ground, in any consistent units.
+
+    Attributes
+    ----------
+    mass : sequence of n floats
+        Of each floor, from the lowest on.
+    storey_stiffness : float or sequence of n floats
+    storey_height : float or sequence of n floats, optional
+        From which follow the floors that face each other.
+    damping_ratio : float or sequence of n floats
+        Of the building's own modes.
+    rayleigh : (float, float), optional
+        (alpha, beta) of its damping matrix alpha M + beta K, in place of that.
+    name : str
+    """
+
+    mass: Sequence[float]
+    storey_stiffness: float | Sequence[float]
+    storey_height: float | Sequence[float] | None = None
+    damping_ratio: float | Sequence[float] = 0.05
+    rayleigh: tuple[float, float] | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        masses = vector("building.mass", self.mass, None)
+        if not masses:
+            raise ValueError("building.mass must not be empty")
+        object.__setattr__(self, "mass", masses)
+        if self.storey_height is not None:
+            heights = self._each("building.storey_height", self.storey_height)
+            if min(heights) <= 0:
+                raise ValueError(f"building.storey_height must be above 0, is {min(heights)!r}")
+            object.__setattr__(self, "storey_height", heights)
+
+    def _each(self, name: str, given: Any) -> tuple[float, ...]:
+        """Read one number for all floors, or one for each."""
+        given = plain(given)
+        if hasattr(given, "__len__"):
+            return vector(name, given, len(self.mass), "numbers, one per floor")
+        return (finite(name, given),) * len(self.mass)
+
+    @property
+    def structure(self) -> Structure:
+        """The building alone, without a stop."""
+        return Structure(
+            n_floors=len(self.mass),
+            stiffness_ratio=0.0,
+            mass=self.mass,
+            storey_stiffness=self.storey_stiffness,
+            damping_ratio=self.damping_ratio,
+            rayleigh=self.rayleigh,
+            gap=math.inf,
+        )
+
+    @property
+    def heights(self) -> tuple[float, ...]:
+        """Height of each floor above the ground; the floors' numbers where none are given."""
+        if self.storey_height is None:
+            return tuple(float(i) for i in range(1, len(self.mass) + 1))
+        return tuple(np.cumsum(self.storey_height).tolist())
+
+
+def adjacent(
+    buildings: Sequence[Building],
+    gap: float | Sequence[float],
+    stiffness: float | Sequence[float],
+    *,
+    sharpness: float = math.inf,
+    harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC,
+) -> Structure:
+    """Make the structure of buildings that pound each other, from left to right.
+
+    Floors at equal heights touch, where no `storey_height` is given those of equal number.
+
+    Parameters
+    ----------
+    buildings : sequence of Building
+        At least two.
+    gap, stiffness : float or sequence of float
+        Of all contacts, or of each level at which floors face each other, from the lowest on.
+    sharpness : float
+        See `Structure`.
+    harmonics : sequence of (order, amplitude, phase)
+        See `Structure`.
+
+    Returns
+    -------
+    Structure
+        Its `names` say building and floor.
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range, or a floor faces a column; one line says which.
+    """
+    if len(buildings) < 2:
+        raise ValueError(f"building must be given twice or more, is given {len(buildings)} times")
+    names = [one.name or chr(ord("A") + k) for k, one in enumerate(buildings)]
+    if len(set(names)) < len(names):
+        raise ValueError(f"building.name must be of one building each, are {names}")
+    alone = [one.structure for one in buildings]
+    sizes = [one.n_floors for one in alone]
+    first = np.concatenate(([0], np.cumsum(sizes)))
+    contacts, labels = [], []
+    for k in range(len(buildings) - 1):
+        pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
+        gaps = _levels("gap", gap, len(pairs))
+        stiff = _levels("stiffness", stiffness, len(pairs))
+        for (i, j), own_gap, own_stiffness in zip(pairs, gaps, stiff, strict=True):
+            direction = np.zeros(first[-1])
+            direction[first[k] + i], direction[first[k + 1] + j] = 1.0, -1.0
+            contacts.append(Contact(tuple(direction.tolist()), own_gap, own_stiffness))
+            labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
+    made = Structure.from_matrices(
+        _block([one.mass_matrix for one in alone]),
+        _block([one.stiffness_matrix for one in alone]),
+        contacts,
+        damping=_block([one.damping_matrix for one in alone]),
+        drift=_block([one.drift_rows for one in alone]),
+        sharpness=sharpness,
+        harmonics=harmonics,
+    )
+    floors = [f"{name}{i}" for name, n in zip(names, sizes, strict=True) for i in range(1, n + 1)]
+    return made.named(floors, labels)
+
+
+def _facing(left: Building, right: Building, left_name: str, right_name: str) -> list:
+    """Return the floors of two buildings that are at equal heights."""
+    if (left.storey_height is None) != (right.storey_height is None):
+        raise ValueError("building.storey_height must be given of all buildings or of none")
+    lower = min(left.heights[-1], right.heights[-1])
+    pairs = []
+    for i, height in enumerate(left.heights):
+        same = [j for j, h in enumerate(right.heights) if abs(h - height) <= SAME_HEIGHT * height]
+        if not same and height < lower:
+            raise ValueError(
+                f"building: floor {i + 1} of {left_name} at height {height:g} faces a column of "
+                f"{right_name}: floors must be at equal heights"
+            )
+        pairs += [(i, j) for j in same]
+    met = {j for _, j in pairs}
+    for j, height in enumerate(right.heights):
+        if j not in met and height < lower:
+            raise ValueError(
+                f"building: floor {j + 1} of {right_name} at height {height:g} faces a column of "
+                f"{left_name}: floors must be at equal heights"
+            )
+    return pairs
+
+
+def _levels(name: str, given: Any, count: int) -> tuple[float, ...]:
+    given = plain(given)
+    if hasattr(given, "__len__"):
+        return vector(f"pounding.{name}", given, count, "numbers, one per level")
+    return (finite(f"pounding.{name}", given),) * count
+
+
+def _block(matrices: Sequence[np.ndarray]) -> np.ndarray:
+    """Put matrices on the diagonal of one."""
+    rows, columns = (sum(m.shape[axis] for m in matrices) for axis in (0, 1))
+    whole = np.zeros((rows, columns))
+    at = np.zeros(2, int)
+    for matrix in matrices:
+        end = at + matrix.shape
+        whole[at[0] : end[0], at[1] : end[1]] = matrix
+        at = end
+    return whole

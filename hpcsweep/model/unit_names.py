@@ -1,0 +1,77 @@
+"""Names of the units in which a structure is given, for labels: nothing is ever converted.
+
+Quantities are told by their dimension (`length`, `velocity`, ...). The building of the paper has
+units of its own: lengths in gaps, time in 1/omega_0. A structure that is given otherwise is in
+consistent units of its owner, whose names may be given with it.
+"""
+
+from typing import NamedTuple
+
+GAPS = {
+    "length": "gaps",
+    "velocity": "gaps omega_0",
+    "acceleration": "gaps omega_0^2",
+    "frequency": "omega_0",
+    "rate": "omega_0",
+    "time": "1/omega_0",
+    "force": "k gaps",
+}
+"""Units of the paper's building."""
+NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
+"""Names of forces, by length, mass and time."""
+
+
+class Names(NamedTuple):
+    """Names of floors and of contacts, in their order; empty where they have numbers alone."""
+
+    floors: tuple[str, ...] = ()
+    contacts: tuple[str, ...] = ()
+
+
+class UnitNames(NamedTuple):
+    """Names of the units of length, mass and time; empty where they are not given."""
+
+    length: str = ""
+    mass: str = ""
+    time: str = ""
+
+    def of(self, quantity: str) -> str:
+        """Name the unit of a quantity, of units of one's own."""
+        length, mass, time = self.length or "length", self.mass or "mass", self.time or "time"
+        force = NEWTONS.get((length, mass, time), f"{mass} {length}/{time}^2")
+        return {
+            "length": length,
+            "velocity": f"{length}/{time}",
+            "acceleration": f"{length}/{time}^2",
+            "frequency": f"rad/{time}",
+            "cycles": "Hz" if time == "s" else f"1/{time}",
+            "rate": f"1/{time}",
+            "time": time,
+            "force": force,
+            "impulse": f"{force} {time}",
+        }[quantity]
+
+
+def unit_of(structure, quantity: str) -> str:
+    """Name the unit of a quantity of a structure, or of several, as in "length; velocity".
+
+    What is no quantity (``1``, ``forcing periods``) is returned as it is.
+    """
+    return "; ".join(_unit_of(structure, part) for part in quantity.split("; "))
+
+
+def _unit_of(structure, quantity: str) -> str:
+    in_own = any(structure.unit_names) or not structure.is_uniform
+    if quantity not in (*GAPS, "impulse", "cycles"):
+        return quantity
+    if in_own:
+        return structure.unit_names.of(quantity)
+    if quantity in GAPS and ("gaps" not in GAPS[quantity] or is_in_gaps(structure)):
+        return GAPS[quantity]
+    return UnitNames(time="1/omega_0").of(quantity).replace("/1/omega_0", " omega_0")
+
+
+def is_in_gaps(structure) -> bool:
+    """Return whether lengths are in gaps and times in 1/omega_0: equal storeys, all stops at 1."""
+    stops = all(contact.gap == 1.0 for contact in structure.contacts)
+    return structure.is_uniform and stops and not any(structure.unit_names)

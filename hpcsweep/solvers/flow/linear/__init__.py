@@ -1,0 +1,1 @@
+"""Linear motion between contact changes: propagators, polynomials, series, forcing."""

@@ -1,0 +1,102 @@
+"""The forcing G(tau) = A sum_h a_h sin(h Omega tau + phi_h), by pairs of sine and cosine."""
+
+import math
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import fma
+
+SHORT_ANGLE = 0.03
+"""Angle up to which four terms of the series of sine and cosine are exact (s^8 / 8! = 2e-17)."""
+
+WIDE_ANGLE = 1.0
+SINE = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(9, -1, -1))
+COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(9, -1, -1))
+"""Falling orders; what is left out is 1 / 20! = 4e-19."""
+
+
+@kernel
+def forcing_at(tau, amplitude, model, out, first):
+    """Write A a_h sin(.) and A a_h cos(.) of each harmonic into out[first:]."""
+    for h in range(model.harmonics.shape[0]):
+        size = amplitude * model.harmonics[h, 1]
+        angle = model.harmonics[h, 0] * model.omega * tau + model.harmonics[h, 2]
+        out[first + 2 * h] = size * math.sin(angle)
+        out[first + 2 * h + 1] = size * math.cos(angle)
+
+
+@inlined
+def rotate_forcing(x, first, rotation, index):
+    """Take the pairs in x[first:] over one step, whose cosines and sines are rotation[index]."""
+    for at in range(0, rotation.shape[1], 2):
+        cosine = rotation[index, at]
+        sine = rotation[index, at + 1]
+        s = x[first + at]
+        c = x[first + at + 1]
+        x[first + at] = fma(s, cosine, c * sine)
+        x[first + at + 1] = fma(c, cosine, -s * sine)
+
+
+@inlined
+def short_turn(s):
+    """Return sine and cosine of an angle, or of Lanes of them, of `SHORT_ANGLE` at most."""
+    q = s * s
+    sine = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
+    cosine = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
+    return sine, cosine
+
+
+@inlined
+def _turn(s):
+    """Return sine and cosine of an angle of `WIDE_ANGLE` at most."""
+    q = s * s
+    sine, cosine = SINE[0], COSINE[0]
+    for k in range(1, len(SINE)):
+        sine = fma(q, sine, SINE[k])
+        cosine = fma(q, cosine, COSINE[k])
+    return s * sine, cosine
+
+
+@inlined
+def forcing_after(s, tau, amplitude, x, first, model, out):
+    """Write the pairs at tau from those in x[first:] at tau - s, 0 <= s, with their rounding.
+
+    `out` may be x, if `first` is 0.
+    """
+    fastest = 0.0
+    for k in range(model.harmonics.shape[0]):
+        fastest = max(fastest, model.harmonics[k, 0] * model.omega * s)
+    if fastest > WIDE_ANGLE:
+        forcing_at(tau, amplitude, model, out, 0)
+        return
+    for k in range(model.harmonics.shape[0]):
+        turned, kept = _turn(model.harmonics[k, 0] * model.omega * s)
+        sine, cosine = x[first + 2 * k], x[first + 2 * k + 1]
+        out[2 * k] = fma(turned, cosine, kept * sine)
+        out[2 * k + 1] = fma(-turned, sine, kept * cosine)
+
+
+@inlined
+def total_forcing(pairs, first, model):
+    """Return G of the pairs."""
+    ground = 0.0
+    for k in range(model.harmonics.shape[0]):
+        ground += pairs[first + 2 * k]
+    return ground
+
+
+@inlined
+def forcing_rate(pairs, first, model):
+    """Return dG/dtau of the pairs."""
+    rate = 0.0
+    for k in range(model.harmonics.shape[0]):
+        rate += model.harmonics[k, 0] * model.omega * pairs[first + 2 * k + 1]
+    return rate
+
+
+@kernel
+def steepest_forcing(amplitude, model):
+    """Bound |dG/dtau|."""
+    rate = 0.0
+    for k in range(model.harmonics.shape[0]):
+        rate += model.harmonics[k, 0] * model.omega * abs(amplitude * model.harmonics[k, 1])
+    return rate

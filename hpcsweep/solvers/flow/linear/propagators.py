@@ -1,0 +1,314 @@
+"""Building the table of a contact set: the propagators of `tables`, from its generator M.
+
+All is done in loops of our own, in a workspace: a library would be called for matrices of ten rows,
+and a product by one library is not that by another to the last bit.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile.entry_points import BYTES, INT, KEY, entry_point
+from hpcsweep.kernels.simd.vectors import (
+    LANES,
+    combine,
+    fma,
+    greatest,
+    load,
+    maximum,
+    modulus,
+    store,
+)
+from hpcsweep.solvers.flow.linear.series import build_series, place_of
+from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
+from hpcsweep.solvers.flow.state.responses import forget
+from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.state.tables import (
+    BOUND_SAMPLES,
+    ECONOMISATION,
+    MODAL_NODES,
+    N_COEFFICIENTS,
+    N_MODAL,
+    N_POWERS,
+    TAYLOR,
+    THETA,
+    THETA_FREE,
+    ZERO,
+)
+
+
+@inlined
+def _find(key, tables):
+    """Return the index of the table of contact set `key`; -1 if there is none."""
+    for index in range(tables.count[0]):
+        if tables.keys[index] == key:
+            return index
+    return -1
+
+
+@inlined
+def table_of(key, tables, packed):
+    """Return what `lookup` gives, without a call where the table is at hand."""
+    index = _find(key, tables)
+    return index if index >= 0 else lookup(key, packed)
+
+
+@inlined
+def table_at_hand(key, tables, packed):
+    """Find or build the table of a contact set; -1 where that would empty the store of tables."""
+    index = _find(key, tables)
+    if index < 0 and tables.count[0] < tables.keys.shape[0]:
+        return lookup(key, packed)
+    return index
+
+
+@entry_point(INT, KEY, BYTES)
+def lookup(key, packed):
+    """Return the index of the table of contact set `key`, building it once.
+
+    Parameters
+    ----------
+    key : uint64
+        Contact set.
+    packed : ndarray of bytes
+        A packed `Shared`.
+    """
+    shared = read_shared(packed)
+    tables = shared.tables
+    index = _find(key, tables)
+    if index >= 0:
+        return index
+    if tables.count[0] == tables.keys.shape[0]:
+        tables.count[0] = 0
+        forget(shared.responses)
+    index = tables.count[0]
+    _build(key, shared.model, tables, index)
+    tables.keys[index] = key
+    tables.count[0] = index + 1
+    return index
+
+
+@kernel
+def _generator(key, model, scale, out):
+    """Write M of the coordinates u into `out`, (2n + 2H + 1, padded), balanced.
+
+    Displacements are measured in units of ``model.balance``, velocities in these times `scale`, and
+    the forcing in units of `scale`.
+    """
+    n = model.modal_transform.shape[0]
+    contacts, unit = model.contacts, model.balance
+    last = out.shape[0] - 1
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
+    for i in range(n):
+        out[i, n + i] = scale
+        for j in range(n):
+            ratio = unit[j] / unit[i]
+            out[n + i, j] = -model.stiffness[i, j] * ratio / scale
+            out[n + i, n + j] = -model.damping[i, j] * ratio
+        for h in range(2 * n, last, 2):
+            out[n + i, h] = model.forcing[i] / unit[i]
+    for k in range(contacts.row.shape[0]):
+        if (key >> np.uint64(k)) & np.uint64(1):
+            for i in range(n):
+                push = contacts.beta[k] * contacts.kick[k, i] / (unit[i] * scale)
+                if push != 0.0:
+                    for j in range(n):
+                        out[n + i, j] -= push * contacts.reach[k, j] * unit[j]
+                    out[n + i, last] += push * contacts.gap[k]
+    for h in range(model.harmonics.shape[0]):
+        at = 2 * n + 2 * h
+        out[at, at + 1] = model.harmonics[h, 0] * model.omega
+        out[at + 1, at] = -model.harmonics[h, 0] * model.omega
+
+
+@kernel
+def _spectral_bound(key, model, contact):
+    """Bound the moduli of the eigenvalues of M.
+
+    For an eigenvector with displacements q, q* M q = 1, lambda^2 + d lambda + k = 0 with d = q* C q
+    and k = q* (K + contacts) q. If the roots are complex |lambda|^2 = k, if not |lambda| <= d.
+    `contact`, (n, n), is workspace.
+    """
+    energy = model.energy
+    n = contact.shape[0]
+    for i in range(n):
+        for j in range(n):
+            contact[i, j] = energy.stiffness[i, j]
+    for k in range(energy.kappa.shape[0]):
+        if (key >> np.uint64(k)) & np.uint64(1):
+            for i in range(n):
+                for j in range(n):
+                    contact[i, j] += energy.kappa[k] * energy.reach[k, i] * energy.reach[k, j]
+    hardest = math.sqrt(spectral_radius(contact))
+    fastest = model.omega
+    for h in range(model.harmonics.shape[0]):
+        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
+    return max(hardest, max(energy.drag, fastest))
+
+
+@kernel
+def _square(matrix, out):
+    """Write the product of a square matrix with itself, rows padded."""
+    size, padded = out.shape
+    for i in range(size):
+        for j in range(0, padded, LANES):
+            combine(out, i * padded + j, ZERO, 0, 1.0, matrix, j, padded, matrix, i * padded, size)
+
+
+@kernel
+def _next_term(generator, n, factor, term, spare):
+    """Multiply `term` by M times a factor; `spare` is workspace.
+
+    The first n rows of M have one entry each: displacements change by velocities.
+    """
+    size, padded = term.shape
+    for i in range(n, size):
+        row = i * padded
+        for j in range(0, padded, LANES):
+            combine(spare, row + j, ZERO, 0, 1.0, term, j, padded, generator, row, size)
+    for i in range(n):
+        for j in range(padded):
+            term[i, j] = generator[i, n + i] * term[n + i, j] * factor
+    for i in range(n, size):
+        for j in range(padded):
+            term[i, j] = spare[i, j] * factor
+
+
+@kernel
+def _half_step(generator, n, h, half, term, spare):
+    """Write exp(M h / 2) into `half`."""
+    size = half.shape[0]
+    for i in range(size):
+        for j in range(half.shape[1]):
+            half[i, j] = term[i, j] = 1.0 if i == j else 0.0
+    for k in range(1, TAYLOR + 1):
+        _next_term(generator, n, 0.5 * h / k, term, spare)
+        for i in range(size):
+            for j in range(half.shape[1]):
+                half[i, j] += term[i, j]
+
+
+@kernel
+def _build(key, model, tables, index):
+    """Fill table `index` with the propagators of contact set `key`."""
+    n = model.modal_transform.shape[0]
+    n_rows = model.stiffness.shape[0]
+    size = tables.vectors.shape[1]
+    scale = math.sqrt(model.stiffness_bound + (model.hardest if key != np.uint64(0) else 0.0))
+    generator, half, term, full = tables.work[0], tables.work[1], tables.work[2], tables.work[3]
+    _generator(key, model, scale, generator)
+    radius = _spectral_bound(key, model, tables.energy)
+    h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
+    tables.h[index] = h
+    for k in range(model.harmonics.shape[0]):
+        angle = model.harmonics[k, 0] * model.omega * h
+        tables.rotation[index, 2 * k] = math.cos(angle)
+        tables.rotation[index, 2 * k + 1] = math.sin(angle)
+
+    # x in the units of the model: balance for u, times s for v, s * forcing, 1 with s = scale
+    unit = tables.vectors[0]
+    for i in range(n):
+        unit[i] = model.balance[i]
+        unit[n + i] = model.balance[i] * scale
+    for k in range(2 * n, size):
+        unit[k] = scale if k < size - 1 else 1.0
+    build_series(generator, tables.vectors, model, tables.series[index], tables.impulses[index])
+    _half_step(generator, n, h, half, term, full)
+    _square(half, full)
+    for k in range(size):
+        _write_rows(full, unit, k, model, tables.step[index, place_of(k, n, n_rows)])
+    powers = tables.powers[index]
+    _square(tables.step[index, : 2 * n_rows], powers[0])
+    for k in range(1, N_POWERS):
+        _square(powers[k - 1], powers[k])
+    _expand(generator, h, half, full, model, tables, index)
+    poly = tables.poly[index]
+    for p in range(N_COEFFICIENTS):
+        for column in range(2 * n_rows):
+            for row in range(2 * n_rows):
+                tables.columns[index, p, column, row] = poly[row, column, p]
+    if key == np.uint64(0):
+        _build_modal(model, poly, tables.modal)
+    for row in range(n_rows):
+        for column in range(poly.shape[1]):
+            tables.bound4[index, column, row] = _max_fourth_derivative(poly[row, column], h)
+
+
+@kernel
+def _expand(generator, h, term, spare, model, tables, index):
+    """Write exp(M s) as polynomials, from exp(M h / 2) in `term`; both matrices are overwritten."""
+    n = model.modal_transform.shape[0]
+    n_rows = model.stiffness.shape[0]
+    size = term.shape[0]
+    unit, rows, poly = tables.vectors[0], tables.rows, tables.poly[index]
+    for row in range(poly.shape[0]):
+        for column in range(poly.shape[1]):
+            for p in range(N_COEFFICIENTS):
+                poly[row, column, p] = 0.0
+    for k in range(TAYLOR + 1):
+        if k > 0:
+            _next_term(generator, n, 0.5 * h / k, term, spare)
+        for column in range(size):
+            _write_rows(term, unit, column, model, rows)
+            for row in range(2 * n_rows):
+                place = (row * poly.shape[1] + place_of(column, n, n_rows)) * N_COEFFICIENTS
+                for p in range(0, N_COEFFICIENTS, LANES):
+                    more = load(ECONOMISATION, k * N_COEFFICIENTS + p) * rows[row]
+                    store(poly, place + p, load(poly, place + p) + more)
+
+
+@kernel
+def _write_rows(matrix, unit, column, model, out):
+    """Write a column of a balanced matrix as one of all rows, in the units of the model."""
+    n = model.modal_transform.shape[0]
+    n_rows = model.stiffness.shape[0]
+    for i in range(n):
+        out[i] = matrix[i, column] * unit[i] / unit[column]
+        out[n_rows + i] = matrix[n + i, column] * unit[n + i] / unit[column]
+    for extra in range(n_rows - n):
+        value, slope = 0.0, 0.0
+        for j in range(n):
+            value += model.rows[extra, j] * out[j]
+            slope += model.rows[extra, j] * out[n_rows + j]
+        out[n + extra] = value
+        out[n_rows + n + extra] = slope
+
+
+@kernel
+def _build_modal(model, poly, modal):
+    """Fill the table of modal coordinates from the polynomials of free flight.
+
+    The modes ask for no row beyond n.
+    """
+    n = model.modal_transform.shape[0]
+    for column in range(modal.shape[1]):
+        for node in range(N_MODAL):
+            for i in range(n):
+                value = 0.0
+                for p in range(N_COEFFICIENTS - 1, -1, -1):
+                    value = value * MODAL_NODES[node] + poly[i, column, p]
+                for j in range(n):
+                    modal[0, column, j * N_MODAL + node] += model.modal_transform[j, i] * value
+
+
+@kernel
+def _max_fourth_derivative(coefficients, h):
+    """Bound |d^4/ds^4| of one polynomial on the step.
+
+    The largest of equidistant samples plus half their distance times a bound (the sum of the
+    moduli of its coefficients) of the fifth derivative.
+    """
+    fifth = 0.0
+    for p in range(5, N_COEFFICIENTS):
+        fifth += abs(coefficients[p]) * p * (p - 1) * (p - 2) * (p - 3) * (p - 4)
+    largest = load(ZERO, 0)
+    for first in range(0, BOUND_SAMPLES.shape[0], LANES):
+        sigma = load(BOUND_SAMPLES, first)
+        value = load(ZERO, 0)
+        for p in range(N_COEFFICIENTS - 1, 3, -1):
+            value = fma(value, sigma, coefficients[p] * p * (p - 1) * (p - 2) * (p - 3))
+        largest = greatest(largest, modulus(value))
+    return (maximum(largest) + fifth / (BOUND_SAMPLES.shape[0] - 1)) * (2.0 / h) ** 4

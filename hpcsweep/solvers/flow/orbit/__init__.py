@@ -1,0 +1,1 @@
+"""Orbits: the end of a transient, Newton's method, runs in a batch."""

@@ -1,0 +1,325 @@
+"""Runs along a path in one call: those whose motion a rule settles, one after the other.
+
+Most runs of a study are without contact, or go to a periodic orbit that is known after a few
+forcing periods. The interpreter took longer over such a run than its motion. `follow_orbits` does
+them all: the rule ``linear``, the transient (`transient`), one time round the orbit with all
+that is gathered of it, and its points in the order of the window procedure. It comes back with a
+run that the rules leave open, for the caller to integrate its window, and where a stretch of work
+is done, to be called again: what it has begun is kept in `Run`.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.orbit.transient import end_of_transient
+from hpcsweep.solvers.flow.period.march import march
+from hpcsweep.solvers.flow.state.augmented import renew_rows
+from hpcsweep.solvers.flow.state.shared import read_shared, read_watch
+from hpcsweep.solvers.flow.state.state import copy_state
+from hpcsweep.solvers.flow.state.tally import MAXIMA, PEAKS, clear, wants_norms
+from hpcsweep.solvers.free import is_free
+from hpcsweep.solvers.outcome import COMPLETE
+from hpcsweep.solvers.records import Approach, Orbits
+from hpcsweep.solvers.skip_rule import SkipRule
+
+BEGIN, TRANSIENT, ORBIT = 0, 1, 2
+"""What a run is at."""
+DONE, MORE, OPEN = 0, 1, 2
+"""Why `follow_orbits` comes back: no run is left; to be called again; a run is open."""
+FREE_RUNS = 2000
+LINEAR, CONVERGED, NEWTON = (int(rule) for rule in list(SkipRule)[1:])
+
+
+class Rules(NamedTuple):
+    """When runs are settled; handed over as a plain tuple."""
+
+    max_period: int
+    settled: float
+    same: float
+    near: float
+    """As in `transient.Closing`."""
+    transient: int
+    sampling: int
+    """Forcing periods discarded, and of the window after them."""
+    follow: bool
+    """Whether a run starts from where the one before ended, or each from the same state."""
+
+
+class Run(NamedTuple):
+    """The run that is at work."""
+
+    place: np.ndarray
+    """(6,) int: its number, what it is at, periods of the transient, of Newton's method, of the
+    orbit, and of that the ones that are done."""
+    number: np.ndarray
+    """(2,): distance from which on to jump, multiplier."""
+    z: np.ndarray
+    """(2R,): its state in the kernels' units."""
+    reached: np.ndarray
+    """(2R,): that at the end of the transient."""
+    wanted: int
+    """See `tally`."""
+    points: np.ndarray
+    """(max_period, 2n): workspace."""
+    end: np.ndarray
+    """(2n,): workspace."""
+
+
+class Rows(NamedTuple):
+    """Results of runs, see `records.Orbits`; in the units of the kernels, but for the points."""
+
+    rule: np.ndarray
+    length: np.ndarray
+    period: np.ndarray
+    cycles: np.ndarray
+    multiplier: np.ndarray
+    points: np.ndarray
+    contact: np.ndarray
+    peak_drift: np.ndarray
+    modal_norm: np.ndarray
+    peaks: np.ndarray
+
+
+def new_run(n: int, size: int, max_period: int, wanted: int) -> Run:
+    """Allocate the run at work for n coordinates and states of the kernels of a size."""
+    return Run(
+        place=np.zeros(6, np.int64),
+        number=np.zeros(2),
+        z=np.empty(size),
+        reached=np.empty(size),
+        wanted=wanted,
+        points=np.empty((max_period, 2 * n)),
+        end=np.empty(2 * n),
+    )
+
+
+def new_rows(n_runs: int, n: int, max_period: int, n_watched: int) -> Rows:
+    """Allocate the results of runs."""
+    whole = [np.zeros(n_runs, np.int64) for _ in range(4)]
+    return Rows(
+        *whole,
+        multiplier=np.full(n_runs, math.nan),
+        points=np.full((n_runs, max_period, 2 * n), math.nan),
+        contact=np.zeros(n_runs, np.uint64),
+        peak_drift=np.full(n_runs, math.nan),
+        modal_norm=np.full((n_runs, n), math.nan),
+        peaks=np.full((n_runs, n_watched), math.nan),
+    )
+
+
+def orbits_of(
+    rows: Rows, n_runs: int, structure: Structure, state: np.ndarray, left_open: Approach | None
+) -> Orbits:
+    """Return the results of the first `n_runs` in the units of a structure."""
+    done = Rows(*(array[:n_runs] for array in rows))
+    keys = done.contact.tolist()
+    bits = {key: structure.contact_bits(key) for key in set(keys)}
+    contact = np.array([bits[key] for key in keys], np.uint64)
+    length = structure.length_unit
+    done = done._replace(
+        contact=contact, peak_drift=done.peak_drift * length, peaks=done.peaks * length
+    )
+    return Orbits(**done._asdict(), state=state, open=left_open)
+
+
+RULES = type_of((1, 0.0, 0.0, 0.0, 1, 1, True))
+RUN = type_of(new_run(1, 2, 1, MAXIMA))
+ROWS = type_of(new_rows(1, 1, 1, 1))
+
+
+@entry_point(
+    (INT, INT, INT),
+    *(BYTES, BYTES, BYTES, VECTOR, VECTOR, VECTOR, FLOAT, INT, RULES, RUN, ROWS),
+    specialises=True,
+)
+def follow_orbits(
+    shared, watch, free, amplitudes, state, units, amplitude_unit, n_periods, rules, run, rows
+):
+    """Do the runs from that of `run` on, until one is open or some `n_periods` have been done.
+
+    Parameters
+    ----------
+    shared, watch, free : ndarray of bytes
+        A packed `Shared`, `Watch` and `hpcsweep.solvers.free.Free`.
+    amplitudes : ndarray, shape (k,)
+    state : ndarray, shape (2n,)
+        Of the run's start; changed in place.
+    units : ndarray, shape (2n,)
+        Of states, and `amplitude_unit` of amplitudes, in those of the kernels.
+    n_periods : int
+        Forcing periods after which to come back, at the latest; `FREE_RUNS` runs without contact
+        are also enough. Newton's method is not interrupted.
+    rules : tuple
+        The values of a `Rules`.
+    run : Run
+    rows : Rows
+        Receives the results.
+
+    Returns
+    -------
+    why : int
+        DONE, MORE or OPEN.
+    n_done : int
+        Forcing periods integrated.
+    outcome : int
+        Of the open run's transient.
+    """
+    common = read_shared(shared)
+    max_period, settled, same, near, transient, sampling, follow = rules
+    place = run.place
+    n_done = 0
+    n_free = 0
+    while place[0] < amplitudes.shape[0]:
+        if n_done >= n_periods or n_free == FREE_RUNS:
+            return MORE, n_done, COMPLETE
+        k = place[0]
+        amplitude = amplitudes[k]
+        if place[1] == BEGIN:
+            if is_free(free, state, amplitude, run.end) != 0:
+                n_free += 1
+                _end_free(state, follow, run, rows)
+                continue
+            _begin(common, watch, state, units, near, run)
+        if place[1] == TRANSIENT:
+            closing = (max_period, settled, same, run.number[0])
+            wanted = min(n_periods - n_done, transient - place[2])
+            done, by_newton, period, run.number[1], run.number[0], outcome = end_of_transient(
+                shared, watch, run.z, amplitude / amplitude_unit, wanted, closing
+            )
+            place[2] += done
+            place[3] += by_newton
+            n_done += done + by_newton
+            if outcome != COMPLETE or (period == 0 and place[2] >= transient):
+                return OPEN, n_done, outcome
+            if period == 0:
+                continue
+            place[1] = ORBIT
+            place[4] = period
+            copy_state(run.z, run.reached)
+        wanted = min(max(n_periods - n_done, 1), place[4] - place[5])
+        n_done += wanted
+        if not _go_round(shared, common, amplitude / amplitude_unit, wanted, units, run, rows):
+            copy_state(run.reached, run.z)
+            return OPEN, n_done, COMPLETE
+        if place[5] == place[4]:
+            _finish(transient + sampling, same, units, common.tally, run, rows)
+            if follow:
+                copy_state(rows.points[k, place[4] - 1], state)
+            place[0] = k + 1
+            place[1] = BEGIN
+    return DONE, n_done, COMPLETE
+
+
+@kernel
+def _end_free(state, follow, run, rows):
+    """Write the results of a run without contact, and go on to the next."""
+    k = run.place[0]
+    rows.rule[k] = LINEAR
+    rows.length[k] = 1
+    rows.period[k] = 1
+    for i in range(state.shape[0]):
+        rows.points[k, 0, i] = run.end[i]
+        if follow:
+            state[i] = run.end[i]
+    run.place[0] = k + 1
+
+
+@kernel
+def _begin(common, watch, state, units, near, run):
+    """Begin the transient of a run."""
+    n = state.shape[0] // 2
+    half = run.z.shape[0] // 2
+    for i in range(n):
+        run.z[i] = state[i] / units[i]
+        run.z[half + i] = state[n + i] / units[n + i]
+    if half > n:
+        renew_rows(run.z, common.no_tangent, common.model)
+    read_watch(watch).since[0] = 0
+    place = run.place
+    place[1] = TRANSIENT
+    for i in range(2, 6):
+        place[i] = 0
+    run.number[0] = near
+    clear(common.tally)
+
+
+@kernel
+def _go_round(shared, common, amplitude, n_periods, units, run, rows):
+    """Go on round the orbit, and tell whether the solver has not failed."""
+    place = run.place
+    n = units.shape[0] // 2
+    half = run.z.shape[0] // 2
+    for _ in range(n_periods):
+        _, outcome = march(
+            shared,
+            run.z,
+            amplitude,
+            1,
+            common.no_points,
+            run.wanted,
+            common.no_tangent,
+            common.no_growth,
+        )
+        if outcome != COMPLETE:
+            return False
+        for i in range(n):
+            rows.points[place[0], place[5], i] = run.z[i] * units[i]
+            rows.points[place[0], place[5], n + i] = run.z[half + i] * units[n + i]
+        place[5] += 1
+    return True
+
+
+@kernel
+def _finish(whole_run, same, units, tally, run, rows):
+    """Write the results of a run whose orbit has been gone round.
+
+    Its points are given in the order of the last ones of the window procedure, `whole_run` periods
+    from the start: which of them the next amplitude starts from can decide which attractor it
+    reaches, so that a run that was cut short must not end at another one.
+    """
+    place = run.place
+    k, length = place[0], place[4]
+    jumped = not math.isnan(run.number[1])
+    rows.rule[k] = NEWTON if jumped else CONVERGED
+    rows.length[k] = length
+    rows.cycles[k] = place[2] + place[3] + length
+    rows.multiplier[k] = run.number[1]
+    rows.contact[k] = tally.contact[0]
+    rows.peak_drift[k] = tally.peak_drift[0]
+    if run.wanted & PEAKS:
+        for w in range(tally.peaks.shape[0]):
+            rows.peaks[k, w] = tally.peaks[w]
+    if wants_norms(run.wanted) and tally.free_time[0] > 0.0:
+        for j in range(tally.modal.shape[0]):
+            rows.modal_norm[k, j] = tally.modal[j] / tally.free_time[0]
+    points = rows.points[k]
+    rows.period[k] = _smallest_period(points, length, units, same)
+    shift = (whole_run - place[2] - length) % length
+    if shift > 0:
+        for i in range(length):
+            for j in range(units.shape[0]):
+                run.points[i, j] = points[(i + shift) % length, j]
+        for i in range(length):
+            for j in range(units.shape[0]):
+                points[i, j] = run.points[i, j]
+
+
+@kernel
+def _smallest_period(points, length, units, same):
+    """Return the smallest period of an orbit's points; see `dynamics.orbit.smallest_period`."""
+    for divisor in range(1, length):
+        if length % divisor != 0:
+            continue
+        apart = 0.0
+        for i in range(length):
+            for j in range(units.shape[0]):
+                difference = points[(i + divisor) % length, j] - points[i, j]
+                apart = max(apart, abs(difference) / units[j])
+        if apart <= same:
+            return divisor
+    return length

@@ -1,0 +1,188 @@
+"""Newton's method for the periodic orbit that a motion approaches.
+
+With F the period map over p forcing periods and M its tangent it solves F(z) = z from where the
+last three points extrapolate to (Aitken's method along their differences). `transient` says when it
+is tried and what makes the orbit that of the motion.
+"""
+
+import math
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
+from hpcsweep.solvers.flow.period.march import advance
+from hpcsweep.solvers.flow.state.state import copy_state
+from hpcsweep.solvers.outcome import COMPLETE
+
+NEWTON_STEPS = 6
+NEWTON_SAME = 1e-7
+"""Distance between points whose tangent maps are taken for the same."""
+NEWTON_REACH = 0.01
+"""Longest jump (gaps, gaps omega_0)."""
+NEWTON_RESIDUAL = 1e-11
+NEWTON_STABLE = 0.9999
+NEWTON_LINEAR = 0.05
+
+
+@kernel
+def newton_orbit(shared, common, watch, period, amplitude):
+    """Jump from the motion that is watched to the orbit it approaches, if that is verified.
+
+    Returns
+    -------
+    accepted : bool
+        ``watch.point`` is then z*.
+    n_periods : int
+        Forcing periods integrated.
+    multiplier : float
+        Modulus of the largest Floquet multiplier.
+    """
+    long, since = watch.history.shape[0], watch.since[0]
+    before = watch.history[(since - 2 * period) % long]
+    state = watch.history[(since - period) % long]
+    image = watch.history[since % long]
+    _extrapolate(before, state, image, watch.point)
+    found, n_periods = _find_orbit(shared, common, watch, period, amplitude, image)
+    if not (found and _is_linear(watch.matrix, state, image, watch.point)):
+        return False, n_periods, math.nan
+    _copy_matrix(watch.matrix, watch.factors)
+    multiplier = spectral_radius(watch.factors)
+    return multiplier <= NEWTON_STABLE, n_periods, multiplier
+
+
+@kernel
+def _find_orbit(shared, common, watch, period, amplitude, image):
+    """Take ``watch.point`` to the orbit; its tangent map is left in ``watch.matrix``.
+
+    The matrix is kept while it was taken within `NEWTON_SAME` of where it is used; what an orbit's
+    matrix tells, its multiplier too, is then right to about that.
+
+    Returns
+    -------
+    found : bool
+        Whether there is one within `NEWTON_REACH` of `image`.
+    n_periods : int
+        Forcing periods integrated.
+    """
+    point, taken, matrix, left = watch.point, watch.taken, watch.matrix, watch.left
+    size = point.shape[0]
+    n_periods = 0
+    residual = 0.0
+    for step in range(NEWTON_STEPS):
+        copy_state(point, left)
+        if step > 0 and _largest_difference(point, taken) <= NEWTON_SAME:
+            done, outcome = advance(shared, common, point, amplitude, period, common.no_tangent)
+        else:
+            copy_state(point, taken)
+            _make_unit(matrix)
+            done, outcome = advance(shared, common, point, amplitude, period, matrix)
+        n_periods += done
+        if outcome != COMPLETE:
+            return False, n_periods
+        last_residual = residual
+        residual = _largest_difference(point, left)
+        # z - (M - I)^-1 (F(z) - z), z in `left` and F(z) in `point`
+        _copy_matrix(matrix, watch.factors)
+        for k in range(size):
+            watch.previous[k] = point[k] - left[k]
+            watch.factors[k, k] -= 1.0
+        if not _solve(watch.factors, watch.previous):
+            return False, n_periods
+        for k in range(size):
+            point[k] = left[k] - watch.previous[k]
+        if not _largest_difference(point, image) <= NEWTON_REACH:
+            return False, n_periods
+        # the next residual: it falls at least by the factor by which this one has fallen. A last
+        # correction in any case: with a multiplier near 1 a small residual is far from the orbit
+        foretold = 10.0 * residual * residual <= NEWTON_RESIDUAL * last_residual
+        if residual <= NEWTON_RESIDUAL or foretold:
+            return True, n_periods
+    return False, n_periods
+
+
+@kernel
+def _is_linear(matrix, state, image, orbit):
+    """Return whether `matrix` takes `state` to `image`, as seen from a point of the orbit."""
+    size_left = 0.0
+    curved = 0.0
+    for i in range(orbit.shape[0]):
+        expected = 0.0
+        for k in range(orbit.shape[0]):
+            expected += matrix[i, k] * (state[k] - orbit[k])
+        size_left = max(size_left, abs(image[i] - orbit[i]))
+        curved = max(curved, abs(image[i] - orbit[i] - expected))
+    return curved <= NEWTON_LINEAR * size_left + NEWTON_RESIDUAL
+
+
+@kernel
+def _copy_matrix(matrix, out):
+    """Write a square matrix into `out`."""
+    for i in range(matrix.shape[0]):
+        copy_state(matrix[i], out[i])
+
+
+@kernel
+def _make_unit(matrix):
+    """Make a square matrix the unit matrix."""
+    matrix[:] = 0.0
+    for i in range(matrix.shape[0]):
+        matrix[i, i] = 1.0
+
+
+@kernel
+def _largest_difference(a, b):
+    """Return max |a_k - b_k|, NaN if any of them is."""
+    largest = 0.0
+    for k in range(a.shape[0]):
+        difference = abs(a[k] - b[k])
+        if not difference <= largest:
+            largest = difference
+    return largest
+
+
+@kernel
+def _extrapolate(before, state, image, out):
+    """Sum the geometric series that the differences of three points begin, if it converges."""
+    square = 0.0
+    product = 0.0
+    for k in range(out.shape[0]):
+        first = state[k] - before[k]
+        square += first * first
+        product += first * (image[k] - state[k])
+    ratio = product / max(square, 1e-300)
+    factor = ratio / (1.0 - ratio) if abs(ratio) < 1.0 else 0.0
+    for k in range(out.shape[0]):
+        out[k] = image[k] + factor * (image[k] - state[k])
+
+
+@kernel
+def _solve(matrix, right):
+    """Solve matrix x = right by elimination with row pivots, both overwritten, x in `right`.
+
+    Returns
+    -------
+    bool
+        Whether the matrix is regular.
+    """
+    size = right.shape[0]
+    for column in range(size):
+        pivot = column
+        for row in range(column + 1, size):
+            if abs(matrix[row, column]) > abs(matrix[pivot, column]):
+                pivot = row
+        if not abs(matrix[pivot, column]) > 0.0:
+            return False
+        if pivot != column:
+            for k in range(column, size):
+                matrix[column, k], matrix[pivot, k] = matrix[pivot, k], matrix[column, k]
+            right[column], right[pivot] = right[pivot], right[column]
+        for row in range(column + 1, size):
+            factor = matrix[row, column] / matrix[column, column]
+            for k in range(column + 1, size):
+                matrix[row, k] -= factor * matrix[column, k]
+            right[row] -= factor * right[column]
+    for row in range(size - 1, -1, -1):
+        value = right[row]
+        for k in range(row + 1, size):
+            value -= matrix[row, k] * right[k]
+        right[row] = value / matrix[row, row]
+    return True

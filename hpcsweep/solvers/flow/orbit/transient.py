@@ -1,0 +1,183 @@
+"""The end of a transient: the orbit a motion has reached, or is verified to go to.
+
+`watch_motion` watches a motion until its orbit has closed on itself, or is approached.
+`newton.newton_orbit` then jumps to the orbit: F(z) = z with F the period map over p forcing periods
+and M its tangent map. The orbit z* is accepted if
+
+- it is a fixed point to `NEWTON_RESIDUAL`, found or foretold from the fall of the residual, and
+  corrected once more;
+- it attracts: the spectral radius of M(z*) is below `NEWTON_STABLE`;
+- F is linear between the last points and it: F(z) - z* differs from M(z*) (z - z*) by no more
+  than `NEWTON_LINEAR` of itself. The present state is then attracted as the linear map says, to
+  z* and to nothing else.
+
+`end_of_transient` does the one and the other, until the orbit is known or the transient is over.
+"""
+
+import math
+from typing import NamedTuple
+
+from hpcsweep.kernels.arena import as_long_as
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
+from hpcsweep.solvers.flow.orbit.newton import newton_orbit
+from hpcsweep.solvers.flow.period.march import advance
+from hpcsweep.solvers.flow.state.shared import read_shared, read_watch
+from hpcsweep.solvers.flow.state.state import copy_state
+from hpcsweep.solvers.outcome import COMPLETE
+
+ROUNDING = 2e-14
+"""Points closer than this (relative) are the same to rounding."""
+NEARER = 0.03
+"""Factor of the distance from which on a jump is tried, after one that was not verified."""
+
+
+class Closing(NamedTuple):
+    """When an orbit counts as closed, and when as approached."""
+
+    max_period: int
+    """Longest orbit period looked for, in forcing periods."""
+    settled: float
+    """Distance from the orbit (gaps, gaps omega_0)."""
+    same: float
+    """Distance between points that count as one."""
+    near: float
+    """Distance between points a period apart from which on a jump is tried; 0: never."""
+
+
+@kernel
+def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
+    """Advance z until its orbit has closed on itself, for `n_periods` at most.
+
+    Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and
+    distance e r / (1 - r) to go with r = e_k / e_(k-p), once that is at most `settled` at every
+    point of two orbits in a row. An orbit that closes after p also closes after multiples of p,
+    and may be seen to do so earlier: the answer is the smallest divisor of p for which the last
+    two points are the `same`.
+
+    Before that, once e_k(p) is at most `near` and has fallen at every point of two orbits in a
+    row, the orbit is approached: the period is returned with a minus sign.
+
+    Returns
+    -------
+    n_done, period, outcome : int
+        `period` is 0 if the orbit has not closed, negative if it is only approached.
+    """
+    max_period, settled, same, near = closing
+    size = z.shape[0]
+    history = watch.history
+    distance = watch.distance
+    close = watch.close
+    falling = watch.falling
+    ring = max_period + 1
+    long = history.shape[0]
+    first = watch.since[0]
+    if first == 0:
+        copy_state(z, history[0])
+        for p in range(ring):
+            close[p] = 0
+            falling[p] = 0
+    for period in range(first + 1, first + n_periods + 1):
+        _, outcome = advance(shared, common, z, amplitude, 1, common.no_tangent)
+        if outcome != COMPLETE:
+            return period - 1 - first, 0, outcome
+        watch.since[0] = period
+        slot = past = period % ring
+        place = period % long
+        largest = 0.0
+        for k in range(size):
+            history[place, k] = z[k]
+            largest = max(largest, abs(z[k]))
+        for p in range(1, min(max_period, period) + 1):
+            # slots of p periods ago, without a division
+            past += ring - 1 if past == 0 else -1
+            place += long - 1 if place == 0 else -1
+            e = 0.0
+            for k in range(size):
+                e = max(e, abs(z[k] - history[place, k]))
+            to_go = math.inf
+            approached = False
+            if period >= 2 * p:
+                before = distance[past, p]
+                approached = e <= near and e < before
+                if e <= ROUNDING * (1.0 + largest):
+                    to_go = 0.0
+                elif e < before:
+                    to_go = e * e / (before - e)
+            distance[slot, p] = e
+            close[p] = close[p] + 1 if to_go <= settled else 0
+            if close[p] >= 2 * p + 1:
+                for divisor in range(1, p):
+                    if p % divisor == 0 and distance[slot, divisor] <= same:
+                        return period - first, divisor, COMPLETE
+                return period - first, p, COMPLETE
+            falling[p] = falling[p] + 1 if approached else 0
+            if falling[p] >= 2 * p + 1:
+                return period - first, -p, COMPLETE
+    return n_periods, 0, COMPLETE
+
+
+@entry_point(
+    (INT, INT, INT, FLOAT, FLOAT, INT),
+    BYTES,
+    BYTES,
+    VECTOR,
+    FLOAT,
+    INT,
+    type_of((1, 0.0, 0.0, 0.0)),
+    specialises=True,
+)
+def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
+    """Advance z to the end of its transient: until its orbit is known, for `n_periods` at most.
+
+    Parameters
+    ----------
+    shared, watch : ndarray of bytes
+        A packed `Shared` and a packed `Watch`.
+    z : ndarray, shape (2R,)
+        Changed in place; after a jump the point of the orbit.
+    closing : tuple
+        The values of a `Closing`, as a plain tuple: numba takes 0.2 us to look into that and 1 us
+        into a named one.
+
+    Returns
+    -------
+    n_done : int
+        Forcing periods of the motion until then.
+    n_newton : int
+        Forcing periods that Newton's method has integrated.
+    period : int
+        Of the orbit, 0 if it is not known.
+    multiplier : float
+        Modulus of the largest Floquet multiplier if a jump was made, else NaN.
+    near : float
+        Distance from which on to try next.
+    outcome : int
+    """
+    common = read_shared(shared)
+    z = as_long_as(z, common.previous)
+    kept = read_watch(watch)
+    max_period, settled, same, near = closing
+    rules = Closing(max_period, settled, same, near)
+    n_done = 0
+    n_newton = 0
+    while True:
+        more, period, outcome = watch_motion(
+            shared, common, kept, z, amplitude, n_periods - n_done, rules
+        )
+        n_done += more
+        if outcome != COMPLETE or period >= 0:
+            return n_done, n_newton, period, math.nan, near, outcome
+        # an orbit may be seen to approach after a multiple of its period first
+        slot = kept.since[0] % (max_period + 1)
+        for divisor in range(1, 1 - period):
+            if period % divisor != 0 or kept.distance[slot, divisor] > near:
+                continue
+            accepted, more, multiplier = newton_orbit(shared, common, kept, divisor, amplitude)
+            n_newton += more
+            if accepted:
+                copy_state(kept.point, z)
+                return n_done, n_newton, divisor, multiplier, near, outcome
+        near *= NEARER
+        rules = Closing(max_period, settled, same, near)
+        kept.since[0] = 0

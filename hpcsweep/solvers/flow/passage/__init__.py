@@ -1,0 +1,1 @@
+"""Passages of a contact layer in closed form, and their tangent maps."""

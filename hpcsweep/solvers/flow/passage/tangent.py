@@ -1,0 +1,248 @@
+"""The tangent map along the motion: product of the propagators of its segments.
+
+The field is continuous, so a change of contact set alone adds nothing. The three kinds of
+segment of `period` give
+
+- linear: exp(M s), from the tables;
+- fast passage: the kick k(z, tau) of `crossing` is applied where the linear motion reaches the
+  stop, at a time that moves by dt = -dx / v with the distance x past it, v its speed. With the
+  fields f_- before and f_+ after it::
+
+      S = I + Dk - (Dk f_- + dk/dtau - M_+ k) dx^T / v,        f_+(z + k) - f_-(z) = M_+ k
+
+  The kick depends on z through the speed v and the acceleration a (and through the jerk, so little
+  that it is left out). Its moments are sums over nodes X of c t^k / w, with w(X)^2 of `crossing`
+  and t = +-2 X / (|v*| + w) (1 + b + c), b and c the delays. The derivatives of these sums have the
+  factors -w' / w - k ((1 + 2 b + c) (|v*|' + w') / (|v*| + w) + c |v*|' / |v*|), where, upper signs
+  at x > 0,
+
+      d|v*|/dv = v / |v*|,    dw/dv = (v - sigma j X^2 v / (2 |v*|^3)) / w,    dw/da = +-X / w;
+
+- inside a layer: the variational equations of the collocation solution, at the same stages.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.simd.vectors import LANES, combine, fma
+from hpcsweep.solvers.flow.passage.crossing import (
+    add_kick,
+    at_stop,
+    delays,
+    half_passage,
+    rates_since_linear,
+    since_linear,
+    sums,
+)
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, N_POWERS, ZERO
+
+
+@inlined
+def linear_tangent(tables, index, s, tangent, work):
+    """Multiply `tangent` by exp(M s) of table `index`, in place.
+
+    Parameters
+    ----------
+    tables : Tables
+    index : int
+    s : float
+    tangent : ndarray, shape (2R, m)
+    work : TangentWorkspace
+    """
+    size = tangent.shape[0]
+    rows = work.propagator.shape[1]
+    h = tables.h[index]
+    if s == h:
+        _multiply(tables.step, index * tables.step.shape[1] * rows, tangent, work)
+        return
+    sigma = 2.0 * s / h - 1.0
+    powers = work.powers
+    powers[0] = 1.0
+    powers[1] = sigma
+    for p in range(2, N_COEFFICIENTS):
+        powers[p] = powers[p - 2] * (sigma * sigma)
+    start = index * N_COEFFICIENTS * size * rows
+    for place in range(0, size * rows, LANES):
+        combine(
+            work.propagator,
+            place,
+            ZERO,
+            0,
+            1.0,
+            tables.columns,
+            start + place,
+            size * rows,
+            powers,
+            0,
+            N_COEFFICIENTS,
+        )
+    _multiply(work.propagator, 0, tangent, work)
+
+
+@inlined
+def coasted_tangent(tables, index, n_steps, tangent, work):
+    """Multiply `tangent` by exp(M n h) of table `index`, in place, by the powers kept."""
+    if tangent.shape[1] == 0:
+        return
+    size, rows = tables.powers.shape[2], tables.powers.shape[3]
+    if n_steps & 1:
+        _multiply(tables.step, index * tables.step.shape[1] * rows, tangent, work)
+    left = n_steps >> 1
+    for power in range(N_POWERS):
+        times = left & 1 if power < N_POWERS - 1 else left
+        for _ in range(times):
+            _multiply(tables.powers, (index * N_POWERS + power) * size * rows, tangent, work)
+        left >>= 1
+
+
+@inlined
+def _multiply(table, start, tangent, work):
+    """Multiply `tangent` by the matrix with the columns table[start:], padded, in place."""
+    size, columns = tangent.shape
+    rows = work.column.shape[0]
+    for column in range(columns):
+        for k in range(size):
+            work.column[k] = tangent[k, column]
+        for first in range(0, rows, LANES):
+            combine(
+                work.product, first, ZERO, 0, 1.0, table, start + first, rows, work.column, 0, size
+            )
+        for k in range(size):
+            tangent[k, column] = work.product[k]
+
+
+@inlined
+def _rates(half, faster, pushed):
+    """Differentiate c t^k / w, k = 0 to 4, of `half`, where v and a change at these rates."""
+    powers, shares_v, times_v, shares_a, times_a = half
+    shares = fma(faster, shares_v, pushed * shares_a)
+    times = fma(faster, times_v, pushed * times_a)
+    return (
+        -1.0 * powers[0] * shares,
+        -1.0 * powers[1] * (shares + times),
+        -1.0 * powers[2] * fma(2.0, times, shares),
+        -1.0 * powers[3] * fma(3.0, times, shares),
+        -1.0 * powers[4] * fma(4.0, times, shares),
+    )
+
+
+@inlined
+def _differentiated(side, stop):
+    """Return the moments of half a passage node by node, and what differentiates them.
+
+    Parameters
+    ----------
+    side : float
+        1 for the half at x > 0, -1 for that at x < 0.
+    stop : crossing.AtStop
+
+    Returns
+    -------
+    moments : tuple of Lanes
+        m_0 to m_4.
+    shares_v, times_v, shares_a, times_a : Lanes
+        Logarithmic derivatives of w and of 1 / t by v and by a; see the module.
+    """
+    powers, x, w = half_passage(side, stop)
+    inverse = 1.0 / w
+    later = 1.0 / (w + stop.speed)
+    square = stop.slowness * stop.slowness
+    bend = -0.5 * stop.sign * stop.j * stop.v * square * stop.slowness
+    faster = fma(x * x, bend, stop.v) * inverse
+    pushed = x * inverse * side
+    bent, delayed = delays(side, stop, x, later)
+    share = fma(2.0, bent, delayed + 1.0)
+    rising = stop.v * stop.slowness
+    earlier = fma((faster + rising) * later, share, delayed * (rising * stop.slowness))
+    return powers, faster * inverse, earlier, pushed * inverse, pushed * later * share
+
+
+@inlined
+def passage_tangent(arrival, z, a, jerk, model, work, tangent):
+    """Multiply `tangent` by the matrix S of a fast passage, in place.
+
+    The kick is differentiated by v and by a; for a single column at once as that asks.
+
+    Parameters
+    ----------
+    arrival : Arrival
+        Its `key` is the contact set after the passage.
+    z : ndarray, shape (2R,)
+        State at the stop before the kick.
+    a : ndarray, shape (R,)
+        Accelerations there without the force of the contact.
+    jerk : float
+        Their derivative in its row.
+    work : TangentWorkspace
+    tangent : ndarray, shape (2R, m)
+    """
+    contact, key_after = arrival.contact, arrival.key
+    contacts = model.contacts
+    beta, rho = contacts.beta[contact], model.rho
+    if rho == math.inf or beta == 0.0:
+        return
+    n, n_columns = model.stiffness.shape[0], tangent.shape[1]
+    row, sign = contacts.row[contact], contacts.sign[contact]
+    v, pushed_by, bend = sign * z[n + row], sign * a[row], sign * jerk
+    stop = at_stop(v, pushed_by, bend, beta, rho)
+    free, inside = _differentiated(-1.0, stop), _differentiated(1.0, stop)
+    found = sums(free[0], inside[0])
+    kicks, drift = work.kicks, work.drift
+    kicks[:] = 0.0
+    add_kick(since_linear(found, stop), contact, key_after, model, kicks[2])
+    _drift_of_kick(key_after, kicks[2], model, drift)
+    for column in range(n_columns):
+        later = sign * tangent[row, column] / v
+        # along f_- the speed changes by a and the acceleration by the jerk
+        faster = sign * tangent[n + row, column] - later * pushed_by
+        pushed = sign * _pushed(contact, key_after, column, tangent, model) - later * bend
+        if column == 0:
+            for which in range(min(n_columns, 2)):
+                by_v, by_a = 1.0 - which, 0.0 + which
+                if n_columns == 1:
+                    by_v, by_a = faster, pushed
+                rates = sums(_rates(free, by_v, by_a), _rates(inside, by_v, by_a))
+                rates = rates_since_linear(found, rates, by_v, stop)
+                add_kick(rates, contact, key_after, model, kicks[which])
+        if n_columns == 1:
+            faster, pushed = 1.0, 0.0
+        for i in range(2 * n):
+            tangent[i, column] += kicks[0, i] * faster + kicks[1, i] * pushed + drift[i] * later
+
+
+@inlined
+def _drift_of_kick(key, kick, model, drift):
+    """Write M_+ k, `key` the contact set after the passage."""
+    contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
+    n = stiffness.shape[0]
+    for i in range(n):
+        drift[i] = kick[n + i]
+        force = 0.0
+        for j in range(n):
+            force -= stiffness[i, j] * kick[j] + damping[i, j] * kick[n + j]
+        drift[n + i] = force
+    for k in range(contacts.row.shape[0]):
+        if (key >> np.uint64(k)) & np.uint64(1):
+            force = contacts.beta[k] * contacts.sign[k] * kick[contacts.row[k]]
+            for p in range(contacts.first[k], contacts.first[k + 1]):
+                drift[n + contacts.push_row[p]] -= contacts.push[p] * force
+
+
+@inlined
+def _pushed(contact, key, column, tangent, model):
+    """Return the variation of the acceleration in the row of a contact, without its own force."""
+    contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
+    n, row = stiffness.shape[0], contacts.row[contact]
+    pushed = 0.0
+    for j in range(n):
+        pushed -= stiffness[row, j] * tangent[j, column]
+        pushed -= damping[row, j] * tangent[n + j, column]
+    if contacts.is_oblique:
+        for k in range(contacts.row.shape[0]):
+            if k != contact and (key >> np.uint64(k)) & np.uint64(1):
+                stretched = contacts.sign[k] * tangent[contacts.row[k], column]
+                oblique = contacts.sign[contact] * contacts.oblique[contact, k]
+                pushed -= oblique * contacts.beta[k] * stretched
+    return pushed

@@ -1,0 +1,1 @@
+"""A forcing period put together, and periods in a row."""

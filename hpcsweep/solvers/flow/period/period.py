@@ -1,0 +1,293 @@
+"""One forcing period: linear steps, fast passages, and visits to the layer.
+
+One period runs from tau = 0 to T = 2 pi / Omega, so that the phase is exact in every period.
+Between contact changes the motion takes linear steps of the present contact set (`tables`).
+A step is accepted when no contact can have reached the edge of its layer, which is proved
+(`events`); otherwise the first one that does is found. If its passage through the layer is
+fast, and no other comes near its layer meanwhile, the passage is done in closed form
+(`crossing`); if not, the motion is integrated from the edge until no contact is inside its layer
+(`layer`). For infinite sharpness the layer has no width and every passage is the closed form
+with zero impulse. Contacts that are at their stops at one instant then pass together: each by
+itself would be a segment without length, and a table of its own (`_passing_together`).
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.solvers.flow.layer.visit import (
+    Interval,
+    inside_layer,
+    visit_layer,
+)
+from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, rotate_forcing
+from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, expand_rows
+from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.passage.passage import (
+    EXTRAPOLATION,
+    FAST,
+    INTEGRATED,
+    SLOW,
+    first_at_stop,
+    pass_layer,
+    time_at_stop,
+)
+from hpcsweep.solvers.flow.passage.tangent import coasted_tangent
+from hpcsweep.solvers.flow.period.gather import observe_segment, segment_tangent
+from hpcsweep.solvers.flow.search.events import (
+    contact_key,
+    first_event,
+    is_clear,
+    layer_edge,
+)
+from hpcsweep.solvers.flow.search.search import UNDECIDED, Bracket, Curve, Level, rising_root
+from hpcsweep.solvers.flow.state.augmented import start
+from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.segment import Ending, Segment
+from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
+from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
+from hpcsweep.solvers.flow.state.tally import NO_TALLY
+from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
+
+NO_TABLE, AT_EDGE = -1, -2
+"""In place of the index of a table: the contact set is to be found; a contact is at the edge of
+its layer, perhaps just outside it by rounding."""
+SHORTEST = 0.01
+"""Part of a step after which a contact whose stop is reached beyond it is tried again."""
+SAME_INSTANT = 2.0**-40
+"""Part of a step within which contacts of infinite sharpness are at their stops at one instant."""
+
+
+@inlined
+def _coast(segment, steps_left, model, tables, work):
+    """Take linear steps while no contact can reach the edge of its layer (proved) and time is left.
+
+    Returns
+    -------
+    tau : float
+    n_steps : int
+        ``work.x`` holds the augmented state there.
+    known : bool
+        Whether ``work.wide`` and ``work.bounds`` are those of a step from there.
+    """
+    key, index, h, tau, end = segment
+    x, wide, bounds = work.x, work.wide, work.bounds
+    places = model.contacts.places
+    n_steps = 0
+    while tau + h < end and n_steps < steps_left:
+        product(tables.step, index, x, wide)
+        product_of_moduli(tables.bound4, index, x, bounds)
+        for k in range(places.shape[0]):
+            if not is_clear(key, k, h, x, wide, model, bounds[places[k, 0]]):
+                return tau, n_steps, True
+        for row in range(work.z_end.shape[0]):
+            x[row] = wide[row]
+        rotate_forcing(x, work.z_end.shape[0], tables.rotation, index)
+        tau += h
+        n_steps += 1
+    return tau, n_steps, False
+
+
+@inlined
+def _step(segment, known, tables, work):
+    """Take one linear step from ``work.x`` to ``work.z_end``, to the end of the period at most.
+
+    Returns
+    -------
+    float
+        Its length.
+    """
+    index, x = segment.index, work.x
+    for row in range(work.z_end.shape[0]):
+        work.expanded[row] = False
+    span = segment.h
+    if segment.tau + segment.h < segment.end:
+        if not known:
+            product(tables.step, index, x, work.wide)
+        for row in range(work.z_end.shape[0]):
+            work.z_end[row] = work.wide[row]
+    else:
+        span = segment.end - segment.tau
+        expand_rows(tables.poly, index, x, work.rows, work.expanded, work.z_end.shape[0])
+        evaluate_rows(work.rows, segment.h, span, work.z_end)
+    if not known:
+        product_of_moduli(tables.bound4, index, x, work.bounds)
+    return span
+
+
+@inlined
+def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
+    """End a segment where a contact passes its stop, or else at the edge of its layer.
+
+    `event` is what `first_event` gives. Without a passage ``work.z_end`` is the state at the end.
+    """
+    model, work = shared.model, shared.work
+    rows, h, tau = work.rows, segment.h, segment.tau
+    expand_rows(shared.tables.poly, segment.index, work.x, rows, work.expanded, z.shape[0])
+    contacts = model.contacts
+    contact, bracket, near = event
+    edge = layer_edge(segment.key, contact, model)
+    direction = -1.0 if segment.key & contact_bit(contact) else 1.0
+    curve = Curve(rows, contacts.row[contact], h)
+    if bracket.a < bracket.b and bracket.gb >= model.layer:
+        # at its stop before any other is at its layer
+        a, ga, b, gb = bracket
+        through = Bracket(a, ga - model.layer, b, gb - model.layer)
+        stop = contacts.sign[contact] * contacts.gap[contact]
+        at_stop = rising_root(curve, through, Level(edge.sign, stop))
+    else:
+        if model.rho == math.inf:
+            at_edge = rising_root(curve, bracket, edge)
+            bracket = Bracket(at_edge, bracket.ga, at_edge, bracket.gb)
+        at_stop = time_at_stop(rows, contact, contacts, h, bracket.b, direction)
+        if not at_stop <= min(h, segment.end - tau):
+            near = ~np.uint64(0)
+        contact, at_stop = first_at_stop(contact, at_stop, near, segment.key, rows, h, contacts)
+    how = INTEGRATED
+    jerk = 0.0
+    if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
+        evaluate_rows(rows, h, at_stop, z)
+        copy_state(z, work.z_end)
+        forcing_after(at_stop, tau + at_stop, amplitude, work.x, z.shape[0], model, work.forcing)
+        how, jerk, promised = pass_layer(
+            contact, segment, tau + at_stop, z, promised, amplitude, packed
+        )
+    if how != INTEGRATED:
+        return Ending(at_stop, contact, how, False, False, jerk, promised)
+    span = rising_root(curve, bracket, edge)
+    beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
+    rounded = model.rho == math.inf and at_stop < bracket.a
+    evaluate_rows(rows, h, span, work.z_end)
+    return Ending(span, contact, INTEGRATED, beyond, rounded, jerk, promised)
+
+
+@inlined
+def _passing_together(contact, segment, z, model):
+    """Return the contacts, a set, that pass their stops with one at the end of a segment.
+
+    A contact of infinite sharpness whose force begins or ends by the time t too early changes the
+    speed by no more than beta |w| t^2 / 2, w its own: with t = `SAME_INSTANT` h and beta h^2 of the
+    order of 10 that is 1e-23 |w|.
+    """
+    contacts = model.contacts
+    passing = contact_bit(contact)
+    if model.rho != math.inf:
+        return passing
+    for k in range(contacts.row.shape[0]):
+        bit = contact_bit(k)
+        w = approach_speed(k, z, contacts)
+        goes_on = w < 0.0 if segment.key & bit else w > 0.0
+        near = SAME_INSTANT * segment.h * abs(w)
+        if k != contact and goes_on and abs(distance(k, z, contacts)) <= near:
+            passing |= bit
+    return passing
+
+
+@inlined
+def _next_segment(segment, ending, tau, z, amplitude, packed, shared):
+    """Write the start of the next segment into ``work.x``; return its contact set and table.
+
+    The table is `NO_TABLE` or `AT_EDGE` where the motion does not go on as a linear one.
+    """
+    model, tables, work = shared.model, shared.tables, shared.work
+    key, index = segment.key, segment.index
+    x = work.x
+    if ending.contact < 0:
+        copy_state(z, x)
+        if ending.span == segment.h:
+            rotate_forcing(x, z.shape[0], tables.rotation, index)
+    elif ending.beyond:
+        forcing_at(tau, amplitude, model, work.forcing, 0)
+        start(x, z, work.forcing)
+    elif ending.how in (FAST, SLOW) or ending.rounded:
+        if ending.rounded:
+            forcing_at(tau, amplitude, model, work.forcing, 0)
+        key ^= _passing_together(ending.contact, segment, z, model)
+        index = table_of(key, tables, packed)
+        start(x, z, work.forcing)
+    else:
+        index = AT_EDGE if model.rho != math.inf else NO_TABLE
+    return key, index
+
+
+@inlined
+def march_period(packed, z, amplitude, shared, wanted, tangent):
+    """Advance z over one forcing period, in place.
+
+    Parameters
+    ----------
+    packed : ndarray of bytes
+        `shared`, packed.
+    z : ndarray, shape (2R,)
+        State at tau = 0; on success the state at tau = T, else the last state reached.
+    amplitude : float
+        A.
+    shared : Shared
+    wanted : int
+        What is gathered in ``shared.tally``, see `tally`.
+    tangent : ndarray, shape (2R, m)
+        Multiplied by the tangent map of the period, in place.
+
+    Returns
+    -------
+    int
+        An `Outcome`.
+    """
+    model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
+    end = model.period
+    if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
+        return NON_FINITE
+    tau, steps, index = 0.0, 0, NO_TABLE
+    key = promised = np.uint64(0)
+    while tau < end:
+        steps += index != AT_EDGE
+        if steps > shared.max_steps:
+            return STEP_LIMIT
+        if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
+            interval = Interval(tau, end, shared.max_steps - steps)
+            counts[3] += 1
+            tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
+            counts[2] += used
+            steps += used
+            if outcome != COMPLETE:
+                return outcome
+            index = NO_TABLE
+            continue
+        if index == NO_TABLE:
+            key = contact_key(tau, z, amplitude, model, work)
+            index = table_of(key, tables, packed)
+            forcing_at(tau, amplitude, model, work.forcing, 0)
+            start(work.x, z, work.forcing)
+        segment = Segment(key, index, tables.h[index], tau, end)
+        known = False
+        if wanted == NO_TALLY:
+            steps_left = shared.max_steps - steps
+            tau, coasted, known = _coast(segment, steps_left, model, tables, work)
+            coasted_tangent(tables, index, coasted, tangent, work.tangent)
+            segment = Segment(key, index, segment.h, tau, end)
+            counts[0] += coasted
+            steps += coasted
+        counts[0] += 1
+        span = _step(segment, known, tables, work)
+        event = first_event(segment, span, model, tables.poly, work)
+        contact = event[0]
+        if contact == UNDECIDED:
+            return SOLVER_FAILED
+        ending = Ending(span, contact, INTEGRATED, False, False, 0.0, promised)
+        if contact >= 0:
+            ending = _end_at_event(segment, event, promised, z, amplitude, packed, shared)
+            promised = ending.promised
+            counts[1] += ending.how != INTEGRATED
+        if tangent.shape[1] > 0:
+            segment_tangent(segment, ending, packed, shared, tangent)
+        if ending.how != INTEGRATED:
+            copy_state(z, work.z_end)
+        if not is_ordinary(work.z_end):
+            return NON_FINITE
+        if wanted != NO_TALLY:
+            observe_segment(segment, ending.span, wanted, shared)
+        copy_state(work.z_end, z)
+        tau = end if ending.span >= end - tau else tau + ending.span
+        key, index = _next_segment(segment, ending, tau, z, amplitude, packed, shared)
+    return COMPLETE

@@ -1,0 +1,1 @@
+"""Constants of numerical rules: Gauss nodes, tableaux, economised polynomials."""

@@ -1,0 +1,50 @@
+"""Constants of a step with one contact in its layer (`solitary`): its Gauss nodes on [0, 1]."""
+
+import numpy as np
+
+from hpcsweep.kernels.simd.vectors import LANES
+from hpcsweep.solvers.flow.rules import tableau
+
+N_NODES = 2 * LANES
+
+
+def _rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return nodes and weights, and the barycentric weights of interpolation."""
+    x, w = np.polynomial.legendre.leggauss(N_NODES)
+    # of Gauss-Legendre nodes: Wang and Xiang, Math. Comp. 81 (2012) 861
+    barycentric = (-1.0) ** np.arange(N_NODES) * np.sqrt((1.0 - x * x) * w)
+    return 0.5 * (x + 1.0), 0.5 * w, barycentric
+
+
+def _lagrange(times) -> np.ndarray:
+    """Evaluate the Lagrange polynomials of the nodes at times (any,), none a node.
+
+    Returns
+    -------
+    ndarray, shape (any, N_NODES)
+    """
+    shares = BARYCENTRIC / (np.asarray(times)[..., None] - NODES)
+    return shares / shares.sum(axis=-1, keepdims=True)
+
+
+def _responses() -> np.ndarray:
+    """Integrate (t - s)^m l_k(s) from 0 to the nodes t of `tableau`.
+
+    Returns
+    -------
+    ndarray, shape (LANES, N_NODES, N_STAGES)
+        By m, k and t.
+    """
+    found = np.empty((LANES, N_NODES, tableau.N_STAGES))
+    for q, t in enumerate(tableau.NODES):
+        for m in range(LANES):
+            found[m, :, q] = (t * WEIGHTS * (t - t * NODES) ** m) @ _lagrange(t * NODES)
+    return found
+
+
+NODES, WEIGHTS, BARYCENTRIC = _rule()
+AT_START, AT_END = _lagrange([0.0, 1.0])
+"""(N_NODES,) each: factors with which values at the nodes are extrapolated to the ends."""
+LAGRANGE = _lagrange(np.multiply.outer(NODES, NODES))
+"""(N_NODES, N_NODES, N_NODES): l_k(c_j c_q) by j, q and k."""
+RESPONSES = _responses()

@@ -1,0 +1,83 @@
+"""Constants of the Gauss collocation and of the rule that checks it; see `scheme`."""
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from hpcsweep.kernels.simd.vectors import LANES
+
+N_STAGES = LANES
+
+
+def _collocation():
+    """Gauss nodes and weights on [0, 1], A, A^2 and the Legendre transform."""
+    x, w = legendre.leggauss(N_STAGES)
+    transform = (np.arange(N_STAGES)[:, None] + 0.5) * legendre.legvander(x, N_STAGES - 1).T * w
+    stages = _integrals(x, 1) @ transform
+    return 0.5 * (x + 1.0), 0.5 * w, stages, stages @ stages, transform
+
+
+def _integrals(x, times):
+    """Integrate the Legendre polynomials of 2 s - 1 from s = 0 to (x + 1) / 2, so many times.
+
+    Returns
+    -------
+    ndarray, shape (x.size, N_STAGES)
+    """
+    columns = np.empty((x.size, N_STAGES))
+    for k in range(N_STAGES):
+        series = legendre.legint(np.eye(N_STAGES)[k], times, lbnd=-1)
+        columns[:, k] = 0.5**times * legendre.legval(x, series)
+    return columns
+
+
+def _kronrod_nodes():
+    """Find the zeros of the Stieltjes polynomial E_(N+1): orthogonal with P_N to all lower degrees.
+
+    Returns
+    -------
+    ndarray, shape (N_STAGES + 1,)
+    """
+    x, w = legendre.leggauss(2 * N_STAGES + 2)
+    values = legendre.legvander(x, N_STAGES + 1)
+    weighted = (w * values[:, N_STAGES])[:, None] * values[:, :-1]
+    series, *_ = np.linalg.lstsq(
+        weighted.T @ values[:, :-1], -weighted.T @ values[:, -1], rcond=None
+    )
+    return np.sort(legendre.legroots(np.append(series, 1.0)).real)
+
+
+def _check():
+    """Make the rule that checks the Gauss rule.
+
+    Returns
+    -------
+    nodes : ndarray, shape (N_STAGES,)
+        On [0, 1], beside the Gauss nodes and 0.
+    rows : ndarray, shape (N_STAGES, N_STAGES)
+        Row k: what G_k adds to the displacements at these nodes, over h^2 G_k.
+    gauss, added, start : ndarray, ndarray, float
+        Weights of the difference of both rules.
+    """
+    x, w = legendre.leggauss(N_STAGES)
+    new = _kronrod_nodes()[1:]
+    nodes = np.concatenate((x, new, [-1.0]))
+    moments = np.zeros(nodes.size)
+    moments[0] = 1.0
+    weights = np.linalg.solve(legendre.legvander(nodes, nodes.size - 1).T, moments)
+    rows = _integrals(new, 2) @ LEGENDRE
+    return (
+        0.5 * (new + 1.0),
+        np.ascontiguousarray(rows.T),
+        weights[:N_STAGES] - 0.5 * w,
+        weights[N_STAGES:-1],
+        float(weights[-1]),
+    )
+
+
+NODES, WEIGHTS, STAGES, STAGES_SQUARED, LEGENDRE = _collocation()
+SPEED_ROWS = np.ascontiguousarray(STAGES.T)
+POSITION_ROWS = np.ascontiguousarray(STAGES_SQUARED.T)
+POSITION_WEIGHTS = WEIGHTS @ STAGES
+"""b^T A: u_1 = u_0 + h v_0 + h^2 sum_k (b^T A)_k G_k."""
+CHECK_NODES, CHECK_ROWS, CHECK_GAUSS, CHECK_ADDED, CHECK_START = _check()
+GAUSS_SLOPE, ADDED_SLOPE = 2.0 * NODES - 1.0, 2.0 * CHECK_NODES - 1.0

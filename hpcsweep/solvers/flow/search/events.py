@@ -1,0 +1,131 @@
+"""What ends a linear step: the first contact at the edge of its layer.
+
+Each contact is cleared by a proof or searched (`search`); the contact set and the side of each
+layer are those of the motion at hand.
+"""
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
+from hpcsweep.solvers.flow.linear.polynomials import expand_row, value_and_slope
+from hpcsweep.solvers.flow.search.search import (
+    UNDECIDED,
+    Bracket,
+    Curve,
+    Level,
+    Part,
+    first_passage,
+    leaves,
+    may_reach,
+    rising_root,
+)
+from hpcsweep.solvers.flow.state.accelerations import accelerations
+from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
+
+
+@kernel
+def contact_key(tau, z, amplitude, model, work):
+    """Find the contact set of a state outside all layers.
+
+    A contact exactly at a stop of infinite sharpness touches if it is moving, or else
+    accelerating, towards it.
+    """
+    key = np.uint64(0)
+    contacts = model.contacts
+    for k in range(contacts.row.shape[0]):
+        x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
+        pushed = 0.0
+        if x == 0.0 and w == 0.0:
+            forcing_at(tau, amplitude, model, work.forcing, 0)
+            accelerations(total_forcing(work.forcing, 0, model), z, model, work.a)
+            pushed = contacts.sign[k] * work.a[contacts.row[k]]
+        if x > 0.0 or (x == 0.0 and (w > 0.0 or (w == 0.0 and pushed > 0.0))):
+            key |= contact_bit(k)
+    return key
+
+
+@kernel
+def layer_edge(key, k, model):
+    """Return the edge of the layer of contact k in its state, and the sign of its way there."""
+    edges = model.contacts.edges
+    if key & contact_bit(k):
+        return Level(-edges[k, 0], edges[k, 2])
+    return Level(edges[k, 0], edges[k, 1])
+
+
+@kernel
+def is_clear(key, k, d, x, z_end, model, bound4):
+    """Return whether contact k keeps away from its layer, or leaves it, within d; True is proved.
+
+    `x` is the augmented state at the start, `z_end` begins with the state at the end.
+    """
+    i, j = model.contacts.places[k, 0], model.contacts.places[k, 1]
+    sign, level = layer_edge(key, k, model)
+    g0, slope0 = sign * (x[i] - level), sign * x[j]
+    g1, slope1 = sign * (z_end[i] - level), sign * z_end[j]
+    return not may_reach(d, g0, slope0, g1, slope1, bound4) or leaves(
+        d, g0, slope0, g1, slope1, bound4
+    )
+
+
+@inlined
+def first_event(segment, span, model, poly, work):
+    """Find the first contact that reaches the edge of its layer within `span` of a step.
+
+    Parameters
+    ----------
+    segment : Segment
+    span : float
+        The step from ``work.x`` ends there, at ``work.z_end``.
+    poly : ndarray
+        Of `Tables`.
+
+    Returns
+    -------
+    contact : int
+        -1 if none does (proved), `UNDECIDED` if rounding forbids to tell.
+    bracket : Bracket
+        See `first_passage`. No other contact reaches the edge of its layer before b.
+    near : uint64
+        Contacts that are not known to keep away from their layers within `span`.
+    """
+    key, index, h = segment.key, segment.index, segment.h
+    x, z_end, rows, expanded = work.x, work.z_end, work.rows, work.expanded
+    contact = -1
+    near = np.uint64(0)
+    first = Bracket(span, 0.0, span, 0.0)
+    for k in range(model.contacts.row.shape[0]):
+        i = model.contacts.row[k]
+        place, speed_place = model.contacts.places[k, 0], model.contacts.places[k, 1]
+        if is_clear(key, k, span, x, z_end, model, work.bounds[place]):
+            continue
+        near |= contact_bit(k)
+        if not expanded[i]:
+            expand_row(poly, index, i, x, rows)
+            expanded[i] = True
+        curve = Curve(rows, i, h)
+        edge = layer_edge(key, k, model)
+        sign, level = edge
+        value, slope = z_end[place], z_end[speed_place]
+        if first.b < span:
+            value, slope = value_and_slope(rows, i, h, first.b)
+        start = sign * (x[place] - level), sign * x[speed_place]
+        end = sign * (value - level), sign * slope
+        part = Part(0.0, start[0], start[1], first.b, end[0], end[1])
+        found = first_passage(curve, part, edge, work.bounds[place], work.stack)
+        if found.a == UNDECIDED:
+            return UNDECIDED, found, near
+        if found.a < 0.0:
+            continue
+        if contact >= 0 and found.b > first.a:
+            # both within one interval: the time of the first
+            known = Curve(rows, model.contacts.row[contact], h)
+            a = rising_root(known, first, layer_edge(key, contact, model))
+            b = rising_root(curve, found, edge)
+            if b >= a:
+                first = Bracket(a, 0.0, a, 0.0)
+                continue
+            found = Bracket(b, 0.0, b, 0.0)
+        contact, first = k, found
+    return contact, first, near

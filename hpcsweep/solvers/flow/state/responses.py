@@ -1,0 +1,63 @@
+"""Where the tables of `tables` are kept."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile.places import zeros
+from hpcsweep.model.kernel_model import Model
+from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, padded
+
+LEVELS = 24
+"""Lengths of steps: the last is the 3,000th part of the first."""
+CAPACITY = 512
+"""Tables kept; when more occur the store is emptied and filled anew."""
+
+
+class Responses(NamedTuple):
+    """Tables of steps met so far; `count[0]` of them are valid."""
+
+    count: np.ndarray
+    place: np.ndarray
+    """(MAX_TABLES, m, LEVELS) int: where the table of a contact set, contact and length lies, or
+    -1."""
+    linear: np.ndarray
+    """(CAPACITY, N, N_NODES): the displacement of the contact at the nodes, column k per x_k."""
+    response: np.ndarray
+    """(CAPACITY, N_NODES, N_NODES): row k, by a unit force at node k."""
+    step: np.ndarray
+    """(CAPACITY, N, padded 2R): the state at the end, column k per x_k."""
+    kick: np.ndarray
+    """(CAPACITY, N_NODES, padded 2R): row k, by a unit force at node k."""
+    impulse: np.ndarray
+    """(N_COEFFICIENTS,): workspace ..."""
+    values: np.ndarray
+    """(N_NODES,): ..."""
+    column: np.ndarray
+    """(N_NODES,): ... of what builds a table."""
+
+
+def empty_responses(model: Model, n_tables: int) -> Responses:
+    """Allocate the store for so many tables of contact sets; pages are touched when used."""
+    n, m = model.stiffness.shape[0], model.contacts.row.size
+    size = 2 * n + 2 * model.harmonics.shape[0] + 1
+    return Responses(
+        count=zeros(1, dtype=int),
+        place=np.full((n_tables, m, LEVELS), -1),
+        linear=zeros(CAPACITY, size, N_NODES),
+        response=zeros(CAPACITY, N_NODES, N_NODES),
+        step=zeros(CAPACITY, size, padded(2 * n)),
+        kick=zeros(CAPACITY, N_NODES, padded(2 * n)),
+        impulse=zeros(N_COEFFICIENTS),
+        values=zeros(N_NODES),
+        column=zeros(N_NODES),
+    )
+
+
+@kernel
+def forget(responses):
+    """Empty the store."""
+    responses.count[0] = 0
+    responses.place[:] = -1

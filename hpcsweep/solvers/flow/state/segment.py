@@ -1,0 +1,46 @@
+"""A segment of linear motion, and how it ends; see `period`."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.compile.entry_points import type_of
+
+
+class Segment(NamedTuple):
+    """A step of the linear motion of one contact set."""
+
+    key: np.uint64
+    """Contact set."""
+    index: int
+    """Of its table."""
+    h: float
+    """Length of a full step."""
+    tau: float
+    """Start."""
+    end: float
+    """End of the period."""
+
+
+class Ending(NamedTuple):
+    """How a segment ends."""
+
+    span: float
+    """Its length."""
+    contact: int
+    """The contact at its end, -1 if there is none."""
+    how: int
+    """How it passes its stop (`passage`). Unless the passage is integrated the state after it is in
+    z, that before it in ``work.z_end``, the forcing is in ``work.forcing``."""
+    beyond: bool
+    """The stop is reached after this step: try again from the edge of the layer."""
+    rounded: bool
+    """It is on its way through a stop without layer, past it by rounding already: the contact set
+    changes, the state does not. Looking at distances again would change those of all contacts that
+    have their stops at the same place."""
+    jerk: float
+    """At the stop, see `pass_layer`."""
+    promised: np.uint64
+
+
+SEGMENT = type_of(Segment(np.uint64(0), 0, 0.0, 0.0, 0.0))

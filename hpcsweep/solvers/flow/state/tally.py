@@ -1,0 +1,60 @@
+"""What is gathered along the motion: contact set, drift, modal norms.
+
+`drift` and `modal_norm` bring it up to date on linear segments, `layer.observation` inside a layer.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile.places import zeros
+from hpcsweep.model.kernel_model import PEAK_FLAGS, Model
+
+NO_TALLY, MAXIMA, NORMS = range(3)
+PEAKS = sum(PEAK_FLAGS)
+"""What is wanted: nothing; contact set and drift; these and the modal norms. To either of the two
+`PEAK_FLAGS` may be added, for the peaks of watched rows."""
+
+
+class Tally(NamedTuple):
+    """What has been gathered over a window."""
+
+    contact: np.ndarray
+    """(1,) uint64: bit k is set once contact k has touched."""
+    peak_drift: np.ndarray
+    """(1,)"""
+    free_time: np.ndarray
+    """(1,): time in which nothing touched."""
+    modal: np.ndarray
+    """(n,): integral of |q_j| / ||q|| over that time."""
+    peaks: np.ndarray
+    """(W,): of each row of `Model.watched`."""
+    lowest: np.ndarray
+    """(W,): from which they start: 0, of a contact its gap."""
+
+
+def new_tally(n: int, model: Model) -> Tally:
+    """Make a tally for n modes of a structure."""
+    gaps = model.contacts.gap
+    lowest = np.concatenate((np.zeros(len(model.watched) - gaps.size), gaps))
+    peaks = zeros(lowest.size)
+    return Tally(zeros(1, dtype=np.uint64), zeros(1), zeros(1), zeros(n), peaks, lowest)
+
+
+@inlined
+def wants_norms(wanted):
+    """Return whether modal norms are wanted."""
+    return wanted & 3 == NORMS
+
+
+@kernel
+def clear(tally):
+    """Begin anew."""
+    tally.contact[0] = 0
+    tally.peak_drift[0] = 0.0
+    tally.free_time[0] = 0.0
+    for j in range(tally.modal.shape[0]):
+        tally.modal[j] = 0.0
+    for w in range(tally.peaks.shape[0]):
+        tally.peaks[w] = tally.lowest[w]

@@ -1,0 +1,135 @@
+"""The proof that a motion stays free of contact and comes to the steady state: the rule `linear`.
+
+From a state z the motion is the steady state of `linear.LinearOrbit` plus modal transients whose
+energy never grows, so that with q the transient part at 0
+
+    d . u(tau) <= A max d . u_1 + sum_j |d . phi_j| a_j,   a_j = sqrt(q_j^2 + (q_j' / omega_j)^2),
+
+u_1 being the steady state at unit amplitude. If that stays outside its layer for every contact,
+contact is impossible. Where a damping matrix couples the modes their energies are not bounded one
+by one but together: with E = sum_j omega_j^2 a_j^2 the sum is replaced by sqrt(d . K^-1 d) sqrt(E),
+the largest d . u of that energy.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.arena import Arena
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point
+
+
+class Free(NamedTuple):
+    """What the kernel knows of the motions without contact; C contacts, n modes."""
+
+    known: bool
+    """Whether there is a steady state."""
+    levels: np.ndarray
+    """(C,): where the layer of each contact begins."""
+    largest: np.ndarray
+    """(2, C): max d . u_1, and max -d . u_1."""
+    point: np.ndarray
+    """(2n,): stroboscopic point of the steady state at unit amplitude."""
+    transform: np.ndarray
+    """(n, n): from displacements to modal coordinates."""
+    frequencies: np.ndarray
+    reach: np.ndarray
+    """(C, n): |d . phi_j|."""
+    softness: np.ndarray
+    """(C,): sqrt(d . K^-1 d)."""
+    coupled: bool
+    left: np.ndarray
+    """(2n, 2n): modal coordinates and speeds after the transient, in units of the state."""
+    end: np.ndarray
+    """(2n, 2n): the transient part of the state after the window."""
+    most: float
+    """Largest sum of what is left."""
+    modal: np.ndarray
+    """(2n,): workspace."""
+    size: np.ndarray
+    """(n,): workspace."""
+
+
+NOT_KNOWN = Free(
+    False,
+    np.empty(0),
+    np.empty((2, 0)),
+    np.empty(0),
+    np.empty((0, 0)),
+    np.empty(0),
+    np.empty((0, 0)),
+    np.empty(0),
+    False,
+    np.empty((0, 0)),
+    np.empty((0, 0)),
+    0.0,
+    np.empty(0),
+    np.empty(0),
+)
+FREE = Arena(NOT_KNOWN)
+read_free = FREE.read
+NOTHING = FREE.pack(NOT_KNOWN)
+"""Packed; with it no motion is free."""
+
+
+@entry_point(INT, BYTES, VECTOR, FLOAT, VECTOR)
+def is_free(free, state, amplitude, end):
+    """Return whether the motion from a state is free of contact and ends on the steady state.
+
+    Parameters
+    ----------
+    free : ndarray of bytes
+        A packed `Free`.
+    state : ndarray, shape (2n,)
+    amplitude : float
+    end : ndarray, shape (2n,)
+        Receives the state after the window, where the answer is yes.
+
+    Returns
+    -------
+    int
+        1 or 0.
+    """
+    known = read_free(free)
+    if not known.known:
+        return 0
+    side = 0 if amplitude >= 0.0 else 1
+    n_contacts, n = known.reach.shape
+    modal, size = known.modal, known.size
+    for c in range(n_contacts):
+        if not abs(amplitude) * known.largest[side, c] < known.levels[c]:
+            return 0
+    energy = 0.0
+    for j in range(n):
+        q = 0.0
+        p = 0.0
+        for k in range(n):
+            q += known.transform[j, k] * (state[k] - amplitude * known.point[k])
+            p += known.transform[j, k] * (state[n + k] - amplitude * known.point[n + k])
+        modal[j] = q
+        modal[n + j] = p
+        size[j] = math.sqrt(q * q + (p / known.frequencies[j]) ** 2)
+        energy += (known.frequencies[j] * size[j]) ** 2
+    for c in range(n_contacts):
+        reach = known.softness[c] * math.sqrt(energy)
+        if not known.coupled:
+            reach = 0.0
+            for j in range(n):
+                reach += known.reach[c, j] * size[j]
+        if not abs(amplitude) * known.largest[side, c] + reach < known.levels[c]:
+            return 0
+    left = 0.0
+    for i in range(2 * n):
+        value = 0.0
+        for k in range(2 * n):
+            value += known.left[i, k] * modal[k]
+        left += abs(value)
+    if not left <= known.most:
+        return 0
+    for i in range(2 * n):
+        value = amplitude * known.point[i]
+        for k in range(2 * n):
+            value += known.end[i, k] * modal[k]
+        end[i] = value
+    return 1

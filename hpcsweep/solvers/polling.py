@@ -1,0 +1,59 @@
+"""Long integrations cut into pieces of bounded time, so that they can be stopped.
+
+While a kernel computes Python answers no signal and no other rank. A motion is therefore advanced
+piece by piece; since a forcing period depends on its start state alone, the results are those of
+one call, to the last bit. What one piece took tells how many periods the next may have.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+
+PIECE_SECONDS = 0.05
+"""Time a piece is meant to take: should the next periods be ten times as slow, it is half a second
+until Ctrl-C is heard."""
+POLL_PERIODS = 2000
+"""Most forcing periods of a piece; two milliseconds where there is little contact, beside which the
+microsecond of a call does not show."""
+GROWTH = 8
+"""Largest factor from one piece to the next."""
+
+
+class Polling:
+    """Cuts the motions of one solver."""
+
+    def __init__(self) -> None:
+        self._size = 1
+        self._begun = 0.0
+
+    def cut(
+        self, n_periods: int, poll: Callable[[], None] | None = None
+    ) -> Iterator[tuple[int, int]]:
+        """Cut `n_periods` into pieces (first, last), before each of which `poll` is called."""
+        if poll is not None and n_periods == 0:
+            poll()
+        last = 0
+        while last < n_periods:
+            if poll is not None:
+                poll()
+            first, last = last, min(last + self._size, n_periods)
+            begun = time.perf_counter()
+            yield first, last
+            self._learn(last - first, time.perf_counter() - begun)
+
+    def begin(self, poll: Callable[[], None] | None = None) -> int:
+        """Begin a piece of work that counts its periods itself; return those it may have."""
+        if poll is not None:
+            poll()
+        self._begun = time.perf_counter()
+        return self._size
+
+    def end(self, n_periods: int) -> None:
+        """End it, after so many periods."""
+        self._learn(n_periods, time.perf_counter() - self._begun)
+
+    def _learn(self, n_periods: int, seconds: float) -> None:
+        """Choose the size of the next piece from what one took."""
+        if n_periods < self._size and seconds < PIECE_SECONDS:
+            return
+        fitting = n_periods * PIECE_SECONDS / max(seconds, 1e-9)
+        self._size = max(1, int(min(fitting, GROWTH * n_periods, POLL_PERIODS)))

@@ -1,0 +1,1 @@
+"""All attractors at each point, with their shares."""

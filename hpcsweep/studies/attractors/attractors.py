@@ -1,0 +1,194 @@
+"""All attractors over forcing amplitude and frequency, with their shares of a box of states.
+
+A frame is a path of ascending amplitudes. At each amplitude the attractors of the amplitude before
+are continued: a point of each is a seed, whose motion is classified first. Then the starts are
+classified (`hpcsweep.dynamics.attractors`), and what was found is matched to the amplitude before
+by the distance of the points (`hpcsweep.dynamics.resemblance`): what is near enough keeps its
+identity, anything else gets a new one. Seeds count for no share; what only a seed reached has share
+0 with the interval of no hit in all starts.
+
+What an amplitude takes from the one before is its identities, its stored points and the largest
+identity given so far: variables of the file, so that a path resumes where it was cut. Everything
+else depends on the structure, A, Omega and the job alone.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.attractors.search import Limits, attractors_as_runs, read_limits
+from hpcsweep.studies.attractors.tally import AttractorTally
+from hpcsweep.studies.attractors.variables import attractor_variables
+from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
+from hpcsweep.studies.sweep.amplitude_sweep import UP, AmplitudeSweep
+from hpcsweep.studies.variables import numbered
+
+
+@dataclass(frozen=True, eq=False)
+class Attractors(Limits, AmplitudeSweep):
+    """Attractors along amplitudes, a frame a task; see `RunGrid`."""
+
+    kind: ClassVar[str] = "attractors"
+    why_whole: ClassVar[str] = (
+        "a frame is one path: the attractors of each amplitude are continued from the one before, "
+        "so a frame cannot be cut without changing results"
+    )
+    words: ClassVar[dict[str, str]] = {UP: "continued up"}
+    direction_name: ClassVar[str] = "direction in which attractors are continued"
+    keys: ClassVar[dict] = {
+        "study": (
+            "starts",
+            "seed",
+            "displacement",
+            "velocity",
+            "max_attractors",
+            "confidence",
+            "max_cycles",
+            "match_distance",
+        ),
+        "sweep": ("omega", "frequency", "amplitude"),
+    }
+    default_block: ClassVar[int] = 1
+    carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
+    holds: ClassVar[str] = "attractors"
+    point_dim: ClassVar[str] = "cycle"
+    status_variables: ClassVar[tuple[str, ...]] = (
+        "n_attractors",
+        "n_undecided",
+        "n_failed",
+        "n_elsewhere",
+    )
+
+    @classmethod
+    def read(cls, values, **common) -> "Attractors":
+        """Read what a job says of starts, box and limits; see `RunGrid.read`."""
+        structure, settings = common["structure"], common["settings"]
+        if values.get("output.poincare", True) is not True:
+            raise values.error("output.poincare", False, "must be true: attractors are continued")
+        limits = read_limits(values, cls, "attractors")
+        n, units = structure.n_floors, structure.state_units
+        ends = [
+            *_pairs(values, "study.displacement", n, float(units[0])),
+            *_pairs(values, "study.velocity", n, float(units[-1])),
+        ]
+        metrics = frozenset(settings.metrics) | {"poincare", "lyapunov"}
+        common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
+        return cls(
+            omega=values.frequencies("sweep.omega"),
+            amplitude=values.amplitudes("sweep.amplitude"),
+            directions=(UP,),
+            box=tuple(ends),
+            confidence=_between(values, "study.confidence", cls.confidence, 1.0),
+            match_distance=_between(values, "study.match_distance", cls.match_distance, 1e6),
+            **limits,
+            **common,
+        )
+
+    @property
+    def starting_states(self) -> np.ndarray:
+        """The corner of the box that is farthest out, and the initial state."""
+        return np.stack((np.abs(np.array(self.box)).max(axis=1), self.initial_state))
+
+    @property
+    def polls_per_run(self) -> int:
+        """Return the starts of a point."""
+        return self.starts
+
+    @cached_property
+    def variables(self) -> list[Variable]:
+        """Variables of the points, in the order of the file."""
+        return attractor_variables(self.settings)
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+        return {**super().dimensions, "attractor": self.max_attractors}
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+        return {
+            **super().coordinates,
+            "attractor": numbered(self.max_attractors, "attractor, by falling share"),
+        }
+
+    def rows(
+        self,
+        frame: int,
+        amplitudes: Amplitudes,
+        state: np.ndarray,
+        poll: Callable[[], None] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Find the attractors of amplitudes one after the other; `state` is an `end_state`."""
+        return _runs_of(self, float(self.omega[frame])).follow(amplitudes, state, poll)
+
+    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+        """Return the attractors of a point: what the next amplitude starts from."""
+        points = np.nan_to_num(rows["poincare"][row])
+        ids, counts = rows["attractor_id"][row], rows["n_points"][row]
+        each = np.column_stack((ids, counts, points.reshape(len(points), -1)))
+        return np.concatenate(([float(rows["last_id"][row])], each.ravel()))
+
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+        """Return the attractors of a point as orbits, and windows, that runs ended in."""
+        return attractors_as_runs(self.variables, run)
+
+    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Count attractors, and the starts that reached none of those stored."""
+        good = done & (runs["outcome"] == Outcome.COMPLETE)
+        number = runs["n_attractors"][good]
+        starts = int(done.sum()) * self.starts
+        return {
+            "attractors_per_point": float(number.mean()) if number.size else None,
+            "points_with_several": int((number > 1).sum()),
+            "most_attractors": int(number.max(initial=0)),
+            "starts": starts,
+            "periods_per_start": float(runs["cycles"][done].sum()) / starts if starts else None,
+            "starts_undecided": int(runs["n_undecided"][done].sum()),
+            "starts_failed": int(runs["n_failed"][done].sum()),
+            "starts_elsewhere": int(runs["n_elsewhere"][done].sum()),
+        }
+
+    def tally(self) -> Any:
+        """Make what counts the points for ``summary``."""
+        return AttractorTally(self)
+
+    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+        """Return what is not as every point promises: row and what is wrong there."""
+        from hpcsweep.studies.attractors.invariants import broken_invariants
+
+        return broken_invariants(self, rows)
+
+
+def _pairs(values, key: str, n: int, unit: float) -> list[tuple[float, float]]:
+    """Read [low, high], or n of them; default minus to plus a unit."""
+    given = values.get(key, [-unit, unit])
+    listed = given if isinstance(given, list) else [given]
+    pairs = listed if listed and isinstance(listed[0], list) else [listed] * n
+    if len(pairs) != n or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
+        raise values.error(key, given, f"must be [low, high], or a list of n = {n} such pairs")
+    read = [(values.number(key, low), values.number(key, high)) for low, high in pairs]
+    if not all(-1e200 <= low < high <= 1e200 for low, high in read):
+        raise values.error(key, given, "must have low below high, both at most 1e200")
+    return read
+
+
+def _between(values, key: str, default: float, most: float) -> float:
+    """Read a number above 0 and below another."""
+    value = values.number(key, values.get(key, default))
+    if not 0 < value < most:
+        raise values.error(key, value, f"must lie between 0 and {most:g}")
+    return value
+
+
+@lru_cache(maxsize=2)
+def _runs_of(study: Attractors, omega: float):
+    """Return the runs of a study at a frequency; those of the last two are kept."""
+    # here, where attractors are searched: who only reads them loads no kernel
+    from hpcsweep.studies.attractors.runs import AttractorRuns
+
+    return AttractorRuns(study.moving, omega, study.settings, study)

@@ -1,0 +1,279 @@
+"""Attractors at one forcing frequency: at each amplitude of a path, and at a single point."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcsweep.dynamics.attractor import Attractor, Portrait
+from hpcsweep.dynamics.portrait import portrait
+from hpcsweep.dynamics.resemblance import matched
+from hpcsweep.dynamics.starts import box_of, starting_states
+from hpcsweep.model import arguments
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
+from hpcsweep.studies.attractors.search import Limits, empty_results
+from hpcsweep.studies.attractors.variables import attractor_variables
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.study import Amplitudes
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """What an amplitude takes from the one before.
+
+    Attributes
+    ----------
+    seeds : ndarray, shape (m, 2n)
+    ids : tuple of int
+        Of m attractors, or none for a seed that is no attractor's.
+    points : list of m arrays, shapes (k, 2n)
+    last_id : int
+    """
+
+    seeds: np.ndarray
+    ids: tuple[int, ...]
+    points: list[np.ndarray]
+    last_id: int
+
+    @classmethod
+    def of(cls, state: np.ndarray, size: int, slots: int) -> "Carried":
+        """Read an `end_state`, or the initial state of a path, shape (2n,)."""
+        if state.size == size:
+            return cls(state[None], (), [], 0)
+        each = state[1:].reshape(slots, -1)
+        held = each[each[:, 0] > 0]
+        points = [row[2:].reshape(-1, size)[: int(row[1])] for row in held]
+        seeds = np.array([own[-1] for own in points]).reshape(-1, size)
+        return cls(seeds, tuple(held[:, 0].astype(int).tolist()), points, int(state[0]))
+
+
+class AttractorRuns:
+    """Attractors of one structure at one forcing frequency.
+
+    Parameters
+    ----------
+    structure : Structure
+    omega : float
+    settings : SweepSettings
+    limits : Limits
+    """
+
+    def __init__(self, structure: Structure, omega: float, settings: SweepSettings, limits: Limits):
+        self._structure, self._settings, self._limits = structure, settings, limits
+        self._omega = omega
+        self._solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
+
+    def _solver_at(self, amplitude: float) -> Solver:
+        """Return the solver of the structure as its motions at an amplitude are measured."""
+        structure = self._structure.measured_at(self._omega, amplitude)
+        if structure.length_unit != self._solver.structure.length_unit:
+            name, rtol = self._settings.solver, self._settings.rtol
+            self._solver = make_solver(name, structure, self._omega, rtol)
+        return self._solver
+
+    def at(
+        self, amplitude: float, seeds: np.ndarray, poll: Callable[[], None] | None = None
+    ) -> Portrait:
+        """Find the attractors at an amplitude."""
+        limits = self._limits
+        box = np.array(limits.box)
+        starts = starting_states(box, limits.starts, limits.seed, self._omega, amplitude)
+        return portrait(
+            self._solver_at(amplitude),
+            amplitude,
+            seeds,
+            starts,
+            self._settings,
+            limits.max_cycles,
+            limits.confidence,
+            poll,
+        )
+
+    def follow(
+        self, amplitudes: Amplitudes, state: np.ndarray, poll: Callable[[], None] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Find the attractors of amplitudes one after the other.
+
+        Parameters
+        ----------
+        amplitudes : sequence of k floats
+        state : ndarray
+            `Attractors.end_state` of the amplitude before, or the initial state of a path.
+        poll : callable, optional
+            Called before each amplitude and each start; may raise to leave.
+
+        Returns
+        -------
+        dict of str to ndarray
+            The variables of the study, first axis the k amplitudes.
+        """
+        size = self._structure.state_units.size
+        carried = Carried.of(state, size, self._limits.max_attractors)
+        result = empty_results(
+            attractor_variables(self._settings),
+            self._structure,
+            len(amplitudes),
+            attractor=self._limits.max_attractors,
+            cycle=self._settings.stored_points,
+        )
+        for index, amplitude in enumerate(amplitudes):
+            if poll is not None:
+                poll()
+            found = self.at(float(amplitude), carried.seeds, poll)
+            carried = self._store(result, index, found, carried)
+        return result
+
+    def _store(self, result, index: int, found: Portrait, before: Carried) -> Carried:
+        """Store what was found at an amplitude; return what the next one takes from it."""
+        room = result["poincare"].shape[2]
+        order = np.argsort([-one.hits for one in found.attractors], kind="stable")
+        kept = [found.attractors[k] for k in order[: self._limits.max_attractors].tolist()]
+        points = [one.points[-room:] for one in kept]
+        ids, last_id = self._identities(points, before)
+        place = sorted(range(len(kept)), key=lambda k: (-kept[k].hits, ids[k]))
+        kept, points = [kept[k] for k in place], [points[k] for k in place]
+        ids = [ids[k] for k in place]
+        for slot, (one, own, number) in enumerate(zip(kept, points, ids, strict=True)):
+            _store_attractor(result, (index, slot), one, own, number)
+        hits = sum(one.hits for one in kept)
+        result["n_attractors"][index] = len(found.attractors)
+        result["n_undecided"][index] = found.n_undecided
+        result["n_failed"][index] = found.n_failed
+        result["n_elsewhere"][index] = (found.labels >= 0).sum() - hits
+        result["last_id"][index] = last_id
+        result["cycles"][index] = min(found.cycles, np.iinfo(np.int32).max)
+        result["outcome"][index] = found.outcome
+        seeds = np.array([own[-1] for own in points]).reshape(-1, before.seeds.shape[1])
+        return Carried(seeds, tuple(ids), points, last_id)
+
+    def _identities(self, points: Sequence[np.ndarray], before: Carried) -> tuple[list[int], int]:
+        """Return each attractor the identity of the one it continues, or a new one."""
+        units = self._solver.structure.state_units
+        pairs = matched(
+            [own / units for own in before.points],
+            [own / units for own in points],
+            self._limits.match_distance,
+        )
+        known = {now: before.ids[then] for then, now in pairs}
+        ids, last_id = [], before.last_id
+        for place in range(len(points)):
+            if place not in known:
+                last_id += 1
+                known[place] = last_id
+            ids.append(known[place])
+        return ids, last_id
+
+
+def _store_attractor(result, at: tuple[int, int], one: Attractor, points, number: int) -> None:
+    """Store one attractor."""
+    values = {
+        "attractor_id": number,
+        "motion_class": one.kind,
+        "hits": one.hits,
+        "share": one.share,
+        "share_low": one.share_low,
+        "share_high": one.share_high,
+        "orbit_period": one.orbit_period,
+        "multiplier": one.multiplier,
+        "lyapunov": one.lyapunov,
+        "lyapunov_low": one.lyapunov_low,
+        "lyapunov_high": one.lyapunov_high,
+        "contact": one.contact,
+        "drift": one.drift,
+        "modal_norm": one.modal_norm,
+        "point": points[-1],
+        "n_points": len(points),
+    }
+    for name, value in values.items():
+        if name in result:
+            result[name][at] = value
+    result["poincare"][at][: len(points)] = points
+
+
+def attractors(
+    structure: Structure,
+    amplitude: float,
+    omega: float,
+    *,
+    starts: int = Limits.starts,
+    box=None,
+    seed: int = Limits.seed,
+    states=(),
+    confidence: float = Limits.confidence,
+    max_cycles: int = Limits.max_cycles,
+    max_orbit_period: int = 16,
+    period_tolerance: float = 1e-6,
+    solver: str = "flow",
+    rtol: float | None = None,
+) -> list[Attractor]:
+    """Find all attractors at a point, with their shares of a box of starting states.
+
+    An attractor that fills the share s of the box is missed with probability (1 - s)^starts: 1 %
+    of it with probability 1 % by 459 starts (`hpcsweep.dynamics.shares.starts_needed`).
+
+    Parameters
+    ----------
+    structure : Structure
+    amplitude, omega : float
+        A and Omega of the ground acceleration A sin(Omega tau) (10).
+    starts : int
+        Starting states, a low-discrepancy sequence in the box.
+    box : array_like, shape (2n, 2), optional
+        Lowest and highest value of each component of (u, v), in gaps and gaps omega_0. Default:
+        -1 to 1 gap, and -1 to 1 gap omega_0.
+    seed : int
+        Of the sequence.
+    states : array_like, shape (m, 2n)
+        Further states from which motions are followed; they count for no share.
+    confidence : float
+        Of the Clopper-Pearson intervals of the shares.
+    max_cycles : int
+        Forcing periods after which a motion is left undecided.
+    max_orbit_period : int
+        Longest orbit period that is looked for by its closing, in forcing periods.
+    period_tolerance : float
+        Points closer than this, in units of the state, are the same.
+    solver : {"flow", "bdf"}
+    rtol : float, optional
+        Relative tolerance asked of the solver; default the solver's.
+
+    Returns
+    -------
+    list of Attractor
+        By falling share; see `hpcsweep.dynamics.attractor.Attractor`. Shares are of all starts:
+        they add up to less than 1 where starts were not classified or failed.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of the wrong kind or outside its range; one line names it.
+    ArithmeticError
+        If the solver fails from every start.
+    """
+    arguments.instance("structure", structure, Structure)
+    units = structure.state_units
+    seeds = arguments.finite_vectors("states", states, units.size)
+    name = arguments.choice("solver", solver, SOLVERS)
+    settings = SweepSettings(
+        max_orbit_period=arguments.count("max_orbit_period", max_orbit_period, 1, 1000),
+        period_tolerance=arguments.positive("period_tolerance", period_tolerance),
+        solver=name,
+        rtol=SOLVERS[name].rtol if rtol is None else rtol,
+    )
+    limits = Limits(
+        box=tuple(map(tuple, box_of(box, units).tolist())),
+        starts=arguments.count("starts", starts, 1, 10**9),
+        seed=arguments.count("seed", seed, 0, 2**62),
+        confidence=arguments.number("confidence", confidence, "between 0 and 1", 1e-9, 1 - 1e-9),
+        max_cycles=arguments.count("max_cycles", max_cycles, 1),
+    )
+    amplitude = arguments.finite("amplitude", amplitude)
+    reach = np.vstack((np.abs(np.array(limits.box)).max(axis=1), seeds))
+    moving = structure.within_reach(amplitude, reach)
+    runs = AttractorRuns(moving, arguments.positive("omega", omega), settings, limits)
+    found = runs.at(amplitude, seeds)
+    if found.outcome is not Outcome.COMPLETE:
+        raise ArithmeticError(f"{name}: {found.outcome.name} from every start")
+    return sorted(found.attractors, key=lambda one: -one.hits)

@@ -1,0 +1,108 @@
+"""What studies that search attractors share: reading of limits, allocation, orbits to validate."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.settings import PEAKS
+from hpcsweep.studies.study import Variable
+
+MOST_STARTS = 100_000_000
+MOST_ATTRACTORS = 64
+MOST_CYCLES = 10_000_000
+MOST_SEED = 2**62
+
+
+STARTS = 459
+"""An attractor of 1 % of the box is missed by so many with a probability of 1 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What attractors are searched with at a point.
+
+    Attributes
+    ----------
+    box : tuple of 2n pairs of float
+        Lowest and highest value of each component of the starts.
+    starts, seed : int
+        Starts a point, and the seed of their sequence.
+    max_attractors : int
+        Most attractors stored of a point: those of the largest shares.
+    confidence : float
+        Of the intervals of the shares.
+    max_cycles : int
+        Forcing periods after which a motion is left undecided.
+    match_distance : float
+        Distance, in units of the state, over which an identity is carried to the next amplitude.
+    """
+
+    box: tuple[tuple[float, float], ...]
+    starts: int = STARTS
+    seed: int = 0
+    max_attractors: int = 8
+    confidence: float = 0.95
+    max_cycles: int = 5000
+    match_distance: float = 0.2
+
+
+def read_limits(values, kind: type, what: str) -> dict[str, Any]:
+    """Read the limits of a search, and refuse the keys of runs that it has no use for.
+
+    Parameters
+    ----------
+    values
+        Of the job.
+    kind : type
+        The study, whose attributes are the defaults.
+    what : str
+        What it searches, for messages.
+    """
+    for name in PEAKS:
+        if values.get(f"output.{name}", False) is not False:
+            raise values.error(f"output.{name}", True, "is a result of sweeps and points")
+    if values.get("solver.skip", "all") != "all":
+        given = values.get("solver.skip")
+        raise values.error("solver.skip", given, 'must be "all": every motion is classified')
+    if values.has("sweep.classify_cycles"):
+        given = values.get("sweep.classify_cycles")
+        raise values.error("sweep.classify_cycles", given, f"is study.max_cycles of {what}")
+    ranges = {
+        "starts": (1, MOST_STARTS),
+        "seed": (0, MOST_SEED),
+        "max_attractors": (1, MOST_ATTRACTORS),
+        "max_cycles": (1, MOST_CYCLES),
+    }
+    return {
+        name: values.whole(f"study.{name}", getattr(kind, name), *limits)
+        for name, limits in ranges.items()
+    }
+
+
+def empty_results(
+    variables: list[Variable], structure: Structure, n_runs: int, **sizes: int
+) -> dict[str, np.ndarray]:
+    """Allocate the results of `n_runs` runs, as if nothing was found."""
+    n = structure.n_floors
+    sizes = {"mode": n, "state": 2 * n, **sizes}
+    return {
+        each.name: np.full((n_runs, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
+        for each in variables
+    }
+
+
+def attractors_as_runs(
+    variables: list[Variable], run: dict[str, np.ndarray]
+) -> list[dict[str, np.ndarray]]:
+    """Return each attractor of a run as one that ended in it; `final_state` is its `point`."""
+    named = [v.name for v in variables if v.dims[3:4] == ("attractor",)]
+    found = []
+    for k in np.flatnonzero(run["attractor_id"]):
+        one = {name: run[name][k] for name in named}
+        one["final_state"] = one["point"]
+        one["skip_rule"] = np.int8(SkipRule.NEWTON)
+        found.append(one)
+    return found

@@ -1,0 +1,65 @@
+"""Invariants of the results of a study of basins."""
+
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
+from hpcsweep.dynamics.basins import ELSEWHERE
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.attractors.invariants import listed, of_motions
+
+
+def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+    """Check k rows of starts against what `hpcsweep.studies.basins.basins` says of its results.
+
+    Parameters
+    ----------
+    study : Basins
+    rows : dict of str to ndarray
+        The file's variables, first axis the k rows.
+
+    Returns
+    -------
+    list of (int, str)
+        Row and what is wrong there.
+    """
+    broken = {**_of_labels(study, rows), **_of_attractors(study, rows)}
+    return listed(broken)
+
+
+def _of_labels(study, rows: dict) -> dict[str, Any]:
+    labels, ids = rows["label"], rows["attractor_id"]
+    counts = {
+        name: (labels == value).sum(axis=1) != rows[name]
+        for name, value in (
+            ("n_undecided", UNDECIDED),
+            ("n_failed", FAILED),
+            ("n_elsewhere", ELSEWHERE),
+        )
+    }
+    hits = (labels[:, None, :] == np.where(ids > 0, ids, 127)[:, :, None]).sum(axis=2)
+    others = UNDECIDED, FAILED, ELSEWHERE
+    known = np.array(
+        [np.isin(own, (*low[low > 0], *others)).all() for own, low in zip(labels, ids, strict=True)]
+    )
+    return {
+        "each start is labelled by an attractor of the list, -1, -2 or -3": ~known,
+        "hits are those of the labels": (np.where(ids > 0, rows["hits"], 0) != hits).any(axis=1),
+        **{f"{name} is that of the labels": where for name, where in counts.items()},
+    }
+
+
+def _of_attractors(study, rows: dict) -> dict[str, Any]:
+    ids = rows["attractor_id"]
+    held = ids > 0
+    number = np.arange(1, ids.shape[1] + 1)
+    outcomes = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
+    return {
+        "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
+        "attractors come first": (held[:, 1:] & ~held[:, :-1]).any(axis=1),
+        "point is finite": (held & ~np.isfinite(rows["point"]).all(axis=2)).any(axis=1),
+        "outcome is one of 1 to 4": ~np.isin(rows["outcome"], outcomes),
+        "cycles is at least 0": rows["cycles"] < 0,
+        **of_motions(study, rows, held),
+    }

@@ -1,0 +1,150 @@
+"""Rows of starts on a slice of the initial states, and the attractors that they go to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
+from hpcsweep.dynamics.basins import ELSEWHERE, Basins
+from hpcsweep.dynamics.starts import starting_states
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies.attractors.search import empty_results
+from hpcsweep.studies.basins.variables import basin_variables
+from hpcsweep.studies.settings import SweepSettings
+
+
+@dataclass(frozen=True)
+class Slice:
+    """Where starts lie, and what their attractors are searched with.
+
+    Attributes
+    ----------
+    components : tuple of two int
+    horizontal, vertical : tuple of two float
+        Least and greatest value of either component.
+    state : tuple of 2n float
+        Of which the other components are those of all starts.
+    starts, seed, max_attractors, max_cycles : int
+        See `hpcsweep.studies.basins.basins.Basins`.
+    """
+
+    components: tuple[int, int]
+    horizontal: tuple[float, float]
+    vertical: tuple[float, float]
+    state: tuple[float, ...]
+    starts: int
+    seed: int
+    max_attractors: int
+    max_cycles: int
+
+
+class SliceRuns:
+    """Rows of one slice at one point.
+
+    Parameters
+    ----------
+    structure : Structure
+    omega, amplitude : float
+    settings : SweepSettings
+    shape : Slice
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        omega: float,
+        amplitude: float,
+        settings: SweepSettings,
+        shape: Slice,
+    ):
+        self._structure, self._settings, self._slice = structure, settings, shape
+        self._omega, self._amplitude = omega, amplitude
+        measured = structure.measured_at(omega, amplitude)
+        self._solver = make_solver(settings.solver, measured, omega, settings.rtol)
+        self._basins: Basins | None = None
+
+    def row(
+        self, horizontal: np.ndarray, ordinate: float, poll: Callable[[], None] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Return to which attractor the starts of a row go.
+
+        Parameters
+        ----------
+        horizontal : ndarray, shape (k,)
+            Their first component of the slice.
+        ordinate : float
+            Their second one.
+        poll : callable, optional
+            Called before each start and within long ones; may raise to leave.
+
+        Returns
+        -------
+        dict of str to ndarray
+            The variables of the study, first axis of size 1.
+        """
+        basins = self._known(poll)
+        first, second = self._slice.components
+        states = np.tile(np.array(self._slice.state), (horizontal.size, 1))
+        states[:, first], states[:, second] = horizontal, ordinate
+        labels, cycles = basins.labels(states, poll)
+        row = empty_results(
+            basin_variables(self._settings),
+            self._structure,
+            1,
+            attractor=self._slice.max_attractors,
+            column=horizontal.size,
+        )
+        row["label"][0] = np.where(labels >= 0, labels + 1, labels)
+        for slot, one in enumerate(basins.attractors):
+            values = {
+                "attractor_id": slot + 1,
+                "motion_class": one.kind,
+                "hits": (labels == slot).sum(),
+                "orbit_period": one.orbit_period,
+                "multiplier": one.multiplier,
+                "lyapunov": one.lyapunov,
+                "contact": one.contact,
+                "drift": one.drift,
+                "modal_norm": one.modal_norm,
+                "point": one.points[-1],
+            }
+            for name, value in values.items():
+                if name in row:
+                    row[name][0, slot] = value
+        row["n_undecided"][0] = (labels == UNDECIDED).sum()
+        row["n_failed"][0] = (labels == FAILED).sum()
+        row["n_elsewhere"][0] = (labels == ELSEWHERE).sum()
+        row["cycles"][0] = min(cycles, np.iinfo(np.int32).max)
+        failed = bool(np.all(labels == FAILED))
+        row["outcome"][0] = Outcome.SOLVER_FAILED if failed else Outcome.COMPLETE
+        return row
+
+    def _known(self, poll) -> Basins:
+        """Find the attractors, once."""
+        if self._basins is None:
+            shape, state = self._slice, np.array(self._slice.state)
+            box = np.stack((state, state), axis=1)
+            box[shape.components[0]], box[shape.components[1]] = shape.horizontal, shape.vertical
+            point = self._omega, self._amplitude
+            self._basins = Basins(
+                self._solver,
+                self._amplitude,
+                starting_states(box, shape.starts, shape.seed, *point),
+                self._settings,
+                shape.max_cycles,
+                shape.max_attractors,
+                poll,
+            )
+        return self._basins
+
+
+@lru_cache(maxsize=2)
+def slice_runs(
+    structure: Structure, omega: float, amplitude: float, settings: SweepSettings, shape: Slice
+) -> SliceRuns:
+    """Return the rows of a slice; the attractors of the last two slices are kept."""
+    return SliceRuns(structure, omega, amplitude, settings, shape)

@@ -1,0 +1,47 @@
+"""Variables of the results of a study of basins: a run is a row of starts."""
+
+from dataclasses import replace
+
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.study import Variable
+from hpcsweep.studies.variables import CYCLES, OMEGA, OUTCOME, STATES
+
+RUN = ("direction", "row", "amplitude")
+"""Dimensions of a row."""
+EACH = (*RUN, "attractor")
+ROW_OMEGA = Variable("omega", ("row",), "<f8", *OMEGA)
+COMMIT = Variable("commit", ("direction", "row", "block"), "<u8", "1", "checksum of a block")
+ORDINATE = Variable("ordinate", ("row",), "<f8", STATES, "second component of a row's starts")
+VARIABLES = (
+    Variable(
+        "label",
+        (*RUN, "column"),
+        "<i1",
+        "1",
+        "attractor that a start goes to: its attractor_id; -1 undecided, -2 failed, -3 one that is "
+        "not listed",
+    ),
+    Variable("attractor_id", EACH, "<i4", "1", "number of the attractor, 0 for none"),
+    Variable("motion_class", EACH, "<i1", "1", "motion: 2 periodic, 4 quasi-periodic, 5 chaotic"),
+    Variable("hits", EACH, "<i4", "1", "starts of the row that go to the attractor"),
+    Variable("orbit_period", EACH, "<i4", "forcing periods", "orbit period, 0 if it is no orbit"),
+    Variable("multiplier", EACH, "<f8", "1", "modulus of the largest Floquet multiplier"),
+    Variable("lyapunov", EACH, "<f8", "rate", "largest Lyapunov exponent"),
+    Variable("contact", EACH, "<u8", "1", "contact set, bit i - 1 for floor i"),
+    Variable("drift", EACH, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
+    Variable("modal_norm", (*EACH, "mode"), "<f8", "1", "mean modal norm free of contact"),
+    Variable("point", (*EACH, "state"), "<f8", STATES, "a stroboscopic point"),
+    Variable("n_undecided", RUN, "<i4", "1", "starts of the row that were not classified"),
+    Variable("n_failed", RUN, "<i4", "1", "starts of the row whose integration failed"),
+    Variable("n_elsewhere", RUN, "<i4", "1", "starts of the row that went to none of the list"),
+    replace(CYCLES, dims=RUN),
+    replace(OUTCOME, dims=RUN),
+)
+OPTIONAL = ("contact", "drift", "modal_norm")
+"""Variables that a job may leave out."""
+
+
+def basin_variables(settings: SweepSettings) -> list[Variable]:
+    """Return the variables of each row, in the order of the file."""
+    out = set(OPTIONAL) - set(settings.metrics)
+    return [variable for variable in VARIABLES if variable.name not in out]

@@ -1,0 +1,1 @@
+"""Amplitude sweeps: runs, their batches, the classification of motions."""

@@ -1,0 +1,102 @@
+"""Amplitude sweep: path-following by the end state of one amplitude as start of the next.
+
+A frame is one path, up and then, where that is requested, down from where the way up ended. It is
+the study of the paper, and the one a job has that names none.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.study import Amplitudes, Block, Path
+from hpcsweep.studies.sweep.runs import frame_runs
+
+UP, DOWN = "up", "down"
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudeSweep(RunGrid):
+    """Amplitude sweeps, a frame a task; see `RunGrid`."""
+
+    kind: ClassVar[str] = "amplitude_sweep"
+    task_noun: ClassVar[str] = "frame"
+    why_whole: ClassVar[str] = (
+        "a frame is one path: each amplitude starts from the end state of the one before, the down "
+        "sweep from the end of the up sweep, so a frame cannot be cut without changing results"
+    )
+    words: ClassVar[dict[str, str]] = {UP: "sweep up", DOWN: "sweep down"}
+    direction_name: ClassVar[str] = "direction of the amplitude sweep"
+    keys: ClassVar[dict] = {"sweep": ("omega", "frequency", "amplitude", "directions")}
+    default_block: ClassVar[int] = 50
+
+    @classmethod
+    def read(cls, values, **common) -> "AmplitudeSweep":
+        """Read what a job says of its sweeps; see `RunGrid.read`."""
+        given = values.get("sweep.directions", [UP, DOWN])
+        if given not in ([UP], [UP, DOWN]):
+            raise values.error("sweep.directions", given, f'must be ["{UP}"] or ["{UP}", "{DOWN}"]')
+        return cls(
+            omega=values.frequencies("sweep.omega"),
+            amplitude=values.amplitudes("sweep.amplitude"),
+            directions=tuple(given),
+            **common,
+        )
+
+    def task_of(self, direction, frame, number):
+        """Return the task of blocks: their frame."""
+        del direction, number
+        return frame
+
+    def path(self, task: int) -> Path:
+        """Return the blocks of a frame: up, then down."""
+
+        def block(position: int) -> Block:
+            direction, number = divmod(position, self.n_blocks)
+            return self.block((direction, task, number))
+
+        return Path(len(self.directions) * self.n_blocks, block)
+
+    def descends(self, direction: int) -> bool:
+        """Return whether the amplitudes of a direction are computed from the highest on."""
+        return self.directions[direction] == DOWN
+
+    def rows(
+        self,
+        frame: int,
+        amplitudes: Amplitudes,
+        state: np.ndarray,
+        poll: Callable[[], None] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Compute runs one after the other, each from where the one before ended."""
+        omega = float(self.omega[frame])
+        return sweep_block(self.moving, omega, amplitudes, state, self.settings, poll)
+
+    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
+        """Return the index of the run before one on the path; None for the first."""
+        if row != block.begin:
+            return block.run(row + 1 if block.descending else row - 1)
+        path = self.path(block.task)
+        position = next(k for k, other in enumerate(path) if other.place == block.place)
+        before = path[position - 1] if position else None
+        return before.run(before.end) if before else None
+
+    def describe_task(self, task: int) -> str:
+        """Describe a frame by its frequency."""
+        return f"Omega = {self.omega[task]:.6g}"
+
+
+def sweep_block(
+    structure: Structure,
+    omega: float,
+    amplitudes: Amplitudes,
+    state: np.ndarray,
+    settings: SweepSettings,
+    poll: Callable[[], None] | None = None,
+) -> dict[str, np.ndarray]:
+    """Run consecutive amplitudes of one sweep at one frequency; see `runs.FrameRuns.follow`."""
+    return frame_runs(structure, omega, settings).follow(amplitudes, state, poll)

@@ -1,0 +1,142 @@
+"""The classification of a run: the motion of its window, or the one that follows it.
+
+The window procedure takes a window for the motion. What the window leaves open is integrated on
+from its end, off the path, for at most `classify_cycles` forcing periods
+(`dynamics.classify_motion`). Points, contact set, drift, modal norms and exponent are then those of
+the motion found. The next run starts from the end of the window all the same.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify_motion import classify_motion
+from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
+from hpcsweep.dynamics.motion import Motion
+from hpcsweep.dynamics.orbit import closed_period, orbit_period
+from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.records import Observation
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.peaks import wants_peaks
+
+NOT_TESTED = -1
+"""Window period of a run without a window of its own."""
+
+
+@dataclass(frozen=True)
+class Classification:
+    """What is stored of the motion that a run ended in.
+
+    Attributes
+    ----------
+    seen : Observation
+        Of an orbit that is not longer than the job looks for once round it; else of a window.
+    period : int
+        Orbit period, 0 if there is none, or it is longer than the job looks for.
+    exponent : Interval
+        Largest Lyapunov exponent per unit of time.
+    kind : MotionClass
+    window_period : int
+        What the window test finds in the window; `NOT_TESTED` if there is none.
+    cycles : int
+        Forcing periods integrated to classify.
+    """
+
+    seen: Observation
+    period: int
+    exponent: Interval
+    kind: MotionClass = MotionClass.UNDECIDED
+    window_period: int = NOT_TESTED
+    cycles: int = 0
+
+
+def classify_orbit(
+    solver, amplitude: float, seen: Observation, period: int, multiplier: float
+) -> Classification:
+    """Classify an orbit that a rule found; `multiplier` is NaN if it is not known."""
+    time = solver.structure.forcing.period(solver.omega, len(seen.points))
+    if math.isnan(multiplier):
+        exponent = exponent_of_orbit(solver, seen.points[-1], amplitude, period)
+    else:
+        exponent = exponent_of_multiplier(multiplier, time)
+    return Classification(seen, period, Interval.exact(exponent), _kind(MotionClass.PERIODIC, seen))
+
+
+def classify_window(
+    solver,
+    amplitude: float,
+    seen: Observation,
+    settings: SweepSettings,
+    poll: Callable[[], None] | None = None,
+) -> Classification:
+    """Classify the motion of a window, or of what follows it.
+
+    Parameters
+    ----------
+    solver : Solver
+    amplitude : float
+    seen : Observation
+        Of the window; with the growth of a tangent vector if exponents are requested or motions
+        decided.
+    settings : SweepSettings
+    poll : callable, optional
+        Called within long work; may raise to leave.
+    """
+    points = seen.points / solver.structure.state_units
+    longest, same = settings.max_orbit_period, settings.period_tolerance
+    window = orbit_period(points, longest, same)
+    if settings.classify_cycles:
+        motion = classify_motion(
+            solver, seen.points[-1], amplitude, settings, settings.classify_cycles, poll, seen
+        )
+        if motion.kind not in (MotionClass.UNDECIDED, MotionClass.FAILED):
+            told = _classify_known(solver, amplitude, settings, motion, poll)
+            if told is not None:
+                return replace(told, window_period=window)
+        # an orbit is claimed only where it is verified
+        kind = _kind(MotionClass.UNDECIDED, seen)
+        return Classification(seen, 0, motion.interval, kind, window, motion.cycles)
+    period = window if settings.classify_cycles is None else closed_period(points, longest, same)
+    exponent = UNKNOWN
+    if "lyapunov" in settings.metrics:
+        if period:
+            exponent = Interval.exact(exponent_of_orbit(solver, seen.points[-1], amplitude, period))
+        else:
+            time = solver.structure.forcing.period(solver.omega)
+            within = growth_interval(aligned(seen.logarithms)).times(1.0 / time)
+            exponent = within._replace(mean=seen.growth / (len(seen.points) * time))
+    return Classification(seen, period, exponent, window_period=window)
+
+
+def _classify_known(
+    solver, amplitude: float, settings: SweepSettings, motion: Motion, poll
+) -> Classification | None:
+    """Observe the motion that was classified; None if the solver fails on it."""
+    period = motion.period if motion.period <= settings.max_orbit_period else 0
+    kind = MotionClass.LONG_PERIOD if motion.period > period else motion.kind
+    cycles = motion.cycles
+    length = period or settings.sampling_cycles
+    seen = motion.seen
+    norms, peaks = "modal_norm" in settings.metrics, wants_peaks(settings)
+    if seen is None or len(seen.points) != length or (peaks and not seen.peaks.size):
+        seen = solver.observe(motion.points[-1], amplitude, length, norms, poll=poll, peaks=peaks)
+        cycles += len(seen.points)
+        if seen.outcome is not Outcome.COMPLETE:
+            return None
+    return Classification(seen, period, motion.interval, _kind(kind, seen), cycles=cycles)
+
+
+def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
+    return kind if seen.contact else MotionClass.NO_CONTACT
+
+
+def exponent_of_orbit(solver, z: np.ndarray, amplitude: float, period: int) -> float:
+    """Largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
+    try:
+        return orbit_exponent(solver, z, amplitude, period)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return math.nan

@@ -1,0 +1,230 @@
+"""A study at every value of further keys of its job: what ``[vary]`` asks for.
+
+The axes come first in every variable of the file, each with the values of its key. A point of the
+axes is a *part*: the study that the job is with these values, made when it is needed and kept for a
+while. Its runs do not depend on other parts, so the tasks of all parts are tasks of the whole, and
+a part's results are, to the last bit, those of a job of its own.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import Axis, Block, BlockTable, Coordinate, Path, Place, Variable
+
+PARTS_KEPT = 64
+"""Parts that a process keeps: ranks come back to the one they left."""
+
+
+@dataclass(frozen=True, eq=False)
+class Varied:
+    """A study at each point of further axes; see `hpcsweep.studies.study.Study`.
+
+    Parameters
+    ----------
+    base : RunGrid
+        The part at the first value of every axis.
+    axes : tuple of Axis
+    make : callable
+        Makes the part at a place.
+    """
+
+    base: RunGrid
+    axes: tuple[Axis, ...]
+    make: Callable[[Place], RunGrid]
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what all parts have in common: an attribute of `SHARED`."""
+        if name in SHARED:
+            return getattr(self.base, name)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Values of each axis."""
+        return tuple(len(axis.values) for axis in self.axes)
+
+    @property
+    def n_parts(self) -> int:
+        """Points of the axes."""
+        return int(np.prod(self.shape, dtype=object))
+
+    @property
+    def n_tasks(self) -> int:
+        """Tasks of all parts."""
+        return self.n_parts * self.base.n_tasks
+
+    @property
+    def n_runs(self) -> int:
+        """Runs of all parts."""
+        return self.n_parts * self.base.n_runs
+
+    @property
+    def n_frames(self) -> int:
+        """Frames of all parts."""
+        return self.n_parts * self.base.n_frames
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Dimensions that the axes are."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def run_dims(self) -> tuple[str, ...]:
+        """Dimensions of a run."""
+        return self.names + self.base.run_dims
+
+    @property
+    def commit(self) -> Variable:
+        """Checksums of the blocks."""
+        return self.base.commit.along(self.names)
+
+    @cached_property
+    def variables(self) -> list[Variable]:
+        """Variables of the runs, in the order of the file."""
+        return [variable.along(self.names) for variable in self.base.variables]
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+        return dict(zip(self.names, self.shape, strict=True)) | self.base.dimensions
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+        return {axis.name: axis.coordinate for axis in self.axes} | self.base.coordinates
+
+    def places(self) -> Sequence[Place]:
+        """Return the places of all parts, in the order of their tasks."""
+        return list(np.ndindex(*self.shape))
+
+    def part(self, place: Place) -> RunGrid:
+        """Return the study at a place of the axes."""
+        return _part(self, place)
+
+    def part_of(self, block: Block) -> tuple[RunGrid, Block]:
+        """Return the part that a block is of, and the block as it is called there."""
+        n = len(self.axes)
+        part = self.part(block.place[:n])
+        return part, part.block(block.place[n:])
+
+    def block(self, place: Place) -> Block:
+        """Return the block with an index in ``commit``."""
+        n = len(self.axes)
+        return self._outer(place[:n], self.base.block(place[n:]))
+
+    def path(self, task: int) -> Sequence[Block]:
+        """Return the blocks of a task in the order of computation."""
+        number, inner = divmod(task, self.base.n_tasks)
+        at = self._place(number)
+        path = self.base.path(inner)
+        return Path(len(path), lambda position: self._outer(at, path[position]))
+
+    def table(self) -> BlockTable:
+        """Describe all blocks at once."""
+        own, n = self.base.table(), self.n_parts
+        first = np.repeat(np.arange(n), len(own.task))
+        places = np.array(self.places(), np.int32).reshape(n, len(self.axes))
+        return BlockTable(
+            np.tile(own.task, n) + first * self.base.n_tasks,
+            np.tile(own.n_runs, n),
+            np.hstack((places[first], np.tile(own.place, (n, 1)))),
+            np.tile(own.middle, n),
+        )
+
+    def predecessor(self, block: Block, row: int) -> Place | None:
+        """Return the index of the run whose end state a run starts from; None: `initial_state`."""
+        n = len(self.axes)
+        before = self.base.predecessor(self.base.block(block.place[n:]), row)
+        return None if before is None else block.place[:n] + before
+
+    def compute(
+        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Compute a block from the state its path has reached; rows in the order of the file."""
+        part, inner = self.part_of(block)
+        return part.compute(inner, state, poll)
+
+    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+        """Return what is not as every run promises: row and what is wrong there."""
+        part, inner = self.part_of(block)
+        return part.check(inner, rows)
+
+    def time_runs(
+        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
+    ) -> tuple[tuple[int, float], int, float]:
+        """Time a few runs of a frame of a part; frames are counted through all parts."""
+        number, frame = divmod(int(share * self.n_frames), self.base.n_frames)
+        part = self.part(self._place(number))
+        inside = (frame + 0.5) / part.n_frames
+        (frame, middle), timed, seconds = part.time_runs(inside, along, n_runs, poll)
+        return (number * self.base.n_frames + frame, middle), timed, seconds
+
+    def describe(self, run: Place) -> dict[str, Any]:
+        """Describe a run: the value of each axis, ``direction``, ``omega``, ``amplitude``."""
+        n = len(self.axes)
+        return self.part(run[:n]).describe(run[n:]) | self.values_at(run[:n])
+
+    def values_at(self, place: Place) -> dict[str, Any]:
+        """Return the value of each axis at a place."""
+        return {axis.name: axis.values[at] for axis, at in zip(self.axes, place, strict=True)}
+
+    def describe_task(self, task: int) -> str:
+        """Describe a task by the values of the axes and by what tells it in its part."""
+        number, inner = divmod(task, self.base.n_tasks)
+        return f"{self.describe_part(self._place(number))}, {self.base.describe_task(inner)}"
+
+    def describe_part(self, place: Place) -> str:
+        """Describe a part by the values of the axes."""
+        return ", ".join(f"{name} = {_short(v)}" for name, v in self.values_at(place).items())
+
+    def is_compiled(self, n_ranks: int | None = None) -> bool:
+        """Return whether the cache is known to have all that its runs call."""
+        from hpcsweep.studies.compilation import is_compiled, worth_specialising
+
+        specialised_to = worth_specialising(self, n_ranks)
+        return all(is_compiled(part.settings, specialised_to) for part in self._parts_by_solver())
+
+    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
+        """Compile all that its runs call, or load it from the disk."""
+        from hpcsweep.studies.compilation import warm_up, worth_specialising
+
+        for part in self._parts_by_solver():
+            warm_up(part.settings, say, specialised_to=worth_specialising(self, n_ranks))
+
+    def _parts_by_solver(self) -> list[RunGrid]:
+        """Return parts that call all that any part calls: one for each value of a solver's key."""
+        shape = [len(a.values) if a.key.startswith("solver.") else 1 for a in self.axes]
+        return [self.part(place) for place in np.ndindex(*shape)]
+
+    def _place(self, number: int) -> Place:
+        return tuple(int(at) for at in np.unravel_index(number, self.shape))
+
+    def _outer(self, at: Place, block: Block) -> Block:
+        """Return a block of a part as the whole calls it."""
+        number = int(np.ravel_multi_index(at, self.shape))
+        task = number * self.base.n_tasks + block.task
+        return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
+
+
+SHARED = frozenset(
+    (
+        *("kind", "holds", "task_noun", "why_whole", "structure", "settings", "initial_state"),
+        *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
+        *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words"),
+    )
+)
+"""What all parts of a `Varied` have in common."""
+
+
+@lru_cache(maxsize=PARTS_KEPT)
+def _part(study: Varied, place: Place) -> RunGrid:
+    return study.make(place)
+
+
+def _short(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, int | float) else str(value)

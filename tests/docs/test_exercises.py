@@ -1,0 +1,141 @@
+"""The exercises of docs/extending.md: each is applied to a copy of the program, run and checked."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+from tools import ROOT, SMALL, assert_same_datasets, environment, mpirun
+
+pytestmark = pytest.mark.slow
+PAGE = (ROOT / "docs" / "extending.md").read_text()
+
+
+def exercise(title: str) -> str:
+    """The diff below a heading of the page."""
+    return PAGE.split(f"\n## {title}\n")[1].split("```diff\n")[1].split("```")[0]
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """Return what copies the program, applies an exercise to it, and runs its commands."""
+    folder = tmp_path / "copy"
+
+    def applied(title: str):
+        ignored = shutil.ignore_patterns("__pycache__")
+        for name in ("hpcsweep", "jobs", "tests/job", "tests/campaigns"):
+            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+        subprocess.run(["git", "apply"], input=exercise(title), text=True, cwd=folder, check=True)
+
+        def run(*arguments, ranks=0, code=0) -> str:
+            launcher = [mpirun(), "-n", str(ranks)] if ranks else []
+            done = subprocess.run(
+                [*launcher, sys.executable, *map(str, arguments)],
+                cwd=folder,
+                env=environment(PYTHONPATH=f"{folder}:{folder / 'tests/campaigns'}"),
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            assert done.returncode == code, done.stdout + done.stderr
+            return done.stdout
+
+        def hpcsweep(*arguments, **options) -> str:
+            return run("-m", "hpcsweep", *arguments, **options)
+
+        assert run("-c", "import hpcsweep; print(hpcsweep.__file__)").startswith(str(folder))
+        return folder, hpcsweep, run
+
+    return applied
+
+
+def test_a_figure(copy):
+    folder, hpcsweep, _ = copy("A figure")
+    (folder / "small.toml").write_text(SMALL)
+    hpcsweep("run", "small.toml")
+    assert "forcing periods integrated, against the amplitude" in hpcsweep("plot", "--help")
+    hpcsweep("plot", "small.h5", "--kind", "cycles", "--omega", "0.6", "-o", "cycles.png")
+    assert (folder / "cycles.png").stat().st_size > 10_000
+
+
+def test_a_field_of_the_structure(copy):
+    folder, hpcsweep, run = copy("A field of the structure")
+    job = SMALL.replace("damping_ratio = 0.05", "damping_ratio = 0.05\nstorey_damping = 0.3")
+    (folder / "damped.toml").write_text(job)
+    (folder / "small.toml").write_text(SMALL)
+    hpcsweep("run", "damped.toml")
+    hpcsweep("run", "small.toml")
+    assert "sound" in hpcsweep("validate", "damped.h5")
+    # the file of a job without the field is not that of a job with it
+    hpcsweep("run", "damped.toml", "-o", "small.h5", code=2)
+    said = run(
+        "-c",
+        "import numpy as np, hpcsweep\n"
+        "from hpcsweep.solvers.reference import reference_points\n"
+        "s = hpcsweep.Structure(2, 300.0, 4e3, 0.05, storey_damping=0.3)\n"
+        "z = [0.9, 0.8, 1.0, 0.5]\n"
+        "own = hpcsweep.stroboscopic_points(s, 0.3, 0.6, z, 1)\n"
+        "print(abs(own - reference_points(s, 0.3, 0.6, z, 1)).max())\n",
+    )
+    assert float(said) < 1e-12
+    run(
+        "-m", "pytest", "-q", "tests/job/test_job.py", "-k", "fingerprint", "-p", "no:cacheprovider"
+    )
+
+
+def test_a_forcing(copy):
+    folder, hpcsweep, run = copy("A forcing")
+    job = SMALL.replace("count = 4", "count = 2")
+    (folder / "square.toml").write_text(f"{job}\n[forcing]\nsquare = 8\n")
+    hpcsweep("run", "square.toml", ranks=2)
+    assert "sound" in hpcsweep("validate", "square.h5")
+    assert "harmonics 1, 3, 5, 7, 9, 11, 13, 15" in hpcsweep("summary", "square.h5")
+    said = run(
+        "-c",
+        "import numpy as np, hpcsweep\n"
+        "from hpcsweep.job import load_job\n"
+        "from hpcsweep.solvers.reference import reference_points\n"
+        "s = load_job('square.toml').study.structure\n"
+        "x = np.linspace(0.2, 2.9, 50)\n"
+        "wave = [s.forcing.output() @ s.forcing.state(t / 0.6, 0.6) for t in x]\n"
+        "print(abs(np.array(wave) - 1).max())\n"
+        "own = hpcsweep.stroboscopic_points(s, 1.0, 0.6, [0.0] * 4, 5)\n"
+        "print(abs(own - reference_points(s, 1.0, 0.6, [0.0] * 4, 5)).max(), own.max())\n",
+    )
+    ripple, error, highest = map(float, said.split())
+    assert ripple < 0.2
+    assert highest > 1.0  # there was contact
+    assert error < 1e-11
+    (folder / "square.toml").write_text(f"{job}\n[forcing]\nsquare = 0\n")
+    hpcsweep("run", "square.toml", "-o", "none.h5", code=2)
+
+
+def test_a_solver(copy):
+    folder, hpcsweep, _ = copy("A solver")
+    few = SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 3")
+    (folder / "radau.toml").write_text(f'{few}\n[solver]\nmethod = "radau"\n')
+    hpcsweep("run", "radau.toml", ranks=2)
+    (folder / "flow.toml").write_text(few)
+    hpcsweep("run", "flow.toml")
+    told = [json.loads(hpcsweep("summary", f"{k}.h5", "--json"))[0] for k in ("radau", "flow")]
+    assert [one["runs_done"] for one in told] == [12, 12]
+    assert told[0]["contact_sets"] == told[1]["contact_sets"]
+    assert "sound" in hpcsweep("validate", "radau.h5", "--samples", "3")
+
+
+def test_a_study(copy):
+    folder, hpcsweep, _ = copy("A study")
+    job = SMALL.replace("block = 4", "")
+    (folder / "along.toml").write_text(f'{job}\n[study]\nkind = "frequency_sweep"\n')
+    hpcsweep("run", "along.toml", ranks=2)
+    hpcsweep("run", "along.toml", "-o", "alone.h5")
+    assert_same_datasets(folder / "along.h5", folder / "alone.h5")
+    state = json.loads(hpcsweep("status", "along.h5", "--json"))
+    assert state["complete"]
+    assert state["study"] == "frequency_sweep"
+    assert "sound" in hpcsweep("validate", "along.h5", "--samples", "3")
+    hpcsweep("plot", "along.h5", "--kind", "map", "-o", "map.png")
+    told = json.loads(hpcsweep("summary", "along.h5", "--json"))[0]
+    assert told["runs_done"] == told["runs_total"] == 88
+    assert (told["frames"], told["amplitudes"], told["directions"]) == (4, 11, ["up", "down"])

@@ -1,0 +1,177 @@
+"""Units, frequencies in hertz, buildings side by side, and keys that are taken away."""
+
+import math
+
+import numpy as np
+import pytest
+from tools import SMALL
+
+from hpcsweep import Building, adjacent, load_job
+from hpcsweep.campaign.describe import describe, warnings
+from hpcsweep.commands.cli import main
+from hpcsweep.job import JobError, parse_job
+from hpcsweep.model.structure import Structure
+from hpcsweep.store import Layout
+
+UNITS = '[units]\nlength = "m"\nmass = "kg"\ntime = "s"\n'
+OWN = SMALL.replace("stiffness_ratio = 300.0", "mass = 2e5\nstorey_stiffness = 3e8\ngap = 0.05")
+TWO = """
+[[building]]
+name = "A"
+mass = [2.5e5, 2.0e5]
+storey_stiffness = [3e8, 2e8]
+storey_height = 3.0
+[[building]]
+name = "B"
+mass = [2.0e5, 2.0e5, 1.0e5]
+storey_stiffness = 4e8
+storey_height = [3.0, 3.0, 4.0]
+damping_ratio = 0.02
+[pounding]
+gap = [0.02, 0.05]
+stiffness = 2e9
+[sweep]
+frequency = [2.0, 3.0]
+amplitude = [1.0, 2.0]
+"""
+
+
+def parse(text: str):
+    return parse_job(text, "job.toml", "job")
+
+
+def test_units_label_the_file_and_change_nothing_else():
+    plain, named = parse(OWN), parse(UNITS + OWN)
+    assert plain.fingerprint == named.fingerprint
+    told = {v.name: v.units for v in Layout(named).variables}
+    assert told["poincare"] == "m; m/s"
+    assert Layout(named).coordinates["amplitude"].units == "m/s^2"
+    assert Layout(named).coordinates["omega"].units == "rad/s"
+    assert Layout(plain).coordinates["amplitude"].units == "length/time^2"
+    assert Layout(parse(SMALL)).coordinates["amplitude"].units == "gaps omega_0^2"
+    assert named.structure.unit_names.of("force") == "N"
+
+
+def test_frequencies_are_given_in_hertz():
+    job = parse(OWN.replace("omega = {", "frequency = {"))
+    assert job.study.omega == pytest.approx(2 * math.pi * parse(OWN).study.omega)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (UNITS + SMALL, "units.length = 'm': goes with masses and stiffnesses of one's own"),
+        (OWN + '[units]\nlength = "5 m"\n', "units.length = '5 m': must be the name of a unit"),
+        (OWN + '[units]\nmetre = "m"\n', "unknown key 'units.metre'"),
+        (OWN.replace("omega = {", "omega = 0.5\nfrequency = {"), "does not go with sweep.omega"),
+        (SMALL.replace("damping_ratio", "zeta"), "'structure.zeta'; did you mean 'damping_ratio'?"),
+        (SMALL.replace("stiffness_ratio", "beta"), "'structure.beta'; did you mean 'stiffness_ra"),
+        ('[study]\nkind = "sweep"\n' + SMALL, "did you mean 'amplitude_sweep'?"),
+        (TWO.replace("[3.0, 3.0, 4.0]", "[3.0, 2.0, 4.0]"), "floor 2 of B at height 5 faces a col"),
+        (TWO.replace("storey_height = 3.0\n", ""), "must be given of all buildings or of none"),
+        (TWO.replace("[0.02, 0.05]", "[0.02]"), "pounding.gap must have 2 numbers, one per level"),
+        (TWO.replace('"B"', '"A"'), "building.name must be of one building each"),
+        (TWO.split('[[building]]\nname = "B"')[0] + "[pounding]\ngap=1\nstiffness=1\n", "twice"),
+        (TWO.replace("gap =", "gapp ="), "unknown key 'pounding.gapp'; did you mean 'gap'?"),
+        (TWO + "[structure]\ngap = 1.0\n", "structure.gap = 1.0: does not go with [[building]]"),
+        (TWO.replace("mass = [2.5e5", "masses = [2.5e5"), "'building.masses'; did you mean 'mass'"),
+    ],
+)
+def test_mistakes_are_one_line_with_what_is_meant(text, words):
+    with pytest.raises(JobError) as refused:
+        parse(text)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_buildings_are_their_matrices_side_by_side():
+    job = parse(TWO)
+    structure = job.structure
+    left = Structure(2, 0.0, mass=(2.5e5, 2e5), storey_stiffness=(3e8, 2e8), gap=math.inf)
+    right = Structure(3, 0.0, 1e4, 0.02, mass=(2e5, 2e5, 1e5), storey_stiffness=4e8, gap=math.inf)
+    both = np.concatenate((left.frequencies, right.frequencies))
+    np.testing.assert_allclose(structure.frequencies, np.sort(both), rtol=1e-12)
+    order = np.argsort(both)
+    ratios = np.concatenate((left.damping_ratios, right.damping_ratios))[order]
+    np.testing.assert_allclose(structure.damping_ratios, ratios, rtol=1e-10)
+    assert structure.names.floors == ("A1", "A2", "B1", "B2", "B3")
+    assert structure.names.contacts == ("A1-B1", "A2-B2")
+    assert [contact.gap for contact in structure.contacts] == [0.02, 0.05]
+    assert structure.directions.tolist() == [[1, 0, -1, 0, 0], [0, 1, 0, -1, 0]]
+    drifts = [[1, 0, 0, 0, 0], [-1, 1, 0, 0, 0]]
+    assert structure.drift_rows[:2].tolist() == drifts
+    made = adjacent(
+        [
+            Building([2.5e5, 2e5], [3e8, 2e8], 3.0, name="A"),
+            Building([2e5, 2e5, 1e5], 4e8, [3.0, 3.0, 4.0], 0.02, name="B"),
+        ],
+        [0.02, 0.05],
+        2e9,
+    )
+    assert made == structure
+
+
+def test_a_job_is_described_in_its_units_and_warned_of(tmp_path, capsys):
+    path = tmp_path / "two.toml"
+    path.write_text(UNITS + TWO)
+    assert main(["describe", str(path)]) == 0
+    said = capsys.readouterr().out
+    first = parse(TWO).structure.frequencies[0]
+    for words in (
+        "two: 2 directions x 2 omegas x 2 amplitudes = 8 runs",
+        "acceleration m/s^2, force N, frequency rad/s",
+        f"omega = {first:.6g} = {first / (2 * math.pi):.6g} Hz",
+        "A2-B2: gap 0.05 m, stiffness 2e+09",
+        "rad/s = 2 Hz to 3",
+        "grazing:    the free motion touches from A = ",
+    ):
+        assert words in said
+    lowest = parse(TWO).structure.grazing_amplitude(4 * math.pi)
+    assert f"{lowest:.6g}" in said
+    assert main(["describe", str(tmp_path / "none.toml")]) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("damping_ratio = 0.05", "damping_ratio = [0.05, 1.5]", "the damping ratio 1.5, above 1"),
+        ("from = 0.5, to = 0.8", "from = 50.0, to = 80.0", "more than 3 times off every natural"),
+        ("stiffness_ratio = 300.0", "stiffness_ratio = 0.5", "the contact is softer than a storey"),
+        ("count = 11", "count = 3", "of the smallest grazing amplitude"),
+    ],
+)
+def test_what_looks_like_a_mistake_is_a_line(old, new, words):
+    fine = SMALL.replace("count = 11", "count = 400")
+    assert warnings(parse(fine)) == []
+    text = SMALL if "count" in old else fine
+    found = warnings(parse(text.replace(old, new)))
+    assert any(words in line for line in found), found
+    assert describe(parse(text.replace(old, new)))[-1].startswith("warning: ")
+
+
+def test_inherited_keys_without_use_go_with_a_line(tmp_path):
+    (tmp_path / "base.toml").write_text(SMALL + '[solver]\nskip = "none"\n')
+    job = tmp_path / "job.toml"
+    start = 'extends = "base.toml"\n'
+    job.write_text(start + "[sweep]\nfrequency = 0.1\n")
+    found = load_job(job)
+    assert found.study.omega == pytest.approx([0.2 * math.pi])
+    assert found.notes == ("not inherited: sweep.omega (sweep.frequency is given)",)
+    assert "# not inherited: sweep.omega" in found.text
+    job.write_text(start + '[study]\nkind = "points"\npoints = [[0.1, 0.6]]\n')
+    assert load_job(job).study.n_runs == 1
+    job.write_text(start + '[solver]\nskip = "unset"\n')
+    assert load_job(job).settings.skip == parse(SMALL).settings.skip
+    job.write_text(start + '[structure]\nsharpness = "unset"\ndamping_ratio = "unset"\n')
+    assert load_job(job).structure == Structure(2, 300.0)
+
+
+def test_one_of_several_contacts_is_set():
+    from tools import JOBS
+
+    path = JOBS / "structures" / "pounding.toml"
+    usual = load_job(path).structure.contacts
+    found = load_job(path, ["structure.contact[1].gap=0.7"]).structure.contacts
+    assert [contact.gap for contact in found] == [usual[0].gap, 0.7, usual[2].gap]
+    with pytest.raises(JobError, match="there are 3 tables"):
+        load_job(path, ["structure.contact[3].gap=0.7"])

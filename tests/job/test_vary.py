@@ -1,0 +1,128 @@
+"""Keys that take several values: what may be varied, and what is refused with one line."""
+
+import pytest
+from tools import ATTRACTORS, BASINS, GRID, SMALL
+
+from hpcsweep.job import JobError, load_job, parse_job, part_of
+from hpcsweep.job.reading import every_key
+from hpcsweep.job.vary import NEVER, TABLES
+
+TWO = """
+[vary]
+structure.stiffness_ratio = [100, 300.0]
+"structure.gap" = {from = 0.5, to = 1.5, count = 3}
+"""
+
+
+def parse(table: str, job: str = SMALL):
+    return parse_job(f"{job}\n[vary]\n{table}", "job.toml", "job").study
+
+
+def test_every_value_of_one_key_goes_with_every_value_of_another():
+    study = parse_job(SMALL + TWO, "job.toml", "job").study
+    assert study.names == ("stiffness_ratio", "gap")
+    assert study.shape == (2, 3)
+    assert study.n_runs == 6 * study.base.n_runs == 6 * 88
+    assert study.n_frames == 6 * 4
+    assert study.run_dims == ("stiffness_ratio", "gap", "direction", "omega", "amplitude")
+    seen = {}
+    for place in study.places():
+        structure = study.part(place).structure
+        seen[place] = structure.stiffness_ratio, structure.gap
+        assert seen[place] == tuple(study.values_at(place).values())
+    assert len(set(seen.values())) == 6
+
+
+def test_the_blocks_of_all_parts_are_told_apart_and_found_again():
+    study = parse_job(SMALL + TWO, "job.toml", "job").study
+    table = study.table()
+    assert len(table.task) == len({tuple(place) for place in table.place.tolist()})
+    number = 0
+    for task in range(study.n_tasks):
+        for block in study.path(task):
+            assert block.task == task == table.task[number]
+            assert block.place == tuple(table.place[number].tolist())
+            assert study.block(block.place) == block
+            number += 1
+    assert number == len(table.task)
+
+
+def test_a_part_is_a_job_of_its_own():
+    job = parse_job(SMALL + TWO, "job.toml", "job")
+    part = part_of(job, (1, 2))
+    alone = SMALL.replace("300.0\nsharp", "300.0\ngap = 1.5\nsharp")
+    assert part.fingerprint == parse_job(alone, "job.toml", "job").fingerprint
+    assert parse_job(part.text, "job.toml", "job").fingerprint == part.fingerprint
+    assert job.fingerprint != part.fingerprint
+    other = parse_job(SMALL + TWO.replace("1.5", "1.6"), "job.toml", "job")
+    assert other.fingerprint != job.fingerprint
+
+
+@pytest.mark.parametrize(
+    ("table", "job", "names"),
+    [
+        ("sweep.transient_cycles = [10, 20]", SMALL, ("transient_cycles",)),
+        ('solver.skip = ["all", "none"]', SMALL, ("skip",)),
+        ("solver.rtol = [1e-6, 1e-9]", SMALL, ("rtol",)),
+        ("study.seed = [1, 2, 3]", ATTRACTORS, ("seed",)),
+        ("structure.gap = [0.4, 0.5]", BASINS, ("gap",)),
+    ],
+)
+def test_numbers_and_words_of_any_kind_of_study(table, job, names):
+    study = parse(table, job)
+    assert study.names == names
+    assert study.n_runs == len(study.axes[0].values) * study.base.n_runs
+
+
+def test_it_is_set_and_extended_as_any_key_is(tmp_path):
+    base, job = tmp_path / "base.toml", tmp_path / "job.toml"
+    base.write_text(SMALL + TWO)
+    job.write_text('extends = "base.toml"\n[vary]\n"structure.gap" = [2.0]\n')
+    assert load_job(job).study.shape == (2, 1)
+    found = load_job(job, ['vary."structure.gap"=[1.0, 2.0, 3.0, 4.0]'])
+    assert found.study.shape == (2, 4)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("", "vary"),
+        ("gap = [1.0, 2.0]", "'gap': must be a key of study, structure, pounding, sweep, solver"),
+        ("output.block = [1, 2]", "'output.block': must be a key of"),
+        ("structure.gapp = [1.0, 2.0]", "unknown key 'structure.gapp'; did you mean 'gap'?"),
+        ("study.kind = ['points', 'attractors']", "vary.study.kind"),
+        ("sweep.omega = [1.0, 2.0]", "vary.sweep.omega = [1.0, 2.0]"),
+        ("structure.gap = []", "vary.structure.gap"),
+        ("structure.gap = [1.0, 1.0]", "must not hold a value twice"),
+        ("structure.gap = [1.0, 'a']", "vary.structure.gap"),
+        ("structure.gap = [1.0, inf]", "gap"),
+        (
+            "structure.stiffness_ratio = [1.0, -1.0]",
+            "structure.stiffness_ratio must be finite and at least 0, is -1.0",
+        ),
+        ("structure.n_floors = [2, 3]", "n_floors = 3: all parts must be of one shape"),
+        ("structure.gap = {from = 0.5, to = 1.0, count = 200000}", "the most are 100000"),
+        ('structure.mass = ["a", "b"]', "structure.mass"),
+        ("sweep.directions = ['up', 'down']", "sweep.directions"),
+    ],
+)
+def test_what_cannot_be_varied_is_refused_with_one_line(table, words):
+    with pytest.raises(JobError) as refused:
+        parse(table)
+    said = str(refused.value)
+    assert said.startswith("job.toml: ")
+    assert words in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize("job", [SMALL, GRID, ATTRACTORS, BASINS])
+def test_no_key_has_the_name_of_another_or_of_something_in_the_file(job):
+    """Why an axis can be called as its key is, without the table."""
+    study = parse_job(job, "job.toml", "job").study
+    # those of pounding do not go with a structure
+    keys = [key for table in TABLES if table != "pounding" for key in every_key()[table]]
+    assert len(keys) > 30
+    assert len(set(keys)) == len(keys)
+    held = {variable.name for variable in (*study.variables, study.commit)} | {*study.dimensions}
+    tables_alone = {"contact"}
+    assert held & {*keys} <= {key.split(".")[1] for key in NEVER} | tables_alone

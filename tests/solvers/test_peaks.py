@@ -1,0 +1,162 @@
+"""Peaks of storeys, floors and contacts: both solvers, the closed form, the reference."""
+
+import math
+
+import numpy as np
+import pytest
+from tools import SMALL
+
+from hpcsweep import open_results
+from hpcsweep.campaign import run as campaign
+from hpcsweep.job import JobError, parse_job
+from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.model.structure import Structure
+from hpcsweep.parallel.mpi import Serial
+from hpcsweep.solvers.bdf import BdfMap
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.linear import LinearOrbit
+from hpcsweep.solvers.reference import reference_points
+
+ALL = sum(PEAK_FLAGS)
+OUTPUT = "storey_drift = true\ndisplacement = true\ncontact_force = true\n"
+SI = {"mass": (2e5, 1e5), "storey_stiffness": (3e7, 2e7), "gap": 0.02}
+CASES = [
+    (Structure(3, 300.0, 1e4), 0.2, 0.445),
+    (Structure(2, 50.0, 40.0), 0.4, 0.7),
+    (Structure(2, 300.0, math.inf, gap=0.4, gap_left=0.6), 0.3, 0.6),
+    (
+        Structure(2, 20.0, 2e3, 0.03, mass=(2e5, 1e5), storey_stiffness=(3e7, 2e7), gap=0.02),
+        3.0,
+        7.0,
+    ),
+]
+
+
+def start_of(structure) -> np.ndarray:
+    n = structure.n_floors
+    return np.concatenate((np.full(n, 0.6), np.full(n, 0.4))) * structure.state_units
+
+
+def sampled(structure, amplitude, omega, z, n_periods) -> np.ndarray:
+    """Peaks of the independent reference, at many times: a little too low."""
+    rows = np.concatenate((structure.drift_rows, np.eye(structure.n_floors)))
+    gaps = [contact.gap for contact in structure.contacts]
+    highest = np.concatenate((np.zeros(len(rows)), gaps))
+    n, parts = structure.n_floors, 400
+    period = 2 * math.pi / omega
+    for _ in range(n_periods):
+        u = reference_at(structure, amplitude, omega, z, period, parts)[:, :n]
+        own = np.concatenate((np.abs(u @ rows.T), u @ structure.directions.T), axis=1)
+        highest = np.maximum(highest, own.max(axis=0))
+        z = reference_points(structure, amplitude, omega, z, 1)[-1]
+    return highest
+
+
+def reference_at(structure, amplitude, omega, z, period, parts) -> np.ndarray:
+    """States within a period, by an explicit method of high order with small steps."""
+    from scipy.integrate import solve_ivp
+
+    from hpcsweep.model.equations import MODEL, derivative
+    from hpcsweep.model.kernel_model import kernel_model
+    from hpcsweep.model.units import Units
+
+    model = kernel_model(structure, omega)
+    packed, units = MODEL.pack(model), Units(structure, model)
+    size = amplitude / units.amplitude_unit
+    times = np.linspace(0.0, model.period, parts + 1)
+    done = solve_ivp(
+        lambda t, y: derivative(t, y, size, packed),
+        (0.0, model.period),
+        units.into(z),
+        "DOP853",
+        times,
+        rtol=1e-10,
+        atol=1e-12,
+        max_step=model.period / 2000,
+    )
+    assert period == pytest.approx(model.period / structure.frequency_unit)
+    return units.out_of(done.y.T)
+
+
+@pytest.mark.parametrize(
+    ("structure", "amplitude", "omega"),
+    [CASES[0], *(pytest.param(*case, marks=pytest.mark.slow) for case in CASES[1:])],
+)
+def test_peaks_are_those_of_the_motion(structure, amplitude, omega):
+    z = start_of(structure)
+    flow = FlowMap(structure, omega)
+    seen = flow.observe(z, amplitude, 2, peaks=ALL)
+    assert seen.contact
+    n_drifts = len(structure.drift_rows)
+    assert seen.peaks[:n_drifts].max() == pytest.approx(seen.peak_drift, rel=1e-11)
+    low = sampled(structure, amplitude, omega, z, 2)
+    scale = np.abs(low).max()
+    # a sample misses the top by (spacing)^2 / 8 of the curvature at most
+    assert np.all(seen.peaks >= low - 1e-9 * scale)
+    assert np.all(seen.peaks <= low + 2e-3 * scale)
+    plain = flow.observe(z, amplitude, 2)
+    assert plain.peaks.size == 0
+    parts = np.split(seen.peaks, [n_drifts, n_drifts + structure.n_floors])
+    for flag, place in zip(PEAK_FLAGS, parts, strict=True):
+        some = flow.observe(z, amplitude, 2, peaks=flag).peaks
+        assert set(place.tolist()) <= set(some.tolist())
+    np.testing.assert_array_equal(plain.points, seen.points)
+    assert plain.peak_drift == seen.peak_drift
+    bdf = BdfMap(structure, omega, 1e-9).observe(z, amplitude, 2, peaks=ALL)
+    np.testing.assert_allclose(bdf.peaks, seen.peaks, atol=1e-5 * scale)
+
+
+def test_free_motions_have_theirs_in_closed_form():
+    structure = Structure(3, 300.0)
+    orbit = LinearOrbit(structure, 0.7)
+    amplitude = 0.9 * structure.grazing_amplitude(0.7)
+    seen = FlowMap(structure, 0.7).observe(orbit.state(amplitude), amplitude, 1, peaks=ALL)
+    np.testing.assert_allclose(orbit.peaks(amplitude)[0], seen.peaks, rtol=1e-9)
+    assert orbit.peaks([amplitude, 2 * amplitude]).shape == (2, 9)
+
+
+@pytest.mark.parametrize("method", ["flow", pytest.param("bdf", marks=pytest.mark.slow)])
+def test_a_sweep_holds_them_where_they_are_asked_for(tmp_path, method):
+    small = SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 5")
+    if method == "bdf":
+        small = small.replace("transient_cycles = 30", "transient_cycles = 10")
+    text = f'{small}{OUTPUT}[solver]\nmethod = "{method}"\n'
+    job = parse_job(text, "job", "job")
+    assert campaign.run(job, tmp_path / "peaks.h5", Serial()) == 0
+    results = open_results(tmp_path / "peaks.h5")
+    assert results.storey_drift.dims == ("direction", "omega", "amplitude", "storey")
+    assert results.stop.values.tolist() == ["1", "2"]
+    assert results.contact_force.attrs["units"] == "k gaps"
+    scale = results.amplitude / results.omega**2
+    drift = results.storey_drift.max("storey") / scale
+    np.testing.assert_allclose(drift.transpose(*results.drift.dims), results.drift, rtol=1e-9)
+    touched = results.contact.values > 0
+    force = results.contact_force.values.max(axis=-1)
+    assert (force[touched] > 0).all()
+    assert (force[~touched] == 0).all()
+    assert touched.any()
+    assert not touched.all()
+    other = parse_job(text.replace(OUTPUT, ""), "job", "job")
+    assert campaign.run(other, tmp_path / "plain.h5", Serial()) == 0
+    plain = open_results(tmp_path / "plain.h5")
+    assert "storey_drift" not in plain
+    for name in plain.data_vars:
+        if name != "commit":
+            np.testing.assert_array_equal(plain[name].values, results[name].values)
+
+
+def test_a_contact_out_of_reach_exerts_no_force(tmp_path):
+    text = SMALL.replace("stiffness_ratio = 300.0", "stiffness_ratio = 300.0\ngap = [1.0, 1e6]")
+    job = parse_job(text.replace("count = 4", "count = 2") + OUTPUT, "job", "job")
+    assert campaign.run(job, tmp_path / "far.h5", Serial()) == 0
+    force = open_results(tmp_path / "far.h5").contact_force.values
+    assert (force[..., 1] == 0).all()
+    assert force[..., 0].max() > 0
+
+
+@pytest.mark.parametrize("kind", ["attractors", "basins"])
+def test_other_studies_do_not_know_them(kind):
+    text = f'[study]\nkind = "{kind}"\n{SMALL}storey_drift = true\n'
+    text = text.replace("count = 4", "count = 2").replace("block = 4", "")
+    with pytest.raises(JobError, match=r"is a result of sweeps|one number"):
+        parse_job(text, "job", "job")

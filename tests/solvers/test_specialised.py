@@ -1,0 +1,155 @@
+"""Kernels specialised to a structure: when they are made, and that they change no result."""
+
+import shutil
+from dataclasses import astuple
+
+import numba
+import numpy as np
+import pytest
+from tools import JOBS, PAPER, SMALL, assert_same_datasets, hpcsweep, run_script
+
+from hpcsweep.job import load_job
+from hpcsweep.kernels.compile.cache import cache_folder
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow import FlowMap, specialised
+from hpcsweep.studies import compilation
+from hpcsweep.studies.compilation import warm_up, worth_specialising
+from hpcsweep.studies.sweep.runs import FrameRuns
+
+if numba.config.DISABLE_JIT:
+    pytest.skip("nothing is compiled", allow_module_level=True)
+
+
+def everything(study, omega, amplitudes) -> list:
+    """What the solver gives at one frequency, and a path with all decided."""
+    structure = study.structure
+    solver = FlowMap(structure, omega)
+    found = []
+    for amplitude in amplitudes:
+        z = solver.advance(np.zeros(2 * structure.n_floors), amplitude, 30).state
+        seen = solver.observe(z, amplitude, 30, modal_norm=True, growth=True)
+        found += [z, *astuple(seen), *astuple(solver.grow(z, amplitude, 10))]
+        found += astuple(solver.settle(z, amplitude, 60, 16, 1e-10, 1e-6, 1e-3))
+        found += solver.monodromy(z, amplitude, 2)
+    runs = FrameRuns(structure, omega, study.settings, solver)
+    found += runs.follow(amplitudes, np.zeros(2 * structure.n_floors)).values()
+    return [*found, solver.counts.copy(), solver.is_specialised]
+
+
+@pytest.fixture
+def nothing_fitted(monkeypatch):
+    """Let solvers be made as if the cache had no specialised kernels, and could take none."""
+    monkeypatch.setattr(specialised, "_kept_keys", frozenset)
+    monkeypatch.setattr(specialised, "_loaded", set())
+    specialised._kernels_for.cache_clear()
+    yield
+    specialised._kernels_for.cache_clear()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "omega", "amplitudes"),
+    [
+        # slow impacts, grazing, chaos, two contacts at once; and rows of relative displacements
+        ("paper/bluecrystal", 0.2023, (0.01, 0.05, 0.16, 0.2, 0.28)),
+        ("structures/pounding", 0.3, (0.02, 0.05, 0.1)),
+    ],
+)
+def test_fitted_kernels_give_the_same_to_the_last_bit(nothing_fitted, name, omega, amplitudes):
+    study = load_job(JOBS / f"{name}.toml").study
+    *plain, was_fitted = everything(study, omega, amplitudes)
+    assert not was_fitted
+    warm_up(study.settings, specialised_to=study.structure)
+    *again, is_specialised = everything(study, omega, amplitudes)
+    assert is_specialised
+    for one, other in zip(plain, again, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_structure_of_other_sizes_has_other_kernels():
+    one, same, other = (
+        specialised.specialised_kernels(Structure(n, stiffness))
+        for n, stiffness in ((2, 9.0), (2, 5.0), (3, 9.0))
+    )
+    assert one is same
+    assert one.specialisation.key != other.specialisation.key
+    assert {kernel.name for kernel in one.all if kernel.specialisation is None} == {
+        "hpcsweep.solvers.free.is_free",
+        "hpcsweep.solvers.flow.linear.propagators.lookup",
+        "hpcsweep.solvers.flow.layer.solitary.tables.build_response",
+    }
+
+
+def test_kernels_are_fitted_where_the_histories_of_a_rank_earn_it():
+    study = load_job(PAPER / "bluecrystal.toml").study
+    assert worth_specialising(study, None) is None
+    assert worth_specialising(study, 10) is study.structure
+    assert worth_specialising(study, 11) is None
+    assert worth_specialising(load_job(PAPER / "figure6.toml").study, 1) is None
+    searched = load_job(JOBS / "attractors/attractors-map.toml").study
+    n_ranks = searched.n_runs * searched.starts // compilation.SPECIALISED_FROM
+    assert n_ranks > 1
+    assert worth_specialising(searched, n_ranks) is searched.structure
+    assert worth_specialising(searched, n_ranks + 1) is None
+
+
+def test_only_one_solver_has_kernels_to_fit(tmp_path):
+    text = (PAPER / "bluecrystal.toml").read_text().replace("figure2", str(PAPER / "figure2"))
+    (tmp_path / "job.toml").write_text(f'{text}\n[solver]\nmethod = "bdf"\n')
+    assert worth_specialising(load_job(tmp_path / "job.toml").study, 1) is None
+
+
+def test_warmup_refuses_what_is_no_job(tmp_path):
+    job = tmp_path / "none.toml"
+    done = hpcsweep(0, "warmup", JOBS / "ci.toml", job)
+    assert done.returncode == 2
+    assert str(job) in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+FITTING = """
+import sys
+from pathlib import Path
+from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.progress import say_line
+from hpcsweep.job import load_job
+from hpcsweep.parallel import mpi
+from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies import compilation
+
+compilation.SPECIALISED_FROM = float(sys.argv[1])
+job, out = load_job(sys.argv[2]), Path(sys.argv[3])
+code = campaign.run(job, out, mpi.world(), say=say_line)
+if code == 0 and mpi.world().rank == 0:
+    solver = make_solver("flow", job.study.structure, 0.5, 1e-9)
+    print("specialised" if solver.is_specialised else "for any")
+sys.exit(code)
+"""
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_a_large_study_fits_kernels_first_and_gives_the_same(tmp_path, monkeypatch):
+    # a cache with the kernels for any structure alone
+    kept = cache_folder()
+    specialises = shutil.ignore_patterns("*_????????????-*")
+    shutil.copytree(kept, tmp_path / "cache" / kept.name, ignore=specialises)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    script, job = tmp_path / "run.py", tmp_path / "job.toml"
+    script.write_text(FITTING)
+    job.write_text(SMALL)
+    n_runs = load_job(job).study.n_runs
+    outputs = [tmp_path / f"{k}.h5" for k in range(3)]
+    said = []
+    for least, output in zip((n_runs / 2 + 1, n_runs / 2, 1e9), outputs, strict=True):
+        done = run_script(2, script, least, job, output)
+        assert done.returncode == 0, done.stderr
+        said.append(
+            (done.stdout.split(), "specialised to the structure" in done.stdout + done.stderr)
+        )
+    (first, _), (second, compiled), (third, again) = said
+    assert (first[-2:], second[-1], third[-1]) == (["for", "any"], "specialised", "specialised")
+    assert compiled
+    assert not again
+    for output in outputs[1:]:
+        assert_same_datasets(outputs[0], output)

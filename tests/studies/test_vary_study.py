@@ -1,0 +1,126 @@
+"""Studies with varied keys: each part as a job of its own, on any ranks, killed and resumed."""
+
+import signal
+import time
+
+import faults
+import numpy as np
+import pytest
+from tools import ATTRACTORS, BASINS, GRID, SMALL, assert_same_datasets, hpcsweep
+
+from hpcsweep import open_results
+from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.summary import summarize
+from hpcsweep.checks.validate import validate
+from hpcsweep.job import parse_job, part_of
+from hpcsweep.parallel.mpi import Serial
+from hpcsweep.store import Frames, StoreError
+
+TWO = """
+[vary]
+structure.stiffness_ratio = [100, 300]
+structure.gap = {from = 0.5, to = 1.5, count = 3}
+"""
+STOPS = TWO.replace("{from = 0.5, to = 1.5, count = 3}", "[0.5, 0.6]")
+
+
+def compute(text: str, path):
+    job = parse_job(text, "job", "job")
+    assert campaign.run(job, path, Serial()) == 0
+    return job, open_results(path)
+
+
+@pytest.mark.parametrize(
+    "text", [SMALL + TWO, GRID + TWO, ATTRACTORS + STOPS, BASINS + STOPS], ids="sgab"
+)
+def test_each_part_is_that_of_a_job_of_its_own_to_the_last_bit(text, tmp_path):
+    job, results = compute(text, tmp_path / "varied.h5")
+    assert results.sizes["stiffness_ratio"] == 2
+    assert (results["outcome"] == 1).all()
+    frames = Frames(tmp_path / "varied.h5", None)
+    for place in frames.places:
+        own = part_of(job, place)
+        alone = compute(own.text, tmp_path / f"{'-'.join(map(str, place))}.h5")[1]
+        part = results.sel(job.study.values_at(place))
+        frames.choose(place)
+        read = frames.gather([*frames])
+        for name in own.study.variables:
+            np.testing.assert_array_equal(part[name.name].values, alone[name.name].values)
+            np.testing.assert_array_equal(read[name.name].values, alone[name.name].values)
+    frames.close()
+    assert len({results["drift"].values[k, 0].tobytes() for k in range(2)}) == 2
+    told = summarize(tmp_path / "varied.h5")
+    assert told["runs_done"] == told["runs_total"] == job.study.n_runs
+    assert told["vary"] == {axis.key: list(axis.values) for axis in job.study.axes}
+    report = validate(tmp_path / "varied.h5", samples=3)
+    assert report.sound
+    assert len(report.sample) == 3
+
+
+def test_a_part_is_chosen_by_the_values_of_its_keys(tmp_path):
+    path = tmp_path / "varied.h5"
+    compute(SMALL + TWO, path)
+    frames = Frames(path, at={"gap": 1.0, "stiffness_ratio": 300})
+    assert frames.study.structure.gap == 1.0
+    assert frames.study.structure.stiffness_ratio == 300.0
+    assert frames.part == "stiffness_ratio = 300, gap = 1"
+    frames.close()
+    for at, words in (
+        ({"gap": 0.7}, "gap = 0.7: must be one of 0.5, 1, 1.5"),
+        ({"gap": "wide"}, "gap = wide: must be one of 0.5, 1.0, 1.5"),
+        ({"mass": 1.0}, "mass = 1.0: it varies stiffness_ratio, gap"),
+    ):
+        with pytest.raises(StoreError, match=words):
+            Frames(path, at=at)
+
+
+def test_words_are_an_axis_too(tmp_path):
+    path = tmp_path / "varied.h5"
+    text = SMALL + '[vary]\nsolver.skip = ["all", "none"]\n'
+    results = compute(text, path)[1]
+    assert results["skip"].values.tolist() == ["all", "none"]
+    spared = results["skip_rule"].sel(skip="none")
+    assert (spared == 0).all()
+    assert (results["skip_rule"].sel(skip="all") > 0).any()
+    frames = Frames(path, at={"skip": "none"})
+    assert frames.at == {"skip": "none"}
+    frames.close()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_on_any_number_of_ranks_the_bytes_are_the_same(ranks, tmp_path):
+    job, one, many = tmp_path / "job.toml", tmp_path / "one.h5", tmp_path / "many.h5"
+    job.write_text(SMALL + TWO)
+    assert hpcsweep(0, "run", job, "-o", one).returncode == 0
+    assert hpcsweep(ranks, "run", job, "-o", many).returncode == 0
+    assert_same_datasets(one, many)
+
+
+@pytest.mark.mpi
+def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path):
+    job, whole, cut = tmp_path / "job.toml", tmp_path / "whole.h5", tmp_path / "cut.h5"
+    job.write_text(faults.JOB + TWO)
+    assert hpcsweep(0, "run", job, "-o", whole).returncode == 0
+    process = faults.start(2, "run", job, "-o", cut, sync=0.0)
+    assert faults.wait_for_commits(process, cut, 20)
+    process.send(signal.SIGKILL, "all", faults.random.Random(1))
+    process.end()
+    process.finish()
+    assert len(faults.valid(cut)) < 6 * 48
+    assert hpcsweep(3, "run", job, "-o", cut).returncode == 0
+    assert_same_datasets(whole, cut)
+
+
+def test_a_thousand_structures_cost_what_their_runs_cost():
+    """Each is made, validated and thrown away; a millisecond each is a hundredth of a sweep."""
+    text = SMALL + "[vary]\nstructure.gap = {from = 0.5, to = 1.5, count = 1000}\n"
+    begun = time.process_time()
+    study = parse_job(text, "job", "job").study
+    seconds = time.process_time() - begun
+    assert study.n_parts == 1000
+    assert seconds < 5.0
+    own = part_of(parse_job(text, "job", "job"), (17,)).study
+    begun = time.process_time()
+    own.compute(own.path(0)[0], own.initial_state)
+    assert seconds / 1000 < 40 * (time.process_time() - begun)

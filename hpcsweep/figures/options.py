@@ -18,7 +18,7 @@ FIGURES = (
     "diagrams.frames",
     "diagrams.period_map",
     "diagrams.metrics",
-    "diagrams.peaks",
+    "diagrams.measures",
     "diagrams.vary_map",
     "diagrams.benefit",
     "diagrams.attractor_diagram",

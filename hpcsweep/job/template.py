@@ -125,6 +125,10 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 #storey_drift = false    # peak drift of each storey, in gaps
 #displacement = false    # peak displacement of each floor, in gaps
 #contact_force = false   # peak force of each contact, in k gaps
+#impacts = false         # closings of each contact a forcing period
+#impact_velocity = false # largest closing speed of each contact, in gaps omega_0
+#impulse = false         # impulse of each contact a forcing period, in k gaps/omega_0
+#contact_time = false    # share of time each contact is closed
 
 # Stroboscopic points that are stored of each run, the last ones: at least 2 max_orbit_period, or
 # sampling_cycles where that is less; default: all.

@@ -15,6 +15,7 @@ GAPS = {
     "rate": "omega_0",
     "time": "1/omega_0",
     "force": "k gaps",
+    "impulse": "k gaps/omega_0",
 }
 """Units of the paper's building."""
 NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
@@ -62,7 +63,7 @@ def unit_of(structure, quantity: str) -> str:
 
 def _unit_of(structure, quantity: str) -> str:
     in_own = any(structure.unit_names) or not structure.is_uniform
-    if quantity not in (*GAPS, "impulse", "cycles"):
+    if quantity not in (*GAPS, "cycles"):
         return quantity
     if in_own:
         return structure.unit_names.of(quantity)

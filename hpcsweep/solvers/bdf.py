@@ -126,14 +126,14 @@ class BdfMap:
         modal_norm: bool = False,
         growth: bool = False,
         poll: Callable[[], None] | None = None,
-        peaks: int = 0,
+        measures: int = 0,
     ) -> Observation:
-        """Integrate `n_periods` and gather points, contact set, drift, modal norms and peaks.
+        """Integrate `n_periods` and gather points, contact set, drift, modal norms and measures.
 
         With `growth` also the growth of a tangent vector, (1, ..., 1) at first; for that the window
         is integrated once more.
         """
-        tally = StepTally(self._model, modal_norm, peaks)
+        tally = StepTally(self._model, modal_norm, measures)
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
@@ -146,7 +146,7 @@ class BdfMap:
             outcome,
             window_growth(logarithms),
             logarithms,
-            tally.peaks * self.structure.length_unit,
+            tally.measures(self.structure, len(points)),
         )
 
     def grow(

@@ -93,8 +93,8 @@ class LinearOrbit:
         """Return the largest interstorey drift at amplitudes A."""
         return np.abs(amplitude) * self._drift
 
-    def peaks(self, amplitudes) -> np.ndarray:
-        """Return the peaks of an `Observation` at amplitudes A, shape (k, D + n + m)."""
+    def measures(self, amplitudes) -> np.ndarray:
+        """Return the measures of an `Observation` at amplitudes A, shape (k, D + n + 5 m)."""
         amplitudes = np.asarray(amplitudes, float).reshape(-1, 1)
         if self._peaks is None:
             rows = np.concatenate((self._structure.drift_rows, np.eye(self._structure.n_floors)))
@@ -106,7 +106,8 @@ class LinearOrbit:
         size = np.abs(amplitudes)
         towards = size * np.where(amplitudes >= 0, self.largest[0], self.largest[1])
         gaps = np.array([contact.gap for contact in self._structure.contacts])
-        return np.hstack((size * self._peaks, np.maximum(towards, gaps)))
+        no_impacts = np.zeros((len(size), 4 * gaps.size))
+        return np.hstack((size * self._peaks, np.maximum(towards, gaps), no_impacts))
 
     def modal_norm(self, amplitude: float) -> np.ndarray:
         """Return the mean modal norms, shape (n,); NaN at A = 0."""

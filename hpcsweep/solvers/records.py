@@ -75,7 +75,7 @@ class Orbits:
     contact : ndarray of uint64
         As in `Observation`; also `peak_drift` and `modal_norm`, shape (k, n), which of motions free
         of contact are NaN here.
-    peaks : ndarray, shape (k, D + n + m)
+    measures : ndarray, shape (k, D + n + 5 m)
         As in `Observation`; (k, 0) unless requested.
     state : ndarray, shape (2n,)
         State from which the next run starts.
@@ -92,7 +92,7 @@ class Orbits:
     contact: np.ndarray
     peak_drift: np.ndarray
     modal_norm: np.ndarray
-    peaks: np.ndarray
+    measures: np.ndarray
     state: np.ndarray
     open: Approach | None
 
@@ -119,10 +119,12 @@ class Observation:
         (`window_growth`); NaN unless it was requested.
     logarithms : ndarray, shape (k,)
         Natural logarithm of that factor in each forcing period; empty unless it was requested.
-    peaks : ndarray, shape (D + n + m,)
+    measures : ndarray, shape (D + n + 5 m,)
         Largest |drift| of each drift row, largest |u_i| of each floor, and largest d_k . u, at
-        least the gap, of each contact of the structure. Those that `PEAK_FLAGS` do not ask for are
-        where they start; empty if none is asked for.
+        least the gap, of each contact of the structure; then of each contact its closings a forcing
+        period, its largest closing speed, the integral of its force over its stiffness, a forcing
+        period, and the share of the time in which it is closed. Those that the flags (`PEAK_FLAGS`,
+        `IMPACT_FLAG`) do not ask for are where they start; empty if none is asked for.
     """
 
     points: np.ndarray
@@ -132,7 +134,7 @@ class Observation:
     outcome: Outcome
     growth: float = math.nan
     logarithms: np.ndarray = field(default_factory=lambda: np.empty(0))
-    peaks: np.ndarray = field(default_factory=lambda: np.empty(0))
+    measures: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ class Solver(Protocol):
         modal_norm: bool = False,
         growth: bool = False,
         poll: Callable[[], None] | None = None,
-        peaks: int = 0,
+        measures: int = 0,
     ) -> Observation:
         """Integrate, keeping points and what else an `Observation` has, as far as requested."""
         ...

@@ -1,10 +1,14 @@
-"""What the solver `bdf` gathers along its steps: contact set, drift, modal norms."""
+"""What the solver `bdf` gathers along its steps: contact set, drift, modal norms, measures."""
 
 import math
 
 import numpy as np
+from scipy.optimize import brentq
 
-from hpcsweep.model.kernel_model import Model
+from hpcsweep.model.contact import FAR, contact_force
+from hpcsweep.model.kernel_model import PEAK_FLAGS, Model
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.measures import CLOSINGS, FORCE, IMPACT_FLAG, SPEED, TIME, measures_of
 
 STEP_NODES = 9
 """Times at which the interpolant of a step is searched for extrema and crossings."""
@@ -14,7 +18,8 @@ PANEL_NODES, PANEL_WEIGHTS = np.polynomial.legendre.leggauss(6)
 class StepTally:
     """Maxima and means over the steps' interpolants."""
 
-    def __init__(self, model: Model, modal_norm: bool, peaks: int = 0):
+    def __init__(self, model: Model, modal_norm: bool, measures: int = 0):
+        self._model = model
         self.contact = 0
         self.peak_drift = 0.0
         self._modal_transform = model.modal_transform
@@ -23,12 +28,15 @@ class StepTally:
         unit = np.vstack((np.eye(self._n), np.zeros(self._n)))  # row -1 is at rest: the base
         upper, lower = model.drift_rows.T
         self._drifts = unit[upper] - unit[lower]
-        rows, below, self._sides, _ = (model.watched if peaks else np.empty((0, 4), int)).T
+        watched = model.watched[: len(model.watched) * bool(measures & sum(PEAK_FLAGS))]
+        rows, below, self._sides, _ = watched.T
         self._watched = unit[rows] - unit[below]
         self._watched[self._sides < 0] *= -1.0
-        self.peaks = np.zeros(len(rows))
-        if peaks:
-            self.peaks[len(rows) - model.contacts.gap.size :] = model.contacts.gap
+        self._wants_any, self._wants_impacts = bool(measures), bool(measures & IMPACT_FLAG)
+        self.peaks = np.zeros(len(model.watched))
+        self.peaks[len(self.peaks) - model.contacts.gap.size :] = model.contacts.gap
+        self.impacts = np.zeros((TIME + 1, model.contacts.gap.size))
+        self._closed: np.ndarray | None = None
         self._modal = np.zeros(len(model.modal_transform))
         self._free_time = 0.0
         self._modal_norm = modal_norm
@@ -41,7 +49,8 @@ class StepTally:
         own = self._tops(self._drifts, np.ones(len(self._drifts), bool), interpolant, tau, z)
         self.peak_drift = max(self.peak_drift, float(own.max(initial=0.0)))
         own = self._tops(self._watched, self._sides == 0, interpolant, tau, z)
-        self.peaks = np.maximum(self.peaks, own)
+        if own.size:
+            self.peaks = np.maximum(self.peaks, own)
         contacts = self._contacts
         signs = contacts.sign[:, None]
         past = signs * z[contacts.row] - contacts.gap[:, None]
@@ -55,6 +64,11 @@ class StepTally:
             highest[k] = max(highest[k], top - contacts.gap[k])
         for k in np.flatnonzero(highest >= 0.0):
             self.contact |= 1 << int(k)
+        if self._wants_impacts:
+            if self._closed is None:
+                self._closed = past[:, 0] >= 0.0
+            for k in np.flatnonzero(highest >= -FAR / max(self._model.rho, 1e-300)):
+                self._add_impacts(int(k), interpolant, tau, past[k], signs[k, 0] * speed[k])
         if self._modal_norm:
             self._add_modal(interpolant, tau, -past.max(axis=0, initial=-math.inf))
 
@@ -75,6 +89,47 @@ class StepTally:
             top = float(_extremum(pair, *tau[left : left + 2]))
             highest[i] = max(highest[i], abs(top) if both[i] else top)
         return highest
+
+    def _add_impacts(self, k, interpolant, tau, past, speed):
+        """Add a contact's closings, force and time of a step, between nodes, tops and crossings."""
+        n, contacts = self._n, self._contacts
+        i, sign, gap = contacts.row[k], contacts.sign[k], contacts.gap[k]
+
+        def distance(t):
+            return sign * interpolant(t)[i] - gap
+
+        def closing_speed(t):
+            return sign * interpolant(t)[n + i]
+
+        turns = np.flatnonzero(speed[:-1] * speed[1:] < 0)
+        tops = [brentq(closing_speed, *tau[left : left + 2]) for left in turns]
+        times = np.sort(np.concatenate((tau, tops)))
+        values = distance(times)
+        crossed = np.flatnonzero((values[:-1] >= 0) != (values[1:] >= 0))
+        changes = [_crossing(distance, *times[left : left + 2]) for left in crossed]
+        impacts = self.impacts[:, k]
+        begun = tau[0]
+        for t in changes:
+            if self._closed[k]:
+                impacts[TIME] += t - begun
+            else:
+                impacts[CLOSINGS] += 1
+                impacts[SPEED] = max(impacts[SPEED], abs(closing_speed(t)))
+            begun = t
+            self._closed[k] = not self._closed[k]
+        if self._closed[k]:
+            impacts[TIME] += tau[-1] - begun
+        ends = np.sort(np.concatenate((tau, changes)))
+        half = 0.5 * np.diff(ends)[:, None]
+        x = distance((ends[:-1, None] + half * (PANEL_NODES + 1)).ravel())
+        force = [contact_force(value, 1.0, self._model.rho) for value in x]
+        impacts[FORCE] += np.sum(half * PANEL_WEIGHTS * np.reshape(force, (len(half), -1)))
+
+    def measures(self, structure: Structure, n_periods: int) -> np.ndarray:
+        """Return the measures of an `Observation` of a window; empty if none is asked for."""
+        if not self._wants_any or not n_periods:
+            return np.empty(0)
+        return measures_of(structure, self._model, self, n_periods)
 
     def _add_modal(self, interpolant, tau, gap):
         """Integrate |q_j| / ||q|| over the parts of a step in which nothing touches."""
@@ -99,6 +154,13 @@ class StepTally:
         if not self._modal_norm or self._free_time == 0:
             return np.full(self._modal.size, math.nan)
         return self._modal / self._free_time
+
+
+def _crossing(distance, left: float, right: float) -> float:
+    """Time at which a distance crosses 0 between two times, one of them perhaps that time."""
+    if distance(left) * distance(right) >= 0:
+        return left if distance(left) == 0 else right
+    return float(brentq(distance, left, right))
 
 
 def _extremum(value_and_slope, left: float, right: float) -> float:

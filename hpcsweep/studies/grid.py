@@ -24,9 +24,9 @@ from hpcsweep.studies.variables import (
     COMMIT,
     OMEGA,
     RUN,
+    measure_coordinates,
     named,
     numbered,
-    peak_coordinates,
     run_variables,
 )
 
@@ -188,10 +188,9 @@ class RunGrid:
     def dimensions(self) -> dict[str, int]:
         """Size of every dimension."""
         n = self.structure.n_floors
+        measured = measure_coordinates(self.structure, self.settings)
         return {
-            **{
-                k: c.values.size for k, c in peak_coordinates(self.structure, self.settings).items()
-            },
+            **{name: c.values.size for name, c in measured.items()},
             "direction": len(self.directions),
             self.frame_dim: self.omega.size,
             "amplitude": self.n_amplitudes,
@@ -207,7 +206,7 @@ class RunGrid:
         n, size = self.structure.n_floors, self.dimensions
         states = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
         return {
-            **peak_coordinates(self.structure, self.settings),
+            **measure_coordinates(self.structure, self.settings),
             "direction": named(self.directions, self.direction_name),
             "omega": Coordinate(self.omega.astype("<f8"), *OMEGA),
             "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),

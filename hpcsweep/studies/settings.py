@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-PEAKS = ("storey_drift", "displacement", "contact_force")
-"""Peaks over the window: of each storey, floor and contact."""
-METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov", *PEAKS)
+CONTACT_MEASURES = ("contact_force", "impacts", "impact_velocity", "impulse", "contact_time")
+MEASURES = ("storey_drift", "displacement", *CONTACT_MEASURES)
+"""Peaks over the window of each storey, floor and contact, and the impacts of each contact."""
+METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov", *MEASURES)
 """Results a job may ask for; the final state, period, cycles and outcome are always kept."""
 
 SKIP_RULES = ("linear", "converged", "newton")
@@ -50,7 +51,7 @@ class SweepSettings:
     solver: str = "flow"
     rtol: float = 1e-9
     skip: frozenset[str] = frozenset(SKIP_RULES)
-    metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov", *PEAKS}
+    metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov", *MEASURES}
     max_points: int | None = None
     classify_cycles: int | None = None
 

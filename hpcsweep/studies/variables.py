@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcsweep.studies.settings import PEAKS, SweepSettings
+from hpcsweep.studies.settings import CONTACT_MEASURES, SweepSettings
 from hpcsweep.studies.study import Coordinate, Variable
 
 STATES = "length; velocity"
@@ -23,6 +23,10 @@ RUN_VARIABLES = (
     Variable("storey_drift", (*RUN, "storey"), "<f8", "length", "peak drift of each storey"),
     Variable("displacement", (*RUN, "floor"), "<f8", "length", "peak displacement of each floor"),
     Variable("contact_force", (*RUN, "stop"), "<f8", "force", "peak force of each contact"),
+    Variable("impacts", (*RUN, "stop"), "<f8", "1", "closings of each contact a forcing period"),
+    Variable("impact_velocity", (*RUN, "stop"), "<f8", "velocity", "largest closing speed"),
+    Variable("impulse", (*RUN, "stop"), "<f8", "impulse", "impulse of each contact a period"),
+    Variable("contact_time", (*RUN, "stop"), "<f8", "1", "share of time each contact is closed"),
     Variable("lyapunov", RUN, "<f8", "rate", "largest Lyapunov exponent"),
     Variable("lyapunov_low", RUN, "<f8", "rate", "its 95 % confidence interval, lower end"),
     Variable("lyapunov_high", RUN, "<f8", "rate", "its 95 % confidence interval, upper end"),
@@ -87,15 +91,17 @@ def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
     return Coordinate(np.array(names, object), "1", long_name)
 
 
-def peak_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
-    """Return the dimensions of the peaks that are asked for: storeys, floors, contacts."""
+def measure_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
+    """Return the dimensions of the measures that are asked for: storeys, floors, contacts."""
     n = structure.n_floors
     floors = structure.names.floors or tuple(map(str, range(1, n + 1)))
     n_drifts = len(structure.drift_rows)
     storeys = floors if n_drifts == n else tuple(map(str, range(1, n_drifts + 1)))
-    made = {
-        "storey_drift": ("storey", named(storeys, "storey")),
-        "displacement": ("floor", named(floors, "floor")),
-        "contact_force": ("stop", named(tuple(structure.contact_names.values()), "contact")),
-    }
-    return dict(made[name] for name in PEAKS if name in settings.metrics)
+    made = {}
+    if "storey_drift" in settings.metrics:
+        made["storey"] = named(storeys, "storey")
+    if "displacement" in settings.metrics:
+        made["floor"] = named(floors, "floor")
+    if not settings.metrics.isdisjoint(CONTACT_MEASURES):
+        made["stop"] = named(tuple(structure.contact_names.values()), "contact")
+    return made

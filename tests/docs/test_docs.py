@@ -15,10 +15,11 @@ from tools import ATTRACTORS, BASINS, GRID, ROOT, SMALL, hpcsweep
 
 from hpcsweep.commands.cli import build_parser
 from hpcsweep.job import JobError, parse_job
+from hpcsweep.studies.settings import MEASURES
 
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 ROOMS = sorted(path.parent.name for path in (ROOT / "hpcsweep").glob("*/__init__.py"))
-PEAKS = "storey_drift = true\ndisplacement = true\ncontact_force = true\n"
+MEASURED = "".join(f"{name} = true\n" for name in MEASURES)
 LIST = """
 [study]
 kind = "points"
@@ -200,7 +201,7 @@ def test_every_room_has_its_page_of_words():
 
 
 @pytest.mark.parametrize(
-    "text", [SMALL + PEAKS + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST]
+    "text", [SMALL + MEASURED + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST]
 )
 def test_every_name_in_a_file_is_in_the_glossary(text):
     study = parse_job(text, "job.toml", "job").study

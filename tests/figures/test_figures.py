@@ -26,7 +26,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.outcome import Outcome
 
-OWN_JOBS = ("vary", "peaks")
+OWN_JOBS = ("vary", "measures")
 """Figures of results that not every job holds."""
 
 
@@ -329,11 +329,11 @@ def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
     from hpcsweep.commands.cli import main
     from hpcsweep.figures.options import figures
 
-    # those that need a job of their own are drawn in test_vary_map.py and test_peaks_figure.py
+    # those that need a job of their own are drawn in test_vary_map.py and test_measures_figure.py
     kinds = [
         n
         for n, figure in figures().items()
-        if figure.DRAWS == "motions" and n not in ("vary", "peaks")
+        if figure.DRAWS == "motions" and n not in ("vary", "measures")
     ]
     assert len(kinds) == 6
     for kind in kinds:
@@ -364,11 +364,11 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     assert campaign.run(parse_job(text, "points", "points"), path, Serial()) == 0
     results = open_results(path)
     assert [str(name) for name in results["direction"].values] == [START]
-    # those that need a job of their own are drawn in test_vary_map.py and test_peaks_figure.py
+    # those that need a job of their own are drawn in test_vary_map.py and test_measures_figure.py
     kinds = [
         n
         for n, figure in figures().items()
-        if figure.DRAWS == "motions" and n not in ("vary", "peaks")
+        if figure.DRAWS == "motions" and n not in ("vary", "measures")
     ]
     assert len(kinds) == 6
     for kind in kinds:

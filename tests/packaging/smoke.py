@@ -23,7 +23,7 @@ ATTRACTOR_PLOTS = {"attractors": ("--floor", "3"), "shares": (), "number": ("--s
 """Those of a study of attractors."""
 BASIN_PLOTS = {"basins": ()}
 """Those of a study of basins."""
-VARY_PLOTS = {"vary": (), "peaks": ()}
+VARY_PLOTS = {"vary": (), "measures": ()}
 """Those of a job that varies a key."""
 BASINS = (
     'study.kind="basins"',

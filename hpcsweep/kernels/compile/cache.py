@@ -54,6 +54,7 @@ KERNEL_FILES = (
     "model/kernel_model.py",
     "solvers/flow",
     "solvers/free.py",
+    "solvers/measures.py",
     "solvers/outcome.py",
     "solvers/reference.py",
     "solvers/skip_rule.py",

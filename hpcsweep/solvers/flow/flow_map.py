@@ -18,9 +18,10 @@ from hpcsweep.solvers.arguments import (
 from hpcsweep.solvers.flow.orbit.batch import MORE, OPEN, Rules, new_rows, new_run, orbits_of
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import SHARED, WATCH, Watch, new_shared, new_watch
-from hpcsweep.solvers.flow.state.tally import MAXIMA, NO_TALLY, NORMS, PEAKS, clear
+from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, NO_TALLY, NORMS, PEAKS, clear
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
+from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, Orbits, window_growth
@@ -153,7 +154,7 @@ class FlowMap:
         rules: Rules,
         free: FreeMotion | None,
         modal_norm: bool = False,
-        peaks: int = 0,
+        measures: int = 0,
         poll: Callable[[], None] | None = None,
     ) -> Orbits:
         """Do runs one after the other, until one is left open by the rules; see `path`.
@@ -166,7 +167,7 @@ class FlowMap:
         rules : Rules
         free : FreeMotion, optional
             The rule by which motions without contact are known.
-        modal_norm, peaks, poll
+        modal_norm, measures, poll
             As in `observe` and `settle`.
         """
         n = self.structure.n_floors
@@ -176,10 +177,8 @@ class FlowMap:
         z = motion(self, state, 0.0, rules.transient)[0]
         units = np.array(self.structure.state_units)
         self._watch_for(closing[0])
-        run = new_run(n, self._units.size, closing[0], _wanted(modal_norm, peaks))
-        rows = new_rows(
-            len(amplitudes), n, closing[0], self._shared.tally.peaks.size if peaks else 0
-        )
+        run = new_run(n, self._units.size, closing[0], _wanted(modal_norm, measures))
+        rows = new_rows(len(amplitudes), n, closing[0], self._shared.tally if measures else None)
         why = MORE
         while why == MORE:
             why, n_periods, outcome = self._kernels.follow_orbits(
@@ -201,7 +200,7 @@ class FlowMap:
         if why == OPEN:
             state, multiplier = self._units.out_of(run.z), float(run.number[1])
             left_open = Approach(state, *counts[:3], multiplier, Outcome(outcome))
-        return orbits_of(rows, n_runs, self.structure, z, left_open)
+        return orbits_of(rows, n_runs, self.structure, self._shared.model, z, left_open)
 
     def _watch_for(self, max_period: int) -> Watch:
         """Take what is kept of a motion's points for orbits of up to `max_period`."""
@@ -229,23 +228,25 @@ class FlowMap:
         modal_norm: bool = False,
         growth: bool = False,
         poll: Callable[[], None] | None = None,
-        peaks: int = 0,
+        measures: int = 0,
     ) -> Observation:
-        """Integrate `n_periods` and gather points, contact set, drift, modal norms and peaks.
+        """Integrate `n_periods` and gather points, contact set, drift, modal norms and measures.
 
         With `growth` also the growth of a tangent vector, (1, ..., 1) at first.
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
-        n = self.structure.n_floors
-        tally, wanted = self._shared.tally, _wanted(modal_norm, peaks)
+        tally, wanted = self._shared.tally, _wanted(modal_norm, measures)
         clear.py_func(tally)
         tangent = logarithms = None
         if growth:
             tangent = self._units.tangent_into(tangent_column(self.structure, None))
             logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, wanted, tangent, logarithms)
-        free = tally.free_time[0]
-        norms = tally.modal / free if modal_norm and free > 0.0 else np.full(n, math.nan)
+        free = tally.free_time[0] if modal_norm else 0.0
+        norms = tally.modal / free if free > 0.0 else np.full_like(tally.modal, math.nan)
+        measured = np.empty(0)
+        if measures and len(points):
+            measured = measures_of(self.structure, self._shared.model, tally, len(points))
         return Observation(
             points,
             self.structure.contact_bits(int(tally.contact[0])),
@@ -253,7 +254,7 @@ class FlowMap:
             norms,
             outcome,
             *_growth_of(logarithms if outcome is Outcome.COMPLETE else None),
-            peaks=tally.peaks * self.structure.length_unit if peaks else np.empty(0),
+            measures=measured,
         )
 
     def grow(
@@ -344,6 +345,6 @@ def _growth_of(logarithms: np.ndarray | None) -> tuple[float, np.ndarray]:
     return window_growth(logarithms), logarithms
 
 
-def _wanted(modal_norm: bool, peaks: int) -> int:
+def _wanted(modal_norm: bool, measures: int) -> int:
     """Return what is to be gathered; see `tally`."""
-    return (NORMS if modal_norm else MAXIMA) + (peaks & PEAKS)
+    return (NORMS if modal_norm else MAXIMA) + (measures & (PEAKS | IMPACTS))

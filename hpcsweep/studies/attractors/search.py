@@ -7,7 +7,7 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.settings import PEAKS
+from hpcsweep.studies.settings import MEASURES
 from hpcsweep.studies.study import Variable
 
 MOST_STARTS = 100_000_000
@@ -61,7 +61,7 @@ def read_limits(values, kind: type, what: str) -> dict[str, Any]:
     what : str
         What it searches, for messages.
     """
-    for name in PEAKS:
+    for name in MEASURES:
         if values.get(f"output.{name}", False) is not False:
             raise values.error(f"output.{name}", True, "is a result of sweeps and points")
     if values.get("solver.skip", "all") != "all":

@@ -16,7 +16,7 @@ from hpcsweep.solvers.records import Orbits, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import NOT_TESTED, exponent_of_orbit
-from hpcsweep.studies.sweep.peaks import store_peaks, wants_peaks
+from hpcsweep.studies.sweep.measures import store_measures, wants_measures
 
 AT_ONCE = 256
 """Runs, at most, for whose results room is made."""
@@ -76,7 +76,7 @@ class Batch:
             rules,
             self._free,
             "modal_norm" in settings.metrics,
-            wants_peaks(settings),
+            wants_measures(settings),
             poll,
         )
         rows = slice(first, first + len(orbits.rule))
@@ -104,13 +104,13 @@ class Batch:
             rows["modal_norm"][:] = orbits.modal_norm
         if "lyapunov" in rows:
             rows["lyapunov"][:] = self._exponents(orbits, amplitudes)
-        if orbits.peaks.shape[1]:
-            peaks = orbits.peaks
+        if orbits.measures.shape[1]:
+            measures = orbits.measures
             free = orbits.rule == SkipRule.LINEAR
             if self._free is not None and free.any():
-                peaks = peaks.copy()
-                peaks[free] = self._free.orbit.peaks(amplitudes[free])
-            store_peaks(rows, self._solver.structure, peaks)
+                measures = measures.copy()
+                measures[free] = self._free.orbit.measures(amplitudes[free])
+            store_measures(rows, self._solver.structure, measures)
         if self._free is not None:
             free = np.flatnonzero(orbits.rule == SkipRule.LINEAR)
             self._store_free(rows, free, amplitudes, self._free.orbit)

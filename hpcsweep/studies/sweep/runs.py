@@ -40,10 +40,10 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.settings import PEAKS, SweepSettings
+from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.classification import Classification, classify_orbit, classify_window
-from hpcsweep.studies.sweep.peaks import empty_peaks, store_peaks, wants_peaks
+from hpcsweep.studies.sweep.measures import empty_measures, store_measures, wants_measures
 
 if TYPE_CHECKING:
     from hpcsweep.solvers.flow.flow_map import FlowMap
@@ -171,8 +171,8 @@ class FrameRuns:
             closed = self._free.window(z, amplitude)
             if closed is not None:
                 exponent = Interval.exact(self._free.orbit.lyapunov_exponent)
-                if wants_peaks(self.settings):
-                    closed = replace(closed, peaks=self._free.orbit.peaks(amplitude)[0])
+                if wants_measures(self.settings):
+                    closed = replace(closed, measures=self._free.orbit.measures(amplitude)[0])
                 told = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
                 self._store(result, _row(result, index), index, amplitude, told, 0)
                 result["skip_rule"][index] = SkipRule.LINEAR
@@ -200,7 +200,7 @@ class FrameRuns:
             "modal_norm" in settings.metrics,
             growth,
             poll,
-            wants_peaks(settings),
+            wants_measures(settings),
         )
         cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
@@ -269,9 +269,9 @@ class FrameRuns:
             result["drift"][index] = normalised_drift(seen.peak_drift, amplitude, self.solver.omega)
         if "modal_norm" in result:
             row["modal_norm"][:] = seen.modal_norm
-        if seen.peaks.size:
-            own = {name: row[name][None] for name in PEAKS if name in row}
-            store_peaks(own, self.structure, seen.peaks[None])
+        if seen.measures.size:
+            own = {name: row[name][None] for name in MEASURES if name in row}
+            store_measures(own, self.structure, seen.measures[None])
         if "lyapunov" in result:
             result["lyapunov"][index] = told.exponent.mean
         if "lyapunov_low" in result:
@@ -322,7 +322,7 @@ def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> di
         arrays["drift"] = np.full(n_runs, nan)
     if "modal_norm" in settings.metrics:
         arrays["modal_norm"] = np.full((n_runs, n), nan)
-    arrays |= empty_peaks(structure, n_runs, settings)
+    arrays |= empty_measures(structure, n_runs, settings)
     if "lyapunov" in settings.metrics:
         arrays["lyapunov"] = np.full(n_runs, nan)
         if settings.classify_cycles is not None:

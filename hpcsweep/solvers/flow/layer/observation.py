@@ -1,14 +1,16 @@
-"""Contact, drift and modal norms over a collocation step, from its stages (dense output)."""
+"""What is gathered over a collocation step, from its stages (dense output)."""
 
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, root, total
+from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer
+from hpcsweep.solvers.flow.layer.quintic import hermite, turn_of, value_of
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.state.tables import ZERO
-from hpcsweep.solvers.flow.state.tally import PEAKS, wants_norms
+from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS, wants_norms
 
 
 @inlined
@@ -53,6 +55,8 @@ def observe_layer_step(h, z0, z1, model, wanted, tally, work):
                 tally.peak_drift[0] = max(tally.peak_drift[0], peak)
     if wanted & PEAKS:
         _update_peaks(h, z0, z1, wanted, model, ways, tally, work)
+    if wanted & IMPACTS:
+        impacts_in_layer(h, z0, z1, model, ways, tally, work)
     if wants_norms(wanted):
         modes = tally.modal.shape[0]
         share = _free_share(h, z0, z1, contacts) if touching else 1.0
@@ -179,18 +183,5 @@ def _highest(h, start, end, stage_u, stage_v, stage_a):
 @kernel
 def _top(d, left, right):
     """Find the top of the quintic Hermite interpolant between two points d apart."""
-    c0, c1, c2 = left[0], d * left[1], 0.5 * d * d * left[2]
-    r0 = right[0] - (c0 + c1 + c2)
-    r1 = d * right[1] - (c1 + 2.0 * c2)
-    r2 = d * d * right[2] - 2.0 * c2
-    c3 = 10.0 * r0 - 4.0 * r1 + 0.5 * r2
-    c4 = -15.0 * r0 + 7.0 * r1 - r2
-    c5 = 6.0 * r0 - 3.0 * r1 + 0.5 * r2
-    t = left[1] / (left[1] - right[1])
-    for _ in range(4):
-        slope = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)))
-        bend = 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5))
-        if not bend < 0.0:
-            break
-        t = min(max(t - slope / bend, 0.0), 1.0)
-    return c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
+    c = hermite(d, left, right)
+    return value_of(c, turn_of(c, 1.0, left[1] / (left[1] - right[1])))

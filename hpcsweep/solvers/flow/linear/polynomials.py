@@ -127,6 +127,18 @@ def values_and_slopes(rows, row, h, s):
 
 
 @kernel
+def integral(rows, row, h, s):
+    """Integrate polynomial `row` of a step over its first s, shape as of `value_slope_bend`."""
+    sigma = s * (2.0 / h) - 1.0
+    upper = lower = 0.0
+    for p in range(N_COEFFICIENTS - 1, -1, -1):
+        part = rows[row, p] / (p + 1.0)
+        upper = fma(upper, sigma, part)
+        lower = part - lower
+    return 0.5 * h * fma(upper, sigma, lower)
+
+
+@kernel
 def value_and_slope(rows, row, h, s):
     """Evaluate as `value_slope_bend`, without the second derivative."""
     value, slope, _ = value_slope_bend(rows, row, h, s)

@@ -15,14 +15,16 @@ import numpy as np
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
+from hpcsweep.model.kernel_model import Model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.period.march import march
 from hpcsweep.solvers.flow.state.augmented import renew_rows
 from hpcsweep.solvers.flow.state.shared import read_shared, read_watch
 from hpcsweep.solvers.flow.state.state import copy_state
-from hpcsweep.solvers.flow.state.tally import MAXIMA, PEAKS, clear, wants_norms
+from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, PEAKS, Tally, clear, wants_norms
 from hpcsweep.solvers.free import is_free
+from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import COMPLETE
 from hpcsweep.solvers.records import Approach, Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -83,6 +85,7 @@ class Rows(NamedTuple):
     peak_drift: np.ndarray
     modal_norm: np.ndarray
     peaks: np.ndarray
+    impacts: np.ndarray
 
 
 def new_run(n: int, size: int, max_period: int, wanted: int) -> Run:
@@ -98,8 +101,9 @@ def new_run(n: int, size: int, max_period: int, wanted: int) -> Run:
     )
 
 
-def new_rows(n_runs: int, n: int, max_period: int, n_watched: int) -> Rows:
-    """Allocate the results of runs."""
+def new_rows(n_runs: int, n: int, max_period: int, tally: Tally | None = None) -> Rows:
+    """Allocate the results of runs, of measures if a tally of them is given."""
+    peaks, impacts = ((0,), (0, 0)) if tally is None else (tally.peaks.shape, tally.impacts.shape)
     whole = [np.zeros(n_runs, np.int64) for _ in range(4)]
     return Rows(
         *whole,
@@ -108,12 +112,18 @@ def new_rows(n_runs: int, n: int, max_period: int, n_watched: int) -> Rows:
         contact=np.zeros(n_runs, np.uint64),
         peak_drift=np.full(n_runs, math.nan),
         modal_norm=np.full((n_runs, n), math.nan),
-        peaks=np.full((n_runs, n_watched), math.nan),
+        peaks=np.full((n_runs, *peaks), math.nan),
+        impacts=np.full((n_runs, *impacts), math.nan),
     )
 
 
 def orbits_of(
-    rows: Rows, n_runs: int, structure: Structure, state: np.ndarray, left_open: Approach | None
+    rows: Rows,
+    n_runs: int,
+    structure: Structure,
+    model: Model,
+    state: np.ndarray,
+    left_open: Approach | None,
 ) -> Orbits:
     """Return the results of the first `n_runs` in the units of a structure."""
     done = Rows(*(array[:n_runs] for array in rows))
@@ -121,15 +131,18 @@ def orbits_of(
     bits = {key: structure.contact_bits(key) for key in set(keys)}
     contact = np.array([bits[key] for key in keys], np.uint64)
     length = structure.length_unit
-    done = done._replace(
-        contact=contact, peak_drift=done.peak_drift * length, peaks=done.peaks * length
-    )
-    return Orbits(**done._asdict(), state=state, open=left_open)
+    done = done._replace(contact=contact, peak_drift=done.peak_drift * length)
+    measured = np.empty((n_runs, 0))
+    if done.peaks.shape[1]:
+        measured = measures_of(structure, model, done, np.maximum(done.length, 1))
+    fields = done._asdict()
+    del fields["peaks"], fields["impacts"]
+    return Orbits(**fields, measures=measured, state=state, open=left_open)
 
 
 RULES = type_of((1, 0.0, 0.0, 0.0, 1, 1, True))
 RUN = type_of(new_run(1, 2, 1, MAXIMA))
-ROWS = type_of(new_rows(1, 1, 1, 1))
+ROWS = type_of(new_rows(1, 1, 1))
 
 
 @entry_point(
@@ -294,6 +307,10 @@ def _finish(whole_run, same, units, tally, run, rows):
     if run.wanted & PEAKS:
         for w in range(tally.peaks.shape[0]):
             rows.peaks[k, w] = tally.peaks[w]
+    if run.wanted & IMPACTS:
+        for i in range(tally.impacts.shape[0]):
+            for c in range(tally.impacts.shape[1]):
+                rows.impacts[k, i, c] = tally.impacts[i, c]
     if wants_norms(run.wanted) and tally.free_time[0] > 0.0:
         for j in range(tally.modal.shape[0]):
             rows.modal_norm[k, j] = tally.modal[j] / tally.free_time[0]

@@ -5,6 +5,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.drift import drift_on_segment
+from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.passage.apart import Arrival
@@ -12,7 +13,7 @@ from hpcsweep.solvers.flow.passage.passage import FAST, INTEGRATED, SLOW
 from hpcsweep.solvers.flow.passage.slow_tangent import half_tangent
 from hpcsweep.solvers.flow.passage.tangent import linear_tangent, passage_tangent
 from hpcsweep.solvers.flow.state.contacts import contact_bit
-from hpcsweep.solvers.flow.state.tally import PEAKS, wants_norms
+from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS, wants_norms
 
 
 @inlined
@@ -49,5 +50,7 @@ def observe_segment(segment, span, wanted, shared):
     drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
     if wanted & PEAKS:
         peaks_on_segment(index, work.x, work.z_end, span, wanted, model, tables, tally, work)
+    if wanted & IMPACTS:
+        impacts_on_segment(segment, span, model, tables, tally, work)
     if wants_norms(wanted) and key == np.uint64(0):
         modal_norm_on_segment(index, work.x, span, model, tables, tally, work)

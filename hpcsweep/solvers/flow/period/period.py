@@ -8,7 +8,7 @@ fast, and no other comes near its layer meanwhile, the passage is done in closed
 (`crossing`); if not, the motion is integrated from the edge until no contact is inside its layer
 (`layer`). For infinite sharpness the layer has no width and every passage is the closed form
 with zero impulse. Contacts that are at their stops at one instant then pass together: each by
-itself would be a segment without length, and a table of its own (`_passing_together`).
+itself would be a segment without length, and a table of its own (`_passing`).
 """
 
 import math
@@ -24,6 +24,7 @@ from hpcsweep.solvers.flow.layer.visit import (
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, rotate_forcing
 from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, expand_rows
 from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.observe.impacts import impacts_at_end
 from hpcsweep.solvers.flow.passage.passage import (
     EXTRAPOLATION,
     FAST,
@@ -47,7 +48,7 @@ from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, di
 from hpcsweep.solvers.flow.state.segment import Ending, Segment
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
-from hpcsweep.solvers.flow.state.tally import NO_TALLY
+from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
@@ -163,14 +164,16 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
 
 
 @inlined
-def _passing_together(contact, segment, z, model):
-    """Return the contacts, a set, that pass their stops with one at the end of a segment.
+def _passing(segment, ending, z, model):
+    """Return the contacts, a set, that pass their stops at the end of a segment, in state z.
 
     A contact of infinite sharpness whose force begins or ends by the time t too early changes the
     speed by no more than beta |w| t^2 / 2, w its own: with t = `SAME_INSTANT` h and beta h^2 of the
     order of 10 that is 1e-23 |w|.
     """
-    contacts = model.contacts
+    contacts, contact = model.contacts, ending.contact
+    if contact < 0 or ending.beyond or not (ending.how in (FAST, SLOW) or ending.rounded):
+        return np.uint64(0)
     passing = contact_bit(contact)
     if model.rho != math.inf:
         return passing
@@ -185,7 +188,7 @@ def _passing_together(contact, segment, z, model):
 
 
 @inlined
-def _next_segment(segment, ending, tau, z, amplitude, packed, shared):
+def _next_segment(segment, ending, passing, tau, z, amplitude, packed, shared):
     """Write the start of the next segment into ``work.x``; return its contact set and table.
 
     The table is `NO_TABLE` or `AT_EDGE` where the motion does not go on as a linear one.
@@ -200,10 +203,10 @@ def _next_segment(segment, ending, tau, z, amplitude, packed, shared):
     elif ending.beyond:
         forcing_at(tau, amplitude, model, work.forcing, 0)
         start(x, z, work.forcing)
-    elif ending.how in (FAST, SLOW) or ending.rounded:
+    elif passing != np.uint64(0):
         if ending.rounded:
             forcing_at(tau, amplitude, model, work.forcing, 0)
-        key ^= _passing_together(ending.contact, segment, z, model)
+        key ^= passing
         index = table_of(key, tables, packed)
         start(x, z, work.forcing)
     else:
@@ -287,7 +290,10 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
             return NON_FINITE
         if wanted != NO_TALLY:
             observe_segment(segment, ending.span, wanted, shared)
+        passing = _passing(segment, ending, work.z_end, model)
+        if wanted & IMPACTS:
+            impacts_at_end(segment, ending, passing, model, shared.tally, work)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
-        key, index = _next_segment(segment, ending, tau, z, amplitude, packed, shared)
+        key, index = _next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)
     return COMPLETE

@@ -1,6 +1,7 @@
-"""What is gathered along the motion: contact set, drift, modal norms.
+"""What is gathered along the motion: contact set, drift, modal norms, peaks, impacts.
 
-`drift` and `modal_norm` bring it up to date on linear segments, `layer.observation` inside a layer.
+`drift`, `peaks`, `impacts` and `modal_norm` bring it up to date on linear segments,
+`layer.observation` inside a layer.
 """
 
 from typing import NamedTuple
@@ -10,11 +11,12 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.places import zeros
 from hpcsweep.model.kernel_model import PEAK_FLAGS, Model
+from hpcsweep.solvers.measures import IMPACT_FLAG, TIME
 
 NO_TALLY, MAXIMA, NORMS = range(3)
-PEAKS = sum(PEAK_FLAGS)
+PEAKS, IMPACTS = sum(PEAK_FLAGS), IMPACT_FLAG
 """What is wanted: nothing; contact set and drift; these and the modal norms. To either of the two
-`PEAK_FLAGS` may be added, for the peaks of watched rows."""
+`PEAK_FLAGS` may be added, for the peaks of watched rows, and `IMPACT_FLAG`, for impacts."""
 
 
 class Tally(NamedTuple):
@@ -32,6 +34,10 @@ class Tally(NamedTuple):
     """(W,): of each row of `Model.watched`."""
     lowest: np.ndarray
     """(W,): from which they start: 0, of a contact its gap."""
+    impacts: np.ndarray
+    """(4, m): see `hpcsweep.solvers.measures`."""
+    closed: np.ndarray
+    """(1,) uint64: the contacts that are closed now."""
 
 
 def new_tally(n: int, model: Model) -> Tally:
@@ -39,7 +45,16 @@ def new_tally(n: int, model: Model) -> Tally:
     gaps = model.contacts.gap
     lowest = np.concatenate((np.zeros(len(model.watched) - gaps.size), gaps))
     peaks = zeros(lowest.size)
-    return Tally(zeros(1, dtype=np.uint64), zeros(1), zeros(1), zeros(n), peaks, lowest)
+    return Tally(
+        contact=zeros(1, dtype=np.uint64),
+        peak_drift=zeros(1),
+        free_time=zeros(1),
+        modal=zeros(n),
+        peaks=peaks,
+        lowest=lowest,
+        impacts=zeros(TIME + 1, gaps.size),
+        closed=zeros(1, dtype=np.uint64),
+    )
 
 
 @inlined
@@ -58,3 +73,7 @@ def clear(tally):
         tally.modal[j] = 0.0
     for w in range(tally.peaks.shape[0]):
         tally.peaks[w] = tally.lowest[w]
+    tally.closed[0] = 0
+    for i in range(tally.impacts.shape[0]):
+        for k in range(tally.impacts.shape[1]):
+            tally.impacts[i, k] = 0.0

@@ -138,11 +138,11 @@ def level_of(h, longest):
 
 
 @inlined
-def linear_table(z, model, tables, packed):
-    """Return the table of the contacts that touch in state z."""
+def linear_table(z, without, model, tables, packed):
+    """Return the table of the contacts that touch in state z, but for one; -1 if for none."""
     contacts = model.contacts
     key = np.uint64(0)
     for k in range(contacts.row.shape[0]):
-        if distance(k, z, contacts) > 0.0:
+        if k != without and distance(k, z, contacts) > 0.0:
             key |= contact_bit(k)
     return table_of(key, tables, packed)

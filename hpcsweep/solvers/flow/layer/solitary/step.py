@@ -55,7 +55,7 @@ def solitary_step(left, z, wanted, tangent, packed):
     if not h > 0.0:
         return 0.0
     linear = model.contacts.beta[contact] if distance(contact, z, model.contacts) > 0.0 else 0.0
-    index = linear_table(z, model, tables, packed)
+    index = linear_table(z, -1, model, tables, packed)
     level, h = level_of(h, tables.h[index])
     while level < LEVELS:
         place = response_table(index, contact, level, packed, responses)
@@ -63,7 +63,8 @@ def solitary_step(left, z, wanted, tangent, packed):
         allowed = allowed_error(work.z_end, shared.tolerance)
         if error <= allowed and others_stay_away(contact, z, work.z_end, model):
             if wanted != NO_TALLY:
-                dense_output(contact, index, h, z, model, tables, work)
+                free = linear_table(z, contact, model, tables, packed)
+                dense_output(contact, free, linear, h, z, model, tables, work)
             if tangent.shape[1] > 0:
                 solitary_tangent(contact, place, linear, model, responses, work, tangent)
             return h

@@ -1,4 +1,4 @@
-"""Peaks of storeys, floors and contacts against the amplitude, one frame."""
+"""Measures of storeys, floors and contacts against the amplitude, one frame."""
 
 from pathlib import Path
 
@@ -20,16 +20,20 @@ from hpcsweep.figures.style import (
 )
 from hpcsweep.solvers.outcome import Outcome
 
-NAME = "peaks"
+NAME = "measures"
 DRAWS = "motions"
 HELP = """\
-peak drift of each storey, displacement of each floor and force of each contact
-against the amplitude, one frame"""
+peak drift of each storey, displacement of each floor, force and impacts of each
+contact against the amplitude, one frame"""
 OPTIONS = (OMEGA, DIRECTION)
 PANELS = {
     "storey_drift": ("peak storey drift", "length", "storey"),
     "displacement": ("peak displacement", "length", "floor"),
     "contact_force": ("peak contact force", "force", "stop"),
+    "impacts": ("impacts a forcing period", "1", "stop"),
+    "impact_velocity": ("largest closing speed", "velocity", "stop"),
+    "impulse": ("impulse a forcing period", "impulse", "stop"),
+    "contact_time": ("share of time in contact", "1", "stop"),
 }
 MOST_LINES = 10
 """Storeys, floors or contacts that are drawn, the first."""
@@ -42,12 +46,12 @@ def draw(results, path: Path, omega: float | None = None, direction: str | None 
     Raises
     ------
     PlotError
-        If the file holds no peaks.
+        If the file holds none of them.
     """
     held = [name for name in PANELS if name in results]
     if not held:
         asked = ", ".join(f"output.{name}" for name in PANELS)
-        raise PlotError(f"the file holds no peaks: set one of {asked} to true in the job")
+        raise PlotError(f"the file holds none of them: set one of {asked} to true in the job")
     need_amplitudes(job_of(results).study)
     structure = structure_of(results)
     place = nearest_frame(results["omega"].values, omega)
@@ -69,7 +73,7 @@ def draw(results, path: Path, omega: float | None = None, direction: str | None 
                 color=series_colour(place),
                 label=f"{'contact' if dim == 'stop' else dim} {which}",
             )
-        axis.set_ylabel(label + unit(structure, quantity))
+        axis.set_ylabel(label if quantity == "1" else label + unit(structure, quantity))
         axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)
         graze = structure.grazing_amplitude(float(frame["omega"]))

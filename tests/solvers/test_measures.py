@@ -1,4 +1,4 @@
-"""Peaks of storeys, floors and contacts: both solvers, the closed form, the reference."""
+"""Measures of storeys, floors and contacts: both solvers, the closed form, the reference."""
 
 import math
 
@@ -15,10 +15,12 @@ from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.linear import LinearOrbit
+from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.solvers.reference import reference_points
+from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES
 
-ALL = sum(PEAK_FLAGS)
-OUTPUT = "storey_drift = true\ndisplacement = true\ncontact_force = true\n"
+ALL = sum(PEAK_FLAGS) + IMPACT_FLAG
+OUTPUT = "".join(f"{name} = true\n" for name in MEASURES)
 SI = {"mass": (2e5, 1e5), "storey_stiffness": (3e7, 2e7), "gap": 0.02}
 CASES = [
     (Structure(3, 300.0, 1e4), 0.2, 0.445),
@@ -85,34 +87,35 @@ def reference_at(structure, amplitude, omega, z, period, parts) -> np.ndarray:
 def test_peaks_are_those_of_the_motion(structure, amplitude, omega):
     z = start_of(structure)
     flow = FlowMap(structure, omega)
-    seen = flow.observe(z, amplitude, 2, peaks=ALL)
+    seen = flow.observe(z, amplitude, 2, measures=ALL)
+    peaks = seen.measures[: -4 * len(structure.contacts)]
     assert seen.contact
     n_drifts = len(structure.drift_rows)
-    assert seen.peaks[:n_drifts].max() == pytest.approx(seen.peak_drift, rel=1e-11)
+    assert peaks[:n_drifts].max() == pytest.approx(seen.peak_drift, rel=1e-11)
     low = sampled(structure, amplitude, omega, z, 2)
     scale = np.abs(low).max()
     # a sample misses the top by (spacing)^2 / 8 of the curvature at most
-    assert np.all(seen.peaks >= low - 1e-9 * scale)
-    assert np.all(seen.peaks <= low + 2e-3 * scale)
+    assert np.all(peaks >= low - 1e-9 * scale)
+    assert np.all(peaks <= low + 2e-3 * scale)
     plain = flow.observe(z, amplitude, 2)
-    assert plain.peaks.size == 0
-    parts = np.split(seen.peaks, [n_drifts, n_drifts + structure.n_floors])
+    assert plain.measures.size == 0
+    parts = np.split(peaks, [n_drifts, n_drifts + structure.n_floors])
     for flag, place in zip(PEAK_FLAGS, parts, strict=True):
-        some = flow.observe(z, amplitude, 2, peaks=flag).peaks
+        some = flow.observe(z, amplitude, 2, measures=flag).measures
         assert set(place.tolist()) <= set(some.tolist())
     np.testing.assert_array_equal(plain.points, seen.points)
     assert plain.peak_drift == seen.peak_drift
-    bdf = BdfMap(structure, omega, 1e-9).observe(z, amplitude, 2, peaks=ALL)
-    np.testing.assert_allclose(bdf.peaks, seen.peaks, atol=1e-5 * scale)
+    bdf = BdfMap(structure, omega, 1e-9).observe(z, amplitude, 2, measures=ALL)
+    np.testing.assert_allclose(bdf.measures, seen.measures, rtol=3e-4, atol=1e-5 * scale)
 
 
 def test_free_motions_have_theirs_in_closed_form():
     structure = Structure(3, 300.0)
     orbit = LinearOrbit(structure, 0.7)
     amplitude = 0.9 * structure.grazing_amplitude(0.7)
-    seen = FlowMap(structure, 0.7).observe(orbit.state(amplitude), amplitude, 1, peaks=ALL)
-    np.testing.assert_allclose(orbit.peaks(amplitude)[0], seen.peaks, rtol=1e-9)
-    assert orbit.peaks([amplitude, 2 * amplitude]).shape == (2, 9)
+    seen = FlowMap(structure, 0.7).observe(orbit.state(amplitude), amplitude, 1, measures=ALL)
+    np.testing.assert_allclose(orbit.measures(amplitude)[0], seen.measures, rtol=1e-9)
+    assert orbit.measures([amplitude, 2 * amplitude]).shape == (2, 21)
 
 
 @pytest.mark.parametrize("method", ["flow", pytest.param("bdf", marks=pytest.mark.slow)])
@@ -134,6 +137,11 @@ def test_a_sweep_holds_them_where_they_are_asked_for(tmp_path, method):
     force = results.contact_force.values.max(axis=-1)
     assert (force[touched] > 0).all()
     assert (force[~touched] == 0).all()
+    for name in CONTACT_MEASURES:
+        own = results[name].values.max(axis=-1)
+        assert (own[touched] > 0).all(), name
+        assert (own[~touched] == 0).all(), name
+    assert results.contact_time.max() < 1
     assert touched.any()
     assert not touched.all()
     other = parse_job(text.replace(OUTPUT, ""), "job", "job")
@@ -149,9 +157,10 @@ def test_a_contact_out_of_reach_exerts_no_force(tmp_path):
     text = SMALL.replace("stiffness_ratio = 300.0", "stiffness_ratio = 300.0\ngap = [1.0, 1e6]")
     job = parse_job(text.replace("count = 4", "count = 2") + OUTPUT, "job", "job")
     assert campaign.run(job, tmp_path / "far.h5", Serial()) == 0
-    force = open_results(tmp_path / "far.h5").contact_force.values
-    assert (force[..., 1] == 0).all()
-    assert force[..., 0].max() > 0
+    results = open_results(tmp_path / "far.h5")
+    for name in CONTACT_MEASURES:
+        assert (results[name].values[..., 1] == 0).all()
+        assert results[name].values[..., 0].max() > 0
 
 
 @pytest.mark.parametrize("kind", ["attractors", "basins"])

@@ -1,0 +1,128 @@
+r"""Impacts of each contact: closings, closing speed, impulse, time in contact; on linear segments.
+
+A contact is closed where its distance past the stop is x >= 0. Its impulse is beta int x S dt over
+all time, gathered as the integral of x S. On a linear segment x S is max(x, 0), a polynomial.
+
+A passage in closed form adds what the layer does. With r of `crossing` the true force is that of
+the spring less r, along the true path, while a segment has the motion y that is linear up to, and
+from, the time 0 of the passage. On the side beyond the stop the two differ by what r does later
+(before: did earlier), g(t) = t - c t^2 / 2 + (b - beta) t^3 / 6 + ... being the displacement by a
+unit of impulse, c = d . D e and b = d . (D^2 - K) e, so that
+
+    int F dt = beta int y dt - J,    J = M_0 - beta (M_2 / 2 + c M_3 / 6 + (b - beta) M_4 / 24),
+
+M_0 = int r dt of both sides and M_k = int t^k r dt of that beyond. J is what `crossing.add_kick`
+adds along e. With m_k = int s^k r ds of the arriving side alone, s from the stop, the true motion
+is at the stop at the time d of the linear one p, earlier on the way in, later on the way out, where
+
+    p(d) = m_1 + c m_2 / 2 + b m_3 / 6,    with the speed    p'(d) + m_0 + c m_1 + b m_2 / 2,
+
+beta less in b if that side is the one beyond; on a slow passage by what is left of the distance
+when the force of the arriving side has acted.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import total
+from hpcsweep.solvers.flow.linear.polynomials import expand_row, integral, value_and_slope
+from hpcsweep.solvers.flow.passage.crossing import at_stop, half_passage, since_linear, sums
+from hpcsweep.solvers.flow.passage.passage import ARRIVED, FAST, SLOW
+from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit
+from hpcsweep.solvers.measures import CLOSINGS, FORCE, SPEED, TIME
+
+
+@kernel
+def impacts_on_segment(segment, span, model, tables, tally, work):
+    """Add force and time of the contacts that are closed on the first `span` of a linear step."""
+    contacts = model.contacts
+    key, index = segment.key, segment.index
+    tally.closed[0] = key
+    for k in range(contacts.row.shape[0]):
+        if key & contact_bit(k) == np.uint64(0):
+            continue
+        row = contacts.row[k]
+        if not work.expanded[row]:
+            expand_row(tables.poly, index, row, work.x, work.rows)
+            work.expanded[row] = True
+        way = integral(work.rows, row, segment.h, span)
+        tally.impacts[FORCE, k] += contacts.sign[k] * way - contacts.gap[k] * span
+        tally.impacts[TIME, k] += span
+
+
+@inlined
+def record(k, closing, speed, tally):
+    """Record that a contact closes or opens."""
+    if closing:
+        tally.impacts[CLOSINGS, k] += 1.0
+        tally.impacts[SPEED, k] = max(tally.impacts[SPEED, k], speed)
+        tally.closed[0] |= contact_bit(k)
+    else:
+        tally.closed[0] &= ~contact_bit(k)
+
+
+@kernel
+def impacts_at_end(segment, ending, passing, model, tally, work):
+    """Add the contacts, a set, that pass their stops at the end of a linear segment.
+
+    ``work.a`` has the accelerations there without the force of the contact, ``work.z_end`` the
+    state after the passage.
+    """
+    if model.rho == math.inf:
+        for k in range(model.contacts.row.shape[0]):
+            if passing & contact_bit(k):
+                closing = segment.key & contact_bit(k) == np.uint64(0)
+                record(k, closing, abs(approach_speed(k, work.z_end, model.contacts)), tally)
+    elif passing != np.uint64(0) or ending.how == ARRIVED:
+        _passage_at_end(segment, ending, model, tally, work)
+
+
+@kernel
+def _passage_at_end(segment, ending, model, tally, work):
+    """Add the passage through a layer at the end of a segment."""
+    contacts, k = model.contacts, ending.contact
+    row, sign, beta = contacts.row[k], contacts.sign[k], contacts.beta[k]
+    closing = segment.key & contact_bit(k) == np.uint64(0)
+    _, v = value_and_slope(work.rows, row, segment.h, ending.span)
+    v *= sign
+    a = sign * work.a[row]
+    inner = sign * contacts.damped[k, row]
+    bend = sign * contacts.bent[k, row] - beta
+    if ending.how == FAST:
+        stop = at_stop(v, a, sign * ending.jerk, beta, model.rho)
+        free, _, _ = half_passage(-1.0, stop)
+        contact, _, _ = half_passage(1.0, stop)
+        m0, _, _, m2, _, m3, m4 = since_linear(sums(free, contact), stop)
+        m = free if closing else contact
+        own = bend + beta if closing else bend
+        gone = total(m[1]) + 0.5 * inner * total(m[2]) + own * total(m[3]) / 6.0
+        d = gone / v
+        d = gone / (v + 0.5 * a * d)
+        speed = abs(v + a * d + total(m[0]) + inner * total(m[1]) + 0.5 * own * total(m[2]))
+        early = abs(d)
+        kick = m0 - beta * (0.5 * m2 + inner * m3 / 6.0 + bend * m4 / 24.0)
+    else:
+        n = model.stiffness.shape[0]
+        arriving = work.arriving
+        kick = arriving.moments[0]
+        if not closing:
+            kick -= _beyond(arriving.moments, beta, inner, bend)
+        if ending.how == SLOW:
+            kick += work.departing.moments[0]
+            if closing:
+                kick -= _beyond(work.departing.moments, beta, inner, bend)
+        x, v = sign * arriving.kicked[row], v + sign * arriving.kicked[n + row]
+        speed = math.sqrt(max(v * v - 2.0 * a * x, 0.0))
+        early = 2.0 * abs(x) / (abs(v) + speed)
+    tally.impacts[FORCE, k] -= kick / beta
+    tally.impacts[TIME, k] += early
+    record(k, closing, speed, tally)
+
+
+@inlined
+def _beyond(moments, beta, inner, bend):
+    """Return what the force of a slow passage does to the spring's on the side beyond the stop."""
+    later = -inner * moments[3] / 6.0 + bend * moments[4] / 24.0
+    return beta * (0.5 * moments[2] + later)

@@ -1,0 +1,45 @@
+"""What is gathered over a window where it is asked for: peaks of rows, impacts of contacts."""
+
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.model.kernel_model import Model
+from hpcsweep.model.structure import Structure
+
+IMPACT_FLAG = 32
+"""Asks for the impacts of all contacts, as `PEAK_FLAGS` ask for peaks."""
+CLOSINGS, SPEED, FORCE, TIME = range(4)
+"""Rows of impacts: closings of a contact, largest closing speed, integral of its force over beta,
+time in which it is closed, that is where its distance past the stop is 0 or more."""
+
+
+def measures_of(structure: Structure, model: Model, gathered: Any, n_periods) -> np.ndarray:
+    """Return the measures of an `Observation` from what has been gathered in the kernels' units.
+
+    Parameters
+    ----------
+    structure : Structure
+    model : Model
+        Its kernel model.
+    gathered
+        Has `peaks`, shape (..., W), of the rows of `Model.watched`, and `impacts`, shape (..., 4,
+        m), over the window.
+    n_periods : int or ndarray
+        Forcing periods of the window, or of each.
+
+    Returns
+    -------
+    ndarray, shape (..., W + 4 m)
+    """
+    peaks, impacts = gathered.peaks, gathered.impacts
+    length, rate = structure.length_unit, structure.frequency_unit
+    a_period = 1.0 / np.asarray(n_periods, float)[..., None]
+    parts = [
+        peaks * length,
+        impacts[..., CLOSINGS, :] * a_period,
+        impacts[..., SPEED, :] * (length * rate),
+        impacts[..., FORCE, :] * a_period * (length / rate),
+        impacts[..., TIME, :] * a_period / model.period,
+    ]
+    return np.concatenate(parts, axis=-1)

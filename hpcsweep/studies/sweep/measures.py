@@ -1,0 +1,53 @@
+"""Measures of storeys, floors and contacts over a window, as variables of the results."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.measures import IMPACT_FLAG
+from hpcsweep.studies.settings import MEASURES, SweepSettings
+
+
+def wants_measures(settings: SweepSettings) -> int:
+    """Return the flags of those that are asked for, 0 for none."""
+    flags = zip(MEASURES, (*PEAK_FLAGS, *4 * (IMPACT_FLAG,)), strict=True)
+    return sum({flag for name, flag in flags if name in settings.metrics})
+
+
+def empty_measures(
+    structure: Structure, n_runs: int, settings: SweepSettings
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Allocate those that are asked for, as of runs that failed."""
+    n_contacts = len(structure.all_contact_numbers)
+    sizes = (len(structure.drift_rows), structure.n_floors, *5 * (n_contacts,))
+    for name, size in zip(MEASURES, sizes, strict=True):
+        if name in settings.metrics:
+            yield name, np.full((n_runs, size), np.nan)
+
+
+def store_measures(rows: dict[str, np.ndarray], structure: Structure, measures: np.ndarray) -> None:
+    """Write measures, shape (k, D + n + 5 m) as of an `Observation`, into rows of results.
+
+    The force of a contact is largest where its floors are farthest past it: beyond the stop it
+    grows with the distance. Contacts that no motion reaches exert none.
+    """
+    n_drifts, n, m = len(structure.drift_rows), structure.n_floors, len(structure.contacts)
+    ends = np.cumsum((n_drifts, n, *4 * (m,)))
+    parts = dict(zip(MEASURES, np.split(measures, ends, axis=1), strict=True))
+    gaps = np.array([contact.gap for contact in structure.contacts])
+    past = np.maximum(parts["contact_force"] - gaps, 0.0)
+    force = structure.contact_stiffness * past
+    if np.isfinite(structure.sharpness):
+        force /= 1.0 + np.exp(-structure.sharpness * past)
+    parts["contact_force"] = force
+    parts["impulse"] = structure.contact_stiffness * parts["impulse"]
+    numbers = structure.all_contact_numbers
+    places = [numbers.index(number) for number in structure.contact_numbers]
+    for name in rows.keys() & parts.keys():
+        if name in ("storey_drift", "displacement"):
+            rows[name][:] = parts[name]
+        else:
+            rows[name][:] = 0.0
+            rows[name][:, places] = parts[name]

@@ -25,6 +25,7 @@ def describe(job: Job) -> list[str]:
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
     lines += _grazing(study, structure)
+    lines += _starts(study, structure)
     return lines + [f"warning:    {text}" for text in warnings(job)]
 
 
@@ -80,6 +81,16 @@ def _modes(structure) -> list[str]:
             f"omega = {frequencies[-1]:.6g}"
         )
     return lines
+
+
+def _starts(study, structure) -> list[str]:
+    """Say where the starts of a study of attractors or basins lie."""
+    n, variables = structure.n_floors, getattr(study, "starting_range", {})
+    return [
+        f"starts:     {name} from {low:.6g} to {high:.6g}"
+        + _named(structure, "length" if index < n else "velocity")
+        for name, (index, low, high) in variables.items()
+    ]
 
 
 def _contacts(structure) -> list[str]:

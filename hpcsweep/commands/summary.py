@@ -74,9 +74,7 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
     rows = {
         "structure": summary["structure"] + (" (the first)" if vary else ""),
         **({"varied": "; ".join(vary)} if vary else {}),
-        "runs": f"{summary['runs_done']} of {summary['runs_total']} "
-        f"({count(summary['frames'], 'frame')} x "
-        f"{count(summary['amplitudes'], 'amplitude')}, {' and '.join(summary['directions'])})",
+        f"{_noun(summary)}s": f"{summary['runs_done']} of {summary['runs_total']}{_grid(summary)}",
         **_cost_rows(summary),
     }
     rows |= _attractor_rows(summary) if "attractors" in summary else _history_rows(summary)
@@ -106,10 +104,28 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
     return rows
 
 
+def _noun(summary: dict) -> str:
+    """Return what a run of a study is called."""
+    if "basins" in summary:
+        return "row"
+    return "point" if "attractors" in summary else "run"
+
+
+def _grid(summary: dict) -> str:
+    """Say over which frames and amplitudes the runs are, those of a slice at one point."""
+    if "basins" in summary:
+        return ""
+    frames, amplitudes = (
+        count(summary["frames"], "frame"),
+        count(summary["amplitudes"], "amplitude"),
+    )
+    return f" ({frames} x {amplitudes}, {' and '.join(summary['directions'])})"
+
+
 def _history_rows(summary: dict) -> dict[str, str]:
     rows = {}
     if summary["runs_done"]:
-        rows["periods per history"] = (
+        rows["periods per run"] = (
             f"{summary['periods_per_run']:.4g} integrated, of {summary['periods_per_run_window']}"
         )
     return rows | {
@@ -122,7 +138,7 @@ def _history_rows(summary: dict) -> dict[str, str]:
 def _attractor_rows(summary: dict) -> dict[str, str]:
     if not summary["runs_done"]:
         return {}
-    noun = "row" if "basins" in summary else "point"
+    noun = _noun(summary)
     rows = {
         f"periods per {noun}": f"{summary['periods_per_run']:.4g} integrated, "
         f"{summary['periods_per_start']:.4g} a start"
@@ -150,8 +166,8 @@ def _cost_rows(summary: dict) -> dict[str, str]:
         "core seconds": f"{cost['core_seconds']:.4g} s",
     }
     for name, key in (
-        ("histories per second", "runs_per_second"),
-        ("histories per core second", "runs_per_core_second"),
+        (f"{_noun(summary)}s per second", "runs_per_second"),
+        (f"{_noun(summary)}s per core second", "runs_per_core_second"),
     ):
         if cost[key] is not None:
             rows[name] = f"{cost[key]:.4g}"

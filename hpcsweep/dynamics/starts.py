@@ -15,28 +15,39 @@ import numpy as np
 from hpcsweep.model.arguments import refused
 
 
-def box_of(value: object, units: np.ndarray) -> np.ndarray:
+def usual_reach(structure) -> np.ndarray:
+    """Return how far the starts of a structure reach unless they are given, shape (2n,).
+
+    Displacements to the widest gap, velocities to that times omega_0; of a structure in units of
+    its owner, times its lowest natural frequency: the speed of that mode through the gap.
+    """
+    n = structure.n_floors
+    gap = max((contact.gap for contact in structure.contacts), default=structure.length_unit)
+    rate = 1.0 if structure.is_uniform else float(structure.frequencies[0])
+    return np.repeat((gap, gap * rate), n)
+
+
+def box_of(value: object, reach: np.ndarray) -> np.ndarray:
     """Take a box of states: pairs (low, high), one a component of the state.
 
     Parameters
     ----------
     value : array_like, shape (2n, 2), or None
-        None: minus to plus one unit of each component.
-    units : ndarray, shape (2n,)
-        Of the state.
+        None: minus to plus the reach.
+    reach : ndarray, shape (2n,)
 
     Raises
     ------
     ValueError
     """
     if value is None:
-        return np.stack((-units, units), axis=1)
+        return np.stack((-reach, reach), axis=1)
     try:
         box = np.array(value, dtype=float)
     except (TypeError, ValueError):
         raise refused("box", "pairs of numbers", value) from None
-    if box.shape != (units.size, 2):
-        raise ValueError(f"box must have shape ({units.size}, 2), has shape {box.shape}")
+    if box.shape != (reach.size, 2):
+        raise ValueError(f"box must have shape ({reach.size}, 2), has shape {box.shape}")
     if not (np.all(np.isfinite(box)) and np.all(box[:, 0] < box[:, 1])):
         raise refused("box", "finite, each low below its high", value)
     return box

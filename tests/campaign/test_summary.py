@@ -108,7 +108,7 @@ def test_sessions_add_up_and_a_block_done_twice_counts_once(tmp_path):
 def test_the_command_writes_text_tables_and_json(file, tmp_path, capsys):
     assert cli.main(["summary", str(file)]) == 0
     text = capsys.readouterr().out
-    for words in ("88 of 88", "histories per second", "of 50", "undecided", "contact none", " P1 "):
+    for words in ("88 of 88", "runs per second", "of 50", "undecided", "contact none", " P1 "):
         assert words in text
     assert cli.main(["summary", "--markdown", str(file), str(file)]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -17,7 +17,7 @@ from hpcsweep.dynamics.neighbourhood import inside, lyapunov_forms, neighbourhoo
 from hpcsweep.dynamics.portrait import portrait
 from hpcsweep.dynamics.resemblance import Signature, distance, matched, same_orbit
 from hpcsweep.dynamics.shares import share_interval, starts_needed
-from hpcsweep.dynamics.starts import box_of, starting_states
+from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.solver import make_solver
@@ -241,3 +241,11 @@ def test_what_few_starts_reach_is_followed_for_longer():
 def test_states_that_are_none_are_refused(states):
     with pytest.raises(ValueError, match="states must be an array of shape"):
         hpcsweep.attractors(Structure(1), 0.1, 0.7, states=states)
+
+
+def test_starts_reach_to_the_widest_gap_with_the_speed_of_a_mode_through_it():
+    paper = Structure(3, 300.0)
+    np.testing.assert_array_equal(usual_reach(paper), np.ones(6))
+    own = Structure(2, 20.0, mass=(2e5, 1e5), storey_stiffness=(3e7, 2e7), gap=0.02, gap_left=0.05)
+    slowest = own.frequencies[0]
+    assert usual_reach(own).tolist() == [0.05, 0.05, 0.05 * slowest, 0.05 * slowest]

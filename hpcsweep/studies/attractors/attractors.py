@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hpcsweep.dynamics.starts import usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import Limits, attractors_as_runs, read_limits
 from hpcsweep.studies.attractors.tally import AttractorTally
@@ -70,10 +71,10 @@ class Attractors(Limits, AmplitudeSweep):
         if values.get("output.poincare", True) is not True:
             raise values.error("output.poincare", False, "must be true: attractors are continued")
         limits = read_limits(values, cls, "attractors")
-        n, units = structure.n_floors, structure.state_units
+        n, reach = structure.n_floors, usual_reach(structure)
         ends = [
-            *_pairs(values, "study.displacement", n, float(units[0])),
-            *_pairs(values, "study.velocity", n, float(units[-1])),
+            *_pairs(values, "study.displacement", n, float(reach[0])),
+            *_pairs(values, "study.velocity", n, float(reach[-1])),
         ]
         metrics = frozenset(settings.metrics) | {"poincare", "lyapunov"}
         common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
@@ -87,6 +88,17 @@ class Attractors(Limits, AmplitudeSweep):
             **limits,
             **common,
         )
+
+    @property
+    def starting_range(self) -> dict[str, tuple[int, float, float]]:
+        """Component and range of the starts; that of the first floor's, where all are the same."""
+        n, told = self.structure.n_floors, {}
+        for kind, first in (("displacement", 0), ("velocity", n)):
+            own = self.box[first : first + n]
+            for k in range(1 if len(set(own)) == 1 else n):
+                name = kind if len(set(own)) == 1 else f"{kind} {k + 1}"
+                told[name] = (first + k, *own[k])
+        return told
 
     @property
     def starting_states(self) -> np.ndarray:
@@ -164,9 +176,9 @@ class Attractors(Limits, AmplitudeSweep):
         return broken_invariants(self, rows)
 
 
-def _pairs(values, key: str, n: int, unit: float) -> list[tuple[float, float]]:
-    """Read [low, high], or n of them; default minus to plus a unit."""
-    given = values.get(key, [-unit, unit])
+def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
+    """Read [low, high], or n of them; default minus to plus a reach."""
+    given = values.get(key, [-reach, reach])
     listed = given if isinstance(given, list) else [given]
     pairs = listed if listed and isinstance(listed[0], list) else [listed] * n
     if len(pairs) != n or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):

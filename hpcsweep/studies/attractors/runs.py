@@ -8,7 +8,7 @@ import numpy as np
 from hpcsweep.dynamics.attractor import Attractor, Portrait
 from hpcsweep.dynamics.portrait import portrait
 from hpcsweep.dynamics.resemblance import matched
-from hpcsweep.dynamics.starts import box_of, starting_states
+from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -263,7 +263,7 @@ def attractors(
         rtol=SOLVERS[name].rtol if rtol is None else rtol,
     )
     limits = Limits(
-        box=tuple(map(tuple, box_of(box, units).tolist())),
+        box=tuple(map(tuple, box_of(box, usual_reach(structure)).tolist())),
         starts=arguments.count("starts", starts, 1, 10**9),
         seed=arguments.count("seed", seed, 0, 2**62),
         confidence=arguments.number("confidence", confidence, "between 0 and 1", 1e-9, 1 - 1e-9),

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.dynamics.shares import starts_needed
+from hpcsweep.dynamics.starts import usual_reach
 from hpcsweep.studies.attractors.search import attractors_as_runs, read_limits
 from hpcsweep.studies.basins.tally import BasinTally
 from hpcsweep.studies.basins.variables import COMMIT, ORDINATE, ROW_OMEGA, RUN, basin_variables
@@ -25,7 +26,7 @@ from hpcsweep.studies.variables import numbered
 
 START = "slice"
 SPAN = 200
-"""Values of either component, from minus to plus one unit, unless a job gives them."""
+"""Values of either component, from minus to plus the usual reach, unless a job gives them."""
 MOST_COLUMNS = 100_000
 MOST_STATE = 1e200
 
@@ -97,9 +98,9 @@ class Basins(RunGrid):
         metrics = frozenset(settings.metrics) | {"lyapunov"}
         common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
         components = _components(values, structure.n_floors)
-        units = structure.state_units
+        reach = usual_reach(structure)
         horizontal, vertical = (
-            _span(values, f"study.{name}", float(units[component]))
+            _span(values, f"study.{name}", float(reach[component]))
             for name, component in zip(("horizontal", "vertical"), components, strict=True)
         )
         if horizontal.size > MOST_COLUMNS:
@@ -115,6 +116,15 @@ class Basins(RunGrid):
             **limits,
             **common,
         )
+
+    @property
+    def starting_range(self) -> dict[str, tuple[int, float, float]]:
+        """Component and range of the slice."""
+        n, told = self.structure.n_floors, {}
+        for k, values in zip(self.components, (self.horizontal, self.vertical), strict=True):
+            name = f"u_{k + 1}" if k < n else f"v_{k - n + 1}"
+            told[f"{name}, {values.size} values"] = (k, float(values[0]), float(values[-1]))
+        return told
 
     @property
     def starting_states(self) -> np.ndarray:
@@ -257,10 +267,10 @@ def _components(values, n: int) -> tuple[int, int]:
     return names.index(given[0]), names.index(given[1])
 
 
-def _span(values, key: str, unit: float) -> np.ndarray:
+def _span(values, key: str, reach: float) -> np.ndarray:
     """Read the values of a component, ascending, two or more."""
     if not values.has(key):
-        return np.linspace(-unit, unit, SPAN)
+        return np.linspace(-reach, reach, SPAN)
     found = values.numbers(key, ascending=True)
     if found.size < 2 or not np.abs(found).max() <= MOST_STATE:
         limit = f"must have two values or more, at most {MOST_STATE:g}"

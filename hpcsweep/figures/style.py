@@ -103,6 +103,29 @@ def save(figure, path: Path) -> None:
         pyplot.close(figure)
 
 
+def head(figure, text: str, fontsize: float = 10) -> None:
+    """Write the head of a figure, broken between its parts where it is wider than the figure."""
+    title = figure.suptitle(text, fontsize=fontsize)
+    renderer = figure.canvas.get_renderer()
+
+    def fits(line: str) -> bool:
+        title.set_text(line)
+        return title.get_window_extent(renderer).width <= WIDEST * figure.bbox.width
+
+    lines: list[str] = []
+    for line in text.split("\n"):
+        parts = line.split(",  ")
+        lines.append(parts[0])
+        for part in parts[1:]:
+            joined = f"{lines[-1]},  {part}"
+            if fits(joined):
+                lines[-1] = joined
+            else:
+                lines[-1] += ","
+                lines.append(part)
+    title.set_text("\n".join(lines))
+
+
 def roman(number: int) -> str:
     """Write a positive number in lower-case Roman numerals."""
     digits = ((100, "c"), (90, "xc"), (50, "l"), (40, "xl"), (10, "x"), (9, "ix"), (5, "v"))
@@ -114,6 +137,8 @@ def roman(number: int) -> str:
     return text
 
 
+WIDEST = 0.98
+"""Share of a figure's width that its head may take."""
 FAR_OFF = 0.1
 """Share of a frequency by which a frame may be off what is requested, beyond the range there is."""
 

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib import image
 from tools import hpcsweep
 
 from hpcsweep import open_results
@@ -414,14 +415,35 @@ def test_the_figures_are_loaded_only_for_plot():
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
-def test_a_map_needs_two_frames_and_a_direction_that_is_there(results, tmp_path):
-    with pytest.raises(style.PlotError, match="at least 2 frames"):
-        period_map.draw(results.isel(omega=[0]), tmp_path / "o.png")
+def test_a_map_needs_two_amplitudes_and_a_direction_that_is_there(results, tmp_path):
+    with pytest.raises(style.PlotError, match="at least 2 amplitudes"):
+        period_map.draw(results.isel(amplitude=[0]), tmp_path / "o.png")
     with pytest.raises(style.PlotError, match="up only"):
         benefit.draw(results.isel(direction=[0]), tmp_path / "o.png", direction="down")
     with pytest.raises(style.PlotError, match=r"output\.lyapunov"):
         benefit.draw(results.drop_vars(["lyapunov", "motion"]), tmp_path / "o.png")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_map_of_one_frequency_is_a_strip(results, tmp_path):
+    heights = []
+    for name, shown in (("map", results), ("strip", results.isel(omega=[0]))):
+        period_map.draw(shown, tmp_path / f"{name}.png")
+        heights.append(image.imread(tmp_path / f"{name}.png").shape[0])
+    assert heights[1] < 0.6 * heights[0]
+
+
+def test_no_head_is_wider_than_its_figure():
+    figure, _ = style.new_figure(1, 3.0)
+    parts = [f"$\\Omega_{{{k}}}$ = {k / 7:.6f}" for k in range(20)]
+    style.head(figure, ",  ".join(parts) + "\nthe end")
+    text = figure.get_suptitle()
+    assert text.endswith("\nthe end")
+    assert text.replace(",\n", ",  ").replace("\n", ",  ") == ",  ".join([*parts, "the end"])
+    width = figure.bbox.width
+    for line in text.split("\n"):
+        drawn = figure.text(0, 0, line, fontsize=10)
+        assert drawn.get_window_extent(figure.canvas.get_renderer()).width <= width
 
 
 def test_modal_norms_without_stop_are_the_mean_over_a_period():

@@ -13,6 +13,7 @@ from hpcsweep.figures.palette import MOTIONS, STOP, motion_index
 from hpcsweep.figures.style import (
     PlotError,
     caption,
+    head,
     job_of,
     nearest_frame,
     new_figure,
@@ -65,7 +66,7 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
     axes[-1].set_xlabel(amplitude(structure))
     limit_amplitudes(axes[-1], frame)
     legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS)
-    figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
+    head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 
 

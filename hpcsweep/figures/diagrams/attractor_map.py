@@ -10,10 +10,12 @@ from hpcsweep.figures.diagrams.mesh import (
     draw_grazing,
     grazing_keys,
     least_cells,
+    map_height,
+    mark_strip,
 )
 from hpcsweep.figures.options import Option
 from hpcsweep.figures.palette import NOTHING, OTHER_MOTION, count_colour
-from hpcsweep.figures.style import caption, job_of, new_grid, percent, save, structure_of
+from hpcsweep.figures.style import caption, head, job_of, new_grid, percent, save, structure_of
 
 NAME = "number"
 DRAWS = "attractors"
@@ -36,7 +38,7 @@ MISSED = "missed"
 
 def load(frames, sweep: Path | None = None):
     """Read the numbers of attractors, and count those that a sweep misses."""
-    least_cells(frames.study.omega.size, frames.study.amplitude.size)
+    least_cells(frames.study.amplitude.size)
     results = frames.gather(("n_attractors", "outcome", "n_undecided"))
     if sweep is None:
         return results
@@ -61,15 +63,17 @@ def draw(results, path: Path, sweep: Path | None = None) -> None:
     counts = [("number of attractors", number, 1)]
     if MISSED in results:
         counts.append(("attractors that no sweep ends on", results[MISSED].values, 0))
-    size = (7.2, 5.2) if len(counts) == 1 else (10.6, 5.2)
+    size = (7.2 if len(counts) == 1 else 10.6, map_height(results, 5.2))
     figure, axes = new_grid(1, len(counts), size, sharex=True, sharey=True)
     for axis, (name, values, least) in zip(axes.flat, counts, strict=True):
         _panel(axis, results, name, values, least)
         draw_grazing(axis, results, structure_of(results))
+        mark_strip(axis, results)
         axis.label_outer()
     starts = job_of(results).study.starts
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * starts, 1)
-    figure.suptitle(
+    head(
+        figure,
         f"{caption(results)}\n{starts:,} starts a point, undecided {percent(float(undecided))}",
         fontsize=10,
     )

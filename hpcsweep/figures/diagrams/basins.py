@@ -16,7 +16,16 @@ from hpcsweep.figures.palette import (
     motion_place,
     shade,
 )
-from hpcsweep.figures.style import PlotError, caption, job_of, new_grid, percent, save, set_name
+from hpcsweep.figures.style import (
+    PlotError,
+    caption,
+    head,
+    job_of,
+    new_grid,
+    percent,
+    save,
+    set_name,
+)
 
 NAME = "basins"
 DRAWS = "basins"
@@ -84,7 +93,7 @@ def draw(results, path: Path) -> None:
     axis.set_ylabel(second)
     _legend(figure, study, keys, index)
     amplitude = f"$A$ = {study.amplitude[0]:.6g}"
-    figure.suptitle(f"{caption(results, float(study.omega[0]))},  {amplitude}", fontsize=10)
+    head(figure, f"{caption(results, float(study.omega[0]))},  {amplitude}", fontsize=10)
     save(figure, path)
 
 

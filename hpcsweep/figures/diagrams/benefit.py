@@ -10,6 +10,8 @@ from hpcsweep.figures.diagrams.mesh import (
     draw_classes,
     draw_grazing,
     grazing_keys,
+    map_height,
+    mark_strip,
     open_map,
 )
 from hpcsweep.figures.options import DIRECTION
@@ -19,6 +21,7 @@ from hpcsweep.figures.style import (
     classes_of,
     direction_index,
     foot,
+    head,
     need,
     new_grid,
     percent,
@@ -69,12 +72,16 @@ def draw(results, path: Path, direction: str | None = None) -> None:
         ("(a) chaotic impacting", classes[0] == MotionClass.CHAOTIC),
         ("(b) P1 impacting", (classes[0] == MotionClass.PERIODIC) & (period == 1)),
     )
-    figure, axes = new_grid(1, 2, (7.2, 4.3), sharex=True, sharey=True)
+    figure, axes = new_grid(
+        1, 2, (7.2, min(4.3, map_height(results, 6.4))), sharex=True, sharey=True
+    )
     for axis, (name, chosen) in zip(axes[0], panels, strict=True):
         _panel(axis, results, classes[0], chosen, ratio, name)
+        mark_strip(axis, results)
     axes[0, 1].set_ylabel("")
     _legend(figure, results, classes)
-    figure.suptitle(
+    head(
+        figure,
         f"{caption(results)},  {words_of(results)}\n"
         r"$r$ = drift with the stop / drift without it",
         fontsize=9,

@@ -15,6 +15,7 @@ from hpcsweep.figures.style import (
     classes_of,
     direction_index,
     foot,
+    head,
     job_of,
     need,
     need_amplitudes,
@@ -96,7 +97,7 @@ def draw(
         axes.flat[last].set_xlabel(amplitude(structure).removeprefix("forcing amplitude "))
         axes.flat[last].tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
-    figure.suptitle(f"{caption(results)},  {words_of(results)}", fontsize=8.5)
+    head(figure, f"{caption(results)},  {words_of(results)}", fontsize=8.5)
     save(figure, path)
 
 

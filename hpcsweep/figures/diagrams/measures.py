@@ -10,6 +10,7 @@ from hpcsweep.figures.style import (
     PlotError,
     caption,
     direction_index,
+    head,
     job_of,
     nearest_frame,
     need_amplitudes,
@@ -81,5 +82,5 @@ def draw(results, path: Path, omega: float | None = None, direction: str | None 
             axis.axvline(graze, color=STOP, linewidth=0.8, linestyle="--")
     axes[-1].set_xlabel(amplitude(structure) + ",  dashed: grazing")
     words = words_of(results, str(frame["direction"].item()))
-    figure.suptitle(f"{caption(results, float(frame['omega']))},  {words}", fontsize=9)
+    head(figure, f"{caption(results, float(frame['omega']))},  {words}", fontsize=9)
     save(figure, path)

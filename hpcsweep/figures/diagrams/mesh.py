@@ -40,7 +40,7 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
         If there is no such direction, or fewer than two frames or amplitudes.
     """
     study = frames.study
-    least_cells(study.omega.size, study.amplitude.size)
+    least_cells(study.amplitude.size)
     further = () if value is None else (value,)
     direction = study.directions[0] if direction is None else direction
     if direction not in study.directions:
@@ -49,19 +49,16 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
     return frames.gather((*VARIABLES, *further), direction=direction, derive={MOTION: classes_of})
 
 
-def least_cells(frames: int, amplitudes: int) -> None:
-    """Refuse what is no map.
+def least_cells(amplitudes: int) -> None:
+    """Refuse what is no map, nor one row of one.
 
     Raises
     ------
     PlotError
-        If there are fewer than two frames or amplitudes.
+        If there are fewer than two amplitudes.
     """
-    if min(frames, amplitudes) < 2:
-        raise PlotError(
-            "a map needs at least 2 frames and 2 amplitudes, the results hold "
-            f"{frames} and {amplitudes}"
-        )
+    if amplitudes < 2:
+        raise PlotError(f"a map needs at least 2 amplitudes, the results hold {amplitudes}")
 
 
 def by_frequency(results):
@@ -70,9 +67,9 @@ def by_frequency(results):
     Raises
     ------
     PlotError
-        If there are fewer than two frames or amplitudes.
+        If there are fewer than two amplitudes.
     """
-    least_cells(results.sizes["omega"], amplitudes(results).size)
+    least_cells(amplitudes(results).size)
     return results.isel(omega=np.argsort(results["omega"].values, kind="stable"))
 
 
@@ -219,10 +216,21 @@ def _grazing(structure, omega: float) -> float:
         return 0.0
 
 
+def map_height(results, height: float) -> float:
+    """Choose the height of a map: that of one frequency is a strip."""
+    return height if results.sizes["omega"] > 1 else 0.5 * height
+
+
+def mark_strip(axis, results) -> None:
+    """Mark the one frequency of a strip, in place of an axis of frequencies."""
+    if results.sizes["omega"] == 1:
+        axis.set_yticks(results["omega"].values)
+
+
 def edges_of(centres: np.ndarray) -> np.ndarray:
-    """Return the borders of cells around ascending values."""
+    """Return the borders of cells around ascending values; close ones of a single value."""
     if centres.size == 1:
-        return centres[0] + np.array([-0.5, 0.5])
+        return centres[0] + (abs(centres[0]) or 1.0) * np.array([-5e-4, 5e-4])
     middle = 0.5 * (centres[1:] + centres[:-1])
     return np.concatenate(
         ([1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]])

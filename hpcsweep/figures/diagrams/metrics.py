@@ -17,6 +17,7 @@ from hpcsweep.figures.style import (
     caption,
     classes_of,
     foot,
+    head,
     job_of,
     nearest_frame,
     need,
@@ -60,7 +61,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     for axis, letter in zip(axes, "ab", strict=True):
         axis.set_title(f"({letter})", loc="left", fontsize=9)
-    figure.suptitle(caption(results, value), fontsize=10)
+    head(figure, caption(results, value), fontsize=10)
     axes[0].legend(fontsize=8, markerscale=1.5)
     handles = axes[1].get_legend_handles_labels()[0]
     foot(figure, handles, results, classes, 3)

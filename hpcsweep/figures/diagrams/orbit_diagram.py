@@ -18,6 +18,7 @@ from hpcsweep.figures.style import (
     classes_of,
     contact_name,
     foot,
+    head,
     job_of,
     nearest_frame,
     need,
@@ -136,7 +137,7 @@ def draw(
         apart = coexistence(frame, classes[:, 0], structure.units_at)
         _mark_regions(axes, frame, done, structure.contact_labels, apart)
     _legend(figure, groups, color, results, classes)
-    figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
+    head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 
 

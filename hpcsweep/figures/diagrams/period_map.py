@@ -12,6 +12,8 @@ from hpcsweep.figures.diagrams.mesh import (
     draw_mesh,
     grazing_keys,
     legend_of_shares,
+    map_height,
+    mark_strip,
     open_map,
 )
 from hpcsweep.figures.labels import exponent as exponent_label
@@ -28,6 +30,7 @@ from hpcsweep.figures.style import (
     classes_of,
     direction_index,
     foot,
+    head,
     need,
     new_grid,
     save,
@@ -88,7 +91,7 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
     panels = min(results.sizes["mode"], MOST_PANELS) if value == "modal_norm" else 1
     columns = min(panels, MAX_COLUMNS)
     rows = -(-panels // columns)
-    size = (7.2, 5.2) if panels == 1 else (3.6 * columns, 3.6 * rows + 0.6)
+    size = (7.2, map_height(results, 5.2)) if panels == 1 else (3.6 * columns, 3.6 * rows + 0.6)
     figure, axes = new_grid(rows, columns, size, sharex=True, sharey=True)
     {
         "period": _classes,
@@ -101,10 +104,11 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
         foot(figure, grazing_keys(results), results, classes_of(results))
     for axis in axes.flat[:panels]:
         draw_grazing(axis, results, structure_of(results))
+        mark_strip(axis, results)
         axis.label_outer()
     for axis in axes.flat[panels:]:
         axis.set_visible(False)
-    figure.suptitle(f"{caption(results)},  {words_of(results)}", fontsize=10)
+    head(figure, f"{caption(results)},  {words_of(results)}", fontsize=10)
     save(figure, path)
 
 

@@ -19,6 +19,7 @@ from hpcsweep.figures.style import (
     contact_name,
     direction_index,
     foot,
+    head,
     job_of,
     nearest_frame,
     need,
@@ -131,7 +132,7 @@ def draw(
         axis.set_xlabel(displacement(structure, floor), fontsize=9)
     _legend(figure, results, classes, {_motion(frame, m, classes) for m in motions})
     title = parameters(structure, float(frame["omega"]), int(LETTERS * size[0]))
-    figure.suptitle(title, fontsize=9)
+    head(figure, title, fontsize=9)
     save(figure, path)
 
 

@@ -14,7 +14,7 @@ from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.options import OMEGA
 from hpcsweep.figures.palette import MOTION_COLOURS, ink
-from hpcsweep.figures.style import caption, job_of, new_figure, save, set_name
+from hpcsweep.figures.style import caption, head, job_of, new_figure, save, set_name
 
 NAME = "shares"
 DRAWS = "attractors"
@@ -57,7 +57,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     rest = [Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5)]
     rest[0].set_label("reached none of them")
     legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS, rest)
-    figure.suptitle(caption(results, float(frame["omega"])), fontsize=10)
+    head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 
 

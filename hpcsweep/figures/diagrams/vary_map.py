@@ -15,6 +15,7 @@ from hpcsweep.figures.style import (
     PlotError,
     classes_of,
     direction_index,
+    head,
     nearest_frame,
     need_amplitudes,
     new_grid,
@@ -167,7 +168,7 @@ def draw(
         axis.label_outer()
     _legend(figure, results.motion)
     told = rf"{results.name},  $\Omega$ = {results.omega:.6g},  {results.direction}"
-    figure.suptitle(told, fontsize=10)
+    head(figure, told, fontsize=10)
     save(figure, path)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hpcsweep.commands import USER_ERROR, add_at, complain
 from hpcsweep.commands.outputs import PAGE, overwriting
+from hpcsweep.commands.summary import count
 from hpcsweep.figures.explorer import figure
 from hpcsweep.figures.options import add_options, file_name
 
@@ -71,7 +72,7 @@ def _describe(study, sizes: dict[str, int]) -> str:
     """Say how large the page is and what is in it."""
     kept, stored = study.thinned["points"], study.thinned["of_points"]
     return (
-        f"{sum(sizes.values()) / 1e6:.3g} MB, {study.omega.size} frames x "
-        f"{study.amplitude.size} amplitudes x {len(study.directions)} {study.each}s, "
+        f"{sum(sizes.values()) / 1e6:.3g} MB, {count(study.omega.size, 'frame')} x "
+        f"{count(study.amplitude.size, 'amplitude')} x {count(len(study.directions), study.each)}, "
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )

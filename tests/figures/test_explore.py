@@ -189,6 +189,20 @@ def test_pointing_shows_that_frame_and_leaving_returns(page):
     assert pixels(page, "#diagrams") == drawn
 
 
+def test_points_are_coloured_by_motion_or_by_direction(page):
+    settle(page)
+    assert "colours as on the map" in page.inner_text("#diagram-legend")
+    assert "grazing" in page.inner_text("#diagram-legend")
+    by_motion = pixels(page, "#diagrams")
+    page.select_option("#points", "direction")
+    settle(page)
+    assert "sweep up" in page.inner_text("#diagram-legend")
+    assert pixels(page, "#diagrams") != by_motion
+    page.select_option("#points", "motion")
+    settle(page)
+    assert pixels(page, "#diagrams") == by_motion
+
+
 def test_clicking_shows_the_numbers_and_the_orbit_of_the_run(page, results_file):
     results = open_results(results_file)
     frame, amplitude = 4, 18
@@ -198,7 +212,7 @@ def test_clicking_shows_the_numbers_and_the_orbit_of_the_run(page, results_file)
     settle(page)
     run = results.isel(direction=0, omega=frame, amplitude=amplitude)
     shown = numbers(page)
-    assert float(shown["A [gaps · ω₀²]"]) == pytest.approx(float(run["amplitude"]), rel=1e-6)
+    assert float(shown["A [gaps ω₀²]"]) == pytest.approx(float(run["amplitude"]), rel=1e-6)
     assert float(shown["Ω [ω₀]"]) == pytest.approx(float(run["omega"]), rel=1e-6)
     assert int(run["contact"]) > 0
     assert shown["motion"] == f"P{int(run['orbit_period'])}"
@@ -269,10 +283,10 @@ def test_the_keyboard_alone(page):
     settle(page)
     assert "(frame 6 of 8)" in page.inner_text("#diagram-title")
     amplitude = np.linspace(0.02, 0.3, 24)
-    assert float(numbers(page)["A [gaps · ω₀²]"]) == pytest.approx(amplitude[10], rel=1e-6)
+    assert float(numbers(page)["A [gaps ω₀²]"]) == pytest.approx(amplitude[10], rel=1e-6)
     page.keyboard.press("Enter")
     settle(page)
-    assert float(numbers(page)["A [gaps · ω₀²]"]) == pytest.approx(amplitude[9], rel=1e-6)
+    assert float(numbers(page)["A [gaps ω₀²]"]) == pytest.approx(amplitude[9], rel=1e-6)
     page.keyboard.press("d")
     settle(page)
     assert numbers(page)["direction"] == "down"

@@ -18,8 +18,10 @@ from hpcsweep.figures.explorer.encode import (
     to_text,
 )
 from hpcsweep.figures.explorer.page_data import PageData
+from hpcsweep.figures.labels import unit
 from hpcsweep.figures.palette import (
     DIRECTIONS,
+    GRAZING,
     LONGEST,
     MOTIONS,
     NOTHING,
@@ -32,7 +34,6 @@ from hpcsweep.figures.palette import (
 from hpcsweep.figures.style import set_name
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.modes import per_mass
-from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.outcome import Outcome
 
 SCRIPTS = (
@@ -48,6 +49,8 @@ SCRIPTS = (
 DEFAULT_BITS = 12
 VALUE_BITS = {"drift": 16, "lyapunov": 16}
 NORM_BITS = 12
+QUANTITIES = ("length", "velocity", "acceleration", "frequency", "rate")
+"""Whose units the page names."""
 NAME_ROOM = 40
 """Letters of a contact set's name."""
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
@@ -142,6 +145,8 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
     return {
         "name": study.name,
         "structure": _structure(study.structure),
+        "unitNames": {name: _unit_name(study.structure, name) for name in QUANTITIES},
+        "grazing": [_grazing(study.structure, omega) for omega in study.omega.tolist()],
         "omega": study.omega.tolist(),
         "amplitude": study.amplitude.tolist(),
         "directions": list(study.directions),
@@ -240,6 +245,21 @@ def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
     return [float(q) for q in np.percentile(finite, [percent, 100.0 - percent])]
 
 
+def _unit_name(structure, quantity: str) -> str:
+    """Name a unit as labels of figures do; empty where it has no name."""
+    name = unit(structure, quantity).strip().strip("[]")
+    return name.replace("$", "").replace(r"\omega_0", "ω₀").replace("^2", "²")
+
+
+def _grazing(structure, omega: float) -> float | None:
+    """Return the grazing amplitude; None where there is none."""
+    try:
+        amplitude = float(structure.grazing_amplitude(omega))
+    except ZeroDivisionError:
+        return 0.0
+    return amplitude if math.isfinite(amplitude) else None
+
+
 def _structure(structure) -> dict:
     """Return what the page needs to integrate and to describe: all divided by the masses."""
     mass = structure.mass_matrix
@@ -252,7 +272,6 @@ def _structure(structure) -> dict:
     told = (f"{GREEK.get(s, s)} = {value}" if s else value for s, value in in_words(structure))
     return {
         "words": ", ".join(told).replace("inf", "∞"),
-        "gaps": is_in_gaps(structure),
         "floors": structure.n_floors,
         "rho": structure.sharpness if finite else None,
         "stiffness": per_mass(mass, structure.stiffness_matrix).tolist(),
@@ -285,5 +304,6 @@ def _colours(study: PageData, sets: list[int]) -> dict[str, str | list[str]]:
         ],
         "numbers": [to_hex(c) for c in colormaps[NUMBERS](np.linspace(0, 1, 256))],
         "nothing": NOTHING,
+        "grazing": GRAZING,
         "stop": STOP,
     }

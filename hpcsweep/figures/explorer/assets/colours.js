@@ -21,7 +21,7 @@ function quantities(study) {
   if (study.data.contact) list.push(contactQuantity(study));
   const labels = {
     drift: ["drift δ [A/Ω²]", "drift δ [A/Ω²]"],
-    lyapunov: ["Lyapunov exponent λ", "Lyapunov λ"].map((text) => text + unit(study, " [ω₀]")),
+    lyapunov: ["Lyapunov exponent λ", "Lyapunov λ"].map((text) => text + unit(study, "rate")),
     share: ["share of the starts", "share"],
     number: ["number of attractors", "attractors there"],
   };

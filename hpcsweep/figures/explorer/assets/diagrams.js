@@ -1,8 +1,14 @@
 // The orbit diagrams of one frame: stroboscopic displacement of some floors against A.
 
-// A unit where lengths are in gaps; others have units of their own.
-function unit(study, text) {
-  return study.structure.gaps ? text : "";
+// The unit of a quantity behind a label, or behind a number; nothing where it has no name.
+function unit(study, quantity) {
+  const name = study.unitNames[quantity];
+  return name ? ` [${name}]` : "";
+}
+
+function inUnit(study, quantity) {
+  const name = study.unitNames[quantity];
+  return name ? ` ${name}` : "";
 }
 
 function subscript(number) {
@@ -38,6 +44,7 @@ class OrbitDiagrams {
     this.panels = [];
     this.edges = cellEdges(study.amplitude);
     this.everyFrame = null;
+    this.motion = null; // quantity that colours the points; null: their direction
   }
 
   // Make a panel for each of the floors (indices from 0), the top one first.
@@ -64,7 +71,7 @@ class OrbitDiagrams {
 
   options(panel, last, count) {
     const size = this.size(last, count);
-    const name = `u${subscript(panel.floor + 1)}(jT)${unit(this.study, " [gaps]")}`;
+    const name = `u${subscript(panel.floor + 1)}(jT)${unit(this.study, "length")}`;
     return {
       ...size,
       padding: [5, 12, last ? 0 : 3, 0],
@@ -77,7 +84,7 @@ class OrbitDiagrams {
       },
       axes: [
         last
-          ? { ...AXIS, label: `forcing amplitude A${unit(this.study, " [gaps · ω₀²]")}`, labelSize: 18, labelFont: AXIS.font, size: 24 }
+          ? { ...AXIS, label: `forcing amplitude A${unit(this.study, "acceleration")}`, labelSize: 18, labelFont: AXIS.font, size: 24 }
           : { ...AXIS, size: 4, values: () => [] },
         { ...AXIS, label: name, labelSize: 18, labelFont: AXIS.font, size: 48, space: 24 },
       ],
@@ -133,6 +140,12 @@ class OrbitDiagrams {
       this.paint(u, panel);
       u.ctx.drawImage(panel.canvas, u.bbox.left, u.bbox.top);
     }
+    const grazing = study.grazing[this.frame];
+    if (grazing >= range[0] && grazing <= range[1]) {
+      const at = u.valToPos(grazing, "x", true);
+      u.ctx.fillStyle = study.colours.grazing;
+      u.ctx.fillRect(at - 0.5, u.bbox.top, 1, u.bbox.height);
+    }
     const a = study.amplitude[amplitude];
     if (a >= range[0] && a <= range[1]) {
       const at = u.valToPos(a, "x", true);
@@ -167,14 +180,15 @@ class OrbitDiagrams {
     const sparse = width / study.nAmplitudes > 3 * shared ? 1 : 0;
     const order = study.directions.map((_, d) => d).filter((d) => d !== this.direction);
     for (const direction of [...order, this.direction]) {
-      const colour = pixel(study.colours.directions[direction]);
+      const first = study.run(frame, direction, 0);
+      const own = pixel(study.colours.directions[direction]);
       const side = ((direction === this.direction ? 2 : 3) + sparse) * shared;
       const half = side >> 1;
-      const first = study.run(frame, direction, 0);
       for (let a = 0; a < study.nAmplitudes; a++) {
         const share = (study.amplitude[a] - this.range[0]) / (this.range[1] - this.range[0]);
         const x = Math.round(share * width) - half;
         if (x < 0 || x + side > width) continue;
+        const colour = this.motion ? pixel(this.motion.colour(first + a)) : own;
         const start = offset + study.starts[first + a];
         const end = start + counts[first + a];
         for (let i = start; i < end; i++) {

@@ -33,6 +33,7 @@ class Explorer {
     this.fillControls();
     this.listen();
     this.setFloors(0);
+    this.colourPoints("motion");
     this.recolour();
     this.choose(...this.firstRun());
   }
@@ -141,6 +142,13 @@ class Explorer {
     this.portraits.layout(this.floors);
   }
 
+  // Colour the points of the orbit diagrams by motion, as the figures do, or by direction.
+  colourPoints(by) {
+    this.diagrams.motion = by === "motion" ? this.quantities[0] : null;
+    describeDiagrams(this.study, by);
+    this.later();
+  }
+
   setDirection(direction) {
     this.direction = direction;
     byId("direction").value = direction;
@@ -152,8 +160,8 @@ class Explorer {
     const { study } = this;
     const { frame, amplitude } = this.pin;
     const rows = [
-      [`A${unit(study, " [gaps · ω₀²]")}`, shortNumber(study.amplitude[amplitude], 7)],
-      [`Ω${unit(study, " [ω₀]")}`, shortNumber(study.omega[frame], 7)],
+      [`A${unit(study, "acceleration")}`, shortNumber(study.amplitude[amplitude], 7)],
+      [`Ω${unit(study, "frequency")}`, shortNumber(study.omega[frame], 7)],
       [study.each, study.directions[this.direction]],
     ];
     for (const q of this.quantities) {
@@ -228,6 +236,7 @@ class Explorer {
       return last > first ? `${first + 1}–${last + 1}` : String(last + 1);
     };
     fill("floors", groups.map((floors, i) => [i, groupName(floors)]));
+    fill("points", [["motion", "motion"], ["direction", study.each]]);
     byId("floors").disabled = groups.length < 2;
     byId("direction").previousSibling.data = study.each === "direction" ? "Direction " : "Attractor ";
     byId("direction").disabled = study.nDirections < 2;
@@ -246,6 +255,7 @@ class Explorer {
       this.later();
       this.portraits.show(this.orbit || null);
     });
+    byId("points").addEventListener("change", (event) => this.colourPoints(event.target.value));
     byId("hold").addEventListener("change", (event) => {
       this.hold = event.target.checked;
       this.later();

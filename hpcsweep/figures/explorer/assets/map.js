@@ -77,6 +77,8 @@ class RunMap {
   }
 
   options() {
+    const { omega } = this.study;
+    const one = omega.length === 1 ? { splits: () => omega, values: () => omega.map(String) } : {};
     return {
       ...this.size(),
       padding: [8, 12, 0, 0],
@@ -88,14 +90,31 @@ class RunMap {
       legend: { show: false },
       cursor: { points: { show: false }, drag: { x: true, y: true, uni: 20, setScale: false } },
       axes: [
-        { ...AXIS, label: `forcing amplitude A${unit(this.study, " [gaps · ω₀²]")}`, labelSize: 20, labelFont: AXIS.font, size: 28 },
-        { ...AXIS, label: `forcing frequency Ω${unit(this.study, " [ω₀]")}`, labelSize: 20, labelFont: AXIS.font, size: 48 },
+        { ...AXIS, label: `forcing amplitude A${unit(this.study, "acceleration")}`, labelSize: 20, labelFont: AXIS.font, size: 28 },
+        { ...AXIS, ...one, label: `forcing frequency Ω${unit(this.study, "frequency")}`, labelSize: 20, labelFont: AXIS.font, size: 48 },
       ],
       hooks: {
         drawAxes: [(u) => u.ctx.drawImage(this.canvas, u.bbox.left, u.bbox.top)],
+        draw: [(u) => this.drawGrazing(u)],
         setSelect: [(u) => this.zoomToSelection(u)],
       },
     };
+  }
+
+  // The grazing amplitude of every frame, the closed form.
+  drawGrazing(u) {
+    const { grazing, omega, colours } = this.study;
+    u.ctx.save();
+    u.ctx.beginPath();
+    u.ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+    u.ctx.clip();
+    u.ctx.strokeStyle = colours.grazing;
+    u.ctx.beginPath();
+    grazing.forEach((a, i) => {
+      if (a !== null) u.ctx.lineTo(u.valToPos(a, "x", true), u.valToPos(omega[i], "y", true));
+    });
+    u.ctx.stroke();
+    u.ctx.restore();
   }
 
   listen(over) {

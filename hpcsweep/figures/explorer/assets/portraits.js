@@ -20,8 +20,8 @@ class Portraits {
 
   size(count) {
     const side = Math.floor((this.element.parentElement.clientWidth - 2 * count) / count);
-    const height = Math.max(150, Math.min(230, 0.26 * window.innerHeight));
-    return { width: Math.max(110, Math.min(side, 280)), height };
+    const height = Math.max(150, Math.min(280, 0.3 * window.innerHeight));
+    return { width: Math.max(110, Math.min(side, 340)), height };
   }
 
   options(panel, count) {
@@ -35,8 +35,8 @@ class Portraits {
       legend: { show: false },
       cursor: { show: false },
       axes: [
-        { ...small, label: `u${i}${unit(this.study, " [gaps]")}`, size: 22, space: 26 },
-        { ...small, label: `v${i}${unit(this.study, " [gaps ω₀]")}`, size: 50, space: 24 },
+        { ...small, label: `u${i}${unit(this.study, "length")}`, size: 22, space: 26 },
+        { ...small, label: `v${i}${unit(this.study, "velocity")}`, size: 50, space: 24 },
       ],
       hooks: { draw: [(u) => this.draw(u, panel)] },
     };

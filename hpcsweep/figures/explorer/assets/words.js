@@ -9,7 +9,7 @@ function portraitNote(study, orbit, frame, run, period) {
   if (orbit.failed) return `${made}; the integration failed.`;
   if (!period) {
     return `${made}: ${orbit.points.length} periods of the same motion, not the same history ` +
-      `(the stored point is rounded to ${shortNumber(study.resolution.points, 2)}${unit(study, " gaps")}).`;
+      `(the stored point is rounded to ${shortNumber(study.resolution.points, 2)}${inUnit(study, "length")}).`;
   }
   let off = 0;
   const kept = Math.min(study.data.counts[run], period);
@@ -23,7 +23,7 @@ function portraitNote(study, orbit, frame, run, period) {
   const settled = orbit.settling ? ` after ${orbit.settling} periods` : "";
   const judged = warned ? " Beware: this is another orbit than the stored one." : "";
   return `${made}${settled}; it closes to ${shortNumber(orbit.closed, 2)} and is at most ` +
-    `${shortNumber(off, 2)}${unit(study, " gaps")} off the stored points ` +
+    `${shortNumber(off, 2)}${inUnit(study, "length")} off the stored points ` +
     `(rounded to ${shortNumber(study.resolution.points, 2)}).${judged}`;
 }
 
@@ -38,7 +38,7 @@ function notes(study) {
       `Escape returns to the selected one, + − 0 zoom, D changes the ${study.each}.`,
     ...(study.each === "attractor"
       ? ["Attractors are numbered by falling share of the starts, at each place anew."] : []),
-    (study.structure.gaps
+    (study.unitNames.length === "gaps"
       ? "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. "
       : "Lengths and times are in the units in which the structure was given. ") +
       "The map shows the run " +
@@ -51,8 +51,8 @@ function notes(study) {
   if (study.resolution.points) {
     words.push(
       `Stroboscopic points are rounded to 1/${2 ** study.bits} of their range in the frame, at ` +
-        `worst ${shortNumber(study.resolution.points, 2)}${unit(study, " gaps")} and ` +
-        `${shortNumber(study.resolution.speed, 2)}${unit(study, " gaps ω₀")}; ` +
+        `worst ${shortNumber(study.resolution.points, 2)}${inUnit(study, "length")} and ` +
+        `${shortNumber(study.resolution.speed, 2)}${inUnit(study, "velocity")}; ` +
         `at most ${t.points} of the ${t.of_points} of a run are here.`);
   }
   const modes = Object.keys(study.arrays).filter((name) => name.startsWith("modal_norm_")).length;
@@ -69,19 +69,28 @@ function stopWords(structure) {
   return structure.stops.some((own) => own.length) ? "stop dashed" : "";
 }
 
+// The legend of the orbit diagrams, whose points are coloured by motion or by direction.
+function describeDiagrams(study, by) {
+  const entries = by === "motion"
+    ? [["", "points by motion, colours as on the map of motions"]]
+    : study.words.map((name, i) => [study.colours.directions[i], name]);
+  if (study.grazing.some((a) => a !== null)) entries.push([study.colours.grazing, "grazing"]);
+  byId("diagram-legend").replaceChildren(
+    ...entries.map(([colour, name]) => {
+      const entry = document.createElement("span");
+      entry.append(...(colour ? [chip(colour)] : []), name);
+      return entry;
+    }),
+    study.data.points ? stopWords(study.structure) : "the results hold no stroboscopic points");
+}
+
 function describe(study) {
   const s = study.structure;
   byId("title").textContent = study.name;
   byId("structure").textContent =
     `${s.words}; ` +
-    `${study.nFrames} frames × ${study.nAmplitudes} amplitudes × ${study.nDirections} ${study.each}s`;
-  byId("diagram-legend").replaceChildren(
-    ...study.words.map((name, i) => {
-      const entry = document.createElement("span");
-      entry.append(chip(study.colours.directions[i]), name);
-      return entry;
-    }),
-    study.data.points ? stopWords(s) : "the results hold no stroboscopic points");
+    [[study.nFrames, "frame"], [study.nAmplitudes, "amplitude"], [study.nDirections, study.each]]
+      .map(([count, noun]) => `${count} ${noun}${count === 1 ? "" : "s"}`).join(" × ");
   byId("notes").replaceChildren(
     ...notes(study).map((words) => {
       const p = document.createElement("p");

@@ -272,14 +272,22 @@ def shares_text(results, classes: np.ndarray) -> str:
     return "Runs: " + ", ".join(parts) + ("" if tells_chaos(results) else hint)
 
 
-def foot(figure, handles: list, results, classes: np.ndarray, n_columns: int | None = None) -> None:
-    """Put the shares of the motion classes and a legend below the panels."""
+def foot(
+    figure,
+    handles: list,
+    results,
+    classes: np.ndarray,
+    n_columns: int | None = None,
+    note: str = "",
+) -> None:
+    """Put the shares of the motion classes, a note and a legend below the panels."""
+    shares = shares_text(results, classes)
     figure.legend(
         handles=handles,
         loc="outside lower center",
         ncols=n_columns or max(len(handles), 1),
         fontsize=8,
         frameon=False,
-        title=shares_text(results, classes),
+        title=f"{note}\n{shares}" if note else shares,
         title_fontsize=7.5,
     )

@@ -110,7 +110,7 @@ def _legend(figure, study, keys: list, index: np.ndarray) -> None:
             text = f"{name}  {percent(count / total)}"
             handles.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=text))
     point = Line2D([], [], linestyle="none", marker="o", mfc="none", mec="0.1", markersize=5)
-    point.set_label("one point of each, projected")
+    point.set_label("a point of each (triangle: outside)")
     handles.append(point)
     figure.legend(
         handles=handles,
@@ -148,12 +148,18 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
 
 
 def _mark(axis, study, point: np.ndarray, colour: str) -> None:
-    """Mark a point of an attractor, where it lies within the slice's rectangle."""
+    """Mark a point of an attractor; beyond the slice's rectangle by a triangle at its edge."""
     x, y = (float(point[component]) for component in study.components)
-    inside = study.horizontal[0] <= x <= study.horizontal[-1]
-    if inside and study.vertical[0] <= y <= study.vertical[-1]:
-        axis.plot(x, y, "o", ms=7, mfc=colour, mec="white", mew=1.6, zorder=3)
-        axis.plot(x, y, "o", ms=8.4, mfc="none", mec="0.1", mew=0.7, zorder=4)
+    left, right = study.horizontal[[0, -1]]
+    low, high = study.vertical[[0, -1]]
+    marker = "o"
+    if not (left <= x <= right and low <= y <= high):
+        off = {"<": (left - x) / (right - left), ">": (x - right) / (right - left)}
+        off |= {"v": (low - y) / (high - low), "^": (y - high) / (high - low)}
+        marker = max(off, key=off.__getitem__)
+    at = np.clip(x, left, right), np.clip(y, low, high)
+    axis.plot(*at, marker, ms=7, mfc=colour, mec="white", mew=1.6, zorder=3, clip_on=False)
+    axis.plot(*at, marker, ms=8.4, mfc="none", mec="0.1", mew=0.7, zorder=4, clip_on=False)
 
 
 def _label(structure, component: int) -> str:

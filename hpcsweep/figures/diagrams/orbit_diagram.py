@@ -133,10 +133,11 @@ def draw(
     axes[-1].set_xlabel(amplitude(structure))
     span = frame["amplitude"].values
     axes[-1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
+    note = ""
     if "contact" in frame:
         apart = coexistence(frame, classes[:, 0], structure.units_at)
-        _mark_regions(axes, frame, done, structure.contact_labels, apart)
-    _legend(figure, groups, color, results, classes)
+        note = _mark_regions(axes, frame, done, structure.contact_labels, apart)
+    _legend(figure, groups, color, results, classes, note)
     head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 
@@ -213,8 +214,8 @@ def _mark_stops(axis, structure, floor: int) -> None:
     axis.set_ylim(limits)
 
 
-def _mark_regions(axes, frame, done, labels, coexisting) -> None:
-    """Mark the contact regions along the top, as in Figure 3 of the paper."""
+def _mark_regions(axes, frame, done, labels, coexisting) -> str:
+    """Mark the contact regions along the top, as in Figure 3 of the paper; say what they are."""
     amplitude = frame["amplitude"].values
     least = max(3, amplitude.size // 100)
     regions = contact_regions(frame["contact"].values, done, least, coexisting)
@@ -254,9 +255,15 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> None:
             linespacing=1.05,
             rotation=0 if wide else 90,
         )
+    if len(regions) < 2:
+        return ""
+    return (
+        f"(i) to ({roman(len(regions))}): amplitudes of one contact set, C: contacts that close; "
+        "two sets: sweeps on two motions"
+    )
 
 
-def _legend(figure, groups: list[Group], color: str, results, classes) -> None:
+def _legend(figure, groups: list[Group], color: str, results, classes, note: str) -> None:
     from matplotlib.lines import Line2D
 
     def key(label: str, marker: str, colour: str, hollow: bool = False, size: float = 5):
@@ -285,4 +292,4 @@ def _legend(figure, groups: list[Group], color: str, results, classes) -> None:
         handles += [key(words_of(results, d), MARKERS[d], "0.3", d == DOWN) for d in directions]
     if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
         handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))
-    foot(figure, handles, results, classes, min(len(handles), MOST_COLUMNS))
+    foot(figure, handles, results, classes, min(len(handles), MOST_COLUMNS), note)

@@ -5,8 +5,10 @@ from collections import Counter
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify, contact_name
+from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.settings import MEASURES
 
 
 class RunTally:
@@ -27,6 +29,7 @@ class RunTally:
         self.contacts: Counter[int] = Counter()
         self.window = {"runs": 0, "wrong": 0, "missed": 0}
         self.cycles = 0
+        self.largest: dict[str, dict] = {}
 
     @property
     def done(self) -> int:
@@ -46,10 +49,29 @@ class RunTally:
         self.cycles += int(frame["cycles"].values[:, 0][there].sum())
         if "motion" in frame:
             self._compare(frame)
+        self._add_largest(frame, study)
         periodic = classes == MotionClass.PERIODIC
         count(self.periods, frame["orbit_period"].values[:, 0][periodic])
         if "contact" in frame:
             count(self.contacts, frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
+
+    def _add_largest(self, frame, study) -> None:
+        """Keep the largest value of each measure, and where it is."""
+        quantities = {variable.name: variable.units for variable in study.variables}
+        for name in MEASURES:
+            if name not in frame or not np.isfinite(frame[name].values).any():
+                continue
+            array = frame[name]
+            place = np.unravel_index(int(np.nanargmax(array.values)), array.shape)
+            at = array.isel(dict(zip(array.dims, place, strict=True)))
+            if float(at) > self.largest.get(name, {"value": -np.inf})["value"]:
+                self.largest[name] = {
+                    "value": float(at),
+                    "units": unit_of(study.structure, quantities[name]),
+                    "of": str(at[array.dims[-1]].item()),
+                    "amplitude": float(at["amplitude"]),
+                    "omega": float(at["omega"]),
+                }
 
     def _compare(self, frame) -> None:
         """Compare the window test with the classification, where it saw a whole window."""
@@ -80,6 +102,7 @@ class RunTally:
                 contact_name(contact, labels): share(count, done)
                 for contact, count in self.contacts.most_common()
             },
+            "largest": self.largest,
             "failures": failures(self.outcomes),
         }
 

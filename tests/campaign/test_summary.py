@@ -59,6 +59,19 @@ def test_a_summary_counts_what_the_file_holds(file):
     assert told["file_bytes"] == file.stat().st_size
 
 
+def test_a_summary_tells_the_largest_of_each_measure(tmp_path, capsys):
+    path = tmp_path / "measured.h5"
+    job = parse_job(SMALL + "impacts = true\ncontact_force = true\n", "study", "study")
+    assert campaign.run(job, path, Serial()) == 0
+    told, results = summarize(path)["largest"], store.open_results(path)
+    assert list(told) == ["contact_force", "impacts"]
+    for name, most in told.items():
+        there = results[name].sel(omega=most["omega"], amplitude=most["amplitude"], stop=most["of"])
+        assert float(there.max()) == most["value"] == float(results[name].max())
+    assert cli.main(["summary", str(path)]) == 0
+    assert f"{told['contact_force']['value']:.4g} k gaps" in capsys.readouterr().out
+
+
 def test_only_what_is_there_is_counted(tmp_path):
     job = parse_job(SMALL, "x", "x")
     path = tmp_path / "empty.h5"

@@ -99,7 +99,7 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
         for name in _listed(key, together):
             entry = summary[key].get(name)
             rows[label.format(name)] = _share(entry) if entry else "0"
-    for name, most in summary.get("largest", {}).items():
+    for name, most in summary["largest"].items():
         units = "" if most["units"] == "1" else f" {most['units']}"
         rows[f"largest {name}"] = (
             f"{most['value']:.4g}{units} ({most['of']}, A = {most['amplitude']:.6g}, "

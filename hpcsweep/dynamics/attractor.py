@@ -1,6 +1,6 @@
 """One attractor, and all that are found at a point (structure, A, Omega)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -38,6 +38,8 @@ class Attractor:
         Starts that reached it.
     share, share_low, share_high : float
         Share of all starts, and its Clopper-Pearson interval.
+    measures : ndarray, shape (D + n + 5 m,)
+        As in `hpcsweep.solvers.records.Observation`; empty unless asked for.
     """
 
     kind: MotionClass
@@ -54,6 +56,7 @@ class Attractor:
     share: float = 0.0
     share_low: float = 0.0
     share_high: float = 1.0
+    measures: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)

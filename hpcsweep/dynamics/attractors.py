@@ -257,7 +257,12 @@ class AttractorSearch:
             if known.orbit_period and same_orbit(scaled, known.points / self._units, same):
                 return place
         seen = self._solver.observe(
-            motion.points[-1], self._amplitude, motion.period, True, poll=self._poll
+            motion.points[-1],
+            self._amplitude,
+            motion.period,
+            True,
+            poll=self._poll,
+            measures=self._settings.measures,
         )
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
@@ -277,7 +282,8 @@ class AttractorSearch:
             settled = self._classified(end.state)
             if settled.kind is MotionClass.PERIODIC:
                 return self._place_orbit(settled)
-        seen = self._solver.observe(end.state, self._amplitude, RECORD, True, poll=self._poll)
+        asked = {"poll": self._poll, "measures": self._settings.measures}
+        seen = self._solver.observe(end.state, self._amplitude, RECORD, True, **asked)
         self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
@@ -327,6 +333,7 @@ class AttractorSearch:
                 seen.contact,
                 float(drift),
                 seen.modal_norm,
+                measures=seen.measures,
             )
         )
         self._neighbourhoods.append(near)

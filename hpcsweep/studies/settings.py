@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.solvers.measures import IMPACT_FLAG
+
 CONTACT_MEASURES = ("contact_force", "impacts", "impact_velocity", "impulse", "contact_time")
 MEASURES = ("storey_drift", "displacement", *CONTACT_MEASURES)
 """Peaks over the window of each storey, floor and contact, and the impacts of each contact."""
@@ -54,6 +57,12 @@ class SweepSettings:
     metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov", *MEASURES}
     max_points: int | None = None
     classify_cycles: int | None = None
+
+    @property
+    def measures(self) -> int:
+        """Flags of the measures that are asked for, 0 for none."""
+        flags = zip(MEASURES, (*PEAK_FLAGS, *4 * (IMPACT_FLAG,)), strict=True)
+        return sum({flag for name, flag in flags if name in self.metrics})
 
     @property
     def stored_points(self) -> int:

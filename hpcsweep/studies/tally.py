@@ -49,29 +49,11 @@ class RunTally:
         self.cycles += int(frame["cycles"].values[:, 0][there].sum())
         if "motion" in frame:
             self._compare(frame)
-        self._add_largest(frame, study)
+        add_largest(self.largest, frame, study)
         periodic = classes == MotionClass.PERIODIC
         count(self.periods, frame["orbit_period"].values[:, 0][periodic])
         if "contact" in frame:
             count(self.contacts, frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
-
-    def _add_largest(self, frame, study) -> None:
-        """Keep the largest value of each measure, and where it is."""
-        quantities = {variable.name: variable.units for variable in study.variables}
-        for name in MEASURES:
-            if name not in frame or not np.isfinite(frame[name].values).any():
-                continue
-            array = frame[name]
-            place = np.unravel_index(int(np.nanargmax(array.values)), array.shape)
-            at = array.isel(dict(zip(array.dims, place, strict=True)))
-            if float(at) > self.largest.get(name, {"value": -np.inf})["value"]:
-                self.largest[name] = {
-                    "value": float(at),
-                    "units": unit_of(study.structure, quantities[name]),
-                    "of": str(at[array.dims[-1]].item()),
-                    "amplitude": float(at["amplitude"]),
-                    "omega": float(at["omega"]),
-                }
 
     def _compare(self, frame) -> None:
         """Compare the window test with the classification, where it saw a whole window."""
@@ -105,6 +87,25 @@ class RunTally:
             "largest": self.largest,
             "failures": failures(self.outcomes),
         }
+
+
+def add_largest(largest: dict[str, dict], frame, study) -> None:
+    """Keep the largest value of each measure of a frame of a study, by name, and where it is."""
+    quantities = {variable.name: variable.units for variable in study.variables}
+    for name in MEASURES:
+        if name not in frame or not np.isfinite(frame[name].values).any():
+            continue
+        array = frame[name]
+        place = np.unravel_index(int(np.nanargmax(array.values)), array.shape)
+        at = array.isel(dict(zip(array.dims, place, strict=True)))
+        if float(at) > largest.get(name, {"value": -np.inf})["value"]:
+            largest[name] = {
+                "value": float(at),
+                "units": unit_of(study.structure, quantities[name]),
+                "of": str(at[array.dims[-1]].item()),
+                "amplitude": float(at["amplitude"]),
+                "omega": float(at["omega"] if "omega" in at.coords else study.omega[0]),
+            }
 
 
 def count(counter: Counter[int], values: np.ndarray) -> None:

@@ -1,8 +1,10 @@
 """Variables of the results of runs over forcing amplitude and frequency."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from hpcsweep.studies.settings import CONTACT_MEASURES, SweepSettings
+from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES, SweepSettings
 from hpcsweep.studies.study import Coordinate, Variable
 
 STATES = "length; velocity"
@@ -79,6 +81,11 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
     if settings.classify_cycles:
         wanted |= {"motion", "classification_cycles"}
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
+
+
+def measures_of_each(each: tuple[str, ...]) -> list[Variable]:
+    """Return the measures as variables of what has the dimensions `each`."""
+    return [replace(v, dims=(*each, v.dims[-1])) for v in RUN_VARIABLES if v.name in MEASURES]
 
 
 def numbered(count: int, long_name: str, first: int = 0) -> Coordinate:

@@ -8,7 +8,8 @@ from tools import SMALL
 
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
-from hpcsweep.job import JobError, parse_job
+from hpcsweep.campaign.summary import summarize
+from hpcsweep.job import parse_job
 from hpcsweep.model.kernel_model import PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
@@ -163,9 +164,29 @@ def test_a_contact_out_of_reach_exerts_no_force(tmp_path):
         assert results[name].values[..., 0].max() > 0
 
 
-@pytest.mark.parametrize("kind", ["attractors", "basins"])
-def test_other_studies_do_not_know_them(kind):
-    text = f'[study]\nkind = "{kind}"\n{SMALL}storey_drift = true\n'
-    text = text.replace("count = 4", "count = 2").replace("block = 4", "")
-    with pytest.raises(JobError, match=r"is a result of sweeps|one number"):
-        parse_job(text, "job", "job")
+def test_attractors_and_basins_have_those_of_a_sweep_that_ends_on_them(tmp_path):
+    structure = "[structure]\nn_floors = 2\nstiffness_ratio = 300.0\nsharpness = 4e3\n"
+    sweep = "[sweep]\nomega = 0.6\namplitude = 0.3\ntransient_cycles = 300\n"
+    found = {}
+    for kind in ("amplitude_sweep", "attractors", "basins"):
+        own = {"attractors": "starts = 8\n", "basins": "starts = 8\n"}.get(kind, "")
+        if kind == "basins":
+            own += "horizontal = [0.0, 0.5]\nvertical = [0.0, 0.5]\n"
+        text = f'[study]\nkind = "{kind}"\n{own}{structure}{sweep}[output]\n{OUTPUT}'
+        path = tmp_path / f"{kind}.h5"
+        assert campaign.run(parse_job(text, "job", "job"), path, Serial()) == 0
+        found[kind] = open_results(path)
+    swept = found["amplitude_sweep"].isel(direction=0, omega=0, amplitude=0)
+    assert int(swept.orbit_period) > 0
+    assert float(swept.impacts.max()) > 0
+    each = found["attractors"].isel(direction=0, omega=0, amplitude=0)
+    basin = found["basins"].isel(direction=0, row=0, amplitude=0)
+    for kind in found:
+        most = summarize(tmp_path / f"{kind}.h5")["largest"]["contact_force"]
+        assert most["value"] == float(found[kind].contact_force.max())
+    for results in (each, basin):
+        held = results.isel(attractor=np.flatnonzero(results.attractor_id))
+        for name in MEASURES:
+            assert held[name].dims == ("attractor", swept[name].dims[0])
+            apart = np.abs(held[name] - swept[name]).max(swept[name].dims[0])
+            assert apart.min() < 1e-9, name

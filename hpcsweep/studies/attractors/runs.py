@@ -13,7 +13,7 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.attractors.search import Limits, empty_results
+from hpcsweep.studies.attractors.search import Limits, empty_results, store_values
 from hpcsweep.studies.attractors.variables import attractor_variables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
@@ -136,7 +136,7 @@ class AttractorRuns:
         kept, points = [kept[k] for k in place], [points[k] for k in place]
         ids = [ids[k] for k in place]
         for slot, (one, own, number) in enumerate(zip(kept, points, ids, strict=True)):
-            _store_attractor(result, (index, slot), one, own, number)
+            _store_attractor(result, (index, slot), self._solver.structure, one, own, number)
         hits = sum(one.hits for one in kept)
         result["n_attractors"][index] = len(found.attractors)
         result["n_undecided"][index] = found.n_undecided
@@ -166,29 +166,25 @@ class AttractorRuns:
         return ids, last_id
 
 
-def _store_attractor(result, at: tuple[int, int], one: Attractor, points, number: int) -> None:
+def _store_attractor(
+    result, at: tuple[int, int], structure: Structure, one: Attractor, points, number: int
+) -> None:
     """Store one attractor."""
-    values = {
-        "attractor_id": number,
-        "motion_class": one.kind,
-        "hits": one.hits,
-        "share": one.share,
-        "share_low": one.share_low,
-        "share_high": one.share_high,
-        "orbit_period": one.orbit_period,
-        "multiplier": one.multiplier,
-        "lyapunov": one.lyapunov,
-        "lyapunov_low": one.lyapunov_low,
-        "lyapunov_high": one.lyapunov_high,
-        "contact": one.contact,
-        "drift": one.drift,
-        "modal_norm": one.modal_norm,
-        "point": points[-1],
-        "n_points": len(points),
-    }
-    for name, value in values.items():
-        if name in result:
-            result[name][at] = value
+    store_values(
+        result,
+        at,
+        structure,
+        one,
+        attractor_id=number,
+        hits=one.hits,
+        share=one.share,
+        share_low=one.share_low,
+        share_high=one.share_high,
+        lyapunov_low=one.lyapunov_low,
+        lyapunov_high=one.lyapunov_high,
+        point=points[-1],
+        n_points=len(points),
+    )
     result["poincare"][at][: len(points)] = points
 
 

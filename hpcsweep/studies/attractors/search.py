@@ -9,6 +9,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import MEASURES
 from hpcsweep.studies.study import Variable
+from hpcsweep.studies.sweep.measures import store_measures
 
 MOST_STARTS = 100_000_000
 MOST_ATTRACTORS = 64
@@ -61,9 +62,6 @@ def read_limits(values, kind: type, what: str) -> dict[str, Any]:
     what : str
         What it searches, for messages.
     """
-    for name in MEASURES:
-        if values.get(f"output.{name}", False) is not False:
-            raise values.error(f"output.{name}", True, "is a result of sweeps and points")
     if values.get("solver.skip", "all") != "all":
         given = values.get("solver.skip")
         raise values.error("solver.skip", given, 'must be "all": every motion is classified')
@@ -87,11 +85,34 @@ def empty_results(
 ) -> dict[str, np.ndarray]:
     """Allocate the results of `n_runs` runs, as if nothing was found."""
     n = structure.n_floors
-    sizes = {"mode": n, "state": 2 * n, **sizes}
+    n_contacts = len(structure.all_contact_numbers)
+    sizes = {"mode": n, "state": 2 * n, "floor": n, "stop": n_contacts, **sizes}
+    sizes["storey"] = len(structure.drift_rows)
     return {
         each.name: np.full((n_runs, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
         for each in variables
     }
+
+
+def store_values(
+    result: dict[str, np.ndarray], at: tuple[int, int], structure: Structure, one, **values
+) -> None:
+    """Store what is held of one attractor, and of `values`, at a run and a slot."""
+    values |= {
+        "motion_class": one.kind,
+        "orbit_period": one.orbit_period,
+        "multiplier": one.multiplier,
+        "lyapunov": one.lyapunov,
+        "contact": one.contact,
+        "drift": one.drift,
+        "modal_norm": one.modal_norm,
+    }
+    for name, value in values.items():
+        if name in result:
+            result[name][at] = value
+    if one.measures.size:
+        own = {name: result[name][at][None] for name in MEASURES if name in result}
+        store_measures(own, structure, one.measures[None])
 
 
 def attractors_as_runs(

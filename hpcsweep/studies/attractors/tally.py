@@ -7,7 +7,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.tally import failures, share, shares
+from hpcsweep.studies.tally import add_largest, failures, share, shares
 
 
 class Found(NamedTuple):
@@ -41,6 +41,7 @@ class SearchTally:
     def __init__(self, study):
         self._labels = study.structure.contact_labels
         self.outcomes = np.zeros(len(Outcome), int)
+        self.largest: dict[str, dict] = {}
         self.cycles = self.starts = self.undecided = self.failed = self.elsewhere = 0
 
     @property
@@ -48,8 +49,9 @@ class SearchTally:
         """Runs that are computed."""
         return int(self.outcomes[Outcome.COMPLETE :].sum())
 
-    def add_starts(self, frame, starts: int) -> None:
-        """Count a frame, an xarray.Dataset, whose runs have so many starts each."""
+    def add_starts(self, frame, study, starts: int) -> None:
+        """Count a frame, an xarray.Dataset, of a study whose runs have so many starts each."""
+        add_largest(self.largest, frame, study)
         outcome = frame["outcome"].values
         there = outcome != Outcome.NOT_COMPUTED
         self.outcomes += np.bincount(outcome.ravel(), minlength=self.outcomes.size)
@@ -87,6 +89,7 @@ class SearchTally:
                 contact_name(contact, self._labels): share(count, held)
                 for contact, count in contacts.most_common()
             },
+            "largest": self.largest,
             "failures": failures(self.outcomes),
         }
 
@@ -101,7 +104,7 @@ class AttractorTally(SearchTally):
 
     def add(self, frame, study) -> None:
         """Count the points of one frame, an xarray.Dataset, of a study or of a part of it."""
-        self.add_starts(frame, study.starts)
+        self.add_starts(frame, study, study.starts)
         there = frame["outcome"].values != Outcome.NOT_COMPUTED
         self.numbers.update(frame["n_attractors"].values[there].tolist())
         self.attractors.update(attractors_in(frame)[2])

@@ -1,8 +1,8 @@
 """Variables of the results of a study of attractors."""
 
-from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.study import Variable
-from hpcsweep.studies.variables import CYCLES, OUTCOME, RUN, STATES
+from hpcsweep.studies.variables import CYCLES, OUTCOME, RUN, STATES, measures_of_each
 
 EACH = (*RUN, "attractor")
 VARIABLES = (
@@ -21,6 +21,7 @@ VARIABLES = (
     Variable("contact", EACH, "<u8", "1", "contact set, bit i - 1 for floor i"),
     Variable("drift", EACH, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*EACH, "mode"), "<f8", "1", "mean modal norm free of contact"),
+    *measures_of_each(EACH),
     Variable("point", (*EACH, "state"), "<f8", STATES, "a stroboscopic point"),
     Variable("n_points", EACH, "<i4", "1", "number of stroboscopic points stored"),
     Variable("poincare", (*EACH, "cycle", "state"), "<f8", STATES, "stroboscopic points"),
@@ -31,7 +32,7 @@ VARIABLES = (
     CYCLES,
     OUTCOME,
 )
-OPTIONAL = ("contact", "drift", "modal_norm")
+OPTIONAL = ("contact", "drift", "modal_norm", *MEASURES)
 """Variables that a job may leave out."""
 
 

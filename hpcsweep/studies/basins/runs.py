@@ -12,7 +12,7 @@ from hpcsweep.dynamics.starts import starting_states
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies.attractors.search import empty_results
+from hpcsweep.studies.attractors.search import empty_results, store_values
 from hpcsweep.studies.basins.variables import basin_variables
 from hpcsweep.studies.settings import SweepSettings
 
@@ -100,21 +100,9 @@ class SliceRuns:
         )
         row["label"][0] = np.where(labels >= 0, labels + 1, labels)
         for slot, one in enumerate(basins.attractors):
-            values = {
-                "attractor_id": slot + 1,
-                "motion_class": one.kind,
-                "hits": (labels == slot).sum(),
-                "orbit_period": one.orbit_period,
-                "multiplier": one.multiplier,
-                "lyapunov": one.lyapunov,
-                "contact": one.contact,
-                "drift": one.drift,
-                "modal_norm": one.modal_norm,
-                "point": one.points[-1],
-            }
-            for name, value in values.items():
-                if name in row:
-                    row[name][0, slot] = value
+            hits = (labels == slot).sum()
+            known = {"attractor_id": slot + 1, "hits": hits, "point": one.points[-1]}
+            store_values(row, (0, slot), self._solver.structure, one, **known)
         row["n_undecided"][0] = (labels == UNDECIDED).sum()
         row["n_failed"][0] = (labels == FAILED).sum()
         row["n_elsewhere"][0] = (labels == ELSEWHERE).sum()

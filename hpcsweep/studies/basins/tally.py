@@ -16,7 +16,7 @@ class BasinTally(SearchTally):
 
     def add(self, frame, study) -> None:
         """Count a row, an xarray.Dataset, of a study or of a part of it."""
-        self.add_starts(frame, study.horizontal.size)
+        self.add_starts(frame, study, study.horizontal.size)
         part = frame.attrs["part"]
         for number, hits, kind in zip(*attractors_in(frame), strict=True):
             name = f"{part}, {number}" if part else str(number)

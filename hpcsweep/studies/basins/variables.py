@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.study import Variable
-from hpcsweep.studies.variables import CYCLES, OMEGA, OUTCOME, STATES
+from hpcsweep.studies.variables import CYCLES, OMEGA, OUTCOME, STATES, measures_of_each
 
 RUN = ("direction", "row", "amplitude")
 """Dimensions of a row."""
@@ -30,6 +30,7 @@ VARIABLES = (
     Variable("contact", EACH, "<u8", "1", "contact set, bit i - 1 for floor i"),
     Variable("drift", EACH, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*EACH, "mode"), "<f8", "1", "mean modal norm free of contact"),
+    *measures_of_each(EACH),
     Variable("point", (*EACH, "state"), "<f8", STATES, "a stroboscopic point"),
     Variable("n_undecided", RUN, "<i4", "1", "starts of the row that were not classified"),
     Variable("n_failed", RUN, "<i4", "1", "starts of the row whose integration failed"),
@@ -37,7 +38,7 @@ VARIABLES = (
     replace(CYCLES, dims=RUN),
     replace(OUTCOME, dims=RUN),
 )
-OPTIONAL = ("contact", "drift", "modal_norm")
+OPTIONAL = ("contact", "drift", "modal_norm", *MEASURES)
 """Variables that a job may leave out."""
 
 

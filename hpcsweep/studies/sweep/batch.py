@@ -16,7 +16,7 @@ from hpcsweep.solvers.records import Orbits, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import NOT_TESTED, exponent_of_orbit
-from hpcsweep.studies.sweep.measures import store_measures, wants_measures
+from hpcsweep.studies.sweep.measures import store_measures
 
 AT_ONCE = 256
 """Runs, at most, for whose results room is made."""
@@ -76,7 +76,7 @@ class Batch:
             rules,
             self._free,
             "modal_norm" in settings.metrics,
-            wants_measures(settings),
+            settings.measures,
             poll,
         )
         rows = slice(first, first + len(orbits.rule))

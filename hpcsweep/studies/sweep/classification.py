@@ -21,7 +21,6 @@ from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.measures import wants_measures
 
 NOT_TESTED = -1
 """Window period of a run without a window of its own."""
@@ -121,7 +120,7 @@ def _classify_known(
     cycles = motion.cycles
     length = period or settings.sampling_cycles
     seen = motion.seen
-    norms, measures = "modal_norm" in settings.metrics, wants_measures(settings)
+    norms, measures = "modal_norm" in settings.metrics, settings.measures
     if seen is None or len(seen.points) != length or (measures and not seen.measures.size):
         seen = solver.observe(
             motion.points[-1], amplitude, length, norms, poll=poll, measures=measures

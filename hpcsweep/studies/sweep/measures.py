@@ -4,16 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpcsweep.model.kernel_model import PEAK_FLAGS
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.studies.settings import MEASURES, SweepSettings
-
-
-def wants_measures(settings: SweepSettings) -> int:
-    """Return the flags of those that are asked for, 0 for none."""
-    flags = zip(MEASURES, (*PEAK_FLAGS, *4 * (IMPACT_FLAG,)), strict=True)
-    return sum({flag for name, flag in flags if name in settings.metrics})
 
 
 def empty_measures(

@@ -43,7 +43,7 @@ from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.classification import Classification, classify_orbit, classify_window
-from hpcsweep.studies.sweep.measures import empty_measures, store_measures, wants_measures
+from hpcsweep.studies.sweep.measures import empty_measures, store_measures
 
 if TYPE_CHECKING:
     from hpcsweep.solvers.flow.flow_map import FlowMap
@@ -171,7 +171,7 @@ class FrameRuns:
             closed = self._free.window(z, amplitude)
             if closed is not None:
                 exponent = Interval.exact(self._free.orbit.lyapunov_exponent)
-                if wants_measures(self.settings):
+                if self.settings.measures:
                     closed = replace(closed, measures=self._free.orbit.measures(amplitude)[0])
                 told = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
                 self._store(result, _row(result, index), index, amplitude, told, 0)
@@ -200,7 +200,7 @@ class FrameRuns:
             "modal_norm" in settings.metrics,
             growth,
             poll,
-            wants_measures(settings),
+            settings.measures,
         )
         cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:

@@ -123,15 +123,28 @@ def _without_unset(tree: Mapping) -> dict:
 def _set_indexed(whole: dict, setting: str) -> dict:
     """Return a tree in which a key of one of several tables is set."""
     key, _, value = (part.strip() for part in setting.partition("="))
+    inner = key.rpartition(".")[2]
+    given = parse_toml(f"{inner} = {value}", _option(setting))
+    return with_indexed(whole, key, given[inner], _option(setting))
+
+
+def with_indexed(whole: Mapping, key: str, value: object, said: str) -> dict:
+    """Return a tree with another value of a key of one of several tables.
+
+    Raises
+    ------
+    TreeError
+        If there is no such table; the message begins with what was `said`.
+    """
     match = INDEXED.fullmatch(key)
     assert match is not None, "it was recognised before"
     table, name, place, inner = match.groups()
     tables = whole.get(table, {}).get(name)
     count = len(tables) if isinstance(tables, list) else 0
     if int(place) >= count:
-        raise TreeError(f"{_option(setting)}: there are {count} tables {table}.{name}, from 0 on")
+        raise TreeError(f"{said}: there are {count} tables {table}.{name}, from 0 on")
     changed = [dict(one) for one in tables]
-    changed[int(place)] |= parse_toml(f"{inner} = {value}", _option(setting))
+    changed[int(place)][inner] = value
     return merge(whole, {table: {name: changed}})
 
 

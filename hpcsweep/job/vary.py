@@ -5,12 +5,14 @@ its own: it is validated like any other, and has a text from which it can be run
 """
 
 import itertools
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from hpcsweep.job.job import JobError
+from hpcsweep.job.tree import INDEXED, TreeError, with_indexed
 from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Axis, Place
@@ -26,7 +28,9 @@ NEVER = {
     "sweep.amplitude": "is an axis of every study; give sweep.amplitude its values",
     "sweep.initial_state": "must be one and the same of all runs",
 }
-UNITS = {"structure.gap": "length", "structure.gap_left": "length", "pounding.gap": "length"}
+UNITS = dict.fromkeys(
+    ("structure.gap", "structure.gap_left", "structure.contact.gap", "pounding.gap"), "length"
+)
 
 
 @dataclass(frozen=True)
@@ -57,8 +61,11 @@ class Parts:
         """Return the job of a part."""
         tree = dict(self.tree)
         for axis, at in zip(self.axes, place, strict=True):
-            table, _, key = axis.key.partition(".")
-            tree[table] = {**tree.get(table, {}), key: axis.values[at]}
+            if INDEXED.fullmatch(axis.key):
+                tree = with_indexed(tree, axis.key, axis.values[at], self.source)
+            else:
+                table, _, key = axis.key.partition(".")
+                tree[table] = {**tree.get(table, {}), key: axis.values[at]}
         return tree
 
 
@@ -81,7 +88,10 @@ def read_varied(
     if n_parts > MOST_PARTS:
         raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MOST_PARTS}")
     parts = Parts(values.source, rest, axes, read)
-    base = parts((0,) * len(axes))
+    try:
+        base = parts((0,) * len(axes))
+    except TreeError as error:
+        raise JobError(f"{error}, in vary") from None
     study = Varied(base, axes, parts)
     for place in itertools.islice(study.places(), 1, None):
         _check_shape(values, study, place)
@@ -104,6 +114,9 @@ def _flat(values: Values, table: object) -> dict[str, object]:
 
 def _axis(values: Values, key: str, given: object) -> Axis:
     table, _, name = key.partition(".")
+    indexed = INDEXED.fullmatch(key)
+    if indexed:
+        name = f"{indexed[2]}_{indexed[3]}_{indexed[4]}"
     if table not in TABLES or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)}, such as structure.gap"
         raise JobError(f"{values.source}: vary: {key!r}: {limit}")
@@ -115,7 +128,7 @@ def _axis(values: Values, key: str, given: object) -> Axis:
         read = Values(values.source, {"vary": {key: given}}).numbers(f"vary.{key}", False).tolist()
     if len(set(read)) < len(read):
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    return Axis(name, key, tuple(read), UNITS.get(key, "1"))
+    return Axis(name, key, tuple(read), UNITS.get(re.sub(r"\[\d+\]", "", key), "1"))
 
 
 def _check_shape(values: Values, study: Varied, place: Place) -> None:

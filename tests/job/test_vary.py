@@ -33,6 +33,35 @@ def test_every_value_of_one_key_goes_with_every_value_of_another():
     assert len(set(seen.values())) == 6
 
 
+CONTACTS = """
+[structure]
+[structure.matrices]
+mass = [1.0, 1.0]
+stiffness = [[2.0, -1.0], [-1.0, 1.0]]
+[[structure.contact]]
+direction = [0.0, 1.0]
+gap = 1.0
+stiffness = 100.0
+[[structure.contact]]
+direction = [0.0, -1.0]
+gap = 1.0
+stiffness = 100.0
+[sweep]
+omega = 0.6
+amplitude = [0.1, 0.2]
+"""
+
+
+def test_a_key_of_one_of_several_contacts():
+    study = parse('"structure.contact[1].gap" = [0.5, 1.5]', CONTACTS)
+    assert study.names == ("contact_1_gap",)
+    assert study.axes[0].units == "length"
+    gaps = [[contact.gap for contact in study.part(p).structure.contacts] for p in study.places()]
+    assert gaps == [[1.0, 0.5], [1.0, 1.5]]
+    with pytest.raises(JobError, match=r"job\.toml: there are 2 tables structure\.contact, from 0"):
+        parse('"structure.contact[2].gap" = [0.5, 1.5]', CONTACTS)
+
+
 def test_the_blocks_of_all_parts_are_told_apart_and_found_again():
     study = parse_job(SMALL + TWO, "job.toml", "job").study
     table = study.table()

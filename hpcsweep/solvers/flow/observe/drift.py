@@ -1,4 +1,4 @@
-"""Largest storey drift over continuous time, on linear segments.
+"""Largest storey drift, and peaks of single rows, over continuous time, on linear segments.
 
 All components are polynomials of the step (`tables`). A maximum is looked for only where the
 Hermite bound of `search` allows more than the largest drift so far.
@@ -8,7 +8,7 @@ import math
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.linear.polynomials import expand_rows, value_and_slope, value_slope_bend
-from hpcsweep.solvers.flow.search.search import HERMITE_BEND, may_exceed
+from hpcsweep.solvers.flow.search.search import HERMITE_BEND, may_exceed, may_reach
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 
 SAME_PEAK = 1e-11
@@ -28,38 +28,70 @@ def drift_on_segment(index, x, z_end, s, model, tables, tally, work):
 
     ``work.bounds`` holds the bounds of the fourth derivatives on the step.
     """
-    n = model.stiffness.shape[0]
-    h = tables.h[index]
     for d in range(model.drift_rows.shape[0]):
         i, below = model.drift_rows[d]
-        d0, d1 = x[i], z_end[i]
-        v0, v1 = x[n + i], z_end[n + i]
-        if below >= 0:
-            d0, v0 = d0 - x[below], v0 - x[n + below]
-            d1, v1 = d1 - z_end[below], v1 - z_end[n + below]
-        peak = max(tally.peak_drift[0], max(abs(d0), abs(d1)))
-        tally.peak_drift[0] = peak
-        bound4 = work.bounds[i]
-        if below >= 0:
-            bound4 += work.bounds[below]
-        peak *= 1.0 + SAME_PEAK
-        if max(peak, bound4) < NOTHING:
-            continue
-        if may_exceed(peak, s, d0, v0, d1, v1, bound4):
-            expand_rows(tables.poly, index, x, work.rows, work.expanded, max(i, below) + 1)
-            for p in range(N_COEFFICIENTS):
-                work.drift_rows[0, p] = work.rows[i, p]
-                if below >= 0:
-                    work.drift_rows[0, p] -= work.rows[below, p]
-            search_peak(work.drift_rows, h, s, bound4, tally, work.stack)
+        row = (i, below, 0)
+        peak_of_row(row, index, x, z_end, s, 0, tally.peak_drift, tables, work)
+
+
+@inlined
+def peak_of_row(row, index, x, z_end, s, w, peaks, tables, work):
+    """Update peak w with y_i - y_below over the first `s` of a linear step.
+
+    Parameters
+    ----------
+    row : tuple of int
+        i; below, or -1; and a side, 0 for the modulus, 1 or -1 for that times y_i.
+    index, x, z_end, s, tables, work
+        Of `drift_on_segment`.
+    w : int
+    peaks : ndarray
+    """
+    i, below, side = row
+    n = z_end.shape[0] // 2
+    h = tables.h[index]
+    sign = -1.0 if side < 0 else 1.0
+    d0, d1 = sign * x[i], sign * z_end[i]
+    v0, v1 = sign * x[n + i], sign * z_end[n + i]
+    bound4 = work.bounds[i]
+    if below >= 0:
+        d0, v0 = d0 - x[below], v0 - x[n + below]
+        d1, v1 = d1 - z_end[below], v1 - z_end[n + below]
+        bound4 += work.bounds[below]
+    peak = max(peaks[w], max(_size(d0, side), _size(d1, side)))
+    peaks[w] = peak
+    if max(abs(peak) * (1.0 + SAME_PEAK), bound4) < NOTHING:
+        return
+    if _may_be_higher(peak, side, s, d0, v0, d1, v1, bound4):
+        expand_rows(tables.poly, index, x, work.rows, work.expanded, max(i, below) + 1)
+        for p in range(N_COEFFICIENTS):
+            work.drift_rows[0, p] = sign * work.rows[i, p]
+            if below >= 0:
+                work.drift_rows[0, p] -= work.rows[below, p]
+        search_peak(work.drift_rows, h, s, bound4, side, w, peaks, work.stack)
+
+
+@inlined
+def _may_be_higher(peak, side, d, g0, slope0, g1, slope1, bound4):
+    """Return whether |g|, or with a side g, may exceed a peak by more than `SAME_PEAK`."""
+    if side == 0:
+        return may_exceed(peak * (1.0 + SAME_PEAK), d, g0, slope0, g1, slope1, bound4)
+    more = peak + SAME_PEAK * abs(peak)
+    return may_reach(d, g0 - more, slope0, g1 - more, slope1, bound4)
+
+
+@inlined
+def _size(value, side):
+    """Return |value|, or with a side the value."""
+    return abs(value) if side == 0 else value
 
 
 @kernel
-def search_peak(rows, h, s, bound4, tally, stack):
-    """Update the largest drift with the extrema of one polynomial on [0, s].
+def search_peak(rows, h, s, bound4, side, w, peaks, stack):
+    """Update peak w with the extrema of one polynomial on [0, s].
 
-    A part is done with where the Hermite bound allows no more than the largest drift, or where
-    the slope is proved to be monotone: it has one extremum at most. Other parts are halved.
+    A part is done with where the Hermite bound allows no more than the peak, or where the slope is
+    proved to be monotone: it has one extremum at most. Other parts are halved.
     `stack` is workspace for right ends, as in `search.first_passage`.
     """
     a = 0.0
@@ -71,10 +103,9 @@ def search_peak(rows, h, s, bound4, tally, stack):
     while depth >= 0:
         b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
         d = b - a
-        known = max(tally.peak_drift[0], max(abs(ga), abs(gb)))
-        tally.peak_drift[0] = known
-        peak = known * (1.0 + SAME_PEAK)
-        if may_exceed(peak, d, ga, da, gb, db, bound4):
+        known = max(peaks[w], max(_size(ga, side), _size(gb, side)))
+        peaks[w] = known
+        if _may_be_higher(known, side, d, ga, da, gb, db, bound4):
             if d > least and not slope_is_monotone(d, ga, da, gb, db, bound4):
                 middle = 0.5 * (a + b)
                 gb, db = value_and_slope(rows, 0, h, middle)
@@ -82,7 +113,7 @@ def search_peak(rows, h, s, bound4, tally, stack):
                 stack[depth, 0], stack[depth, 1], stack[depth, 2] = middle, gb, db
                 continue
             if da * db < 0.0:
-                tally.peak_drift[0] = max(known, abs(extremum(rows, h, a, da, b, db)))
+                peaks[w] = max(known, _size(extremum(rows, h, a, da, b, db), side))
         a, ga, da = b, gb, db
         depth -= 1
 

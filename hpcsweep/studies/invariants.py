@@ -6,6 +6,7 @@ from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.settings import MEASURES
 
 ROUNDING = 1e-9
 """Excess over 1 allowed a mean modal norm."""
@@ -45,6 +46,13 @@ def broken_invariants(
         drift = rows["drift"]
         good = np.where(amplitude == 0, np.isnan(drift), np.isfinite(drift) & (drift >= 0))
         broken["drift is finite and not negative"] = complete & ~good
+    for name in rows.keys() & set(MEASURES):
+        # a contact with a layer also pulls, on its way in
+        least = -np.inf if name == "impulse" else 0.0
+        most = 1 + ROUNDING if name == "contact_time" else np.finfo(float).max
+        with np.errstate(invalid="ignore"):
+            good = ((rows[name] >= least) & (rows[name] <= most)).all(axis=1)
+        broken[f"{name} is finite, and a size or a share"] = complete & ~good
     if "modal_norm" in rows:
         norm = rows["modal_norm"]
         with np.errstate(invalid="ignore"):
@@ -121,7 +129,8 @@ def _of_failures(rows: dict) -> dict[str, np.ndarray]:
     for name in ("orbit_period", "n_points", "contact"):
         if name in rows:
             broken[f"{name} of a failed run is 0"] = failed & (rows[name] != 0)
-    for name in ("poincare", "drift", "modal_norm", "lyapunov", "lyapunov_low", "lyapunov_high"):
+    numbers = ("poincare", "drift", "modal_norm", "lyapunov", "lyapunov_low", "lyapunov_high")
+    for name in (*numbers, *MEASURES):
         if name in rows:
             kept = ~np.isnan(rows[name]).reshape(failed.size, -1).all(axis=1)
             broken[f"{name} of a failed run is NaN"] = failed & kept

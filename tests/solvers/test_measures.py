@@ -18,7 +18,9 @@ from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.solvers.reference import reference_points
+from hpcsweep.studies.invariants import broken_invariants
 from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES
+from hpcsweep.studies.sweep.runs import frame_runs
 
 ALL = sum(PEAK_FLAGS) + IMPACT_FLAG
 OUTPUT = "".join(f"{name} = true\n" for name in MEASURES)
@@ -190,3 +192,20 @@ def test_attractors_and_basins_have_those_of_a_sweep_that_ends_on_them(tmp_path)
             assert held[name].dims == ("attractor", swept[name].dims[0])
             apart = np.abs(held[name] - swept[name]).max(swept[name].dims[0])
             assert apart.min() < 1e-9, name
+
+
+def test_a_measure_that_cannot_be_is_found():
+    text = SMALL.replace("count = 11", "count = 3") + OUTPUT
+    study = parse_job(text, "job", "job").study
+    structure, amplitude = study.structure, np.array([0.3])
+    rows = frame_runs(structure, 0.6, study.settings).follow(amplitude, np.zeros(4))
+    units = structure.units_at(0.6, amplitude)
+
+    def wrong(changed: dict) -> list[str]:
+        found = broken_invariants(structure, study.settings, amplitude, rows | changed, units)
+        return [words for _, words in found]
+
+    assert wrong({}) == []
+    for name, value in (("contact_time", 1.5), ("impacts", -1.0), ("impulse", np.inf)):
+        damaged = {name: np.full_like(rows[name], value)}
+        assert wrong(damaged) == [f"not so: {name} is finite, and a size or a share"]

@@ -9,7 +9,7 @@ from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 
-RTOL, ATOL = 1e-9, 1e-11
+RTOL, ATOL = 1e-12, 1e-14
 LARGEST_STEP = 1 / 64
 """In forcing periods: a grazing contact, which takes a few hundredths of one, is not stepped
 over."""

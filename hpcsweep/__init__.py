@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from hpcsweep.job import load_job
     from hpcsweep.model.buildings import Building, adjacent
     from hpcsweep.model.matrices import Contact
+    from hpcsweep.model.record import Record
     from hpcsweep.model.structure import Structure
     from hpcsweep.solvers.solver import stroboscopic_points
     from hpcsweep.store import meanings, open_results
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Building",
     "Contact",
+    "Record",
     "Structure",
     "__version__",
     "adjacent",
@@ -34,6 +36,7 @@ _HOME = {
     "Building": "hpcsweep.model.buildings",
     "Contact": "hpcsweep.model.matrices",
     "adjacent": "hpcsweep.model.buildings",
+    "Record": "hpcsweep.model.record",
     "Structure": "hpcsweep.model.structure",
     "stroboscopic_points": "hpcsweep.solvers.solver",
     "load_job": "hpcsweep.job",

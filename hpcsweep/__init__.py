@@ -7,6 +7,9 @@ Units: lengths in gaps, time in 1/omega_0, or those in which a structure is give
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hpcsweep.earthquakes.intensity import intensity
+    from hpcsweep.earthquakes.reading import read_record
+    from hpcsweep.earthquakes.spectrum import spectrum
     from hpcsweep.job import load_job
     from hpcsweep.model.buildings import Building, adjacent
     from hpcsweep.model.matrices import Contact
@@ -25,9 +28,12 @@ __all__ = [
     "__version__",
     "adjacent",
     "attractors",
+    "intensity",
     "load_job",
     "meanings",
     "open_results",
+    "read_record",
+    "spectrum",
     "stroboscopic_points",
     "trajectory",
 ]
@@ -43,6 +49,9 @@ _HOME = {
     "meanings": "hpcsweep.store",
     "open_results": "hpcsweep.store",
     "trajectory": "hpcsweep.store.trajectory",
+    "intensity": "hpcsweep.earthquakes.intensity",
+    "read_record": "hpcsweep.earthquakes.reading",
+    "spectrum": "hpcsweep.earthquakes.spectrum",
     "attractors": "hpcsweep.studies.attractors.runs",
 }
 

@@ -1,17 +1,16 @@
 """What rank 0 knows of the tasks' costs: from the journal, a pilot, the blocks done."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
-from hpcsweep.parallel import farm
 from hpcsweep.parallel.schedule import computing_ranks
-from hpcsweep.parallel.stopping import StopFlag
-from hpcsweep.store import Journal, read_history
-from hpcsweep.store.records import BlockCost
+from hpcsweep.store import read_history
+from hpcsweep.store.records import BlockCost, PilotCost
 
 LEAST_ELAPSED = 0.5
 """Seconds of work from which on what it takes besides the runs is known."""
@@ -20,8 +19,8 @@ LEAST_ELAPSED = 0.5
 class KnownCosts:
     """Costs of the unfinished tasks; made on every rank, held on rank 0.
 
-    Nothing is kept for one task: there is nothing to decide, and its runs tell how fast it is. One
-    rank takes the tasks in their order, but is told the time that remains.
+    Nothing is kept where one task is all there is to do: there is nothing to decide, and its runs
+    tell how fast it is. One rank takes the tasks in their order, but is told the time that remains.
 
     Parameters
     ----------
@@ -29,18 +28,19 @@ class KnownCosts:
     study : Study
     output : Path
         Whose journal is read.
-    todo : list of int
-        Unfinished tasks.
+    wanted : bool
+        Whether there is more than one task to do; the same on every rank.
     done : ndarray of int, shape (n, n_axes)
-        Places of the blocks of these that are done.
+        Places of the blocks of unfinished tasks that are done.
     """
 
-    def __init__(self, comm, study, output: Path, todo: list[int], done: np.ndarray):
+    def __init__(self, comm, study, output: Path, wanted: bool, done: np.ndarray):
         self._comm, self._study = comm, study
-        self._wanted = comm.bcast(len(todo) > 1)
-        self._begun: float | None = None
-        self._spent = 0.0
-        if comm.rank != 0 or not self._wanted:
+        self.n_computing = computing_ranks(comm.size)
+        self.wanted = wanted
+        self.begun: float | None = None
+        self.spent = 0.0
+        if comm.rank != 0 or not self.wanted:
             return
         self.tasks = TaskCosts(study)
         history = read_history(output)
@@ -50,49 +50,55 @@ class KnownCosts:
             self.tasks.sampled(sample)
         self.tasks.all_done(done)
 
-    def sample(self, journal: Journal, flag: StopFlag) -> bool:
-        """Time a pilot on all ranks, if it is needed; tell whether to go on (collective)."""
-        count = 0
-        if self._comm.rank == 0 and self._wanted:
-            count = costs.n_samples(self._study)
-            if self.tasks.n_known() >= count * costs.PILOT_TIMED:
-                count = 0
-        count = self._comm.bcast(count)
+    def n_samples(self) -> int:
+        """Count the samples that a pilot has to time, on rank 0: none if enough is known."""
+        if self._comm.rank != 0 or not self.wanted:
+            return 0
+        count = costs.n_samples(self._study)
+        return 0 if self.tasks.n_known() >= count * costs.PILOT_TIMED else count
 
-        def compute(index, poll, report) -> None:
-            sample = costs.time_sample(self._study, index, poll)
-            report(sample._replace(seconds=round(sample.seconds, 6)))
-
-        def on_report(_rank, sample) -> None:
-            self.tasks.sampled(sample)
-            journal.note("pilot", **sample._asdict())
-
-        return count == 0 or farm.run(self._comm, range(count), compute, flag, on_report)
+    def sampled(self, sample: PilotCost) -> None:
+        """Learn from a pilot's runs."""
+        self.tasks.sampled(sample)
 
     def block_done(self, cost: BlockCost) -> None:
         """Learn from a block."""
-        if self._wanted:
+        if self.wanted:
             self.tasks.measured(cost)
             self.tasks.done(cost.place)
-            self._spent += cost.seconds
-            if self._begun is None:
-                self._begun = time.monotonic() - cost.seconds
+            self.spent += cost.seconds
+            if self.begun is None:
+                self.begun = time.monotonic() - cost.seconds
 
     def left(self, task: int) -> float:
         """Estimate the cost (s) of what is left of a task; 0 where it does not matter."""
-        return self.tasks.left(task) if self._wanted and self._comm.size > 1 else 0.0
+        return self.tasks.left(task) if self.wanted and self._comm.size > 1 else 0.0
 
     def remaining(self) -> float | None:
-        """Estimate the wall time (s) until all is done on these ranks; None if it is not known.
+        """Estimate the wall time (s) until all is done on these ranks; None if it is not known."""
+        return remaining_of([self])
 
-        Beside its runs a rank has messages and commits to do, which of single points take longer
-        than these: the time that so many seconds of runs have taken in this session tells.
-        """
-        if not self._wanted:
+
+def remaining_of(campaigns: Sequence[KnownCosts]) -> float | None:
+    """Estimate the wall time (s) until several campaigns are done that share the ranks.
+
+    Beside its runs a rank has messages and commits to do, which of single points take longer than
+    these: the time that so many seconds of runs have taken in this session tells.
+
+    Returns
+    -------
+    float or None
+        None if nothing is known of one.
+    """
+    runs = 0.0
+    for each in campaigns:
+        left = each.tasks.remaining(each.n_computing) if each.wanted else None
+        if left is None:
             return None
-        n_computing = computing_ranks(self._comm.size)
-        runs = self.tasks.remaining(n_computing)
-        elapsed = 0.0 if self._begun is None else time.monotonic() - self._begun
-        if runs is None or elapsed < LEAST_ELAPSED or not self._spent:
-            return runs
-        return runs * max(elapsed * n_computing / self._spent, 1.0)
+        runs += left
+    begun = [each.begun for each in campaigns if each.begun is not None]
+    elapsed = time.monotonic() - min(begun) if begun else 0.0
+    spent = sum(each.spent for each in campaigns)
+    if elapsed < LEAST_ELAPSED or not spent:
+        return runs
+    return runs * max(elapsed * campaigns[0].n_computing / spent, 1.0)

@@ -1,13 +1,17 @@
-"""A campaign: a job run to its end, or to a stop, on all ranks, into one file."""
+"""Campaigns: jobs run to their ends, or to a stop, on all ranks, each into a file of its own."""
 
 import contextlib
 import gc
+import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from hpcsweep.campaign import provenance
 from hpcsweep.campaign.progress import Silent, say_line
+from hpcsweep.campaign.queue import Queue
 from hpcsweep.campaign.work import Work
 from hpcsweep.job import Job
 from hpcsweep.job.paths import followed
@@ -33,38 +37,22 @@ from hpcsweep.store.opening import (
 from hpcsweep.store.repair import repair
 from hpcsweep.store.transport import check_transport
 
-COMPLETE, STOPPED = 0, 75
+COMPLETE, FAILED, REFUSED, STOPPED = 0, 1, 2, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
 STOP_MARGIN = 5.0
 """Seconds before the time limit at which the ranks begin to stop."""
 
 
-def run(
-    job: Job,
-    output: Path,
-    comm,
-    *,
-    max_hours: float | None = None,
-    progress: Callable[[int, int], Silent] | None = None,
-    say: Callable[[str], None] = lambda text: None,
-    flag: StopFlag | None = None,
-) -> int:
-    """Run a job on all ranks, creating its file or resuming it (collective).
+class Ending(NamedTuple):
+    """How a job ended: an exit code, and if it is neither complete nor stopped why."""
 
-    Parameters
-    ----------
-    job : Job
-        The same on every rank.
-    output : Path
-    comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
-    max_hours : float, optional
-        Stop in good order a little before this much wall time has passed.
-    progress : callable (total_runs, done_runs), optional
-        Makes the progress display on rank 0.
-    say : callable
-        Told on rank 0 what happens before the first run.
-    flag : hpcsweep.parallel.stopping.StopFlag, optional
-        Hears the signals already; if it is not given, they are heard while this function runs.
+    output: Path
+    code: int
+    why: str = ""
+
+
+def run(job: Job, output: Path, comm, **options) -> int:
+    """Run one job on all ranks (collective); see `run_all`.
 
     Returns
     -------
@@ -78,42 +66,131 @@ def run(
     WriteError
         On one rank, if the disk does not take the results; what is committed is intact.
     """
+    (ending,) = run_all([(job, output)], comm, **options)
+    return ending.code
+
+
+def run_all(
+    jobs: Sequence[tuple[Job, Path]],
+    comm,
+    *,
+    max_hours: float | None = None,
+    progress: Callable[[int, int], Silent] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    flag: StopFlag | None = None,
+) -> list[Ending]:
+    """Run jobs on all ranks, creating the file of each or resuming it (collective).
+
+    Their tasks are one queue. Of several jobs one that cannot be run, or fails, does not stop the
+    others; what goes wrong with a single one is raised.
+
+    Parameters
+    ----------
+    jobs : sequence of (Job, Path)
+        With their files, all different; the same on every rank.
+    comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
+    max_hours : float, optional
+        Stop in good order a little before this much wall time has passed.
+    progress : callable (total_runs, done_runs), optional
+        Makes the progress display on rank 0.
+    say : callable
+        Told on rank 0 what happens before the first run.
+    flag : hpcsweep.parallel.stopping.StopFlag, optional
+        Hears the signals already; if it is not given, they are heard while this function runs.
+
+    Returns
+    -------
+    list of Ending
+        In the order of the jobs, the same on every rank.
+
+    Raises
+    ------
+    StoreError, WriteError
+        Of a single job; see `run`.
+    """
     begun = time.time()
-    output = followed(output)
-    layout = Layout(job)
     with contextlib.nullcontext(flag) if flag else StopFlag(launched=comm.size > 1) as flag:
         if max_hours is not None:
             flag.deadline = begun + max_hours * 3600 - STOP_MARGIN
-        lock = Lock(output)
+        if len(jobs) > 1:
+            _allow_open_files()
+        endings: dict[int, Ending] = {}
+        opened: dict[int, tuple[Layout, Path, Lock]] = {}
         hosts = comm.gather(provenance.host())
-        if comm.rank != 0:
-            # loads what takes long to load, while rank 0 prepares the file
-            job.study.is_compiled(comm.size)
-        _on_master(comm, lambda: _prepare(layout, output, lock, comm, hosts, say))
-        lock.join()
-        try:
-            campaign = open_campaign(output, layout, comm)
-            _compile(comm, job.study, flag, say)
-            work = Work(comm, output, campaign, flag, hosts or [], say)
+        for k, (job, output) in enumerate(jobs):
+            layout, output = Layout(job), followed(output)
+            lock = Lock(output)
+            if comm.rank != 0:
+                # loads what takes long to load, while rank 0 prepares the file
+                job.study.is_compiled(comm.size)
             try:
-                finished = work.do(progress)
-            except BaseException:
-                # no other rank is waited for: the caller ends them all
+                prepare = partial(_prepare, layout, output, lock, comm, hosts, say)
+                _on_master(comm, prepare)
+            except StoreError as error:
+                if len(jobs) == 1:
+                    raise
+                endings[k] = Ending(output, REFUSED, str(error))
+            else:
+                lock.join()
+                opened[k] = layout, output, lock
+        if opened:
+            ended = _run_opened([*opened.values()], comm, flag, hosts or [], progress, say)
+            endings |= dict(zip(opened, ended, strict=True))
+    return [endings[k] for k in range(len(jobs))]
+
+
+def _run_opened(
+    opened: list[tuple[Layout, Path, Lock]], comm, flag: StopFlag, hosts: list[str], progress, say
+) -> list[Ending]:
+    """Run jobs whose files are prepared and locked."""
+    output = opened[0][1]
+    try:
+        campaigns = [open_campaign(output, layout, comm) for layout, output, _ in opened]
+        _compile(comm, [layout.job.study for layout, _, _ in opened], flag, say)
+        works = []
+        for (_, output, _), campaign in zip(opened, campaigns, strict=True):
+            works.append(Work(comm, output, campaign, flag, hosts, say))
+        queue = Queue(comm, works, flag)
+        try:
+            queue.do(progress)
+        except BaseException:
+            # no other rank is waited for: the caller ends them all
+            for work in works:
                 with contextlib.suppress(WriteError):
-                    campaign.flush()
-                raise
-            campaign.close()
-        except (OSError, DamagedError) as error:
-            # found sound before: it was taken away, or cut, since
-            lock.release(remove=comm.rank == 0)
-            said = str(error) if isinstance(error, StoreError) else f"{output}: {error}"
-            raise WriteError(f"{said}; it was changed by somebody else in mid-run") from None
-        except WriteError:
-            lock.release(remove=comm.rank == 0)
+                    work.flush()
             raise
-        comm.barrier()
+        for k, work in enumerate(works):
+            with contextlib.suppress(*((Exception,) if k in queue.failed else ())):
+                work.close()
+    except (OSError, DamagedError) as error:
+        # found sound before: it was taken away, or cut, since
+        _release(opened, comm)
+        said = str(error) if isinstance(error, StoreError) else f"{output}: {error}"
+        raise WriteError(f"{said}; it was changed by somebody else in mid-run") from None
+    except WriteError:
+        _release(opened, comm)
+        raise
+    comm.barrier()
+    _release(opened, comm)
+    endings = []
+    for k, (_, output, _) in enumerate(opened):
+        if k in queue.failed:
+            endings.append(Ending(output, FAILED, queue.failed[k]))
+        else:
+            endings.append(Ending(output, COMPLETE if queue.complete[k] else STOPPED))
+    return endings
+
+
+def _allow_open_files() -> None:
+    """Raise the limit of open files to what the system allows: each campaign holds a few."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+
+
+def _release(opened: list[tuple[Layout, Path, Lock]], comm) -> None:
+    for _, _, lock in opened:
         lock.release(remove=comm.rank == 0)
-    return COMPLETE if finished else STOPPED
 
 
 def _on_master(comm, action: Callable[[], None]) -> None:
@@ -172,7 +249,7 @@ def _check_same_job(layout: Layout, output: Path) -> None:
     check_writable(output)
 
 
-def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
+def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]) -> None:
     """Load the kernels; if any is not in the cache, one rank of each node compiles first.
 
     That may take minutes, so a signal ends the ranks then and there: nothing is being written.
@@ -185,18 +262,23 @@ def _compile(comm, study, flag: StopFlag, say: Callable[[str], None]) -> None:
     flag.at_once = leave
     if flag.reason is not None:
         leave(flag.reason)
-    at_once = comm.gather(study.is_compiled(comm.size))
-    if comm.bcast(at_once and all(at_once)):
-        study.warm_up(n_ranks=comm.size)
-    else:
-        first = comm.node_rank() == 0
-        if first:
-            study.warm_up(say if comm.rank == 0 else None, comm.size)
-        comm.barrier()
-        if not first:
-            study.warm_up(n_ranks=comm.size)
+    for study in studies:
+        _compile_one(comm, study, say)
     # no rank writes as long as another might leave at once
     comm.barrier()
     flag.at_once = None
     # what is loaded stays, and is not looked through for garbage again and again
     gc.freeze()
+
+
+def _compile_one(comm, study, say: Callable[[str], None]) -> None:
+    at_once = comm.gather(study.is_compiled(comm.size))
+    if comm.bcast(at_once and all(at_once)):
+        study.warm_up(n_ranks=comm.size)
+        return
+    first = comm.node_rank() == 0
+    if first:
+        study.warm_up(say if comm.rank == 0 else None, comm.size)
+    comm.barrier()
+    if not first:
+        study.warm_up(n_ranks=comm.size)

@@ -1,9 +1,8 @@
-"""The unfinished tasks of a campaign: farmed out, computed, written and reported."""
+"""The unfinished tasks of a campaign: computed, written and reported."""
 
 import contextlib
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,8 +18,6 @@ from hpcsweep.store import Campaign, Journal
 from hpcsweep.store.records import BlockCost, block_record, load_record
 
 LISTED_FAILURES = 10
-MASTER_NOTES = 30.0
-"""Seconds between two notes of the master's load in the journal."""
 
 
 @dataclass
@@ -54,60 +51,58 @@ class _Failures:
 
 
 class Work:
-    """The unfinished tasks of a campaign, and one rank's share in them."""
+    """The unfinished tasks of one campaign: what one rank does with one, what rank 0 is told.
+
+    Attributes
+    ----------
+    output : Path
+    scanned : bool
+        Whether all that the file holds was verified; the same on every rank.
+    todo : list of int
+        Unfinished tasks, on rank 0.
+    done_runs : int
+        Runs that the file holds, on rank 0.
+    """
 
     def __init__(self, comm, output: Path, campaign: Campaign, flag: StopFlag, hosts, say):
-        self._comm, self._output, self._campaign = comm, output, campaign
-        self._flag, self._hosts, self._say = flag, hosts, say
-        self._study = campaign.blocks.study
-        self._journal = Journal(output)
-        self._failures, self._traffic = _Failures(), farm.Traffic()
-
-    def do(self, progress: Callable[[int, int], Silent] | None) -> bool:
-        """Compute the unfinished tasks on all ranks; tell whether all are finished."""
-        begun = time.perf_counter()
-        if self._comm.rank == 0:
-            self._journal.append(
+        self._comm, self._campaign = comm, campaign
+        self._flag = flag
+        self.output, self.study = output, campaign.blocks.study
+        self.journal = Journal(output)
+        self._failures = _Failures()
+        if comm.rank == 0:
+            self.journal.append(
                 "start",
-                ranks=self._comm.size,
-                hosts=sorted(set(self._hosts)),
-                transport=self._campaign.transport.name,
+                ranks=comm.size,
+                hosts=sorted(set(hosts)),
+                transport=campaign.transport.name,
             )
-        scan = Scan(self._comm, self._campaign.blocks, self._flag, self._say)
-        if not scan.finished:
-            self._end(False, time.perf_counter() - begun, Silent())
-            return False
-        todo, done_runs = scan.todo, scan.done_runs
-        costs = KnownCosts(self._comm, self._study, self._output, todo, scan.done)
-        begun = time.perf_counter()
-        display = Silent()
-        if self._comm.rank == 0 and progress is not None:
-            display = progress(self._study.n_runs, done_runs)
-            display.expect(costs.remaining)
+        scan = Scan(comm, campaign.blocks, flag, say)
+        self.scanned, self.todo, self.done_runs = scan.finished, scan.todo, scan.done_runs
+        self._done = scan.done
+        self._counted = set(map(tuple, scan.done.tolist()))
+        self._left = self.study.n_runs - scan.done_runs
 
-        def on_report(rank, value) -> None:
-            cost, failures = value
-            self._failures.add(failures)
-            self._journal.note("block", rank=rank, **block_record(cost))
-            costs.block_done(cost)
-            display.advance(cost.runs)
+    def estimate(self, wanted: bool) -> None:
+        """Begin to estimate what tasks cost; only if it is wanted, which is up to rank 0."""
+        self.costs = KnownCosts(self._comm, self.study, self.output, wanted, self._done)
 
-        finished = costs.sample(self._journal, self._flag) and farm.run(
-            self._comm,
-            todo,
-            self._compute,
-            self._flag,
-            on_report,
-            costs.left,
-            self._traffic,
-            _every(MASTER_NOTES, display.tick, self._note_load),
-            self._campaign.flush,
-        )
-        self._campaign.flush()
-        self._end(finished, time.perf_counter() - begun, display)
-        return finished
+    @property
+    def all_done(self) -> bool:
+        """Whether rank 0 was told of all runs that they are done."""
+        return self.scanned and self._left == 0
 
-    def _compute(self, task: int, poll, report, rest=None) -> tuple | None:
+    def block_done(self, rank: int, value) -> int:
+        """Take the report of a block, on rank 0; return its runs."""
+        cost, failures = value
+        self._failures.add(failures)
+        if cost.place not in self._counted:
+            self._left -= cost.runs
+        self.costs.block_done(cost)
+        self.journal.note("block", rank=rank, **block_record(cost))
+        return cost.runs
+
+    def compute(self, task: int, poll, report, rest=None) -> tuple | None:
         """Compute the blocks of one task that are not in the file, along its path.
 
         Parameters
@@ -121,7 +116,7 @@ class Work:
             What is left, if the task was wanted back; None if it is finished.
         """
         first, state = rest or (0, None)
-        position, n_positions = first - 1, len(self._study.path(task))
+        position, n_positions = first - 1, len(self.study.path(task))
         chain = self._campaign.blocks.chain(task, first, state)
         computed = None
         with contextlib.suppress(StopIteration):
@@ -133,7 +128,7 @@ class Work:
                     continue
                 poll()
                 begun = time.perf_counter()
-                rows = self._study.compute(block, start, poll)
+                rows = self.study.compute(block, start, poll)
                 computed = self._campaign.write_block(block, start, rows)
                 seconds = round(time.perf_counter() - begun, 6)
                 cost = BlockCost(block.place, block.n_runs, seconds)
@@ -149,41 +144,36 @@ class Work:
         return _Failures(
             Counter(outcomes),
             [
-                {**self._study.describe(block.run(int(row))), "outcome": Outcome(outcome).name}
+                {**self.study.describe(block.run(int(row))), "outcome": Outcome(outcome).name}
                 for row, outcome in zip(bad[:LISTED_FAILURES], outcomes, strict=False)
             ],
         )
 
-    def _note_load(self) -> None:
-        self._journal.note("master", **load_record(self._traffic))
+    def flush(self) -> None:
+        """Commit what this rank has computed."""
+        self._campaign.flush()
 
-    def _end(self, finished: bool, seconds: float, display: Silent) -> None:
+    def note_load(self, traffic: farm.Traffic) -> None:
+        """Write the master's load into the journal, on rank 0."""
+        self.journal.note("master", **load_record(traffic))
+
+    def end(self, reason: str, seconds: float, traffic: farm.Traffic, display: Silent) -> None:
         """Write the last record and say what failed (collective)."""
         campaign = self._campaign
         used = self._comm.gather((campaign.written_bytes, campaign.write_seconds, memory.peak()))
         if self._comm.rank != 0:
             return
-        self._journal.append(
+        self.journal.append(
             "end",
-            reason="complete" if finished else (self._flag.reason or "stopped"),
+            reason=reason,
             written_bytes=sum(rank[0] for rank in used),
             write_seconds=round(sum(rank[1] for rank in used), 6),
             rank_seconds=round(self._comm.size * seconds, 6),
             peak_memory=[used[0][2], max(rank[2] for rank in used)],
-            **load_record(self._traffic),
+            **load_record(traffic),
         )
-        display.close()
         self._failures.tell(display)
 
-
-def _every(seconds: float, always: Callable[[], None], then: Callable[[], None]) -> Callable:
-    """Make a function that calls `always`, and `then` once in so many seconds."""
-    due = [time.monotonic() + seconds]
-
-    def tick() -> None:
-        always()
-        if time.monotonic() >= due[0]:
-            due[0] = time.monotonic() + seconds
-            then()
-
-    return tick
+    def close(self) -> None:
+        """Close the file (collective)."""
+        self._campaign.close()

@@ -8,8 +8,8 @@ from hpcsweep.commands import FAILURE, RAW, USER_ERROR, add_settings, complain
 from hpcsweep.figures.options import file_name, positive
 
 RUN_HELP = """\
-Run a job. If its results file exists already, the run resumes where it stopped, on any number
-of ranks, and the results equal those of an uninterrupted run bit for bit.
+Run a job, or several. If its results file exists already, the run resumes where it stopped, on any
+number of ranks, and the results equal those of an uninterrupted run bit for bit.
 
 SIGTERM, SIGINT (Ctrl-C) and SIGUSR1 stop it in good order within seconds, with exit code 75, sent
 to mpirun or to any rank: MPICH's mpirun hands all three on to the ranks and returns their exit
@@ -18,11 +18,16 @@ order. After SIGKILL of a rank mpirun says BAD TERMINATION and returns 9;
 after any kill at most the last seconds are computed again. Do not press Ctrl-C twice: mpirun then
 kills.
 
-Nobody else may run a job into the same FILE: FILE.lock says which host and process does."""
+Nobody else may run a job into the same FILE: FILE.lock says which host and process does.
+
+Several jobs are one queue on all ranks, the costliest frame of any of them first, each into a file
+of its own. One that cannot be run, or fails, does not stop the others; what is left is listed, and
+the exit code is that of the worst: 1 before 2 before 75."""
 
 RUN_EXAMPLES = """\
 examples:
   mpirun -n 4 hpcsweep run figure3.toml
+  mpirun -n 8 hpcsweep run a.toml b.toml c.toml
   hpcsweep run figure3.toml --set structure.stiffness_ratio=100 -o soft.h5
   hpcsweep run figure3.toml --set 'sweep.omega={from = 0.3, to = 0.6, count = 31}' -o map.h5
   hpcsweep run figure3.toml --set 'solver.method="bdf"' -o bdf.h5
@@ -40,13 +45,13 @@ def add_to(commands) -> None:
         epilog=RUN_EXAMPLES,
         formatter_class=RAW,
     )
-    run.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
+    run.add_argument("jobs", type=Path, nargs="+", metavar="JOB.toml", help="the job file")
     run.add_argument(
         "-o",
         "--output",
         type=file_name,
         metavar="FILE",
-        help="results (default: the job's name + .h5)",
+        help="results of a single job (default: the job's name + .h5)",
     )
     add_settings(run)
     run.add_argument(
@@ -74,7 +79,7 @@ def _run(options) -> int:
     flag = StopFlag(launched=launched_size() > 1)
     if not options.dry_run:
         flag.listen()
-    from hpcsweep.job import JobError, load_job
+    from hpcsweep.job import JobError
     from hpcsweep.store import StoreError, WriteError
 
     try:
@@ -85,23 +90,22 @@ def _run(options) -> int:
     if options.dry_run:
         return _dry_run(options) if comm.rank == 0 else 0
     try:
-        job, problem = None, None
+        jobs, problem = None, None
         if comm.rank == 0:
             try:
-                job = load_job(options.job, options.settings)
+                jobs = _read(options)
             except JobError as error:
                 problem = str(error)
-        job, problem = comm.bcast((job, problem))
-        for text in job.notes if job is not None and comm.rank == 0 else ():
-            note(text)
-        if problem is None:
-            output = options.output or Path(f"{job.name}.h5")
+        jobs, problem = comm.bcast((jobs, problem))
+        if jobs is not None:
+            if comm.rank == 0:
+                for text in dict.fromkeys(text for job, _ in jobs for text in job.notes):
+                    note(text)
             try:
                 from hpcsweep.campaign import run as campaign
 
-                code = campaign.run(
-                    job,
-                    output,
+                endings = campaign.run_all(
+                    jobs,
                     comm,
                     max_hours=options.max_hours,
                     progress=make_progress,
@@ -110,9 +114,8 @@ def _run(options) -> int:
                 )
                 flag.ignore()
                 if comm.rank == 0:
-                    hint = "complete" if code == 0 else "stopped in good order; run again to resume"
-                    say_line(f"{output}: {hint}")
-                return comm.leave(code)
+                    _tell(endings)
+                return comm.leave(_worst(endings))
             except StoreError as error:
                 problem = str(error)
         complain(problem, comm.rank)
@@ -129,17 +132,65 @@ def _run(options) -> int:
         return FAILURE
 
 
-def _dry_run(options) -> int:
-    """Print what a job will cost."""
-    from hpcsweep.campaign.forecast import estimate
+def _read(options) -> list:
+    """Read the jobs, each with the file of its results.
+
+    Raises
+    ------
+    JobError
+        If one is no valid job, or cannot be run beside the others.
+    """
     from hpcsweep.job import JobError, load_job
+
+    if options.output and len(options.jobs) > 1:
+        raise JobError(f"-o {options.output}: goes with one job, each of several has its own file")
+    jobs = [load_job(path, options.settings) for path in options.jobs]
+    outputs = [options.output or Path(f"{job.name}.h5") for job in jobs]
+    by_meaning: dict[str, Path] = {}
+    by_file: dict[Path, Path] = {}
+    for path, job, output in zip(options.jobs, jobs, outputs, strict=True):
+        same = by_meaning.setdefault(job.fingerprint, path)
+        if same is not path:
+            raise JobError(f"{path}: is the same job as {same}; name each job once")
+        same = by_file.setdefault(output.resolve(), path)
+        if same is not path:
+            raise JobError(f"{path}: has the file of {same}, {output}; give it another name")
+    return list(zip(jobs, outputs, strict=True))
+
+
+def _tell(endings) -> None:
+    """Say how each job ended, and what is left."""
+    from hpcsweep.campaign.run import COMPLETE, STOPPED
+
+    words = {COMPLETE: "complete", STOPPED: "stopped in good order; run again to resume"}
+    for output, code, why in endings:
+        if code in words:
+            say_line(f"{output}: {words[code]}")
+        else:
+            complain(why, 0)
+    left = [str(output) for output, code, _ in endings if code != COMPLETE]
+    if len(endings) > 1 and left:
+        say_line(f"left: {len(left)} of {len(endings)} jobs: {', '.join(left)}")
+
+
+def _worst(endings) -> int:
+    """Return the exit code of several jobs: failed before refused, stopped, complete."""
+    from hpcsweep.campaign.run import STOPPED
+
+    codes = {code for _, code, _ in endings}
+    return next((code for code in (FAILURE, USER_ERROR, STOPPED) if code in codes), 0)
+
+
+def _dry_run(options) -> int:
+    """Print what each job will cost."""
+    from hpcsweep.campaign.forecast import estimate
+    from hpcsweep.job import JobError
     from hpcsweep.store import StoreError
 
     try:
-        job = load_job(options.job, options.settings)
-        text = estimate(job, options.output or Path(f"{job.name}.h5"))
+        texts = [estimate(job, output) for job, output in _read(options)]
     except (JobError, StoreError) as error:
         complain(str(error))
         return USER_ERROR
-    print(text)
+    print("\n\n".join(texts))
     return 0

@@ -329,8 +329,8 @@ class Campaign:
             self.flush()
         finally:
             self._identity.close()
-        self.transport.close()
-        self.blocks.close()
+            self.transport.close()
+            self.blocks.close()
 
 
 def open_campaign(path: Path, layout: Layout, comm) -> Campaign:

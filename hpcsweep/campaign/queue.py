@@ -1,0 +1,198 @@
+"""The unfinished tasks of one campaign or several as one list, farmed out to all ranks.
+
+Tasks of all campaigns are numbered through, so that the farm hands out the costliest first whatever
+file it is of. A campaign that fails on a rank is left alone by it from then on; the others go on.
+"""
+
+import contextlib
+import itertools
+import time
+import traceback
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from hpcsweep.campaign import costs
+from hpcsweep.campaign.pilot import remaining_of
+from hpcsweep.campaign.progress import Silent
+from hpcsweep.campaign.work import Work
+from hpcsweep.parallel import farm
+from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
+from hpcsweep.store import StoreError, WriteError
+
+MASTER_NOTES = 30.0
+"""Seconds between two notes of the master's load in the journal."""
+
+
+class Queue:
+    """The tasks of several campaigns, and one rank's share in them.
+
+    Parameters
+    ----------
+    comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
+    works : sequence of Work
+        One a campaign, in the same order on every rank.
+    flag : StopFlag
+
+    Attributes
+    ----------
+    failed : dict of int to str
+        By the number of a campaign why it failed; after `do` the same on every rank.
+    complete : list of bool
+        After `do`, whether all runs of each campaign are in its file; the same on every rank.
+    """
+
+    def __init__(self, comm, works: Sequence[Work], flag: StopFlag):
+        self._comm, self._works, self._flag = comm, works, flag
+        sizes = [work.study.n_tasks for work in works]
+        self._firsts = [0, *itertools.accumulate(sizes)]
+        self._traffic = farm.Traffic()
+        self._display = Silent()
+        self._at = 0
+        self._finished = False
+        self.complete: list[bool] = []
+        self.failed: dict[int, str] = {}
+
+    def do(self, progress: Callable[[int, int], Silent] | None) -> None:
+        """Compute the unfinished tasks on all ranks (collective)."""
+        begun = time.perf_counter()
+        if all(work.scanned for work in self._works):
+            wanted = self._comm.bcast(sum(len(work.todo) for work in self._works) > 1)
+            for work in self._works:
+                work.estimate(wanted)
+            begun = time.perf_counter()
+            if self._comm.rank == 0 and progress is not None:
+                total = sum(work.study.n_runs for work in self._works)
+                self._display = progress(total, sum(work.done_runs for work in self._works))
+                self._display.expect(self._remaining)
+            tasks = [
+                first + task
+                for first, work in zip(self._firsts, self._works, strict=False)
+                for task in work.todo
+            ]
+            if self._sample():
+                self._finished = farm.run(
+                    self._comm,
+                    tasks,
+                    self._compute,
+                    self._flag,
+                    self._on_report,
+                    self._cost,
+                    self._traffic,
+                    _every(MASTER_NOTES, self._display.tick, self._note_load),
+                    self._flush,
+                )
+            self._flush()
+        self._end(time.perf_counter() - begun)
+
+    def _sample(self) -> bool:
+        """Time the pilots of all campaigns on all ranks; tell whether to go on (collective)."""
+        counts = [work.costs.n_samples() for work in self._works]
+        firsts = [0, *itertools.accumulate(self._comm.bcast(counts))]
+
+        def compute(number, poll, report) -> None:
+            k = bisect_right(firsts, number) - 1
+            sample = costs.time_sample(self._works[k].study, number - firsts[k], poll)
+            report((k, sample._replace(seconds=round(sample.seconds, 6))))
+
+        def on_report(_rank, value) -> None:
+            k, sample = value
+            self._works[k].costs.sampled(sample)
+            self._works[k].journal.note("pilot", **sample._asdict())
+
+        if firsts[-1] == 0:
+            return True
+        return farm.run(self._comm, range(firsts[-1]), compute, self._flag, on_report)
+
+    def _place(self, number: int) -> tuple[int, int]:
+        """Return the campaign, and the task there, that a number of the list is."""
+        k = bisect_right(self._firsts, number) - 1
+        return k, number - self._firsts[k]
+
+    def _cost(self, number: int) -> float:
+        k, task = self._place(number)
+        return 0.0 if k in self.failed else self._works[k].costs.left(task)
+
+    def _remaining(self) -> float | None:
+        """Estimate the wall time (s) until all is done; None if it is not known."""
+        works = enumerate(self._works)
+        return remaining_of([work.costs for k, work in works if k not in self.failed])
+
+    def _compute(self, number: int, poll, report, *rest) -> tuple | None:
+        """Do one task on this rank; of a campaign that has failed here nothing."""
+        k, task = self._place(number)
+        if self._at != k:
+            # what waits to be committed must not wait for this rank to come back to it
+            self._guarded(self._at, self._works[self._at].flush)
+            self._at = k
+        if k in self.failed:
+            return None
+        compute = self._works[k].compute
+        return self._guarded(k, lambda: compute(task, poll, lambda v: report((k, v)), *rest))
+
+    def _guarded(self, k: int, action: Callable):
+        """Do something of a campaign; if there are others, what goes wrong ends this one alone."""
+        if k in self.failed:
+            return None
+        try:
+            return action()
+        except (Stop, LauncherLostError):
+            raise
+        except Exception as error:
+            if len(self._works) == 1:
+                raise
+            if isinstance(error, StoreError | WriteError):
+                self.failed[k] = str(error)
+            elif isinstance(error, OSError):
+                self.failed[k] = f"{self._works[k].output}: {error}"
+            else:
+                self.failed[k] = f"{self._works[k].output}: {traceback.format_exc().rstrip()}"
+            return None
+
+    def _on_report(self, rank: int, value) -> None:
+        k, told = value
+        self._guarded(k, lambda: self._display.advance(self._works[k].block_done(rank, told)))
+
+    def _note_load(self) -> None:
+        for k, work in enumerate(self._works):
+            self._guarded(k, partial(work.note_load, self._traffic))
+
+    def _flush(self) -> None:
+        for k, work in enumerate(self._works):
+            self._guarded(k, work.flush)
+
+    def _end(self, seconds: float) -> None:
+        """Gather what failed, write the last records and say what is to be said (collective)."""
+        gathered = self._comm.gather(self.failed)
+        failed: dict[int, str] = {}
+        for part in reversed(gathered or []):
+            failed |= part
+        self.failed = self._comm.bcast(failed)
+        self.complete = self._comm.bcast(
+            [
+                k not in self.failed and (self._finished or work.all_done)
+                for k, work in enumerate(self._works)
+            ]
+        )
+        self._display.close()
+        for k, work in enumerate(self._works):
+            reason = "complete" if self.complete[k] else self._flag.reason or "stopped"
+            if k in self.failed:
+                with contextlib.suppress(WriteError):
+                    work.end("failed", seconds, self._traffic, self._display)
+            else:
+                ended = reason, seconds, self._traffic, self._display
+                self._guarded(k, partial(work.end, *ended))
+
+
+def _every(seconds: float, always: Callable[[], None], then: Callable[[], None]) -> Callable:
+    """Make a function that calls `always`, and `then` once in so many seconds."""
+    due = [time.monotonic() + seconds]
+
+    def tick() -> None:
+        always()
+        if time.monotonic() >= due[0]:
+            due[0] = time.monotonic() + seconds
+            then()
+
+    return tick

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from hpcsweep.earthquakes.intensity import intensity
     from hpcsweep.earthquakes.reading import read_record
     from hpcsweep.earthquakes.spectrum import spectrum
+    from hpcsweep.earthquakes.synthetic import synthetic_records
     from hpcsweep.job import load_job
     from hpcsweep.model.buildings import Building, adjacent
     from hpcsweep.model.matrices import Contact
@@ -35,6 +36,7 @@ __all__ = [
     "read_record",
     "spectrum",
     "stroboscopic_points",
+    "synthetic_records",
     "trajectory",
 ]
 
@@ -52,6 +54,7 @@ _HOME = {
     "intensity": "hpcsweep.earthquakes.intensity",
     "read_record": "hpcsweep.earthquakes.reading",
     "spectrum": "hpcsweep.earthquakes.spectrum",
+    "synthetic_records": "hpcsweep.earthquakes.synthetic",
     "attractors": "hpcsweep.studies.attractors.runs",
 }
 

@@ -5,19 +5,33 @@ import sys
 import time
 from pathlib import Path
 
-from hpcsweep.commands import USER_ERROR, complain
+from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands.outputs import PAGE, overwriting
+from hpcsweep.figures.options import file_name
+
+HELP = """\
+Tell what is done in results files; they may be in use by running campaigns. Of one file all is
+told, of several a line each: what is committed, without a look at checksums."""
 
 
 def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     status = commands.add_parser(
         "status",
-        help="tell what is done in a results file, live or not",
-        description="Tell what is done in a results file; it may be in use by a running campaign.",
+        help="tell what is done in results files, live or not",
+        description=HELP,
+        formatter_class=RAW,
     )
-    status.add_argument("file", type=Path, metavar="FILE")
+    status.add_argument("files", type=Path, nargs="+", metavar="FILE")
     form = status.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
+    form.add_argument(
+        "--html",
+        type=file_name,
+        metavar="PAGE",
+        help="write the lines as a page, and write it again until nothing runs any more; "
+        "a browser that shows it keeps up",
+    )
     form.add_argument(
         "--job",
         action="store_true",
@@ -30,12 +44,19 @@ def _status(options) -> int:
     from hpcsweep.campaign.status import status
     from hpcsweep.store import StoreError, job_of
 
+    if options.html:
+        return _keep_page(options.files, options.html)
     try:
         if options.job:
-            sys.stdout.buffer.write(job_of(options.file).text.encode())
+            if len(options.files) > 1:
+                complain("--job: goes with one file")
+                return USER_ERROR
+            sys.stdout.buffer.write(job_of(options.files[0]).text.encode())
             sys.stdout.flush()
             return 0
-        state = status(options.file)
+        if len(options.files) > 1:
+            return _overview(options)
+        state = status(options.files[0])
     except StoreError as error:
         complain(str(error))
         return USER_ERROR
@@ -44,6 +65,37 @@ def _status(options) -> int:
         return 0
     print(_describe(state))
     return 0
+
+
+def _overview(options) -> int:
+    """Tell of several files, a line each."""
+    from hpcsweep.campaign.overview import as_table, overview
+
+    rows = [overview(path) for path in options.files]
+    print(json.dumps(rows, indent=1) if options.json else as_table(rows))
+    return USER_ERROR if any(row["state"] == "unreadable" for row in rows) else 0
+
+
+def _keep_page(files: list[Path], page: Path) -> int:
+    """Write the page of several files as long as anything runs."""
+    from hpcsweep.campaign.overview import REFRESH, as_page, finished, overview
+
+    refused = overwriting(page, PAGE)
+    if refused:
+        complain(refused)
+        return USER_ERROR
+    while True:
+        rows = [overview(path) for path in files]
+        temporary = page.with_name(page.name + ".new")
+        try:
+            temporary.write_text(as_page(rows))
+            temporary.replace(page)
+        except OSError as error:
+            complain(f"{page}: cannot be written: {error.strerror or error}")
+            return USER_ERROR
+        if finished(rows):
+            return USER_ERROR if any(row["state"] == "unreadable" for row in rows) else 0
+        time.sleep(REFRESH)
 
 
 def _describe(state: dict) -> str:

@@ -13,11 +13,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
-from hpcsweep.store.contents import Contents, attributes_of
+from hpcsweep.store.contents import Contents, attribute, attributes_of
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
@@ -148,6 +149,35 @@ def check_file(path: Path) -> dict:
             f"version {LAYOUT_VERSION}"
         )
     return attributes
+
+
+def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray]:
+    """Read how far a campaign is, and no more: nothing is verified.
+
+    Returns
+    -------
+    attributes : dict
+        ``job`` and ``name``.
+    committed : ndarray of bool
+        Whether each block has a checksum, shape of ``commit``.
+    outcome : ndarray of int
+        Of the runs; 0 where none was written.
+
+    Raises
+    ------
+    StoreError
+        If it is no campaign file of this layout version.
+    """
+    with reading(path) as file:
+        found = {
+            key: attribute(file, key) for key in ("format", "job", "name") if key in file.attrs
+        }
+        if _equal(found.get("format"), FORMAT) and len(found) == 3:
+            version = file.attrs.get("layout_version", -1)
+            if _equal(version, LAYOUT_VERSION):
+                return found, file["commit"][...] != 0, file["outcome"][...]
+    check_file(path)  # says in one line what it is
+    raise DamagedError(f"{path}: damaged (attributes are missing); {REPAIR}")
 
 
 def _equal(value: object, expected: object) -> bool:

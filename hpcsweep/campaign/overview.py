@@ -1,0 +1,165 @@
+"""How far many campaigns are: a row each, cheap enough for hundreds of files, live or not.
+
+Only what a row needs is read: a few attributes, which blocks have a checksum, the outcomes, and the
+journal. Checksums are not verified; `hpcsweep.campaign.status` tells more of one file.
+"""
+
+import html
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.job import JobError, parse_job
+from hpcsweep.job.paths import path_of
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store import StoreError, read_history
+from hpcsweep.store.opening import read_progress
+
+SILENT = 120.0
+"""Seconds without a record after which a session is not known to run: a note comes every 30."""
+HEADS = ("file", "state", "runs", "%", "failed", "core s", "left", "heard")
+REFRESH = 10.0
+"""Seconds after which a page of unfinished campaigns is loaded again."""
+
+
+def overview(path: str | Path) -> dict:
+    """Tell how far a campaign is.
+
+    Returns
+    -------
+    dict
+        ``file``, ``name``, ``runs_done``, ``runs_total``, ``n_failed``, ``core_seconds``,
+        ``core_seconds_remaining`` (as the blocks so far; None if none was timed), ``last_heard``
+        (s) and ``state``: ``complete``, ``running``, ``stopped`` (in good order), ``silent`` (it
+        was killed, or says nothing), ``not begun``, or ``unreadable``, with ``why``.
+    """
+    path = path_of("path", path)
+    try:
+        attributes, committed, outcome = read_progress(path)
+        complete = bool(committed.all())
+        done = outcome.size if complete else _runs_done(path, attributes, committed, outcome)
+    except (StoreError, JobError) as error:
+        return {"file": str(path), "state": "unreadable", "why": str(error)}
+    history = read_history(path)
+    costs = history.latest.values()
+    seconds, timed = sum(cost.seconds for cost in costs), sum(cost.runs for cost in costs)
+    heard = None if history.last is None else time.time() - history.last
+    ended = history.sessions[-1].ended if history.sessions else None
+    if complete:
+        state = "complete"
+    elif ended:
+        state = "stopped"
+    elif heard is None:
+        state = "not begun"
+    else:
+        state = "running" if heard < SILENT else "silent"
+    left = 0.0 if complete else (outcome.size - done) * seconds / timed if timed else None
+    return {
+        "file": str(path),
+        "name": attributes["name"],
+        "state": state,
+        "runs_done": done,
+        "runs_total": outcome.size,
+        "n_failed": int((outcome > Outcome.COMPLETE).sum()),
+        "core_seconds": seconds,
+        "core_seconds_remaining": left,
+        "last_heard": heard,
+    }
+
+
+def _runs_done(path: Path, attributes: dict, committed: np.ndarray, outcome: np.ndarray) -> int:
+    """Count the runs of the blocks that have a checksum."""
+    study = parse_job(attributes["job"], str(path), attributes["name"]).study
+    shape = tuple(study.dimensions[dim] for dim in study.commit.dims)
+    if committed.shape != shape or outcome.size != study.n_runs:
+        raise StoreError(f"{path}: damaged; see hpcsweep status {path}")
+    table = study.table()
+    return int(table.n_runs[committed[tuple(table.place.T)]].sum())
+
+
+def finished(rows: Sequence[dict]) -> bool:
+    """Return whether nothing will change any more of itself."""
+    return not any(row["state"] in ("running", "not begun") for row in rows)
+
+
+def cells(rows: Sequence[dict]) -> list[tuple[str, ...]]:
+    """Write rows, and their sums as the last, in the columns `HEADS`."""
+    written = [_cells(row) for row in rows]
+    known = [row for row in rows if row["state"] != "unreadable"]
+    done, total = (sum(row[key] for row in known) for key in ("runs_done", "runs_total"))
+    lefts = [row["core_seconds_remaining"] for row in known]
+    heards = [row["last_heard"] for row in known if row["last_heard"] is not None]
+    summed = {
+        "file": f"{len(rows)} files",
+        "state": f"{sum(row['state'] == 'complete' for row in rows)} complete",
+        "runs_done": done,
+        "runs_total": total,
+        "n_failed": sum(row["n_failed"] for row in known),
+        "core_seconds": sum(row["core_seconds"] for row in known),
+        "core_seconds_remaining": None if None in lefts else sum(lefts),
+        "last_heard": min(heards, default=None),
+    }
+    return [*written, _cells(summed)]
+
+
+def _cells(row: dict) -> tuple[str, ...]:
+    if row["state"] == "unreadable":
+        return (row["file"], "unreadable", *(6 * ("",)))
+    done, total = row["runs_done"], row["runs_total"]
+    left, heard = row["core_seconds_remaining"], row["last_heard"]
+    return (
+        row["file"],
+        row["state"],
+        f"{done}/{total}",
+        f"{100 * done / total:.1f}" if total else "",
+        str(row["n_failed"]),
+        f"{row['core_seconds']:.4g}",
+        "?" if left is None else f"{left:.4g}",
+        "" if heard is None else f"{heard:.0f} s ago",
+    )
+
+
+def as_table(rows: Sequence[dict]) -> str:
+    """Write rows as lines for a terminal."""
+    table = [HEADS, *cells(rows)]
+    widths = [max(len(line[k]) for line in table) for k in range(len(HEADS))]
+    lines = []
+    for line in table:
+        left, right = line[:2], line[2:]
+        words = [word.ljust(width) for word, width in zip(left, widths, strict=False)]
+        words += [word.rjust(width) for word, width in zip(right, widths[2:], strict=True)]
+        lines.append("  ".join(words).rstrip())
+    lines += [row["why"] for row in rows if row["state"] == "unreadable"]
+    return "\n".join(lines)
+
+
+STYLE = (
+    "body{font:15px system-ui,sans-serif;margin:2em;color:#111}"
+    "table{border-collapse:collapse}th,td{padding:.25em .8em;text-align:right}"
+    "th{border-bottom:1px solid #111}tr:last-child td{border-top:1px solid #111}"
+    "th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}"
+    "td.bar{background:linear-gradient(#6ac6f2,#6ac6f2) no-repeat}"
+)
+
+
+def as_page(rows: Sequence[dict]) -> str:
+    """Write rows as a page, which browsers load again as long as something is to be done."""
+    again = "" if finished(rows) else f'<meta http-equiv="refresh" content="{REFRESH:g}">'
+    lines = []
+    for line in cells(rows):
+        columns = [f"<td>{html.escape(word)}</td>" for word in line]
+        columns[3] = f'<td class="bar" style="background-size:{line[3] or 0}% 100%">{line[3]}</td>'
+        lines.append(f"<tr>{''.join(columns)}</tr>")
+    heads = "".join(f"<th>{name}</th>" for name in HEADS)
+    why = "".join(
+        f"<p>{html.escape(row['why'])}</p>" for row in rows if row["state"] == "unreadable"
+    )
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">{again}'
+        f"<title>campaigns</title><style>{STYLE}</style></head><body>\n"
+        f"<table><thead><tr>{heads}</tr></thead><tbody>\n" + "\n".join(lines) + "\n</tbody></table>"
+        f"{why}<p>As of {time.strftime('%Y-%m-%d %H:%M:%S')}; <b>left</b>: core seconds, as the "
+        "blocks so far.</p></body></html>\n"
+    )

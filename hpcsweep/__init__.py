@@ -7,9 +7,12 @@ Units: lengths in gaps, time in 1/omega_0, or those in which a structure is give
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hpcsweep.earthquakes.demands import write_demands
+    from hpcsweep.earthquakes.fragility import cloud, fragility
     from hpcsweep.earthquakes.intensity import intensity
     from hpcsweep.earthquakes.reading import read_record
     from hpcsweep.earthquakes.spectrum import spectrum
+    from hpcsweep.earthquakes.stripes import capacity, fractiles
     from hpcsweep.earthquakes.synthetic import synthetic_records
     from hpcsweep.job import load_job
     from hpcsweep.model.buildings import Building, adjacent
@@ -29,6 +32,10 @@ __all__ = [
     "__version__",
     "adjacent",
     "attractors",
+    "capacity",
+    "cloud",
+    "fractiles",
+    "fragility",
     "intensity",
     "load_job",
     "meanings",
@@ -38,6 +45,7 @@ __all__ = [
     "stroboscopic_points",
     "synthetic_records",
     "trajectory",
+    "write_demands",
 ]
 
 _HOME = {
@@ -55,6 +63,11 @@ _HOME = {
     "read_record": "hpcsweep.earthquakes.reading",
     "spectrum": "hpcsweep.earthquakes.spectrum",
     "synthetic_records": "hpcsweep.earthquakes.synthetic",
+    "capacity": "hpcsweep.earthquakes.stripes",
+    "cloud": "hpcsweep.earthquakes.fragility",
+    "fractiles": "hpcsweep.earthquakes.stripes",
+    "fragility": "hpcsweep.earthquakes.fragility",
+    "write_demands": "hpcsweep.earthquakes.demands",
     "attractors": "hpcsweep.studies.attractors.runs",
 }
 

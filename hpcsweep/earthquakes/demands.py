@@ -1,0 +1,79 @@
+"""Write peaks as the table of demands that loss tools read: Pelicun, and PBE of SimCenter.
+
+A demand is named event-type-location-direction: ``1-PID-2-1`` is the peak interstorey drift ratio
+of storey 2, ``1-PFA-2-1`` the peak acceleration of the floor above it, ``1-PFA-0-1`` of the ground.
+The first row has the names, the second the units, each other one a realisation, a record.
+"""
+
+import csv
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.model.arguments import choice, count, refused, rows
+
+ACCELERATION_UNITS = ("mps2", "cmps2", "mmps2", "inps2", "ftps2", "g")
+"""Names of units in Pelicun."""
+
+
+def write_demands(
+    path: str | PathLike[str],
+    drift_ratio: Any,
+    floor_acceleration: Any,
+    ground_acceleration: Any,
+    unit: str = "mps2",
+    event: int = 1,
+    direction: int = 1,
+) -> None:
+    """Write the demands of one building to a CSV file, a row a record.
+
+    Parameters
+    ----------
+    path : path
+        Of the file, which is written anew.
+    drift_ratio : array_like, shape (records, storeys)
+        Largest interstorey drift of each storey over its height, from the lowest up.
+    floor_acceleration : array_like, shape (records, storeys)
+        Largest absolute acceleration of the floor above each storey.
+    ground_acceleration : array_like, shape (records,)
+        Largest acceleration of the ground, of the scaled record.
+    unit : str
+        Of the accelerations: ``mps2``, ``cmps2``, ``mmps2``, ``inps2``, ``ftps2``, ``g``.
+    event, direction : int
+        Numbers of the names, from 1; the other horizontal direction is 2.
+
+    Raises
+    ------
+    ValueError
+        If shapes differ, or a value is not finite or below 0; nothing is written then.
+    """
+    drift = rows("drift_ratio", drift_ratio)
+    floors = rows("floor_acceleration", floor_acceleration)
+    ground = rows("ground_acceleration", np.reshape(ground_acceleration, (-1, 1)))
+    if floors.shape != drift.shape:
+        raise ValueError(f"floor_acceleration must have shape {drift.shape}, has {floors.shape}")
+    if len(ground) != len(drift):
+        raise ValueError(f"ground_acceleration must have shape ({len(drift)},), has {len(ground)}")
+    event, direction = count("event", event, 1), count("direction", direction, 1)
+    choice("unit", unit, ACCELERATION_UNITS)
+    names, units, columns = [], [], []
+    for kind, first, given, its_unit in (
+        ("PFA", 0, np.hstack([ground, floors]), unit),
+        ("PID", 1, drift, "rad"),
+    ):
+        for location, column in enumerate(given.T, first):
+            name = f"{event}-{kind}-{location}-{direction}"
+            if not np.all((column >= 0) & (column < np.inf)):
+                wrong = column[~((column >= 0) & (column < np.inf))][0]
+                raise refused(name, "finite and at least 0", float(wrong))
+            names.append(name)
+            units.append(its_unit)
+            columns.append(column.tolist())
+    with Path(path).open("w", newline="", encoding="utf-8") as stream:
+        table = csv.writer(stream)
+        table.writerow(["", *names])
+        table.writerow(["Units", *units])
+        for i, realisation in enumerate(zip(*columns, strict=True)):
+            table.writerow([i, *map(repr, realisation)])

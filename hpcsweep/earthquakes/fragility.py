@@ -1,0 +1,293 @@
+r"""Fragility functions: the probability that a threshold is reached, given the intensity.
+
+The fragility of a median theta and a dispersion beta is Phi(ln(x / theta) / beta). Of n_i records
+at the intensity x_i the number k_i that reach the threshold is binomial, so that the likelihood
+is, as its logarithm and but for a constant (Baker, Earthquake Spectra 31 (2015) 579),
+
+    l = sum_i k_i ln Phi(h_i) + (n_i - k_i) ln Phi(-h_i),     h_i = b_0 + b_1 ln x_i,
+
+with b_1 = 1 / beta, b_0 = -ln(theta) / beta. It is concave in b_0 and b_1: Newton's method finds
+its only maximum, which is finite unless the data are *separable*: no record reaches the threshold
+at a lower intensity than one that does not. Then beta = 0 fits best, and nothing is told.
+
+Intervals are those of the profile likelihood: all theta (all beta) for which the largest l over the
+other parameter is below the maximum by at most half the quantile of chi^2 with one degree of
+freedom. They need no symmetry, and an end is 0 or infinite where the data do not bound it. The band
+about the curve comes from the normal distribution of h at each intensity, of variance
+(1, ln x) C (1, ln x)^T, C the inverse of Fisher's expected information of b_0 and b_1.
+
+Cloud analysis fits ln R = a + b ln x by least squares to responses at intensities as they come, of
+standard deviation s about the line, with n - 2 degrees of freedom (Cornell, Jalayer, Hamburger and
+Foutch 2002). A threshold r then has the median exp((ln r - a) / b) and the dispersion s / b.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import log_ndtr, ndtr, ndtri
+
+from hpcsweep.model.arguments import array, number, positive
+
+ITERATIONS = 200
+"""Of Newton's method, with halved steps; some ten are needed."""
+CONVERGED = 1e-12
+"""Change of l that ends it, relative to the number of records."""
+FARTHEST = 60
+"""Doublings in the search for an end of an interval: from then on there is none."""
+
+
+class Fragility(NamedTuple):
+    """A fragility function fitted to stripes."""
+
+    median: float
+    """Intensity theta that half of the records bring to the threshold."""
+    dispersion: float
+    """Standard deviation beta of the logarithm of the capacity."""
+    median_interval: tuple[float, float]
+    """Of the profile likelihood; an end that the data do not bound is 0 or inf."""
+    dispersion_interval: tuple[float, float]
+    """The same of beta."""
+    confidence: float
+    """Of both intervals and of the band."""
+    covariance: np.ndarray
+    """C of b_0 and b_1, shape (2, 2)."""
+
+    def probability(self, intensity: Any) -> np.ndarray:
+        """Return the probability that the threshold is reached at intensities above 0."""
+        return ndtr(np.log(np.asarray(intensity, float) / self.median) / self.dispersion)
+
+    def band(self, intensity: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return the confidence band of `probability`, its lower and its upper edge."""
+        log_x = np.log(np.asarray(intensity, float))
+        h = (log_x - math.log(self.median)) / self.dispersion
+        c = self.covariance
+        wide = np.sqrt(c[0, 0] + log_x * (2.0 * c[0, 1] + log_x * c[1, 1]))
+        wide *= ndtri(0.5 * (1.0 + self.confidence))
+        return ndtr(h - wide), ndtr(h + wide)
+
+
+class Cloud(NamedTuple):
+    """A cloud analysis: ln R = intercept + slope ln x, and the scatter about it."""
+
+    intercept: float
+    """Logarithm a of the median response at the intensity 1."""
+    slope: float
+    """b: 1 where responses are proportional to the intensity."""
+    dispersion: float
+    """Standard deviation s of ln R about the line, n - 2 degrees of freedom."""
+    slope_error: float
+    """Standard error of the slope."""
+
+    def median(self, intensity: Any) -> np.ndarray:
+        """Return the median response at intensities above 0."""
+        return np.exp(self.intercept + self.slope * np.log(np.asarray(intensity, float)))
+
+    def capacity(self, threshold: float) -> tuple[float, float]:
+        """Return the median and the dispersion of the fragility at a threshold above 0.
+
+        Raises
+        ------
+        ValueError
+            If responses do not grow with the intensity.
+        """
+        if self.slope <= 0:
+            raise ValueError(f"the slope must be above 0 for a fragility, is {self.slope:.4g}")
+        log_r = math.log(positive("threshold", threshold))
+        return math.exp((log_r - self.intercept) / self.slope), self.dispersion / self.slope
+
+
+def fragility(intensity: Any, exceeded: Any, total: Any, confidence: float = 0.95) -> Fragility:
+    """Fit a fragility function to stripes by maximum likelihood.
+
+    Parameters
+    ----------
+    intensity : array_like, shape (s,)
+        Of each stripe, finite and above 0; in any order.
+    exceeded : array_like of whole numbers, shape (s,)
+        Records of each stripe that reach the threshold.
+    total : array_like of whole numbers, shape (s,), or one
+        Records of each stripe, at least 1.
+    confidence : float
+        Of the intervals and of the band, from 0.5 to 0.9999.
+
+    Returns
+    -------
+    Fragility
+        Starting with the median and the dispersion.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of the wrong kind or outside its range, or if the data bound no fragility:
+        no record reaches the threshold, all do, they are separable, or fewer reach it as the
+        intensity grows.
+    """
+    confidence = number("confidence", confidence, "from 0.5 to 0.9999", 0.5, 0.9999)
+    x, k, n = _stripes(intensity, exceeded, total)
+    fit = _Probit(np.log(x), k, n)
+    b = fit.largest(np.zeros(2), np.eye(2))
+    if not b[1] > 0:
+        raise ValueError(
+            "exceeded must grow with the intensity: the dispersion is not positive, "
+            f"its inverse is {b[1]:.4g}"
+        )
+    least = fit.likelihood(b) - 0.5 * float(ndtri(0.5 * (1.0 + confidence))) ** 2
+    covariance = np.linalg.inv(fit.information(b))
+    place = -b[0] / b[1]
+    line = np.array([1.0, place]) / b[1]
+
+    def of_median(log_theta: float) -> float:
+        along = np.array([[-log_theta, 1.0]])
+        return fit.likelihood(fit.largest(np.zeros(2), along, b[1:])) - least
+
+    def of_inverse(log_b1: float) -> float:
+        start = np.array([0.0, math.exp(log_b1)])
+        across = np.array([[1.0, 0.0]])
+        return fit.likelihood(fit.largest(start, across, -place * start[1:])) - least
+
+    step = math.sqrt(float(line @ covariance @ line))
+    medians = [_end(of_median, place, sign * step) for sign in (-1.0, 1.0)]
+    step = math.sqrt(float(covariance[1, 1])) / b[1]
+    inverses = [_end(of_inverse, math.log(b[1]), sign * step) for sign in (-1.0, 1.0)]
+    return Fragility(
+        median=math.exp(place),
+        dispersion=1.0 / float(b[1]),
+        median_interval=(_exp(medians[0]), _exp(medians[1])),
+        dispersion_interval=(_exp(-inverses[1]), _exp(-inverses[0])),
+        confidence=confidence,
+        covariance=covariance,
+    )
+
+
+def cloud(intensity: Any, response: Any) -> Cloud:
+    """Fit the logarithm of responses to that of intensities by least squares.
+
+    Parameters
+    ----------
+    intensity, response : array_like, shape (n,)
+        Of each record as it is, finite and above 0; at least 3, at 2 intensities.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of the wrong kind or outside its range.
+    """
+    x, y = _positive("intensity", intensity), _positive("response", response)
+    if x.shape != y.shape:
+        raise ValueError(f"response must have the shape of intensity, {x.shape}, has {y.shape}")
+    if x.size < 3 or np.ptp(x) == 0:
+        raise ValueError(
+            f"intensity must have at least 3 values, 2 of them different, has {x.size}"
+        )
+    p, q = np.log(x), np.log(y)
+    away = p - p.mean()
+    squares = float(away @ away)
+    slope = float(away @ q) / squares
+    intercept = float(q.mean() - slope * p.mean())
+    rest = q - intercept - slope * p
+    dispersion = math.sqrt(float(rest @ rest) / (x.size - 2))
+    return Cloud(intercept, slope, dispersion, dispersion / math.sqrt(squares))
+
+
+class _Probit:
+    """The likelihood of stripes, of b_0 and b_1."""
+
+    def __init__(self, log_x: np.ndarray, k: np.ndarray, n: np.ndarray):
+        self.rows = np.stack([np.ones_like(log_x), log_x], axis=1)
+        self.k, self.n = k, n
+
+    def likelihood(self, b: np.ndarray) -> float:
+        h = self.rows @ b
+        return float(self.k @ log_ndtr(h) + (self.n - self.k) @ log_ndtr(-h))
+
+    def information(self, b: np.ndarray) -> np.ndarray:
+        """Return Fisher's expected information, shape (2, 2)."""
+        h = self.rows @ b
+        weight = self.n * np.exp(-h * h - math.log(2.0 * math.pi) - log_ndtr(h) - log_ndtr(-h))
+        return (self.rows.T * weight) @ self.rows
+
+    def largest(
+        self, start: np.ndarray, along: np.ndarray, at: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Maximise over b = start + t along, `along` of shape (1 or 2, 2), from t = `at`."""
+        t = np.zeros(len(along)) if at is None else np.array(at, float)
+        rows = self.rows @ along.T
+        value = self.likelihood(start + t @ along)
+        for _ in range(ITERATIONS):
+            h = self.rows @ (start + t @ along)
+            # d ln Phi = m, its derivative -m (h + m)
+            up = np.exp(-0.5 * h * h - 0.5 * math.log(2.0 * math.pi) - log_ndtr(h))
+            down = np.exp(-0.5 * h * h - 0.5 * math.log(2.0 * math.pi) - log_ndtr(-h))
+            slope = self.k * up - (self.n - self.k) * down
+            curve = self.k * up * (h + up) + (self.n - self.k) * down * (down - h)
+            move = np.linalg.lstsq((rows.T * curve) @ rows, rows.T @ slope, rcond=None)[0]
+            part = 1.0
+            while (better := self.likelihood(start + (t + part * move) @ along)) < value:
+                part *= 0.5
+                if part < 1e-10:
+                    return start + t @ along
+            t = t + part * move
+            gained, value = better - value, better
+            if gained <= CONVERGED * float(self.n.sum()):
+                break
+        return start + t @ along
+
+
+def _end(excess: Any, middle: float, step: float) -> float:
+    """Return where a function that is above 0 at `middle` and falls is 0, or an infinity."""
+    inner, outer = middle, middle + step
+    for _ in range(FARTHEST):
+        if excess(outer) <= 0:
+            return float(brentq(excess, inner, outer, xtol=1e-12, rtol=1e-12))
+        inner, outer = outer, outer + (outer - inner) * 2.0
+        if abs(outer - middle) > 700.0:
+            break
+    return math.copysign(math.inf, step)
+
+
+def _exp(value: float) -> float:
+    return 0.0 if value == -math.inf else math.exp(value) if value < 700.0 else math.inf
+
+
+def _stripes(
+    intensity: Any, exceeded: Any, total: Any
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Take the stripes, and refuse those that bound no fragility."""
+    x = _positive("intensity", intensity)
+    k, n = array("exceeded", exceeded), array("total", total)
+    if n.ndim == 0:
+        n = np.full(x.shape, float(n))
+    for name, given in (("exceeded", k), ("total", n)):
+        if given.shape != x.shape:
+            raise ValueError(
+                f"{name} must have the shape of intensity, {x.shape}, has {given.shape}"
+            )
+        if not np.all(given == np.floor(given)):
+            raise ValueError(f"{name} must be whole numbers")
+    if not np.all((n >= 1) & (k >= 0) & (k <= n)):
+        i = int(np.argmin((n >= 1) & (k >= 0) & (k <= n)))
+        raise ValueError(f"exceeded must be from 0 to total, is {k[i]:g} of {n[i]:g}")
+    if not k.any():
+        raise ValueError(f"exceeded must not be 0 everywhere, is 0 of {n.sum():g} records")
+    if np.array_equal(k, n):
+        raise ValueError(f"exceeded must not be total everywhere, is, of {n.sum():g} records")
+    first, last = x[k > 0].min(), x[k < n].max()
+    if first >= last:
+        raise ValueError(
+            f"exceeded must not be separable: no record below {first:g} reaches the threshold, "
+            f"all above {last:g} do; stripes are needed between"
+        )
+    return x, k, n
+
+
+def _positive(name: str, given: Any) -> np.ndarray:
+    """Take finite numbers above 0, shape (m,)."""
+    found = array(name, given)
+    if found.ndim != 1:
+        raise ValueError(f"{name} must have one dimension, has shape {found.shape}")
+    wrong = found[~((found > 0) & (found < math.inf))]
+    if wrong.size:
+        raise ValueError(f"{name} must be finite and above 0, is {wrong[0]:g}")
+    return found

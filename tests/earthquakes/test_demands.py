@@ -1,0 +1,52 @@
+"""The table of demands has the form that loss tools read."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from hpcsweep import write_demands
+
+DRIFT = [[0.01, 0.02], [0.011, 0.03], [0.012, 0.04]]
+FLOORS = [[3.0, 4.0], [3.1, 0.1 + 0.2], [3.2, 4.2]]
+GROUND = [2.0, 2.1, 2.2]
+
+
+def test_names_units_and_values(tmp_path):
+    path = tmp_path / "demands.csv"
+    write_demands(path, DRIFT, FLOORS, GROUND)
+    with path.open(newline="") as stream:
+        table = list(csv.reader(stream))
+    assert table[0] == ["", "1-PFA-0-1", "1-PFA-1-1", "1-PFA-2-1", "1-PID-1-1", "1-PID-2-1"]
+    assert table[1] == ["Units", "mps2", "mps2", "mps2", "rad", "rad"]
+    assert [row[0] for row in table[2:]] == ["0", "1", "2"]
+    found = np.array([row[1:] for row in table[2:]], float)
+    np.testing.assert_array_equal(found, np.column_stack([GROUND, FLOORS, DRIFT]))
+
+
+def test_other_units_events_and_directions(tmp_path):
+    path = tmp_path / "demands.csv"
+    write_demands(path, DRIFT, FLOORS, GROUND, unit="g", event=3, direction=2)
+    lines = path.read_text().splitlines()
+    assert lines[0] == ",3-PFA-0-2,3-PFA-1-2,3-PFA-2-2,3-PID-1-2,3-PID-2-2"
+    assert lines[1] == "Units,g,g,g,rad,rad"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"drift_ratio": [0.1]}, "drift_ratio must have two dimensions"),
+        ({"floor_acceleration": [[1.0]]}, r"floor_acceleration must have shape \(3, 2\)"),
+        ({"ground_acceleration": [1.0]}, r"ground_acceleration must have shape \(3,\), has 1"),
+        ({"drift_ratio": [[0.01, np.nan]] * 3}, "1-PID-2-1 must be finite and at least 0, is nan"),
+        ({"ground_acceleration": [1.0, -1.0, 2.0]}, "1-PFA-0-1 must be finite .* is -1.0"),
+        ({"unit": "parsec"}, "unit must be one of mps2, .* is 'parsec'"),
+        ({"direction": 0}, "direction must be a whole number from 1"),
+    ],
+)
+def test_what_are_no_demands_is_refused_and_nothing_is_written(tmp_path, given, message):
+    path = tmp_path / "demands.csv"
+    good = {"drift_ratio": DRIFT, "floor_acceleration": FLOORS, "ground_acceleration": GROUND}
+    with pytest.raises(ValueError, match=message):
+        write_demands(path, **{**good, **given})
+    assert not path.exists()

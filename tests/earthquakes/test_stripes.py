@@ -1,0 +1,63 @@
+"""Fractiles are counted, capacities are the first stripe that reaches a threshold."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hpcsweep import capacity, fractiles
+
+
+def test_fractiles_are_values_that_were_given():
+    values = np.arange(1.0, 26.0)
+    np.testing.assert_array_equal(fractiles(values), [4, 13, 21])  # 16, 50, 84 % of 25
+    np.testing.assert_array_equal(fractiles(values, [0, 0.041, 1]), [1, 2, 25])
+    rng = np.random.default_rng(1)
+    table = rng.random((44, 7))
+    for part in (0.16, 0.5, 0.84):
+        want = np.quantile(table, part, axis=0, method="inverted_cdf")
+        np.testing.assert_array_equal(fractiles(table, [part])[0], want)
+        np.testing.assert_array_equal(fractiles(table.T, [part], axis=1)[0], want)
+
+
+def test_infinite_values_count_and_unknown_ones_do_not():
+    np.testing.assert_array_equal(fractiles([math.inf, 1.0, math.nan, 2.0]), [1, 2, math.inf])
+    np.testing.assert_array_equal(fractiles([math.nan, math.nan]), [math.nan] * 3)
+
+
+def test_capacities_are_the_first_stripes():
+    scales = [0.5, 1.0, 1.5, 2.0]
+    curves = [
+        [0.1, 0.2, 0.3, 0.4],  # simple
+        [0.1, 0.3, 0.2, 0.3],  # comes back
+        [0.4, 0.5, 0.6, 0.7],  # reaches it at once
+        [0.1, 0.1, 0.1, 0.1],  # never
+        [math.nan, 0.1, 0.4, 0.1],  # not known below
+        [0.1, 0.4, math.nan, 0.5],  # not known above
+    ]
+    found = capacity(scales, curves, 0.3)
+    np.testing.assert_array_equal(found.scale, [1.5, 1.0, 0.5, math.inf, math.nan, 1.0])
+    np.testing.assert_array_equal(found.below, [1.0, 0.5, 0.0, 2.0, 1.0, 0.5])
+    np.testing.assert_array_equal(found.later_crossings, [0, 2, 0, 0, 1, 2])
+    assert capacity(scales, curves[0], 0.3).scale == 1.5
+    assert capacity(scales, [curves[:2], curves[2:4]], 0.3).scale.shape == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([1, 1], [1, 2], 1), "scales must be above 0 and increase"),
+        (([0, 1], [1, 2], 1), "scales must be above 0 and increase"),
+        (([], [], 1), "scales must be above 0 and increase"),
+        (([1, 2], [1, 2, 3], 1), "must have the 2 scales as their last axis, have shape"),
+        (([1, 2], [1, 2], math.inf), "threshold must be finite, is inf"),
+    ],
+)
+def test_what_are_no_stripes_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        capacity(*arguments)
+
+
+def test_parts_are_from_0_to_1():
+    with pytest.raises(ValueError, match=r"parts must be from 0 to 1, is 1\.5"):
+        fractiles([1.0], [1.5])

@@ -45,6 +45,11 @@ def _is_default(field: Field, value: object) -> bool:
     return field.default is not MISSING and bool(value == field.default)
 
 
+def _is_later(field: Field, value: object) -> bool:
+    """Return whether a field was added to parts of jobs that do not use it."""
+    return bool(field.metadata.get("later")) and _is_default(field, value)
+
+
 def _canonical(value: object) -> object:
     """Write a value so that equal ones are written equally, to the last bit.
 
@@ -67,5 +72,6 @@ def _canonical(value: object) -> object:
     if isinstance(value, Mapping):
         return sorted((key, _canonical(item)) for key, item in value.items())
     if is_dataclass(value):
-        return [(f.name, _canonical(getattr(value, f.name))) for f in fields(value)]
+        told = [(f, getattr(value, f.name)) for f in fields(value)]
+        return [(f.name, _canonical(v)) for f, v in told if not _is_later(f, v)]
     raise TypeError(f"a {type(value).__name__} has no place in a job's fingerprint")

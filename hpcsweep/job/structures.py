@@ -21,16 +21,17 @@ from hpcsweep.model.unit_names import UnitNames
 KEYS: dict[str, tuple[str, ...]] = {
     "structure": (
         *("n_floors", "mass", "storey_stiffness", "gap", "gap_left", "stiffness_ratio"),
-        *("sharpness", "damping_ratio", "rayleigh", "matrices", "contact"),
+        *("sharpness", "damping_ratio", "rayleigh", "restitution", "tension"),
+        *("matrices", "contact"),
     ),
     "forcing": ("harmonics",),  # those of `FORCINGS`
     "units": UnitNames._fields,
-    "pounding": ("gap", "stiffness", "sharpness"),
+    "pounding": ("gap", "stiffness", "sharpness", "restitution", "damping", "tension"),
 }
 Harmonics = tuple[tuple[int, float, float], ...]
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
 MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
-CONTACT = ("direction", "gap", "stiffness")
+CONTACT = ("direction", "gap", "stiffness", "damping", "tension")
 BUILDING = tuple(field.name for field in fields(Building))
 HARMONIC = ("order", "amplitude", "phase")
 WITH_MATRICES = ("matrices", "contact", "sharpness", "damping_ratio", "rayleigh")
@@ -100,7 +101,7 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
     if not isinstance(contacts, list):
         raise values.error("structure.contact", contacts, "must be tables, [[structure.contact]]")
     for contact in contacts:
-        _check_table(values, "structure.contact", contact, CONTACT, CONTACT)
+        _check_table(values, "structure.contact", contact, CONTACT, CONTACT[:3])
     more = {key: given[key] for key in ("sharpness", "damping_ratio", "rayleigh") if key in given}
     return Structure.from_matrices(
         contacts=[Contact(**contact) for contact in contacts],
@@ -126,10 +127,9 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         if key not in pounding:
             raise JobError(f"{values.source}: pounding.{key} is missing")
     buildings = [Building(**{key: _tuples(value) for key, value in t.items()}) for t in tables]
-    sharpness = values.number("pounding.sharpness", pounding.get("sharpness", math.inf))
-    return adjacent(
-        buildings, pounding["gap"], pounding["stiffness"], sharpness=sharpness, harmonics=harmonics
-    )
+    sharpness = values.number("pounding.sharpness", pounding.pop("sharpness", math.inf))
+    gap, stiffness = pounding.pop("gap"), pounding.pop("stiffness")
+    return adjacent(buildings, gap, stiffness, sharpness=sharpness, harmonics=harmonics, **pounding)
 
 
 def read_forcing(values: Values) -> Harmonics:
@@ -182,6 +182,7 @@ def _check_sizes(values: Values, structure: Structure) -> None:
         "structure.stiffness": structure.stiffness_matrix.ravel().tolist(),
         "structure.gap": [contact.gap for contact in structure.contacts],
         "structure.contact.stiffness": structure.contact_stiffness.tolist(),
+        "structure.contact.damping": structure.contact_damping.tolist(),
         "structure.contact.direction": structure.directions.ravel().tolist(),
         "forcing.harmonics.amplitude": [size for _, size, _ in structure.harmonics],
     }

@@ -50,7 +50,9 @@ TEMPLATE = """\
 #stiffness_ratio = 1000.0
 
 # rho, sharpness of the contact spring in S(u) = 1/(1 + exp(-rho (u - 1))), per gap: at least 0;
-# inf is the piecewise linear stop.
+# inf is the piecewise linear stop. With it stops may have a dashpot beside their spring, given by
+# the restitution of a collision, above 0 and at most 1, one number or a list of n; with
+# tension = true it may pull on the way out.
 #sharpness = 1e4
 
 # zeta, damping ratio of the free structure's modes: at least 0, one number for all of them, or a
@@ -58,11 +60,13 @@ TEMPLATE = """\
 #damping_ratio = 0.05
 
 # In place of a building: [structure.matrices] with mass and stiffness, if wanted damping, forcing
-# and drift, and [[structure.contact]] with direction, gap and stiffness; see docs/job-files.md.
+# and drift, and [[structure.contact]] with direction, gap, stiffness, and if wanted damping of a
+# dashpot and tension; see docs/job-files.md.
 # Or buildings that pound each other, from left to right, two [[building]] or more with mass,
 # storey_stiffness, storey_height, damping_ratio or rayleigh, and name, and [pounding] with gap,
-# stiffness and sharpness. [units] with length = "m", mass = "kg", time = "s" names the units in
-# which all this is given, for labels alone: nothing is converted.
+# stiffness, and if wanted restitution or damping, tension, sharpness. [units] with length = "m",
+# mass = "kg", time = "s" names the units in which all this is given, for labels alone: nothing is
+# converted.
 
 [forcing]
 # A sum of a_h sin(h Omega tau + phi_h): up to 16 orders h from 1 to 1000.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import finite, plain
+from hpcsweep.model.dashpot import read_restitution
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, vector
 from hpcsweep.model.structure import Structure
@@ -86,6 +87,9 @@ def adjacent(
     stiffness: float | Sequence[float],
     *,
     sharpness: float = math.inf,
+    restitution: float | Sequence[float] | None = None,
+    damping: float | Sequence[float] | None = None,
+    tension: bool = False,
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC,
 ) -> Structure:
     """Make the structure of buildings that pound each other, from left to right.
@@ -100,6 +104,13 @@ def adjacent(
         Of all contacts, or of each level at which floors face each other, from the lowest on.
     sharpness : float
         See `Structure`.
+    restitution : float or sequence of float, optional
+        Coefficient of restitution of the contacts, above 0 and at most 1: of two floors that
+        collide as if they were alone.
+    damping : float or sequence of float, optional
+        Coefficient of their dashpots, in place of it.
+    tension : bool
+        Whether the dashpots may pull, see `Contact`.
     harmonics : sequence of (order, amplitude, phase)
         See `Structure`.
 
@@ -121,15 +132,26 @@ def adjacent(
     alone = [one.structure for one in buildings]
     sizes = [one.n_floors for one in alone]
     first = np.concatenate(([0], np.cumsum(sizes)))
+    if restitution is not None and damping is not None:
+        raise ValueError("pounding.restitution and pounding.damping must not be given both")
+    masses = np.concatenate([np.diag(one.mass_matrix) for one in alone])
     contacts, labels = [], []
     for k in range(len(buildings) - 1):
         pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
         gaps = _levels("gap", gap, len(pairs))
         stiff = _levels("stiffness", stiffness, len(pairs))
-        for (i, j), own_gap, own_stiffness in zip(pairs, gaps, stiff, strict=True):
+        restored = _levels("restitution", 1.0 if restitution is None else restitution, len(pairs))
+        damped = _levels("damping", 0.0 if damping is None else damping, len(pairs))
+        for (i, j), own_gap, kappa, e, c in zip(pairs, gaps, stiff, restored, damped, strict=True):
             direction = np.zeros(first[-1])
             direction[first[k] + i], direction[first[k + 1] + j] = 1.0, -1.0
-            contacts.append(Contact(tuple(direction.tolist()), own_gap, own_stiffness))
+            contact = Contact(tuple(direction.tolist()), own_gap, kappa, c, tension)
+            if restitution is not None:
+                read_restitution("pounding.restitution", e)
+                contact = Contact.from_restitution(
+                    contact.direction, own_gap, kappa, e, masses, tension
+                )
+            contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
     made = Structure.from_matrices(
         _block([one.mass_matrix for one in alone]),

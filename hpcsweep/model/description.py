@@ -4,7 +4,10 @@ import json
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from hpcsweep.model.forcing import ONE_HARMONIC
+from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 
 MOST_LISTED = 4
@@ -27,11 +30,19 @@ def describe(structure: Structure) -> dict:
                 "direction": list(contact.direction),
                 "gap": contact.gap,
                 "stiffness": contact.stiffness,
+                **_dashpot(contact),
             }
             for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
         ],
         "drift": structure.drift_rows.tolist(),
     }
+
+
+def _dashpot(contact: Contact) -> dict:
+    """Return what is told of a dashpot, nothing where there is none."""
+    if not contact.damping:
+        return {}
+    return {"damping": contact.damping, "tension": contact.tension}
 
 
 def as_text(structure: Structure) -> str:
@@ -56,7 +67,8 @@ def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
 def in_words(structure: Structure) -> list[tuple[str, str]]:
     """Describe what differs from structure to structure: (symbol, value); without symbol in words.
 
-    The symbols are those of the equations: n, beta, m, k, g (gap), g_L (on the left), rho, zeta.
+    The symbols are those of the equations: n, beta, m, k, g (gap), g_L (on the left), rho, e
+    (restitution), c (dashpots), zeta.
     """
     told = [("n", str(structure.n_floors))]
     if structure.matrices is not None:
@@ -78,6 +90,12 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
             if value != usual
         ]
     told.append(("rho", f"{structure.sharpness:g}"))
+    if structure.restitution is not None:
+        told.append(("e", few(structure.restitution)))
+    elif np.any(structure.contact_damping):
+        told.append(("c", few(structure.contact_damping.tolist())))
+    if any(contact.damping and contact.tension for contact in structure.contacts):
+        told.append(("", "dashpots pull"))
     if structure.matrices is not None and structure.matrices.damping is not None:
         told.append(("", "damping matrix"))
     elif structure.rayleigh is not None:

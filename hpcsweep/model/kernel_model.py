@@ -124,6 +124,8 @@ class Model(NamedTuple):
 
 def kernel_model(structure: Structure, omega: float) -> Model:
     """Make what the kernels know of a structure at forcing frequency Omega."""
+    if np.any(structure.contact_damping):
+        raise ValueError("contact.damping must be 0: no solver computes dashpots yet")
     length, rate = structure.length_unit, structure.frequency_unit
     mass = structure.mass_matrix
     n = structure.n_floors

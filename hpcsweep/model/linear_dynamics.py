@@ -149,6 +149,11 @@ class LinearDynamics:
         return frozen(np.array([contact.stiffness for contact in self.contacts], float))
 
     @cached_property
+    def contact_damping(self) -> np.ndarray:
+        """c_k of every contact, shape (m,)."""
+        return frozen(np.array([contact.damping for contact in self.contacts], float))
+
+    @cached_property
     def contact_softness(self) -> np.ndarray:
         """d_k . M^-1 d_k of every contact: what a unit of force adds to x_k'', shape (m,)."""
         mass = self.mass_matrix

@@ -4,16 +4,23 @@
 
 with x_k = d_k . u - g_k the distance past the stop of contact k. A floor that hits a stop on its
 right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound with d = e_i - e_j.
+A sharp stop may have a dashpot beside its spring (`hpcsweep.model.dashpot`).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.model.arguments import finite, number, shown
+from hpcsweep.model.dashpot import (
+    damping_of_restitution,
+    felt_mass,
+    read_damping,
+    read_tension,
+)
 
 MAX_FLOORS = 64
 MAX_CONTACTS = 64
@@ -84,6 +91,11 @@ class Contact:
         g: of any sign; with 0 the structure rests at the stop, with less it is pushed by it.
     stiffness : float
         kappa >= 0.
+    damping : float
+        c >= 0 of a dashpot beside the spring: kappa x + c x'. It needs a sharp stop.
+    tension : bool
+        Whether the dashpot may pull, until x = 0; without it the contact never pulls, and lets go
+        where kappa x + c x' falls to 0. See `hpcsweep.model.dashpot`.
 
     Raises
     ------
@@ -94,6 +106,8 @@ class Contact:
     direction: Vector
     gap: float
     stiffness: float
+    damping: float = field(default=0.0, metadata={"later": True})
+    tension: bool = field(default=False, metadata={"later": True})
 
     def __post_init__(self) -> None:
         direction = vector("contact.direction", self.direction, None)
@@ -107,6 +121,34 @@ class Contact:
         if kappa < 0:
             raise ValueError(f"contact.stiffness must be at least 0, is {kappa!r}")
         object.__setattr__(self, "stiffness", kappa)
+        object.__setattr__(self, "damping", read_damping("contact.damping", self.damping))
+        object.__setattr__(self, "tension", read_tension("contact.tension", self.tension))
+
+    @classmethod
+    def from_restitution(
+        cls,
+        direction: Any,
+        gap: float,
+        stiffness: float,
+        restitution: float,
+        mass: Any,
+        tension: bool = False,
+    ) -> "Contact":
+        """Make a contact whose dashpot gives a collision the coefficient of restitution.
+
+        Parameters
+        ----------
+        direction, gap, stiffness, tension
+            See `Contact`.
+        restitution : float
+            e of a collision under the contact's own force, above 0 and at most 1.
+        mass : array_like, shape (n,) or (n, n)
+            M of the structure.
+        """
+        contact = cls(direction, gap, stiffness, 0.0, tension)
+        felt = felt_mass(contact.direction, mass)
+        damping = damping_of_restitution(restitution, contact.stiffness, felt, contact.tension)
+        return replace(contact, damping=damping)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import count, finite, number, plain, refused
+from hpcsweep.model.contact_names import ContactNames
+from hpcsweep.model.dashpot import dashpots_of_floors, read_tension, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
 from hpcsweep.model.linear_dynamics import frozen
 from hpcsweep.model.matrices import (
@@ -35,13 +37,13 @@ from hpcsweep.model.unit_names import Names, UnitNames
 PerFloor = float | tuple[float, ...]
 FOREIGN = (
     *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh"),
-    *("stiffness_ratio", "harmonics"),
+    *("stiffness_ratio", "harmonics", "restitution"),
 )
 """Parameters that the building of the paper leaves at their defaults."""
 
 
 @dataclass(frozen=True, repr=False)
-class Structure(MeasuredDynamics):
+class Structure(MeasuredDynamics, ContactNames):
     """Parameters of the structure and its stops, validated.
 
     The equation of motion of the uniform building is (8) with (5), (9) and (10)::
@@ -70,6 +72,11 @@ class Structure(MeasuredDynamics):
         ``math.inf``: no stop there.
     rayleigh : (float, float), optional
         (alpha, beta) of the damping matrix alpha M + beta K, in place of `damping_ratio`.
+    restitution : float or sequence of n floats, optional
+        Coefficient of restitution of the stops of every floor, above 0 and at most 1: a dashpot
+        beside the spring, see `hpcsweep.model.dashpot`. It needs sharpness = inf.
+    tension : bool
+        Whether these dashpots may pull, see `Contact`.
     harmonics : sequence of (order, amplitude, phase)
         Of the forcing: A sum_h a_h sin(h Omega tau + phi_h). Default: A sin(Omega tau).
     matrices, motion_length, unreached
@@ -94,6 +101,8 @@ class Structure(MeasuredDynamics):
     gap_left: PerFloor | Sequence[float] = math.inf
     _: KW_ONLY
     rayleigh: tuple[float, float] | None = None
+    restitution: PerFloor | Sequence[float] | None = None
+    tension: bool = False
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
     matrices: Matrices | None = None
     unit_names: UnitNames = field(default=UnitNames(), compare=False)
@@ -133,6 +142,7 @@ class Structure(MeasuredDynamics):
             for value in self.rayleigh:
                 if finite("rayleigh", value) < 0:
                     raise ValueError(f"rayleigh must be at least 0, is {value!r}")
+        self._read_dashpots()
         if max(self.contact_numbers, default=0) > MAX_CONTACTS:
             raise ValueError(
                 f"gap_left: {n} floors have stops on the left numbered up to "
@@ -201,6 +211,13 @@ class Structure(MeasuredDynamics):
             harmonics=harmonics,
             matrices=read,
         )
+
+    def _read_dashpots(self) -> None:
+        if self.restitution is not None:
+            self._set("restitution", self._per_floor("restitution", self.restitution))
+        self._set("tension", read_tension("tension", self.tension))
+        given = "restitution", self.restitution
+        refuse_smooth(self._all_contacts, self.sharpness, given if self.matrices is None else None)
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
@@ -280,11 +297,13 @@ class Structure(MeasuredDynamics):
         found = []
         storeys = self._floors(self.storey_stiffness)
         kappa = np.multiply(self._floors(self.stiffness_ratio), storeys).tolist()
+        given = self._floors(self.restitution), kappa, self._floors(self.mass), self.tension
+        dashpots = dashpots_of_floors(*given)
         for sign, gaps in ((1.0, self._floors(self.gap)), (-1.0, self._floors(self.gap_left))):
             for floor, gap in enumerate(gaps):
                 if gap < math.inf:
                     direction = (sign if i == floor else 0.0 for i in range(self.n_floors))
-                    found.append(Contact(tuple(direction), gap, kappa[floor]))
+                    found.append(Contact(tuple(direction), gap, kappa[floor], *dashpots[floor]))
         return tuple(found)
 
     @cached_property
@@ -294,28 +313,6 @@ class Structure(MeasuredDynamics):
             return tuple(range(1, len(self.matrices.contacts) + 1))
         right, left = self._floors(self.gap), self._floors(self.gap_left)
         return tuple(i for i, gap in enumerate((*right, *left), 1) if gap < math.inf)
-
-    def contact_bits(self, key: int) -> int:
-        """Return the contact set of a file, bit k - 1 for contact number k, from bits in a row."""
-        if self.contact_numbers == tuple(range(1, len(self.contacts) + 1)):
-            return key
-        return sum(1 << (k - 1) for i, k in enumerate(self.contact_numbers) if key >> i & 1)
-
-    @cached_property
-    def contact_labels(self) -> tuple[str, ...]:
-        """Label of every number a contact can have, e.g. 2 or 2L (left); empty: no such contact."""
-        own = {k: self._label(k) for k in self.contact_numbers}
-        return tuple(own.get(k, "") for k in range(1, max(own, default=0) + 1))
-
-    def _label(self, number: int) -> str:
-        left = self.matrices is None and number > self.n_floors
-        return f"{number - self.n_floors}L" if left else str(number)
-
-    @property
-    def contact_names(self) -> dict[int, str]:
-        """Name of each of `all_contact_numbers`: as given, A3-B3 say, or its label."""
-        names = self.names.contacts or tuple(map(self._label, self.all_contact_numbers))
-        return dict(zip(self.all_contact_numbers, names, strict=True))
 
     def without_contacts(self) -> "Structure":
         """Return the same structure, free."""

@@ -9,7 +9,8 @@ with x_k = d_k . u - g_k. S has its poles where rho x = +-i pi (mod 2 pi i). If 
 majorant of x, the sum of its |coefficients| R^j, is less than the distance of rho x_0 from them, S
 is analytic in |t| <= R; a step is a fixed part of that R, so no layer, however thin, is stepped
 over. At rho = inf S is 0 or 1 and a step ends at the first root of any x, found with a bound on
-|x'| that excludes all others.
+|x'| that excludes all others. A dashpot adds c_k x_k' to kappa_k x_k; without tension the contact
+then pushes while x > 0 and f = kappa x + c x' > 0, and a step ends at roots of f, too.
 
 `period` is compiled and in double precision. It also takes complex states: the imaginary part of a
 state with imaginary perturbation 1e-30 is the exact derivative (no cancellation). It is certified
@@ -21,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 
 from hpcsweep.kernels.compile import jit
 
@@ -78,6 +80,12 @@ def expand(z, tau, closed, amplitude, omega, system, u, v, x):
                 contact += s[k, q] * x[k, j - q]
             for i in range(n):
                 v[i, j + 1] -= system.push[k, i] * contact
+            if system.drag[k] > 0.0:
+                speed = 0.0 * x[k, 0]
+                for i in range(n):
+                    speed += system.reach[k, i] * v[i, j]
+                for i in range(n):
+                    v[i, j + 1] -= closed[k] * system.kick[k, i] * system.drag[k] * speed
         size *= omega / (j + 1)
         for i in range(n):
             v[i, j + 1] /= j + 1
@@ -224,15 +232,22 @@ def period(z, amplitude, omega, system, part, starts, sizes, series):
     v = np.zeros((n, ORDER + 1), z.dtype)
     x = np.zeros((m, ORDER + 1), z.dtype)
     closed = np.empty(m)
+    pushing = np.empty(m)
+    force = np.zeros((m, ORDER + 1))
+    at_zero = np.zeros(m, np.bool_)
     _look(z, system, u, x)
     for k in range(m):
         closed[k] = is_closed(x[k, 0].real, x[k, 1].real)
+        pushing[k] = closed[k]
+        if system.lets_go[k] and x[k, 0].real > 0.0:
+            f = system.kappa[k] * x[k, 0].real + system.drag[k] * x[k, 1].real
+            pushing[k] = 1.0 if f > 0 else 0.0
     end = 2 * math.pi / omega
     tau = 0.0
     count = 0
     event = -1
     while tau < end:
-        expand(z, tau, closed, amplitude, omega, system, u, v, x)
+        expand(z, tau, pushing, amplitude, omega, system, u, v, x)
         for k in range(m if event >= 0 else 0):
             if system.together[event, k]:
                 # at the stop, whatever rounding says
@@ -245,6 +260,16 @@ def period(z, amplitude, omega, system, part, starts, sizes, series):
                 if root <= h:
                     h = root
                     event = k
+            for k in range(m):
+                if not (system.lets_go[k] and closed[k] > 0.0):
+                    continue
+                _force_series(k, u, v, system, x, force)
+                if at_zero[k]:
+                    force[k, 0] = 0.0
+                root = first_root(force[k].copy(), h)
+                if root <= h:
+                    h = root
+                    event = m + k
         if count < starts.shape[0]:
             starts[count] = tau
             sizes[count] = h
@@ -255,20 +280,54 @@ def period(z, amplitude, omega, system, part, starts, sizes, series):
             z[i] = system.offset[i] + horner(u[i], h)
             z[n + i] = horner(v[i], h)
         if rho == np.inf:
+            at_zero[:] = False
+            if event >= m:
+                _switch(event - m, h, system, closed, force, pushing, at_zero)
+                event = -1
             if event >= 0:
                 _put_at_stop(event, z, system)
             _look(z, system, u, x)
             for k in range(m):
+                before = closed[k]
                 # beside the event a way through a stop that rounding has hidden from the roots
                 if event >= 0 and system.together[event, k]:
                     closed[k] = is_closed(0.0, x[k, 1].real)
                 elif x[k, 0].real != 0.0 or x[k, 1].real != 0.0:
                     closed[k] = is_closed(x[k, 0].real, x[k, 1].real)
+                if closed[k] != before or not system.lets_go[k]:
+                    pushing[k] = closed[k]
         tau = end if h >= end - tau else tau + h
         if not np.isfinite(z[0].real) or count > 10_000_000:
             z[:] = np.nan
             break
     return count
+
+
+@jit
+def _force_series(k, u, v, system, x, force):
+    """Fill the coefficients of kappa x + c x' of contact k."""
+    for j in range(ORDER + 1):
+        speed = 0.0
+        for i in range(u.shape[0]):
+            speed += system.reach[k, i] * v[i, j].real
+        force[k, j] = system.kappa[k] * x[k, j].real + system.drag[k] * speed
+
+
+@jit
+def _switch(event, h, system, closed, force, pushing, at_zero):
+    """Let contacts go, or push again, whose kappa x + c x' is 0 at the end of a step."""
+    for k in range(closed.shape[0]):
+        if not (system.lets_go[k] and closed[k] > 0.0):
+            continue
+        value, slope, size = horner(force[k], h), 0.0, 0.0
+        for j in range(ORDER, 0, -1):
+            slope = slope * h + j * force[k, j]
+            size = size * h + abs(force[k, j])
+        # of mirrored contacts rounding may have hidden the root of the second
+        both = abs(value) <= 1e-13 * (size * h + abs(force[k, 0]))
+        if k == event or (both and (slope > 0) == (pushing[k] == 0.0)):
+            pushing[k] = 1.0 - pushing[k]
+            at_zero[k] = True
 
 
 @jit
@@ -316,6 +375,13 @@ class System(NamedTuple):
     """(m,): of u measured so."""
     push: np.ndarray
     """(m, n): kappa_k M^-1 d_k."""
+    kick: np.ndarray
+    """(m, n): M^-1 d_k."""
+    kappa: np.ndarray
+    drag: np.ndarray
+    """(m,): c_k of a dashpot."""
+    lets_go: np.ndarray
+    """(m,) bool: whether it never pulls."""
     together: np.ndarray
     """(m, m) bool: contacts whose stops are at one place, so that both are reached at once."""
 
@@ -331,7 +397,13 @@ def system(structure, amplitude, omega):
         stiffness = stiffness - np.diag(spring[1:], 1) - np.diag(spring[1:], -1)
         kappa = np.broadcast_to(structure.stiffness_ratio, n) * spring
         stops = [
-            (sign * np.eye(n)[i], gap, kappa[i])
+            (
+                sign * np.eye(n)[i],
+                gap,
+                kappa[i],
+                _drag(structure, i, kappa[i], mass),
+                structure.tension,
+            )
             for sign, gaps in ((1.0, structure.gap), (-1.0, structure.gap_left))
             for i, gap in enumerate(np.broadcast_to(gaps, n))
             if gap < np.inf
@@ -340,13 +412,17 @@ def system(structure, amplitude, omega):
     else:
         given = structure.matrices
         mass, stiffness = np.array(given.mass), np.array(given.stiffness)
-        stops = [(np.array(c.direction), c.gap, c.stiffness) for c in given.contacts]
+        stops = [
+            (np.array(c.direction), c.gap, c.stiffness, c.damping, c.tension)
+            for c in given.contacts
+        ]
         forcing = -mass.sum(axis=1) if given.forcing is None else np.array(given.forcing)
     inverse = np.linalg.inv(mass)
     offset = np.zeros(n)
-    if len(stops) == n and np.array_equal([d for d, _, _ in stops], np.eye(n)):
-        offset = np.array([gap for _, gap, _ in stops], float)
-    reach = np.array([d for d, _, _ in stops], float).reshape(-1, n)
+    if len(stops) == n and np.array_equal([stop[0] for stop in stops], np.eye(n)):
+        offset = np.array([stop[1] for stop in stops], float)
+    directions, gaps, kappa, drag, tension = list(zip(*stops, strict=True)) or [()] * 5
+    reach = np.array(directions, float).reshape(-1, n)
     parts = System(
         np.array(structure.harmonics, float).reshape(-1, 3),
         float(structure.sharpness),
@@ -355,8 +431,14 @@ def system(structure, amplitude, omega):
         inverse @ forcing,
         offset,
         reach,
-        np.array([gap for _, gap, _ in stops], float) - reach @ offset,
-        np.array([k * (inverse @ d) for d, _, k in stops], float).reshape(-1, n),
+        np.array(gaps, float) - reach @ offset,
+        np.array(
+            [k * (inverse @ d) for d, k in zip(directions, kappa, strict=True)], float
+        ).reshape(-1, n),
+        np.array([inverse @ d for d in directions], float).reshape(-1, n),
+        np.array(kappa, float),
+        np.array(drag, float),
+        np.array([c > 0 and not pulls for c, pulls in zip(drag, tension, strict=True)], bool),
         np.array([[_at_one_place(a, b) for b in stops] for a in stops], bool).reshape(
             -1, len(stops)
         ),
@@ -366,8 +448,30 @@ def system(structure, amplitude, omega):
 
 def _at_one_place(one, other):
     """Return whether d . u = g of two stops (d, g, kappa) are one condition."""
-    conditions = np.array([[*d, gap] for d, gap, _ in (one, other)])
+    conditions = np.array([[*d, gap] for d, gap, *_ in (one, other)])
     return np.linalg.matrix_rank(conditions) == 1
+
+
+def _drag(structure, floor, kappa, mass):
+    """Find c of a stop of a floor by its collision."""
+    if structure.restitution is None:
+        return 0.0
+    e = float(np.broadcast_to(structure.restitution, structure.n_floors)[floor])
+    xi = 0.0 if e == 1.0 else brentq(lambda xi: _restitution(xi, structure.tension) - e, 1e-12, 1e6)
+    return 2 * xi * math.sqrt(kappa * mass[floor, floor])
+
+
+def _restitution(xi, tension):
+    """Speed at the first root of x, or of x'', of x'' + 2 xi x' + x = 0, x(0) = 0, x'(0) = 1."""
+    if xi >= 1.0:
+        root = math.sqrt(xi * xi - 1.0) or 1e-9
+        slow, fast = xi - root, xi + root
+        t = 2.0 * math.log(fast / slow) / (fast - slow)
+        last = (fast * math.exp(-fast * t) - slow * math.exp(-slow * t)) / (fast - slow)
+        return 0.0 if tension else -last
+    s = math.sqrt(1.0 - xi * xi)
+    t = math.pi if tension else math.atan2(2 * xi * s, 2 * xi * xi - 1)
+    return -math.exp(-xi * t / s) * (math.cos(t) - xi / s * math.sin(t))
 
 
 def _damping(structure, mass, stiffness):
@@ -392,9 +496,13 @@ def reference_points(structure, amplitude, omega, state, n_periods, part=PART_OF
 
 
 def reference_monodromy(structure, amplitude, omega, state, n_periods):
-    """State and d z(n_periods T) / d z(0), shape (2n, 2n), by the complex step."""
+    """State and d z(n_periods T) / d z(0), shape (2n, 2n), by the complex step.
+
+    Not of dashpots: their force jumps, and with it the tangent.
+    """
     size = len(state)
     arguments = system(structure, amplitude, omega)
+    assert not np.any(arguments[2].drag)
     matrix = np.empty((size, size))
     for column in range(size):
         z = np.array(state, dtype=complex)

@@ -120,6 +120,8 @@ OTHER = {
     "gap": 0.5,
     "gap_left": 0.7,
     "rayleigh": (0.1, 0.01),
+    "restitution": 1.0,
+    "tension": True,
     "harmonics": ((1, 1.0, 0.0), (3, 0.2, 0.0)),
     "matrices": Structure.from_matrices([1, 1, 1], np.eye(3), []).matrices,
     "transient_cycles": 7,

@@ -18,8 +18,10 @@ WITHOUT_DEFAULT = {
     "": ("vary", "units", "building", "pounding"),
     "sweep": ("frequency",),
     "units": ("length", "mass", "time"),
-    "pounding": ("gap", "stiffness", "sharpness"),
-    "structure": ("mass", "storey_stiffness", "rayleigh", "matrices", "contact"),
+    "pounding": ("gap", "stiffness", "sharpness", "restitution", "damping", "tension"),
+    "structure": (
+        *("mass", "storey_stiffness", "rayleigh", "restitution", "tension", "matrices", "contact"),
+    ),
 }
 """Keys that stand in the place of others, which the template only mentions."""
 EVERY_KEY = re.sub(r"^#(?=\w+ = )", "", TEMPLATE, flags=re.MULTILINE)

@@ -1,0 +1,49 @@
+"""Numbers and names of contacts: bits of a contact set, labels in figures, names in files."""
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from hpcsweep.model.unit_names import Names
+
+if TYPE_CHECKING:
+    from hpcsweep.model.matrices import Matrices
+
+
+class ContactNames:
+    """What the contacts of a structure are called."""
+
+    n_floors: int
+    matrices: "Matrices | None"
+    names: Names
+
+    @property
+    def contact_numbers(self) -> tuple[int, ...]:
+        """Number of each contact."""
+        raise NotImplementedError
+
+    @property
+    def all_contact_numbers(self) -> tuple[int, ...]:
+        """As `contact_numbers`, with those that are left out."""
+        raise NotImplementedError
+
+    def contact_bits(self, key: int) -> int:
+        """Return the contact set of a file, bit k - 1 for contact number k, from bits in a row."""
+        if self.contact_numbers == tuple(range(1, len(self.contact_numbers) + 1)):
+            return key
+        return sum(1 << (k - 1) for i, k in enumerate(self.contact_numbers) if key >> i & 1)
+
+    @cached_property
+    def contact_labels(self) -> tuple[str, ...]:
+        """Label of every number a contact can have, e.g. 2 or 2L (left); empty: no such contact."""
+        own = {k: self._label(k) for k in self.contact_numbers}
+        return tuple(own.get(k, "") for k in range(1, max(own, default=0) + 1))
+
+    def _label(self, number: int) -> str:
+        left = self.matrices is None and number > self.n_floors
+        return f"{number - self.n_floors}L" if left else str(number)
+
+    @property
+    def contact_names(self) -> dict[int, str]:
+        """Name of each of `all_contact_numbers`: as given, A3-B3 say, or its label."""
+        names = self.names.contacts or tuple(map(self._label, self.all_contact_numbers))
+        return dict(zip(self.all_contact_numbers, names, strict=True))

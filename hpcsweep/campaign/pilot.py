@@ -70,6 +70,11 @@ class KnownCosts:
             if self.begun is None:
                 self.begun = time.monotonic() - cost.seconds
 
+    def taken(self, place: tuple[int, ...]) -> None:
+        """Note that a block was taken from another file."""
+        if self.wanted:
+            self.tasks.done(place)
+
     def left(self, task: int) -> float:
         """Estimate the cost (s) of what is left of a task; 0 where it does not matter."""
         return self.tasks.left(task) if self.wanted and self._comm.size > 1 else 0.0

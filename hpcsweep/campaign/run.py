@@ -21,6 +21,7 @@ from hpcsweep.store import (
     Journal,
     Layout,
     Lock,
+    Reuse,
     StoreError,
     WriteError,
     create,
@@ -78,6 +79,7 @@ def run_all(
     progress: Callable[[int, int], Silent] | None = None,
     say: Callable[[str], None] = lambda text: None,
     flag: StopFlag | None = None,
+    reuse: Sequence[Path] = (),
 ) -> list[Ending]:
     """Run jobs on all ranks, creating the file of each or resuming it (collective).
 
@@ -97,6 +99,8 @@ def run_all(
         Told on rank 0 what happens before the first run.
     flag : hpcsweep.parallel.stopping.StopFlag, optional
         Hears the signals already; if it is not given, they are heard while this function runs.
+    reuse : sequence of Path
+        Earlier files from which results are taken (`hpcsweep.store.reuse`).
 
     Returns
     -------
@@ -124,7 +128,7 @@ def run_all(
                 # loads what takes long to load, while rank 0 prepares the file
                 job.study.is_compiled(comm.size)
             try:
-                prepare = partial(_prepare, layout, output, lock, comm, hosts, say)
+                prepare = partial(_prepare, layout, output, lock, comm, hosts, say, reuse)
                 _on_master(comm, prepare)
             except StoreError as error:
                 if len(jobs) == 1:
@@ -134,13 +138,13 @@ def run_all(
                 lock.join()
                 opened[k] = layout, output, lock
         if opened:
-            ended = _run_opened([*opened.values()], comm, flag, hosts or [], progress, say)
+            ended = _run_opened([*opened.values()], comm, flag, hosts or [], progress, say, reuse)
             endings |= dict(zip(opened, ended, strict=True))
     return [endings[k] for k in range(len(jobs))]
 
 
 def _run_opened(
-    opened: list[tuple[Layout, Path, Lock]], comm, flag: StopFlag, hosts: list[str], progress, say
+    opened: list[tuple[Layout, Path, Lock]], comm, flag, hosts: list[str], progress, say, reuse
 ) -> list[Ending]:
     """Run jobs whose files are prepared and locked."""
     output = opened[0][1]
@@ -148,8 +152,9 @@ def _run_opened(
         campaigns = [open_campaign(output, layout, comm) for layout, output, _ in opened]
         _compile(comm, [layout.job.study for layout, _, _ in opened], flag, say)
         works = []
-        for (_, output, _), campaign in zip(opened, campaigns, strict=True):
-            works.append(Work(comm, output, campaign, flag, hosts, say))
+        for (layout, output, _), campaign in zip(opened, campaigns, strict=True):
+            earlier = Reuse(layout, reuse)
+            works.append(Work(comm, output, campaign, flag, hosts, say, earlier))
         queue = Queue(comm, works, flag)
         try:
             queue.do(progress)
@@ -206,11 +211,12 @@ def _on_master(comm, action: Callable[[], None]) -> None:
         raise StoreError(problem)
 
 
-def _prepare(layout: Layout, output: Path, lock: Lock, comm, hosts: list[str], say) -> None:
+def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, reuse) -> None:
     """Check, repair or create the file, under the lock."""
     check_place(output)
     check_transport()
     existing = output.exists()
+    _check_earlier(layout, output, reuse, say)
     if existing:
         with contextlib.suppress(DamagedError):
             _check_same_job(layout, output)  # before the lock: it leaves nothing behind
@@ -233,6 +239,17 @@ def _prepare(layout: Layout, output: Path, lock: Lock, comm, hosts: list[str], s
     except BaseException:
         lock.release(remove=True)
         raise
+
+
+def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> None:
+    """Make sure that earlier files fit the job; say where results may differ in the last digits."""
+    for path in reuse:
+        if path.resolve() == output.resolve():
+            raise StoreError(f"{path}: is the file of the results; --reuse takes others")
+        made = check_file(path).get("libraries")
+        if made != provenance.library_versions():
+            say(f"{path}: made with {made}: what is taken may differ in the last digits")
+    Reuse(layout, reuse).close()
 
 
 def _check_same_job(layout: Layout, output: Path) -> None:

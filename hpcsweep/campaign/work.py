@@ -16,6 +16,7 @@ from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Campaign, Journal
 from hpcsweep.store.records import BlockCost, block_record, load_record
+from hpcsweep.store.reuse import told
 
 LISTED_FAILURES = 10
 
@@ -64,8 +65,8 @@ class Work:
         Runs that the file holds, on rank 0.
     """
 
-    def __init__(self, comm, output: Path, campaign: Campaign, flag: StopFlag, hosts, say):
-        self._comm, self._campaign = comm, campaign
+    def __init__(self, comm, output: Path, campaign: Campaign, flag: StopFlag, hosts, say, reuse):
+        self._comm, self._campaign, self._reuse = comm, campaign, reuse
         self._flag = flag
         self.output, self.study = output, campaign.blocks.study
         self.journal = Journal(output)
@@ -94,12 +95,15 @@ class Work:
 
     def block_done(self, rank: int, value) -> int:
         """Take the report of a block, on rank 0; return its runs."""
-        cost, failures = value
+        cost, failures, taken = value
         self._failures.add(failures)
         if cost.place not in self._counted:
             self._left -= cost.runs
-        self.costs.block_done(cost)
-        self.journal.note("block", rank=rank, **block_record(cost))
+        if taken:
+            self.costs.taken(cost.place)
+        else:
+            self.costs.block_done(cost)
+            self.journal.note("block", rank=rank, **block_record(cost))
         return cost.runs
 
     def compute(self, task: int, poll, report, rest=None) -> tuple | None:
@@ -128,11 +132,14 @@ class Work:
                     continue
                 poll()
                 begun = time.perf_counter()
-                rows = self.study.compute(block, start, poll)
+                rows = self._reuse.rows(block, start)
+                taken = rows is not None
+                if rows is None:
+                    rows = self.study.compute(block, start, poll)
                 computed = self._campaign.write_block(block, start, rows)
                 seconds = round(time.perf_counter() - begun, 6)
                 cost = BlockCost(block.place, block.n_runs, seconds)
-                wanted = report((cost, self._failed(block, rows)))
+                wanted = report((cost, self._failed(block, rows), taken))
                 if wanted and position + 1 < n_positions:
                     return position + 1, computed
         return None
@@ -161,8 +168,13 @@ class Work:
         """Write the last record and say what failed (collective)."""
         campaign = self._campaign
         used = self._comm.gather((campaign.written_bytes, campaign.write_seconds, memory.peak()))
+        reused = self._comm.gather(self._reuse.runs)
         if self._comm.rank != 0:
             return
+        runs: Counter[str] = sum(reused, Counter())
+        if runs:
+            self.journal.append("reuse", **runs)
+            display.message(told(runs))
         self.journal.append(
             "end",
             reason=reason,
@@ -177,3 +189,4 @@ class Work:
     def close(self) -> None:
         """Close the file (collective)."""
         self._campaign.close()
+        self._reuse.close()

@@ -27,6 +27,7 @@ from hpcsweep.commands import (
     summary,
     validate,
     warmup,
+    zoom,
 )
 
 COMMANDS = (
@@ -35,6 +36,7 @@ COMMANDS = (
     run,
     status,
     summary,
+    zoom,
     schedule,
     validate,
     pack,

@@ -28,6 +28,7 @@ RUN_EXAMPLES = """\
 examples:
   mpirun -n 4 hpcsweep run figure3.toml
   mpirun -n 8 hpcsweep run a.toml b.toml c.toml
+  hpcsweep run finer.toml --reuse figure3.h5
   hpcsweep run figure3.toml --set structure.stiffness_ratio=100 -o soft.h5
   hpcsweep run figure3.toml --set 'sweep.omega={from = 0.3, to = 0.6, count = 31}' -o map.h5
   hpcsweep run figure3.toml --set 'solver.method="bdf"' -o bdf.h5
@@ -54,6 +55,15 @@ def add_to(commands) -> None:
         help="results of a single job (default: the job's name + .h5)",
     )
     add_settings(run)
+    run.add_argument(
+        "--reuse",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="OLD",
+        help="take over results of an earlier file, bit for bit, where all but the grid of "
+        "frequencies and amplitudes is the same; may be given more than once",
+    )
     run.add_argument(
         "--max-hours",
         type=positive,
@@ -111,6 +121,7 @@ def _run(options) -> int:
                     progress=make_progress,
                     say=note,
                     flag=flag,
+                    reuse=options.reuse,
                 )
                 flag.ignore()
                 if comm.rank == 0:
@@ -144,6 +155,8 @@ def _read(options) -> list:
 
     if options.output and len(options.jobs) > 1:
         raise JobError(f"-o {options.output}: goes with one job, each of several has its own file")
+    if options.reuse and len(options.jobs) > 1:
+        raise JobError(f"--reuse {options.reuse[0]}: goes with one job")
     jobs = [load_job(path, options.settings) for path in options.jobs]
     outputs = [options.output or Path(f"{job.name}.h5") for job in jobs]
     by_meaning: dict[str, Path] = {}

@@ -6,7 +6,7 @@ a new field changes the jobs that use it and no other.
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 
 import numpy as np
@@ -26,12 +26,33 @@ def fingerprint(study) -> str:
         axes = [(axis.key, _canonical(axis.values)) for axis in study.axes]
         meaning += ["vary", fingerprint(study.base), axes]
         return _hash(meaning)
-    for part in (study.structure, study.settings, study):
-        for field in fields(part):
-            value = getattr(part, field.name)
-            if field.name not in TOLD_OTHERWISE and not _is_default(field, value):
-                meaning.append((field.name, _canonical(value)))
+    meaning += [(name, value) for _, name, value in _entries(study)]
     return _hash(meaning)
+
+
+def meaning_but_grid(study) -> dict[tuple[str, str], object]:
+    """Return what a study without axes means apart from its grid, by part and field.
+
+    Two studies for which it is equal compute the same run at the same place of their grids, from
+    the same state.
+    """
+    told: dict[tuple[str, str], object] = {("study", "kind"): study.kind}
+    told |= {(part, name): value for part, name, value in _entries(study, study.grid_fields)}
+    return told
+
+
+def _entries(study, without: tuple[str, ...] = ()) -> Iterator[tuple[str, str, object]]:
+    """Go through the fields that are not their defaults: part, name, value."""
+    for kind, part in (("structure", study.structure), ("settings", study.settings)):
+        yield from _fields_of(kind, part, TOLD_OTHERWISE)
+    yield from _fields_of("study", study, (*TOLD_OTHERWISE, *without))
+
+
+def _fields_of(kind: str, part, without: tuple[str, ...]) -> Iterator[tuple[str, str, object]]:
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if field.name not in without and not _is_default(field, value):
+            yield kind, field.name, _canonical(value)
 
 
 def _hash(meaning: list[object]) -> str:

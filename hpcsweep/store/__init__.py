@@ -3,8 +3,9 @@
 `layout` names its variables, `create` makes it, `transport` writes into it from every rank,
 `opening` is the one way in, `check` compares it with the layout, `metadata` is the checksum of all
 that is no result, `repair` mends what the job can tell, `commit` says which results are believed,
-`reader` gives them to people, `frames` one frame at a time, `packing` compresses it, `lock` keeps a
-second campaign out, `journal` keeps the history beside it.
+`reader` gives them to people, `reuse` takes them over from earlier files, `frames` one frame at a
+time, `packing` compresses it, `lock` keeps a second campaign out, `journal` keeps the history
+beside it.
 """
 
 from hpcsweep.store.commit import Campaign, open_campaign
@@ -18,6 +19,7 @@ from hpcsweep.store.opening import layout_problems, open_layout, read_layout
 from hpcsweep.store.packing import pack
 from hpcsweep.store.reader import job_of, meanings, open_results
 from hpcsweep.store.records import read_history
+from hpcsweep.store.reuse import Reuse
 
 __all__ = [
     "Campaign",
@@ -27,6 +29,7 @@ __all__ = [
     "Journal",
     "Layout",
     "Lock",
+    "Reuse",
     "StoreError",
     "WriteError",
     "create",

@@ -133,6 +133,15 @@ class Blocks:
             if name in rows
         )
 
+    def believed(self, block: Block) -> dict[str, np.ndarray] | None:
+        """Read a block whose checksum holds with what the file says it started from, or None."""
+        stored = self.committed(block)
+        if not stored:
+            return None
+        rows = self.read(block)
+        start = self.start_of(block, block.begin)
+        return rows if self._holds(stored, block, start, rows) else None
+
     def chain(
         self, task: int, first: int = 0, state: np.ndarray | None = None
     ) -> Generator[tuple[Block, np.ndarray, bool], np.ndarray | None, None]:

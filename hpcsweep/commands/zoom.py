@@ -1,0 +1,72 @@
+"""`hpcsweep zoom`: write the job of a finer grid over a part of a results file's."""
+
+import shlex
+from pathlib import Path
+
+from hpcsweep.commands import RAW, USER_ERROR, complain
+
+HELP = """\
+Write a job like that of FILE, with a finer grid over a part of its frequencies or amplitudes. The
+new grid holds the points of the old one, so that the run takes over what it can:
+
+  hpcsweep zoom map.h5 --omega 0.43 0.46 --factor 4 -o finer.toml
+  hpcsweep run finer.toml --reuse map.h5
+
+Amplitude sweeps are paths: with other amplitudes they pass through other states, and nothing of
+them can be taken over. Of sweeps make the frequencies finer; of points either."""
+
+
+def add_to(commands) -> None:
+    """Add the command to the parser's commands."""
+    parser = commands.add_parser(
+        "zoom",
+        help="write the job of a finer grid over a part of a file's",
+        description=HELP,
+        formatter_class=RAW,
+    )
+    parser.add_argument("file", type=Path, metavar="FILE")
+    for name, what in (("omega", "frequencies, as the job gives them"), ("amplitude", "A")):
+        parser.add_argument(
+            f"--{name}",
+            type=float,
+            nargs=2,
+            metavar=("LOW", "HIGH"),
+            help=f"ends of the part: {what} (default: all, as they are)",
+        )
+    parser.add_argument(
+        "--factor", type=int, default=2, metavar="N", help="steps in place of one (default: 2)"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="JOB.toml", help="must not exist"
+    )
+    parser.set_defaults(function=_zoom)
+
+
+def _zoom(options) -> int:
+    from hpcsweep.job import JobError
+    from hpcsweep.job.zoom import zoom
+    from hpcsweep.store import StoreError, job_of
+
+    path = options.output
+    if path.suffix != ".toml":
+        complain(f"{path}: the name of a job file must end in .toml")
+        return USER_ERROR
+    if options.omega is None and options.amplitude is None:
+        complain("zoom: needs --omega LOW HIGH or --amplitude LOW HIGH")
+        return USER_ERROR
+    try:
+        text = zoom(job_of(options.file), options.factor, options.omega, options.amplitude)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except (JobError, StoreError) as error:
+        complain(str(error))
+        return USER_ERROR
+    except FileExistsError:
+        complain(f"{path}: exists already, and is not overwritten")
+        return USER_ERROR
+    except OSError as error:
+        complain(f"{path}: cannot be written: {error.strerror or error}")
+        return USER_ERROR
+    words = ["hpcsweep", "run", str(path), "--reuse", str(options.file)]
+    print(f"{path}: written; run it with: {shlex.join(words)}")
+    return 0

@@ -1,0 +1,89 @@
+"""A job of a finer grid over a part of another job's, which holds the points of the old grid there.
+
+Between two neighbours of the old grid lie `factor` - 1 new values, evenly. What is written is a
+range where that gives the old values back to the last bit, else the list of all values.
+"""
+
+import copy
+import itertools
+from collections.abc import Mapping
+
+import numpy as np
+
+from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.reading import every_key, parse_job
+from hpcsweep.job.tree import parse_toml, write
+from hpcsweep.job.values import Values
+
+MOST_FACTOR = 1000
+
+
+def zoom(
+    job: Job,
+    factor: int,
+    omega: tuple[float, float] | None = None,
+    amplitude: tuple[float, float] | None = None,
+) -> str:
+    """Write a job of a finer grid.
+
+    Parameters
+    ----------
+    job : Job
+    factor : int
+        Steps in place of one, at least 1.
+    omega, amplitude : (float, float), optional
+        Ends of the part; that of the grid is the smallest that has both between its ends. Omega as
+        the job gives it: as ``sweep.frequency``, say. An axis without is left as it is.
+
+    Returns
+    -------
+    str
+        TOML text.
+
+    Raises
+    ------
+    JobError
+        If the job has no such grid, or none of it lies there.
+    """
+    tree = copy.deepcopy(parse_toml(job.text, job.name))
+    tree.pop("name", None)
+    sweep = tree.get("sweep", {})
+    if not 1 <= factor <= MOST_FACTOR:
+        raise JobError(f"--factor {factor}: must be from 1 to {MOST_FACTOR}")
+    frequency = "frequency" if "frequency" in sweep else "omega"
+    for name, key, ends in (
+        ("omega", frequency, omega),
+        ("amplitude", "amplitude", amplitude),
+    ):
+        if ends is None:
+            continue
+        if key not in sweep:
+            raise JobError(f"{job.name}: has no sweep.{key} that could be made finer")
+        old = Values(job.name, tree).numbers(f"sweep.{key}", ascending=False)
+        sweep[key] = _finer(f"--{name}", np.sort(old), factor, *ends)
+    text = write(tree, every_key())
+    parse_job(text, "zoom", "zoom")
+    return text
+
+
+def _finer(option: str, old: np.ndarray, factor: int, low: float, high: float) -> Mapping | list:
+    if not low <= high:
+        raise JobError(f"{option} {low:g} {high:g}: must be the lower and the upper end")
+    first = max(int(np.searchsorted(old, low, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(old, high, side="left")), old.size - 1)
+    if old[last] < low or old[first] > high or last <= first:
+        there = f"from {old[0]:g} to {old[-1]:g}"
+        raise JobError(
+            f"{option} {low:g} {high:g}: must hold more than one value of the grid, {there}"
+        )
+    kept = old[first : last + 1]
+    count = factor * (kept.size - 1) + 1
+    table = {"from": float(kept[0]), "to": float(kept[-1]), "count": count}
+    even = Values("", {"grid": {"values": table}}).numbers("grid.values", True)
+    if np.array_equal(even[::factor], kept):
+        return table
+    parts = [
+        left + (right - left) * (np.arange(factor) / factor)
+        for left, right in itertools.pairwise(kept)
+    ]
+    return [*np.concatenate(parts).tolist(), float(kept[-1])]

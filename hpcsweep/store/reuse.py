@@ -1,0 +1,200 @@
+"""Results of earlier files that a job takes over, to the last bit.
+
+What a run gives is a function of its structure, its settings, its frequency and amplitude, and the
+state that it starts from. So a block of a job is taken from another file where all of these are the
+same, bit for bit, and the checksums of the other file hold:
+
+- where everything but the grid is the same: every other field that the fingerprints are made of;
+- where the other file has, at the same frequency, direction and values of the varied keys, the
+  amplitudes of the block, one after the other and in this order;
+- where the run before the first of them ended, in the other file, in the very state that the
+  block starts from. A sweep is a path: with other amplitudes before them the same amplitudes may
+  be on another branch, and then the states differ. Where the paths have met again they do not.
+
+A block is taken whole or not at all. What is taken enters the file as if it had been computed: with
+the checksum of the new job.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.job.fingerprint import meaning_but_grid
+from hpcsweep.store.commit import Blocks
+from hpcsweep.store.layout import Layout, StoreError
+from hpcsweep.store.opening import open_layout
+from hpcsweep.studies.study import Block, Place
+
+KEPT = 16
+"""Blocks of an earlier file that are kept: neighbours in a new grid come from the same one."""
+NOT_THE_SAME = "of another structure or setting"
+NOT_IN_GRID = "not in its grid"
+NOT_COMMITTED = "not computed there"
+OTHER_STATE = "from another state: paths differ"
+"""Why a run is not taken, from what fits least to what fits most."""
+REASONS = (NOT_THE_SAME, NOT_IN_GRID, NOT_COMMITTED, OTHER_STATE)
+
+
+class Earlier:
+    """What an earlier file has of a job.
+
+    Parameters
+    ----------
+    path : Path
+    layout : Layout
+        Of the job.
+
+    Raises
+    ------
+    StoreError
+        If it is no campaign file, or nothing but the grid is the same.
+    """
+
+    def __init__(self, path: Path, layout: Layout):
+        self.path = path
+        self.layout = open_layout(path)
+        self._study = layout.study
+        old = self.layout.study
+        places = list(np.ndindex(*(len(axis.values) for axis in old.axes)))
+        self._places = {_key(old.part(place)): place for place in places}
+        self._of_part: dict[Place, Place | None] = {}
+        own = np.ndindex(*(len(axis.values) for axis in self._study.axes))
+        if not any(_key(self._study.part(place)) in self._places for place in own):
+            raise StoreError(f"{path}: {_difference(old, self._study)}; nothing of it fits the job")
+        self._blocks = Blocks(path, self.layout)
+        self._kept: dict[Place, dict[str, np.ndarray] | None] = {}
+
+    def close(self) -> None:
+        """Close the file."""
+        self._blocks.close()
+
+    def rows(self, block: Block, start: np.ndarray) -> dict[str, np.ndarray] | str:
+        """Return the rows of a block that starts from a state, or one of `REASONS`."""
+        part, inner = self._study.part_of(block)
+        n_outer = len(block.place) - len(inner.place)
+        place = self._part(block.place[:n_outer], part)
+        if place is None:
+            return NOT_THE_SAME
+        found = self._find(place, part, inner)
+        if found is None:
+            return NOT_IN_GRID
+        direction, frame, first = found
+        old = self.layout.study.part(place)
+        rows: list[dict[str, np.ndarray]] = []
+        at, end = first, first + inner.n_runs
+        while at < end:
+            held = self._block_of(old, direction, frame, at)
+            whole = self._believed(place, held)
+            if whole is None:
+                return NOT_COMMITTED
+            low, high = at - held.first[-1], min(end - held.first[-1], held.n_runs)
+            rows.append({name: values[low:high] for name, values in whole.items()})
+            at = held.first[-1] + high
+        begun = first + inner.begin
+        held = self._outer(place, self._block_of(old, direction, frame, begun))
+        before = self._blocks.start_of(held, begun - held.first[-1])
+        if before.tobytes() != np.ascontiguousarray(start, "<f8").tobytes():
+            return OTHER_STATE
+        names = self._blocks.variables
+        return {name: np.concatenate([each[name] for each in rows]) for name in names}
+
+    def _part(self, own: Place, part) -> Place | None:
+        if own not in self._of_part:
+            self._of_part[own] = self._places.get(_key(part))
+        return self._of_part[own]
+
+    def _find(self, place: Place, part, block: Block) -> tuple[int, int, int] | None:
+        """Find the direction, the frame and the lowest amplitude of a block in the other grid."""
+        old = self.layout.study.part(place)
+        direction, frame, low = block.first
+        name = part.directions[direction]
+        if name not in old.directions:
+            return None
+        wanted = part.amplitudes_of(frame)[low : low + block.n_runs]
+        for there in np.flatnonzero(old.omega == part.omega[frame]).tolist():
+            amplitudes = old.amplitudes_of(there)
+            first = int(np.searchsorted(amplitudes, wanted[0]))
+            if np.array_equal(amplitudes[first : first + wanted.size], wanted):
+                return old.directions.index(name), there, first
+        return None
+
+    def _block_of(self, old, direction: int, frame: int, at: int) -> Block:
+        """Return the block of a part of the other file that holds an amplitude."""
+        count = old.n_amplitudes
+        along = count - 1 - at if old.descends(direction) else at
+        return old.block((direction, frame, along // old.block_size))
+
+    def _outer(self, place: Place, block: Block) -> Block:
+        return self.layout.study.block((*place, *block.place))
+
+    def _believed(self, place: Place, block: Block) -> dict[str, np.ndarray] | None:
+        held = self._outer(place, block)
+        if held.place not in self._kept:
+            while len(self._kept) >= KEPT:
+                self._kept.pop(next(iter(self._kept)))
+            self._kept[held.place] = self._blocks.believed(held)
+        return self._kept[held.place]
+
+
+class Reuse:
+    """What earlier files have of a job; the first that has a block gives it.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the job.
+    paths : sequence of Path
+
+    Attributes
+    ----------
+    runs : Counter
+        Runs taken, by file, and those not taken, by reason.
+    """
+
+    def __init__(self, layout: Layout, paths: Sequence[Path]):
+        self._files = [Earlier(path, layout) for path in paths]
+        self.runs: Counter[str] = Counter()
+
+    def close(self) -> None:
+        """Close the files."""
+        for file in self._files:
+            file.close()
+
+    def rows(self, block: Block, start: np.ndarray) -> dict[str, np.ndarray] | None:
+        """Return the rows of a block that starts from a state, or None where no file has them."""
+        reasons = []
+        for file in self._files:
+            found = file.rows(block, start)
+            if not isinstance(found, str):
+                self.runs[f"from {file.path}"] += block.n_runs
+                return found
+            reasons.append(found)
+        if reasons:
+            self.runs[max(reasons, key=REASONS.index)] += block.n_runs
+        return None
+
+
+def told(runs: Counter[str]) -> str:
+    """Say how many runs were taken, and of the others why not."""
+    taken = {name: count for name, count in runs.items() if name not in REASONS}
+    others = [f"{runs[reason]} {reason}" for reason in REASONS if runs[reason]]
+    each = ", ".join(f"{count} {name}" for name, count in sorted(taken.items()))
+    line = f"reused {sum(taken.values())} of {sum(runs.values())} runs"
+    if len(taken) > 1:
+        line += f" ({each})"
+    return line + (f"; computed: {', '.join(others)}" if others else "")
+
+
+def _key(study) -> str:
+    return repr(sorted(meaning_but_grid(study).items()))
+
+
+def _difference(old, new) -> str:
+    """Say in what two jobs differ, apart from their grids: of the first part of each."""
+    place = (0,) * len(old.axes), (0,) * len(new.axes)
+    there, here = meaning_but_grid(old.part(place[0])), meaning_but_grid(new.part(place[1]))
+    part, name = next(key for key in [*there, *here] if there.get(key) != here.get(key))
+    what = {"structure": "structure", "settings": "setting", "study": "study"}[part]
+    return f"is of another {what} ({name})"

@@ -1,0 +1,170 @@
+"""Results taken over from earlier files equal those computed anew, to the last bit."""
+
+import h5py
+import numpy as np
+import pytest
+from tools import ATTRACTORS, GRID, SMALL, assert_same_datasets, hpcsweep
+
+from hpcsweep.campaign.run import COMPLETE, run_all
+from hpcsweep.job import parse_job
+from hpcsweep.job.zoom import zoom
+from hpcsweep.parallel.mpi import Serial
+from hpcsweep.store import StoreError
+from hpcsweep.store.reuse import OTHER_STATE, Reuse
+
+FINER = SMALL.replace("count = 4", "count = 7")
+
+
+def made(text, path, reuse=(), said=None):
+    said = [] if said is None else said
+    ended = run_all([(parse_job(text, "job", "job"), path)], Serial(), reuse=reuse)
+    assert ended[0].code == COMPLETE
+    return path
+
+
+def reused(path) -> dict:
+    lines = (path.parent / f"{path.name}.journal").read_text().splitlines()
+    import json
+
+    record = next(r for r in map(json.loads, lines) if r["kind"] == "reuse")
+    return {key: value for key, value in record.items() if key not in ("kind", "time")}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "runs"),
+    [
+        pytest.param(SMALL, FINER, 4 * 22, id="finer frequencies"),
+        pytest.param(SMALL, FINER.replace("block = 4", "block = 3"), 4 * 22, id="other blocks"),
+        pytest.param(GRID, GRID.replace("count = 11", "count = 21"), 44, id="points"),
+        pytest.param(SMALL + "[vary]\nstructure.gap = [1.0, 0.8]\n", SMALL, 88, id="a part"),
+        pytest.param(SMALL, SMALL + "[vary]\nstructure.gap = [0.8, 1.0]\n", 88, id="into a part"),
+    ],
+)
+def test_what_is_taken_equals_what_is_computed(tmp_path, old, new, runs):
+    earlier = made(old, tmp_path / "old.h5")
+    whole = made(new, tmp_path / "anew.h5")
+    taken = made(new, tmp_path / "new.h5", [earlier])
+    assert_same_datasets(whole, taken)
+    assert reused(taken)[f"from {earlier}"] == runs
+
+
+@pytest.mark.slow
+def test_attractors_are_taken_along_their_path(tmp_path):
+    new = ATTRACTORS.replace("omega = [0.9, 1.0, 1.1]", "omega = [0.9, 1.1]")
+    earlier = made(ATTRACTORS, tmp_path / "old.h5")
+    taken = made(new, tmp_path / "new.h5", [earlier])
+    assert_same_datasets(made(new, tmp_path / "anew.h5"), taken)
+    assert reused(taken) == {f"from {earlier}": 12}
+
+
+def test_of_a_sweep_further_up_what_comes_before_on_the_path_is_taken(tmp_path):
+    """Of the way up the two whole blocks below the old end."""
+    old = SMALL.replace("to = 0.3, count = 11", "to = 0.3, step = 0.028")
+    new = SMALL.replace("to = 0.3, count = 11", "to = 0.384, step = 0.028")
+    earlier = made(old, tmp_path / "old.h5")
+    taken = made(new, tmp_path / "new.h5", [earlier])
+    assert_same_datasets(made(new, tmp_path / "anew.h5"), taken)
+    assert reused(taken)[f"from {earlier}"] >= 4 * 8
+
+
+def test_a_path_from_another_state_is_not_taken(tmp_path):
+    """The amplitudes of a block are there, but those before them are others."""
+    old = SMALL.replace("{from = 0.02, to = 0.3, count = 11}", "[0.05, 0.1, 0.15, 0.2, 0.25, 0.3]")
+    new = SMALL.replace("{from = 0.02, to = 0.3, count = 11}", "[0.04, 0.1, 0.15, 0.2, 0.25, 0.3]")
+    old, new = (text.replace("block = 4", "block = 2") for text in (old, new))
+    earlier = made(old, tmp_path / "old.h5")
+    whole = made(new, tmp_path / "anew.h5")
+    taken = made(new, tmp_path / "new.h5", [earlier])
+    assert_same_datasets(whole, taken)
+    assert reused(taken)[OTHER_STATE] > 0
+
+
+def test_of_two_files_each_gives_what_it_has_and_a_damaged_block_is_not_taken(tmp_path):
+    low = made(SMALL.replace("to = 0.8, count = 4", "to = 0.6, count = 2"), tmp_path / "low.h5")
+    high = made(
+        SMALL.replace("from = 0.5, to = 0.8, count = 4", "from = 0.7, to = 0.8, count = 2"),
+        tmp_path / "high.h5",
+    )
+    text = SMALL.replace("{from = 0.5, to = 0.8, count = 4}", "[0.5, 0.6, 0.7, 0.8]")
+    with h5py.File(low, "r") as file:
+        place = file["drift"].id.get_offset()
+    with low.open("r+b") as file:
+        file.seek(place)
+        byte = file.read(1)[0]
+        file.seek(place)
+        file.write(bytes([byte ^ 1]))
+    whole = made(text, tmp_path / "anew.h5")
+    taken = made(text, tmp_path / "new.h5", [low, high])
+    assert_same_datasets(whole, taken)
+    told = reused(taken)
+    assert told[f"from {high}"] == 44
+    assert told[f"from {low}"] == 40
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("sharpness = 4e3", "sharpness = 5e3"), r"is of another structure \(sharpness\)"),
+        (("transient_cycles = 30", "transient_cycles = 31"), r"another setting \(transient_cycles"),
+        (("[structure]", '[study]\nkind = "points"\n[structure]'), r"another study \(kind\)"),
+        (("[output]", "[output]\nlyapunov = true"), r"another setting \(metrics\)"),
+    ],
+)
+def test_an_earlier_file_of_something_else_is_refused_and_nothing_written(tmp_path, change, said):
+    earlier = made(SMALL, tmp_path / "old.h5")
+    job = parse_job(SMALL.replace(*change), "job", "job")
+    with pytest.raises(StoreError, match=said):
+        run_all([(job, tmp_path / "new.h5")], Serial(), reuse=[earlier])
+    with pytest.raises(StoreError, match="is the file of the results"):
+        run_all([(parse_job(SMALL, "job", "job"), earlier)], Serial(), reuse=[earlier])
+    assert not [*tmp_path.glob("new.h5*")]
+
+
+@pytest.mark.mpi
+def test_zoom_writes_a_job_that_takes_over_what_it_can(tmp_path):
+    earlier = made(SMALL, tmp_path / "old.h5")
+    finer = tmp_path / "finer.toml"
+    asked = ("--omega", 0.6, 0.75, "--factor", 3)
+    assert hpcsweep(0, "zoom", earlier, *asked, "-o", finer).returncode == 0
+    job = parse_job(finer.read_text(), "finer", "finer")
+    old = parse_job(SMALL, "old", "old").study.omega
+    assert np.isin(old[1:], job.study.omega).all()
+    assert job.study.omega.size == 7
+    done = hpcsweep(2, "run", finer, "-o", tmp_path / "new.h5", "--reuse", earlier)
+    assert done.returncode == 0, done.stderr
+    assert "reused 66 of 154 runs; computed: 88 not in its grid" in done.stderr
+    whole = made(finer.read_text(), tmp_path / "anew.h5")
+    assert_same_datasets(whole, tmp_path / "new.h5")
+    again = hpcsweep(0, "zoom", earlier, *asked, "-o", finer)
+    assert again.returncode == 2
+    assert "exists already" in again.stderr
+    for options, said in (
+        ((), "needs --omega"),
+        (("--omega", 2, 3), "must hold more than one value"),
+        (("--omega", 0.6, 0.7, "--factor", 0), "--factor 0"),
+    ):
+        refused = hpcsweep(0, "zoom", earlier, *options, "-o", tmp_path / "none.toml")
+        assert refused.returncode == 2
+        assert said in refused.stderr
+    assert not (tmp_path / "none.toml").exists()
+
+
+@pytest.mark.parametrize("factor", [2, 3, 4, 7, 10])
+def test_a_finer_grid_holds_the_old_one_to_the_last_bit(factor):
+    text = SMALL.replace("from = 0.5, to = 0.8, count = 4", "from = 0.3, to = 0.9, count = 61")
+    old = parse_job(text, "old", "old")
+    new = parse_job(zoom(old, factor, (0.4, 0.6), (0.1, 0.2)), "new", "new")
+    for name, low, high in (("omega", 0.4, 0.6), ("amplitude", 0.1, 0.2)):
+        there, here = getattr(old.study, name), getattr(new.study, name)
+        kept = there[(there >= low) & (there <= high)]
+        assert kept.size
+        assert np.isin(kept, here).all()
+        assert here[0] <= low
+        assert here[-1] >= high
+
+
+def test_reuse_closes_its_files(tmp_path):
+    from hpcsweep.store import Layout
+
+    earlier = made(SMALL, tmp_path / "old.h5")
+    Reuse(Layout(parse_job(FINER, "job", "job")), [earlier]).close()

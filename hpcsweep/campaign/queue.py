@@ -98,7 +98,7 @@ class Queue:
         def on_report(_rank, value) -> None:
             k, sample = value
             self._works[k].costs.sampled(sample)
-            self._works[k].journal.note("pilot", **sample._asdict())
+            self._guarded(k, partial(self._works[k].journal.note, "pilot", **sample._asdict()))
 
         if firsts[-1] == 0:
             return True

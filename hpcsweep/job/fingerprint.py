@@ -33,8 +33,9 @@ def fingerprint(study) -> str:
 def meaning_but_grid(study) -> dict[tuple[str, str], object]:
     """Return what a study without axes means apart from its grid, by part and field.
 
-    Two studies for which it is equal compute the same run at the same place of their grids, from
-    the same state.
+    Its grid are the fields `grid_fields`, which say which runs there are and nothing of what one of
+    them computes; a study without such fields is all meaning. Two studies for which the rest is
+    equal compute the same run at the same place of their grids, from the same state.
     """
     told: dict[tuple[str, str], object] = {("study", "kind"): study.kind}
     told |= {(part, name): value for part, name, value in _entries(study, study.grid_fields)}

@@ -57,6 +57,11 @@ class Earlier:
         self.layout = open_layout(path)
         self._study = layout.study
         old = self.layout.study
+        for study in (old, self._study):
+            if not getattr(study.part((0,) * len(study.axes)), "grid_fields", ()):
+                raise StoreError(
+                    f"{path}: runs of {study.kind} depend on the whole job; nothing fits"
+                )
         places = list(np.ndindex(*(len(axis.values) for axis in old.axes)))
         self._places = {_key(old.part(place)): place for place in places}
         self._of_part: dict[Place, Place | None] = {}

@@ -72,7 +72,7 @@ class RunGrid:
     frame_dim: ClassVar[str] = "omega"
     """Dimension of the frames."""
     run_dims: ClassVar[tuple[str, ...]] = RUN
-    grid_fields: ClassVar[tuple[str, ...]] = ("omega", "amplitude", "directions", "block_size")
+    grid_fields: ClassVar[tuple[str, ...]] = ()
     commit: ClassVar[Variable] = COMMIT
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
     axes: ClassVar[tuple[Axis, ...]] = ()

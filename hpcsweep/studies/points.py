@@ -40,7 +40,7 @@ class Points(RunGrid):
     direction_name: ClassVar[str] = "where each run starts"
     keys: ClassVar[dict] = {"study": ("points",), "sweep": ("omega", "frequency", "amplitude")}
     default_block: ClassVar[int] = 1
-    grid_fields: ClassVar[tuple[str, ...]] = (*RunGrid.grid_fields, "listed")
+    grid_fields: ClassVar[tuple[str, ...]] = ("omega", "amplitude", "listed", "block_size")
 
     @classmethod
     def read(cls, values, **common) -> "Points":

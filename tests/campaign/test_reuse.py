@@ -3,7 +3,7 @@
 import h5py
 import numpy as np
 import pytest
-from tools import ATTRACTORS, GRID, SMALL, assert_same_datasets, hpcsweep
+from tools import ATTRACTORS, BASINS, GRID, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep.campaign.run import COMPLETE, run_all
 from hpcsweep.job import parse_job
@@ -118,6 +118,14 @@ def test_an_earlier_file_of_something_else_is_refused_and_nothing_written(tmp_pa
     with pytest.raises(StoreError, match="is the file of the results"):
         run_all([(parse_job(SMALL, "job", "job"), earlier)], Serial(), reuse=[earlier])
     assert not [*tmp_path.glob("new.h5*")]
+
+
+def test_rows_of_basins_are_not_taken_even_of_the_same_job(tmp_path):
+    """All rows have one frequency and one amplitude: their place in the grid does not tell them."""
+    earlier = made(BASINS, tmp_path / "old.h5")
+    with pytest.raises(StoreError, match="runs of basins depend on the whole job"):
+        run_all([(parse_job(BASINS, "job", "job"), tmp_path / "n.h5")], Serial(), reuse=[earlier])
+    assert not [*tmp_path.glob("n.h5*")]
 
 
 @pytest.mark.mpi

@@ -75,7 +75,6 @@ class Basins(RunGrid):
         "sweep": ("omega", "frequency", "amplitude"),
     }
     default_block: ClassVar[int] = 1
-    grid_fields: ClassVar[tuple[str, ...]] = ()  # the slice decides which attractors are found
     frame_dim: ClassVar[str] = "row"
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT

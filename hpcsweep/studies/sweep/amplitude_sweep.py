@@ -33,6 +33,7 @@ class AmplitudeSweep(RunGrid):
     direction_name: ClassVar[str] = "direction of the amplitude sweep"
     keys: ClassVar[dict] = {"sweep": ("omega", "frequency", "amplitude", "directions")}
     default_block: ClassVar[int] = 50
+    grid_fields: ClassVar[tuple[str, ...]] = ("omega", "amplitude", "directions", "block_size")
 
     @classmethod
     def read(cls, values, **common) -> "AmplitudeSweep":

@@ -7,6 +7,7 @@ Units: lengths in gaps, time in 1/omega_0, or those in which a structure is give
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hpcsweep.dynamics.continuation.periodic import orbit
     from hpcsweep.earthquakes.demands import write_demands
     from hpcsweep.earthquakes.fragility import cloud, fragility
     from hpcsweep.earthquakes.intensity import intensity
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from hpcsweep.model.structure import Structure
     from hpcsweep.solvers.solver import stroboscopic_points
     from hpcsweep.store import meanings, open_results
+    from hpcsweep.store.branches import branch
     from hpcsweep.store.trajectory import trajectory
     from hpcsweep.studies.attractors.runs import attractors
 
@@ -32,6 +34,7 @@ __all__ = [
     "__version__",
     "adjacent",
     "attractors",
+    "branch",
     "capacity",
     "cloud",
     "fractiles",
@@ -40,6 +43,7 @@ __all__ = [
     "load_job",
     "meanings",
     "open_results",
+    "orbit",
     "read_record",
     "spectrum",
     "stroboscopic_points",
@@ -58,6 +62,8 @@ _HOME = {
     "load_job": "hpcsweep.job",
     "meanings": "hpcsweep.store",
     "open_results": "hpcsweep.store",
+    "branch": "hpcsweep.store.branches",
+    "orbit": "hpcsweep.dynamics.continuation.periodic",
     "trajectory": "hpcsweep.store.trajectory",
     "intensity": "hpcsweep.earthquakes.intensity",
     "read_record": "hpcsweep.earthquakes.reading",

@@ -1,7 +1,10 @@
 """Motion in continuous time between stroboscopic points, for portraits and for inspection."""
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.equations import MODEL, derivative
@@ -14,6 +17,8 @@ LARGEST_STEP = 1 / 64
 """In forcing periods: a grazing contact, which takes a few hundredths of one, is not stepped
 over."""
 MAX_SAMPLES = 10**7
+SHORTEST = 1e-4
+"""In forcing periods: distances from contacts are looked at as often."""
 
 
 def trajectory(
@@ -43,14 +48,54 @@ def trajectory(
     ArithmeticError
         If the integrator gives up.
     """
+    n_samples = count("n_samples", n_samples, 2, MAX_SAMPLES)
+    done, units, period = _one_period(structure, amplitude, omega, state)
+    return units.out_of(done.sol(np.linspace(0.0, period, n_samples)).T)
+
+
+class Crossing(NamedTuple):
+    """A contact that closes or opens."""
+
+    contact: int
+    """Its number, from 1 on."""
+    closes: bool
+    phase: float
+    """Share of the forcing period."""
+
+
+def crossings(
+    structure: Structure, amplitude: float, omega: float, state: np.ndarray
+) -> list[Crossing]:
+    """Return the contacts that close and open in one forcing period, in the order of time.
+
+    Parameters, errors and method as of `trajectory`. A contact shorter than `SHORTEST` forcing
+    periods may be missed.
+    """
+    done, units, period = _one_period(structure, amplitude, omega, state)
+    times = np.linspace(0.0, period, round(1 / SHORTEST) + 1)
+    n, found = structure.n_floors, []
+    gaps = [contact.gap for contact in structure.contacts]
+    for number, row, gap in zip(structure.contact_numbers, structure.directions, gaps, strict=True):
+
+        def distance(time, row=row, gap=gap):
+            return units.out_of(done.sol(time).T)[..., :n] @ row - gap
+
+        beyond = distance(times) >= 0.0
+        for at in np.flatnonzero(beyond[1:] != beyond[:-1]).tolist():
+            time = brentq(distance, times[at], times[at + 1], xtol=1e-14 * period)
+            found.append(Crossing(number, bool(beyond[at + 1]), time / period))
+    return sorted(found, key=lambda one: one.phase)
+
+
+def _one_period(structure: Structure, amplitude: float, omega: float, state: np.ndarray):
+    """Integrate one forcing period; return scipy's solution, its units and the period."""
     instance("structure", structure, Structure)
     amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
     z = finite_vector("state", state, 2 * structure.n_floors)
-    n_samples = count("n_samples", n_samples, 2, MAX_SAMPLES)
     structure = structure.measured_at(omega, amplitude)
     model = kernel_model(structure, omega)
-    packed, frame = MODEL.pack(model), Units(structure, model)
-    size = amplitude / frame.amplitude_unit
+    packed, units = MODEL.pack(model), Units(structure, model)
+    size = amplitude / units.amplitude_unit
 
     def motion(tau, z):
         return derivative(tau, z, size, packed)
@@ -58,13 +103,13 @@ def trajectory(
     done = solve_ivp(
         motion,
         (0.0, model.period),
-        frame.into(z),
+        units.into(z),
         method="DOP853",
-        t_eval=np.linspace(0.0, model.period, n_samples),
+        dense_output=True,
         rtol=RTOL,
         atol=ATOL,
         max_step=LARGEST_STEP * model.period,
     )
     if not done.success:
         raise ArithmeticError(f"DOP853: {done.message}")
-    return frame.out_of(done.y.T)
+    return done, units, model.period

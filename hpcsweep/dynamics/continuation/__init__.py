@@ -1,0 +1,1 @@
+"""Numerical continuation of periodic orbits of any map: branches, special points, switching."""

@@ -1,0 +1,205 @@
+r"""Follow a branch of periodic orbits by pseudo-arclength, with its special points.
+
+A step goes along the tangent and is corrected across it. Its length follows the angle by which the
+tangent turns: `ANGLE` is aimed at, `LARGEST_ANGLE` refused. A step is refused, too, where the
+corrected point is farther from the foretold one than `ASTRAY` of the step, or where the number of
+unstable multipliers changes by more than the special points found on it explain.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, solve, solve_at
+from hpcsweep.dynamics.continuation.events import (
+    CODIMENSION_ONE,
+    Kind,
+    Special,
+    n_unstable,
+    special_points,
+)
+
+ANGLE = 0.12
+LARGEST_ANGLE = 0.5
+ASTRAY = 0.5
+GROWTH = 2.0
+COLLAPSED = 1e-4
+"""Step within which an orbit comes to one of a period that divides its own."""
+CLOSED = 1e-3
+"""Share of a step within which a closed branch comes back to its start."""
+
+
+class Limits(NamedTuple):
+    """How far and how finely branches are followed.
+
+    Attributes
+    ----------
+    low, high : float
+        Span of the parameter.
+    most_steps : int
+        Points of a branch on either side of its start.
+    largest, smallest : float
+        Length of a step, in units of y.
+    reach : float
+        Largest component of a state, in its units.
+    """
+
+    low: float
+    high: float
+    most_steps: int = 400
+    largest: float = 0.05
+    smallest: float = 1e-7
+    reach: float = 1e3
+
+
+@dataclass
+class Arc:
+    """A piece of a branch.
+
+    Attributes
+    ----------
+    curve : Curve
+    points : list of Solution
+        In the order of the branch, folds among them, so that the parameter is monotone between
+        neighbours.
+    specials : list of (int, Special)
+        Each with the place in `points` of the point after it, a fold with its own.
+    ends : (str, str)
+        Why it ends where it begins, and where it ends.
+    """
+
+    curve: Curve
+    points: list[Solution]
+    specials: list[tuple[int, Special]] = field(default_factory=list)
+    ends: tuple[str, str] = ("", "")
+
+
+def follow(curve: Curve, start: Solution, limits: Limits, born: bool = False) -> Arc:
+    """Follow a branch from a point on it.
+
+    Parameters
+    ----------
+    curve : Curve
+    start : Solution
+    limits : Limits
+    born : bool
+        Whether the branch begins there: it is followed along the tangent of `start` alone. Else to
+        both sides.
+    """
+    ahead = _walk(curve, start, limits)
+    if born or ahead.ends[1] == "closed":
+        begin = "birth" if born else "closed"
+        return Arc(curve, ahead.points, ahead.specials, (begin, ahead.ends[1]))
+    back = _walk(curve, start._replace(tangent=-start.tangent), limits)
+    points = [turned(point) for point in reversed(back.points[1:])] + ahead.points
+    offset, count = len(back.points) - 1, len(back.points)
+    specials = [
+        (count - place - (one.kind is Kind.FOLD), _turned_special(one))
+        for place, one in reversed(back.specials)
+    ] + [(place + offset, one) for place, one in ahead.specials]
+    return Arc(curve, points, specials, (back.ends[1], ahead.ends[1]))
+
+
+def turned(point: Solution) -> Solution:
+    """Return the same point of the branch that runs the other way."""
+    return point._replace(tangent=-point.tangent)
+
+
+def _turned_special(one: Special) -> Special:
+    change = tuple(-c for c in one.change)
+    return one._replace(at=turned(one.at), change=change)
+
+
+def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
+    """Follow a branch from a point on it along its tangent."""
+    arc = Arc(curve, [start])
+    step, last = limits.largest / 8, start
+    why = "most steps"
+    while len(arc.points) <= limits.most_steps:
+        found = _step(curve, last, step, limits)
+        if found is None:
+            step *= 0.5
+            if step < limits.smallest:
+                why = "not followed on"
+                break
+            continue
+        point, specials, angle, end = found
+        if _is_closed(start, last, point) and len(arc.points) > 2:
+            point, end = start, "closed"
+        for one in specials:
+            if one.kind is Kind.FOLD:
+                arc.points.append(one.at)
+                arc.specials.append((len(arc.points) - 1, one))
+            else:
+                arc.specials.append((len(arc.points), one))
+        if point is not last:
+            arc.points.append(point)
+        if end:
+            why = end
+            break
+        last = point
+        step *= min(GROWTH, ANGLE / max(angle, 1e-12))
+        step = min(max(step, limits.smallest), limits.largest)
+    arc.ends = ("", why)
+    return arc
+
+
+def _step(curve: Curve, last: Solution, step: float, limits: Limits):
+    """Go one step; return point, specials, angle and why it ends there, or None if too far."""
+    try:
+        guess = last.y + step * last.tangent
+        point = solve(curve, guess, last.tangent)
+        angle = float(np.arccos(min(float(point.tangent @ last.tangent), 1.0)))
+        if angle > LARGEST_ANGLE or np.linalg.norm(point.y - guess) > ASTRAY * step:
+            return None
+        if _collapses(curve, last, point):
+            return None if step > COLLAPSED else (last, [], 0.0, "halving")
+        value, end = curve.split(point.y)[1], ""
+        if not limits.low <= value <= limits.high:
+            border = limits.low if value < limits.low else limits.high
+            share = (border / curve.scale - last.y[-1]) / (point.y[-1] - last.y[-1])
+            points = curve.split(last.y + share * (point.y - last.y))[0]
+            way = np.sign(point.tangent[-1])
+            point, end = solve_at(curve, points, border), "end of the span"
+            if point.tangent[-1] * way < 0:
+                point = turned(point)
+            if not np.linalg.norm(point.y - last.y) > 0:
+                return last, [], 0.0, end
+        elif np.abs(point.y[:-1]).max() > limits.reach:
+            end = "out of reach"
+        specials = special_points(curve, last, point)
+    except NotConvergedError:
+        return None
+    explained = sum(CODIMENSION_ONE.get(one.kind, 0) for one in specials)
+    change = abs(n_unstable(point.multipliers) - n_unstable(last.multipliers))
+    if change > explained and step > 16 * limits.smallest:
+        return None
+    return point, specials, angle, end
+
+
+def _is_closed(start: Solution, last: Solution, point: Solution) -> bool:
+    """Return whether a step from `last` to `point` passes the start of the branch."""
+    step = point.y - last.y
+    length = float(np.linalg.norm(step))
+    if length == 0.0:
+        return False
+    share = float((start.y - last.y) @ step) / length**2
+    if not 0.0 < share <= 1.0 or float(start.tangent @ step) < 0.5 * length:
+        return False
+    # a parabola between the two points, as far as the chord's sag
+    sag = 0.25 * length * float(np.linalg.norm(point.tangent - last.tangent))
+    away = float(np.linalg.norm(start.y - last.y - share * step))
+    return away <= max(sag, CLOSED * length)
+
+
+def _collapses(curve: Curve, last: Solution, point: Solution) -> bool:
+    """Return whether an orbit passes, between two points, one of a period that divides its own."""
+    for prime in (2, 3, 5, 7):
+        if curve.period % prime == 0:
+            shift = curve.period // prime
+            before, after = (curve.split(one.y)[0] for one in (last, point))
+            first, second = (x - np.roll(x, shift, axis=0) for x in (before, after))
+            if (first * second).sum() < 0:
+                return True
+    return False

@@ -1,0 +1,220 @@
+r"""A periodic orbit as a chain of points, and Newton's method for it.
+
+An orbit of period p of a map F is a chain X = (x_0, ..., x_{p-1}) with
+
+    G_i(X, lambda) = F(x_i, lambda) - x_{i+1} = 0,    i + 1 modulo p
+
+(multiple shooting, one segment a return). Its Jacobian holds the p tangent maps M_i one by one and
+never their product, which loses the digits of all but the largest multipliers once the norms
+multiply to more than 1 / eps. With y = (X, lambda / scale) a branch of orbits is a curve in p N + 1
+dimensions; a point of it is found where it meets a hyperplane, border . (y - guess) = 0, which may
+be "lambda is given" or, past a fold, one across the curve (pseudo-arclength; Keller, in
+Applications of Bifurcation Theory, 1977, 359).
+
+Newton's method keeps its Jacobian while the moves fall by `CONTRACTS`; the last one is taken with
+the tangent maps at the solution, which are needed there anyway. Where a motion grazes a contact
+that is a spring, F is once differentiable, with a term of power 3/2: the method is then of order
+3/2, not 2, and needs a step or two more.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from hpcsweep.dynamics.stability import floquet_multipliers
+
+STEPS = 12
+CONTRACTS = 0.05
+"""Factor by which moves must fall for the Jacobian to be kept."""
+NEAR = 1e-9
+"""Move after which only the last step is left ..."""
+REACHED = 1e-9
+"""... whose own move must be this small: the distance left is then that of rounding."""
+LARGEST_PRODUCT = 1e6
+"""Product of the norms of tangent maps up to which their product has its multipliers to 1e-10."""
+
+
+class NotConvergedError(ArithmeticError):
+    """Newton's method has found no orbit."""
+
+
+class Map(Protocol):
+    """A map with a parameter; points are in units in which they are of order 1."""
+
+    size: int
+    """Dimension N."""
+
+    def image(self, x: np.ndarray, value: float) -> np.ndarray:
+        """Return F(x); raise `ArithmeticError` where there is none."""
+        ...
+
+    def tangent(self, x: np.ndarray, value: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return F(x) and dF/dx, shape (N, N)."""
+        ...
+
+    def slope(self, x: np.ndarray, value: float) -> np.ndarray:
+        """Return dF/dlambda, shape (N,)."""
+        ...
+
+    def signature(self, points: np.ndarray, value: float) -> tuple[int, ...]:
+        """Count what makes the map not smooth along an orbit, shape (p, N); of smooth maps ()."""
+        ...
+
+
+class Curve(NamedTuple):
+    """The curve of the orbits of one period.
+
+    Attributes
+    ----------
+    map : Map
+    period : int
+    scale : float
+        Of the parameter: the last component of y is lambda / scale.
+    """
+
+    map: Map
+    period: int
+    scale: float
+
+    def split(self, y: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the points of y, shape (p, N), and the value of the parameter."""
+        return y[:-1].reshape(self.period, -1), float(y[-1]) * self.scale
+
+    def join(self, points: np.ndarray, value: float) -> np.ndarray:
+        """Return y of points and a value of the parameter."""
+        return np.append(points.ravel(), value / self.scale)
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """Evaluate G, shape (p N,)."""
+        points, value = self.split(y)
+        images = np.array([self.map.image(x, value) for x in points])
+        return (images - np.roll(points, -1, axis=0)).ravel()
+
+    def linearise(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Evaluate G, its Jacobian, shape (p N, p N + 1), and the tangent maps, (p, N, N)."""
+        points, value = self.split(y)
+        n, total = self.map.size, points.size
+        jacobian = np.zeros((total, total + 1))
+        images, matrices = np.empty_like(points), np.empty((len(points), n, n))
+        for i, x in enumerate(points):
+            images[i], matrices[i] = self.map.tangent(x, value)
+            rows = slice(i * n, (i + 1) * n)
+            jacobian[rows, rows] = matrices[i]
+            jacobian[rows, -1] = self.map.slope(x, value) * self.scale
+        ahead = (np.arange(total) + n) % total
+        jacobian[np.arange(total), ahead] -= 1.0
+        return (images - np.roll(points, -1, axis=0)).ravel(), jacobian, matrices
+
+
+class Solution(NamedTuple):
+    """A point of a curve.
+
+    Attributes
+    ----------
+    y : ndarray, shape (p N + 1,)
+    tangent : ndarray, shape (p N + 1,)
+        Of length 1.
+    multipliers : ndarray of complex, shape (N,)
+        Largest modulus first.
+    matrices : ndarray, shape (p, N, N)
+        Tangent maps.
+    residual : float
+        Largest component of G.
+    """
+
+    y: np.ndarray
+    tangent: np.ndarray
+    multipliers: np.ndarray
+    matrices: np.ndarray
+    residual: float
+
+
+def solve(curve: Curve, guess: np.ndarray, border: np.ndarray) -> Solution:
+    """Find the point of a curve on the hyperplane through `guess` across `border`.
+
+    Parameters
+    ----------
+    curve : Curve
+    guess, border : ndarray, shape (p N + 1,)
+        The tangent that is returned points along `border`.
+
+    Raises
+    ------
+    NotConvergedError
+        If Newton's method does not converge, or the map fails on its way.
+    """
+    try:
+        return _solve(curve, guess, border)
+    except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
+        raise NotConvergedError(str(error)) from None
+
+
+def _solve(curve: Curve, guess: np.ndarray, border: np.ndarray) -> Solution:
+    y, least, inverse = guess.copy(), np.inf, None
+    residual = np.empty(0)
+    for _ in range(STEPS):
+        if inverse is None:
+            residual, jacobian, _ = curve.linearise(y)
+            inverse = np.linalg.inv(np.vstack((jacobian, border)))
+            fresh = True
+        move = inverse[:, :-1] @ residual
+        distance = float(np.abs(move).max())
+        if not distance < least:
+            raise NotConvergedError("moves of Newton's method do not fall")
+        y = y - move
+        if distance <= NEAR:
+            break
+        if distance > CONTRACTS * least and not fresh:
+            inverse = None
+        else:
+            residual, fresh = curve.residual(y), False
+        least = distance
+    residual, jacobian, matrices = curve.linearise(y)
+    last = np.append(np.zeros(residual.size), 1.0)
+    moves = np.linalg.solve(
+        np.vstack((jacobian, border)), np.stack((np.append(residual, 0.0), last), axis=1)
+    )
+    if not np.abs(moves[:, 0]).max() <= REACHED:
+        raise NotConvergedError(f"Newton's method has not converged in {STEPS} steps")
+    tangent = moves[:, 1] / np.linalg.norm(moves[:, 1])
+    size = float(np.abs(residual).max())
+    return Solution(y - moves[:, 0], tangent, multipliers(matrices), matrices, size)
+
+
+def solve_at(curve: Curve, points: np.ndarray, value: float) -> Solution:
+    """Find the orbit near `points`, shape (p, N), at a value of the parameter; see `solve`."""
+    border = np.zeros(points.size + 1)
+    border[-1] = 1.0
+    return solve(curve, curve.join(points, value), border)
+
+
+def multipliers(matrices: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues of M_{p-1} ... M_0, largest modulus first, shape (N,).
+
+    Where the product would lose digits they are the p-th powers of the eigenvalues of the block
+    cyclic matrix of the M_i, which has each p times and is as well scaled as each M_i (Kressner,
+    Numerical Methods for General and Structured Eigenvalue Problems, 2005, 3.3).
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (p, N, N)
+    """
+    p, n, _ = matrices.shape
+    norms = np.linalg.norm(matrices, axis=(1, 2))
+    if p == 1 or np.prod(np.maximum(norms, 1.0)) <= LARGEST_PRODUCT:
+        product = matrices[0]
+        for matrix in matrices[1:]:
+            product = matrix @ product
+        return floquet_multipliers(product)
+    cyclic = np.zeros((p * n, p * n))
+    for i, matrix in enumerate(matrices):
+        ahead = (i + 1) % p * n
+        cyclic[ahead : ahead + n, i * n : (i + 1) * n] = matrix
+    powers = np.linalg.eigvals(cyclic) ** p
+    found = np.empty(n, complex)
+    for k in range(n):
+        largest = powers[np.argmax(np.abs(powers))]
+        order = np.argsort(np.abs(powers - largest), kind="stable")
+        found[k] = powers[order[:p]].mean()
+        powers = powers[order[p:]]
+    return found[np.argsort(-np.abs(found), kind="stable")]

@@ -1,0 +1,173 @@
+r"""Special points of a branch: what happens between two neighbouring points, and exactly where.
+
+With the multipliers mu of the orbit and the tangent t of the branch,
+
+- a *fold*: the component of t along the parameter changes its sign;
+- a *period doubling*: prod (1 + mu) does, so that a real multiplier passes -1;
+- a *torus* (Neimark-Sacker): prod over pairs (1 - mu_i mu_j) does, and the pair is complex (a real
+  pair of product 1 is a neutral saddle, and nothing happens);
+- a *branch point*: prod (1 - mu) and the component along the parameter do not change their signs
+  together, as they do at a fold;
+- a *grazing*: the signature, which counts the impacts, changes.
+
+All are functions along the arc, found by Brent's method, the last one by bisection; each evaluation
+is a point of the branch. A point is known to about `PRECISION` of the step.
+"""
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, solve
+
+PRECISION = 1e-12
+BISECTIONS = 44
+COMPLEX = 1e-6
+"""Imaginary part from which a multiplier is no real one, and distance from the unit circle up to
+which it is on it."""
+
+
+class Kind(IntEnum):
+    """Kinds of special points."""
+
+    FOLD = 1
+    DOUBLING = 2
+    TORUS = 3
+    BRANCH_POINT = 4
+    GRAZING = 5
+
+
+CODIMENSION_ONE = {Kind.FOLD: 1, Kind.DOUBLING: 1, Kind.TORUS: 2, Kind.BRANCH_POINT: 1}
+"""Multipliers that cross the unit circle."""
+
+
+class Special(NamedTuple):
+    """A special point.
+
+    Attributes
+    ----------
+    kind : Kind
+    at : Solution
+    fraction : float
+        Place between the two points that it is between, from 0 to 1.
+    change : tuple of int
+        At a grazing, what the signature changes by along the branch; else ().
+    criticality : int
+        1 if the orbits of twice the period are on the side where these are unstable
+        (supercritical), -1 if they are where they are stable (subcritical), 0 if not known.
+    leaving : Solution or None
+        An orbit on the branch that leaves at a doubling or a branch point, if one was found.
+    """
+
+    kind: Kind
+    at: Solution
+    fraction: float
+    change: tuple[int, ...] = ()
+    criticality: int = 0
+    leaving: Solution | None = None
+
+
+def doubling_function(multipliers: np.ndarray) -> float:
+    """Return prod (1 + mu) / (1 + |mu|)."""
+    return float(np.prod((1.0 + multipliers) / (1.0 + np.abs(multipliers))).real)
+
+
+def fold_function(multipliers: np.ndarray) -> float:
+    """Return prod (1 - mu) / (1 + |mu|)."""
+    return float(np.prod((1.0 - multipliers) / (1.0 + np.abs(multipliers))).real)
+
+
+def torus_function(multipliers: np.ndarray) -> float:
+    """Return the product over pairs of (1 - mu_i mu_j) / (1 + |mu_i mu_j|)."""
+    i, j = np.triu_indices(multipliers.size, 1)
+    pairs = multipliers[i] * multipliers[j]
+    return float(np.prod((1.0 - pairs) / (1.0 + np.abs(pairs))).real)
+
+
+def n_unstable(multipliers: np.ndarray) -> int:
+    """Count the multipliers outside the unit circle."""
+    return int((np.abs(multipliers) > 1.0).sum())
+
+
+def between(curve: Curve, first: Solution, last: Solution, fraction: float) -> Solution:
+    """Find the point at a fraction of the chord between two points."""
+    chord = last.y - first.y
+    guess = first.y + fraction * chord
+    return solve(curve, guess, chord / np.linalg.norm(chord))
+
+
+def special_points(curve: Curve, first: Solution, last: Solution) -> list[Special]:
+    """Find the special points between two neighbouring points of a branch, in their order.
+
+    Raises
+    ------
+    NotConvergedError
+        If the branch between the two cannot be followed: they are too far apart.
+    """
+    found = []
+
+    def sought(test: Callable[[Solution], float]) -> tuple[Solution, float]:
+        fraction = _root(lambda s: test(between(curve, first, last, s)), test(first), test(last))
+        return between(curve, first, last, fraction), fraction
+
+    def along(point: Solution) -> float:
+        return float(point.tangent[-1])
+
+    def changes(test: Callable[[Solution], float]) -> bool:
+        return (test(first) < 0) != (test(last) < 0)
+
+    folds = changes(along)
+    if folds:
+        found.append(Special(Kind.FOLD, *sought(along)))
+    if changes(lambda p: fold_function(p.multipliers)) != folds:
+        place = sought(lambda p: fold_function(p.multipliers) * np.sign(along(p)))
+        found.append(Special(Kind.BRANCH_POINT, *place))
+    if changes(lambda p: doubling_function(p.multipliers)):
+        found.append(Special(Kind.DOUBLING, *sought(lambda p: doubling_function(p.multipliers))))
+    if changes(lambda p: torus_function(p.multipliers)):
+        at, fraction = sought(lambda p: torus_function(p.multipliers))
+        nearest = at.multipliers[np.argmin(np.abs(np.abs(at.multipliers) - 1.0))]
+        if abs(abs(nearest) - 1.0) < COMPLEX < abs(nearest.imag):
+            found.append(Special(Kind.TORUS, at, fraction))
+    found += _grazings(curve, first, last)
+    return sorted(found, key=lambda one: one.fraction)
+
+
+def _grazings(curve: Curve, first: Solution, last: Solution) -> list[Special]:
+    def counted(point: Solution) -> tuple[int, ...]:
+        return curve.map.signature(*curve.split(point.y))
+
+    found = []
+    low, high, end = 0.0, 1.0, counted(last)
+    own = counted(first)
+    while own != end:
+        inside, outside, at, after = low, high, last, end
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (inside + outside)
+            if not inside < middle < outside or outside - inside <= PRECISION:
+                break
+            point = between(curve, first, last, middle)
+            seen = counted(point)
+            if seen == own:
+                inside = middle
+            else:
+                outside, at, after = middle, point, seen
+        change = tuple(b - a for a, b in zip(own, after, strict=True))
+        found.append(Special(Kind.GRAZING, at, outside, change))
+        low, own = outside, after
+    return found
+
+
+def _root(function: Callable[[float], float], first: float, last: float) -> float:
+    """Find where a function on [0, 1] of known ends changes its sign."""
+    from scipy.optimize import brentq  # takes a while to load
+
+    ends = {0.0: first, 1.0: last}
+    if first == 0.0 or last == 0.0:
+        return 0.0 if first == 0.0 else 1.0
+    try:
+        return float(brentq(lambda s: ends.get(s) or function(s), 0.0, 1.0, xtol=PRECISION))
+    except (RuntimeError, ValueError) as error:
+        raise NotConvergedError(str(error)) from None

@@ -1,0 +1,160 @@
+"""A branch of periodic orbits as a dataset: points, multipliers, special points."""
+
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.dynamics.continuation.branch import Arc, Limits
+from hpcsweep.dynamics.continuation.catalogue import Catalogue
+from hpcsweep.dynamics.continuation.forced import ForcedMap
+from hpcsweep.dynamics.continuation.periodic import find
+from hpcsweep.model.arguments import count, finite_vector, positive
+from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import unit_of
+from hpcsweep.solvers.records import normalised_drift
+
+MOST_STEPS = 100_000
+
+
+def branch(
+    structure: Structure,
+    amplitude: float,
+    omega: float,
+    state: Any,
+    period: int,
+    parameter: str = "amplitude",
+    span: tuple[float, float] = (0.0, 1.0),
+    steps: int = 1000,
+    largest_step: float = 0.05,
+):
+    """Follow the branch of periodic orbits through an orbit, stable and unstable, past folds.
+
+    Parameters
+    ----------
+    structure : Structure
+    amplitude, omega, state, period
+        Of an orbit near, as of `orbit`.
+    parameter : {"amplitude", "omega", "stiffness_ratio", "gap", "sharpness", "damping_ratio"}
+        What changes along the branch.
+    span : (float, float)
+        Its lowest and highest value.
+    steps : int
+        Most points on either side of the orbit.
+    largest_step : float
+        Between neighbouring points: in units of the state, and of the span.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``step``: ``value`` of the parameter, ``point`` (step, turn, state), ``multiplier``
+        (step, mode, complex), ``stable``, ``contact`` (bit k - 1 for contact k) and ``drift``. Over
+        ``special``, the special points in their order: ``special_kind``, ``special_value``,
+        ``special_point``, ``special_multiplier``, ``special_step`` (of the point after it),
+        ``change`` (closings that contacts gain, special, contact), ``criticality`` (of a period
+        doubling: 1 super-, -1 subcritical) and ``leaving``, a point of the orbit of twice the
+        period, or of the crossing branch, at ``leaving_value``. Attributes ``begins`` and ``ends``
+        tell why the branch goes no farther.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of the wrong kind or outside its range; one line names it.
+    ArithmeticError
+        If there is no orbit near the state, or a solver fails.
+    """
+    low, high = finite_vector("span", span, 2).tolist()
+    forced, start = find(structure, amplitude, omega, state, period, parameter)
+    value = forced.value
+    if not low < high or not low <= value <= high:
+        raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
+    scale = high - low
+    limits = Limits(
+        low,
+        high,
+        count("steps", steps, 1, MOST_STEPS),
+        positive("largest_step", largest_step),
+    )
+    catalogue = Catalogue(forced, limits, scale, period, 1)
+    catalogue.add(start.y[:-1].reshape(period, -1), value)
+    catalogue.grow()
+    return dataset_of(catalogue.branches[0].arc, forced)
+
+
+def dataset_of(arc: Arc, forced: ForcedMap):
+    """Turn a branch of a structure into a dataset; see `branch`."""
+    import xarray
+
+    curve = arc.curve
+    structure, units = forced.structure, forced.units
+    n, period = structure.n_floors, curve.period
+    states = [curve.split(one.y) for one in arc.points]
+    seen = [forced.observe(*state) for state in states]
+    drift = [
+        float(normalised_drift(one.peak_drift, *forced.at(value)[1:]))
+        for one, (_, value) in zip(seen, states, strict=True)
+    ]
+    places = [place for place, _ in arc.specials]
+    specials = [one for _, one in arc.specials]
+    special = [curve.split(one.at.y) for one in specials]
+    no_change = (0,) * len(structure.contacts)
+    leaving = np.full((len(specials), 2 * n), np.nan)
+    leaving_value = np.full(len(specials), np.nan)
+    for k, one in enumerate(specials):
+        if one.leaving is not None:
+            leaving[k], leaving_value[k] = one.leaving.y[: 2 * n] * units, one.leaving.y[-1]
+    length, speed = (unit_of(structure, kind) for kind in ("length", "velocity"))
+    names = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
+
+    def points_of(found) -> np.ndarray:
+        return np.array([z * units for z, _ in found]).reshape(len(found), period, 2 * n)
+
+    def values_of(found) -> np.ndarray:
+        return np.array([value for _, value in found], float)
+
+    multiplier = [one.multipliers for one in arc.points]
+    return xarray.Dataset(
+        {
+            "value": ("step", values_of(states), {"long_name": forced.parameter}),
+            "point": (
+                ("step", "turn", "state"),
+                points_of(states),
+                {"units": f"{length}, {speed}", "long_name": "stroboscopic points"},
+            ),
+            "multiplier": (("step", "multiplier_number"), np.array(multiplier)),
+            "stable": ("step", np.array([abs(one[0]) < 1.0 for one in multiplier])),
+            "contact": (
+                "step",
+                np.array([structure.contact_bits(one.contact) for one in seen], np.uint64),
+            ),
+            "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
+            "special_kind": ("special", [one.kind.name.lower() for one in specials]),
+            "special_value": ("special", values_of(special), {"long_name": forced.parameter}),
+            "special_point": (("special", "turn", "state"), points_of(special)),
+            "special_multiplier": (
+                ("special", "multiplier_number"),
+                np.array([one.at.multipliers for one in specials]).reshape(-1, 2 * n),
+            ),
+            "special_step": ("special", np.array(places, int)),
+            "change": (
+                ("special", "contact_number"),
+                np.array([one.change or no_change for one in specials], int).reshape(
+                    len(specials), len(no_change)
+                ),
+            ),
+            "criticality": ("special", np.array([one.criticality for one in specials], int)),
+            "leaving": (("special", "state"), leaving),
+            "leaving_value": ("special", leaving_value * curve.scale),
+        },
+        coords={
+            "state": names,
+            "contact_number": [structure.contact_names[k] for k in structure.contact_numbers],
+        },
+        attrs={
+            "parameter": forced.parameter,
+            "period": period,
+            "amplitude": forced.amplitude,
+            "omega": forced.omega,
+            "begins": arc.ends[0],
+            "ends": arc.ends[1],
+        },
+    )

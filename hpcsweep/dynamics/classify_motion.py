@@ -4,7 +4,7 @@ The motion is watched for an orbit that is near, unless small differences grow, 
 with a tangent vector. This stretch is carried on, to twice its length up to `LEAST_TORUS` periods
 and by a part of it from then on, and judged each time by its later part. A motion is
 
-- periodic if Newton's method has verified the orbit it goes to (`solvers.flow.transient`,
+- periodic if Newton's method has verified the orbit it goes to (`flow.orbit.transient`,
   `shooting`), or its points have closed and stay closed (`orbit.closed_period`), and the orbit does
   not repel;
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
@@ -158,7 +158,7 @@ class _Classifier:
         return growth_interval(self._logarithms)
 
     def undecided(self, z: np.ndarray) -> Motion:
-        """Return up."""
+        """Give up: return the motion as undecided."""
         last = self._last if len(self._last) else z[None]
         return self.motion(MotionClass.UNDECIDED, last, growth=self.growth)
 

@@ -121,7 +121,7 @@ class Arena:
         Parameters
         ----------
         value : tuple
-            In place of an array it may have `placing.zeros`.
+            In place of an array it may have `places.zeros`.
 
         Returns
         -------

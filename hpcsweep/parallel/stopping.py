@@ -49,7 +49,7 @@ class StopFlag:
         return self
 
     def listen(self) -> None:
-        """Hear the signals; for good, if the flag is not used in a ``with`` statement."""
+        """Listen to the signals; for good, if the flag is not used in a ``with`` statement."""
         for number in STOP_SIGNALS:
             self._previous[number] = signal.signal(number, self._on_signal)
 

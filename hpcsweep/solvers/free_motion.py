@@ -1,6 +1,6 @@
 """The rule `linear` for the runs of a structure: its closed form, and what its proof needs.
 
-The proof is that of `flow.free`.
+The proof is that of `solvers.free`.
 """
 
 import numpy as np

@@ -4,7 +4,7 @@ Free of contact the modes are uncoupled (12), or coupled by a damping matrix. Th
 
     u(tau) = A sum_h Im(U_h exp(i h Omega tau)).
 
-`flow.free` proves which motions come to it.
+`solvers.free` proves which motions come to it.
 """
 
 import cmath

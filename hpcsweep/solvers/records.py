@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,9 +56,8 @@ class Approach:
     outcome: Outcome
 
 
-@dataclass(frozen=True)
-class Orbits:
-    """Results of k runs one after the other that rules have settled.
+class Orbits(NamedTuple):
+    """Results of k runs one after the other that skip rules finish.
 
     Attributes
     ----------
@@ -75,12 +75,8 @@ class Orbits:
     contact : ndarray of uint64
         As in `Observation`; also `peak_drift` and `modal_norm`, shape (k, n), which of motions free
         of contact are NaN here.
-    measures : ndarray, shape (k, D + n + 5 m)
-        As in `Observation`; (k, 0) unless requested.
-    state : ndarray, shape (2n,)
-        State from which the next run starts.
-    open : Approach or None
-        End of the transient of that run, if the rules leave it open; None if there is none.
+    peaks, impacts : ndarray
+        As in a `Tally`; empty unless requested.
     """
 
     rule: np.ndarray
@@ -92,6 +88,27 @@ class Orbits:
     contact: np.ndarray
     peak_drift: np.ndarray
     modal_norm: np.ndarray
+    peaks: np.ndarray
+    impacts: np.ndarray
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What came of runs one after the other.
+
+    Attributes
+    ----------
+    orbits : Orbits
+        Of those that skip rules finish, up to the first that they leave open.
+    measures : ndarray, shape (k, D + n + 5 m)
+        As in `Observation`; (k, 0) unless requested.
+    state : ndarray, shape (2n,)
+        State from which the next run starts.
+    open : Approach or None
+        End of the transient of that run, if it is left open; None if there is none.
+    """
+
+    orbits: Orbits
     measures: np.ndarray
     state: np.ndarray
     open: Approach | None

@@ -35,7 +35,7 @@ class SolverKind:
     polls_each_period : bool
         Whether ``poll`` is called in each forcing period, not only between runs.
     follows_orbits : bool
-        Whether it does runs in a row that rules settle (`FlowMap.follow_orbits`).
+        Whether it does runs in a row that skip rules finish (`FlowMap.follow_orbits`).
     classify_cycles : int
         Forcing periods after which the motion of a run counts as undecided, of a job that says
         nothing of it. A solver that takes a second for what takes `flow` a millisecond classifies

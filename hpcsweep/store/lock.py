@@ -127,7 +127,7 @@ class Lock:
             fcntl.lockf(self._descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, RANKS_BYTE)
 
     def release(self, remove: bool = False) -> None:
-        """Return up the lock; rank 0 removes the file, last of all."""
+        """Give up the lock; rank 0 removes the file, last of all."""
         if remove:
             with contextlib.suppress(OSError):
                 self.path.unlink()

@@ -112,7 +112,8 @@ def test_a_wrong_jump_is_found_and_not_explained(monkeypatch):
 
     def wrong(*given, **named):
         found = follow(*given, **named)
-        return replace(found, points=found.points + 1e-3)
+        orbits = found.orbits._replace(points=found.orbits.points + 1e-3)
+        return replace(found, orbits=orbits)
 
     monkeypatch.setattr(FlowMap, "follow_orbits", wrong)
     comparison = skips.Comparison(Structure(), 0.445, SweepSettings())

@@ -2,7 +2,7 @@
 
 Frames of a job are run up and down by themselves. The forcing periods that each call of the solver
 integrates are integrated once more, from where it began, and nothing is gathered of them: no
-tangent vector or map, no norms, no drift, no watch for an orbit. Those of runs that rules settle
+tangent vector or map, no norms, no drift, no watch for an orbit. Those of runs that skip rules finish
 start from the orbit in the middle of a call. What the time exceeds that of these periods is what
 the rules cost besides; the rest can only be had by fewer periods, or by cheaper ones.
 """
@@ -46,13 +46,14 @@ def parts(name: str, result, arguments) -> list[Part]:
         found = [(arguments[0], float(arguments[1]), periods_of(name, result, arguments))]
     else:
         found, amplitudes, left = [], arguments[0], result.open
-        n_periods = int(result.cycles.sum())
+        orbits = result.orbits
+        n_periods = int(orbits.cycles.sum())
         if n_periods:
-            done = np.flatnonzero(result.cycles)
+            done = np.flatnonzero(orbits.cycles)
             middle = done[done.size // 2]
-            found.append((result.points[middle, 0], float(amplitudes[middle]), n_periods))
+            found.append((orbits.points[middle, 0], float(amplitudes[middle]), n_periods))
         if left is not None:
-            amplitude = float(amplitudes[len(result.cycles)])
+            amplitude = float(amplitudes[len(orbits.cycles)])
             found.append((result.state, amplitude, left.n_periods + left.n_newton))
     return [part for part in found if part[2] > 0]
 

@@ -17,7 +17,7 @@ from hpcsweep.parallel.schedule import ranks_that_help, simulate
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store.records import BlockCost, PilotCost
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
-from hpcsweep.studies.sweep.runs import empty_rows
+from hpcsweep.studies.sweep.rows import empty_rows
 
 MANY = """
 [sweep]
@@ -298,7 +298,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.job import load_job
 from hpcsweep.parallel import mpi
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
-from hpcsweep.studies.sweep.runs import empty_rows
+from hpcsweep.studies.sweep.rows import empty_rows
 from tools import of_study
 
 class Nothing(AmplitudeSweep):

@@ -1,16 +1,24 @@
-"""Runs that rules settle, many in one call, against the same runs one by one."""
+"""Runs that skip rules finish, many in one call, against the same runs one by one."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
+from hpcsweep.dynamics.orbit import smallest_period
+from hpcsweep.dynamics.stability import floquet_multipliers, orbit_exponent
 from hpcsweep.model.structure import Contact, Structure
 from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
+from hpcsweep.solvers.flow.orbit.batch import new_orbits
 from hpcsweep.solvers.polling import Polling
+from hpcsweep.solvers.records import Followed
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.sweep.batch import Batch
+from hpcsweep.studies.sweep.rows import Result, store
 from hpcsweep.studies.sweep.runs import FrameRuns
 
 SETTINGS = SweepSettings(metrics=frozenset(METRICS), classify_cycles=2000, max_points=40)
@@ -50,13 +58,66 @@ def runs(name: str, **changed) -> FrameRuns:
     return FrameRuns(structure, omega, replace(SETTINGS, **changed))
 
 
+class OneByOne(Batch):
+    """The rules as they are defined, a run a call, by the solver's own methods and numpy."""
+
+    def into(self, result, first, amplitudes, state, follow, poll):
+        settings, solver, amplitude = self._settings, self._solver, float(amplitudes[first])
+        row = {name: array[first : first + 1] for name, array in result.items()}
+        same = settings.period_tolerance
+        free = self._free.window(state, amplitude)
+        if free is not None:
+            orbit = self._free.orbit
+            seen = replace(free, measures=orbit.measures(amplitude)[0])
+            exponent = orbit.lyapunov_exponent
+            end = self._done(row, amplitude, SkipRule.LINEAR, seen, 0, exponent)
+            return Followed(ONE, np.empty((1, 0)), end if follow else state, None)
+        end = solver.settle(
+            state,
+            amplitude,
+            settings.transient_cycles,
+            settings.max_orbit_period,
+            *(SETTLED, same, NEAR),
+        )
+        if not end.period:
+            return Followed(NONE, np.empty((0, 0)), state, end)
+        seen = solver.observe(state=end.state, amplitude=amplitude, n_periods=end.period,
+                              modal_norm=True, measures=settings.measures)  # fmt: skip
+        # the window procedure's last point is the end of its periods, whatever the orbit is
+        whole = settings.transient_cycles + settings.sampling_cycles
+        shift = (whole - end.n_periods - end.period) % end.period
+        seen = replace(seen, points=np.roll(seen.points, -shift, axis=0))
+        period = smallest_period(seen.points / solver.structure.state_units, same)
+        cycles = end.n_periods + end.n_newton + end.period
+        rule = SkipRule.NEWTON
+        if np.isnan(end.multiplier):
+            rule = SkipRule.CONVERGED
+            exponent = orbit_exponent(solver, seen.points[-1], amplitude, period)
+        else:
+            exponent = math.log(end.multiplier) / (2 * math.pi * end.period / solver.omega)
+        end = self._done(row, amplitude, rule, seen, cycles, exponent, period)
+        return Followed(ONE, np.empty((1, 0)), end if follow else state, None)
+
+    def _done(self, row, amplitude, rule, seen, cycles, exponent, period=1):
+        kind = MotionClass.PERIODIC if seen.contact else MotionClass.NO_CONTACT
+        points, solver = seen.points[-period:], self._solver
+        told = seen.contact, seen.peak_drift, seen.modal_norm, seen.measures
+        result = Result(period, cycles, points[-1], points, period, *told, *3 * (exponent,), kind)
+        store(row, solver.structure, solver.omega, amplitude, result)
+        row["skip_rule"][:] = rule
+        return points[-1].copy()
+
+
+NONE, ONE = new_orbits(0, 1, 1), new_orbits(1, 1, 1)
+
+
 @pytest.mark.parametrize("follow", [True, False], ids=["follow", "each"])
 @pytest.mark.parametrize("name", STRUCTURES)
 def test_many_in_one_call_are_what_they_are_one_by_one(name, follow):
     structure, _, amplitudes = STRUCTURES[name]
     state = np.zeros(2 * structure.n_floors)
     together, alone = runs(name), runs(name)
-    alone._path = None
+    alone._batch = OneByOne(alone.solver, alone.settings, alone._free)
     many = (together.follow if follow else together.each)(amplitudes, state)
     single = (alone.follow if follow else alone.each)(amplitudes, state)
     rules = set(many["skip_rule"].tolist())

@@ -58,8 +58,8 @@ class EntryPoint:
     arguments
         Types of its arguments.
     inner : bool
-        Whether kernels alone call it: what looks into the arguments of a call by Python takes up
-        to a second to compile.
+        Whether kernels alone call it: the wrapper that unpacks the arguments of a call by Python
+        takes up to a second to compile.
     specialises : bool
         Whether it can be specialised to the sizes in a packing.
     """

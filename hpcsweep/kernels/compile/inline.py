@@ -33,7 +33,7 @@ class _InlineLibrary(JITCodeLibrary):
         module.link_in(self._final_module, preserve=True)
 
     def _get_module_for_linking(self):
-        """Return numba's own libraries the functions with all that they call."""
+        """Return the functions with all that they call, for numba's own libraries."""
         if self._shared_module is None:
             whole = self._final_module.clone()
             for library in _all_that_is_called(self):
@@ -160,7 +160,7 @@ class KernelDispatcher(CPUDispatcher):
         return _InlineDispatcher(self.py_func, targetoptions=options, pipeline_class=_PART)
 
     def get_call_template(self, args, kws):
-        """Return numba the signature of a call by a kernel."""
+        """Return the signature of a call by a kernel."""
         return self._part.get_call_template(args, kws)
 
     def is_kept(self, sig) -> bool:
@@ -172,7 +172,7 @@ class KernelDispatcher(CPUDispatcher):
         return self._cache.specialisations()
 
     def get_overload(self, sig):
-        """Return numba what a kernel calls."""
+        """Return what a kernel calls."""
         return self._part.get_overload(sig)
 
 

@@ -79,7 +79,7 @@ def with_arrays(value, change: Callable[[np.ndarray | Zeros], np.ndarray]):
 
 
 def apart(array: np.ndarray | Zeros) -> np.ndarray:
-    """Return an array memory of its own."""
+    """Copy an array into memory of its own."""
     return np.zeros(array.shape, array.dtype) if isinstance(array, Zeros) else array.copy()
 
 

@@ -47,7 +47,7 @@ class Specialisation:
         self.key = hashlib.sha256(repr(shapes).encode()).hexdigest()[:KEY_LENGTH]
 
     def compiling(self, renamed: dict[str, str]) -> contextlib.AbstractContextManager:
-        """Specialisation what is compiled meanwhile.
+        """Specialise what is compiled meanwhile.
 
         Parameters
         ----------

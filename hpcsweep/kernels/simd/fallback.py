@@ -133,14 +133,14 @@ def switches(y):
 
 
 def read(packed: tuple) -> tuple:
-    """Return back a tuple that was not packed, with numbers of numpy in it."""
+    """Return a tuple that was not packed as it is, with numbers of numpy in it."""
     if isinstance(packed, tuple):
         return type(packed)(*map(read, packed))
     return _ieee(packed)
 
 
 def as_long_as(array, other):
-    """Return back an array that is as long as another."""
+    """Return an array that is as long as another as it is."""
     if len(array) != len(other):
         raise IndexError(f"an array of {len(array)} is taken for one of {len(other)}")
     return array

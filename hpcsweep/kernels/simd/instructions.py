@@ -37,7 +37,7 @@ def on_vectors(builder, name: str, count: int):
 
 
 class Lanes(types.Type):
-    """`LANES` doubles in one vector register: what kernels reckon with where loops would be slow.
+    """`LANES` doubles in one vector register: what kernels compute with where loops would be slow.
 
     Sums, products and quotients of `Lanes` and numbers are written as those of numbers.
     """

@@ -15,7 +15,7 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
-from hpcsweep.solvers.flow.orbit.batch import MORE, OPEN, Rules, new_rows, new_run, orbits_of
+from hpcsweep.solvers.flow.orbit.batch import MORE, OPEN, Rules, in_units, new_orbits, new_run
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import SHARED, WATCH, Watch, new_shared, new_watch
 from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, NO_TALLY, NORMS, PEAKS, clear
@@ -24,7 +24,7 @@ from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
-from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, Orbits, window_growth
+from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observation, window_growth
 
 MAX_STEPS = 2_000_000
 """Cap of steps in one forcing period."""
@@ -61,7 +61,7 @@ class FlowMap:
         self._watches: dict[int, tuple] = {}
         self._watch_for(1)
         self.counts = self._shared.counts
-        self._pieces = Polling()
+        self._polling = Polling()
 
     @property
     def is_specialised(self) -> bool:
@@ -89,11 +89,11 @@ class FlowMap:
             A.
         n_periods : int
         poll : callable, optional
-            Called before each piece of the work (`pieces`).
+            Called before each piece of the work (`polling`).
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         done, outcome = 0, int(Outcome.COMPLETE)
-        for first, last in self._pieces.cut(n_periods, poll):
+        for first, last in self._polling.cut(n_periods, poll):
             more, outcome = self._march(z, amplitude, last - first, self._shared.no_points)
             done += more
             if outcome != Outcome.COMPLETE:
@@ -127,7 +127,7 @@ class FlowMap:
             Distance between points a period apart from which on Newton's method tries to jump to
             the orbit; 0: never.
         poll : callable, optional
-            Called before each piece of the work (`pieces`).
+            Called before each piece of the work (`polling`).
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         closing = closing_arguments(max_period, settled, same, near)
@@ -135,7 +135,7 @@ class FlowMap:
         done = newton = period = 0
         multiplier = math.nan
         outcome = int(Outcome.COMPLETE)
-        for first, last in self._pieces.cut(n_periods, poll):
+        for first, last in self._polling.cut(n_periods, poll):
             more, by_newton, period, multiplier, near, outcome = self._kernels.end_of_transient(
                 self._packed, self._packed_watch, z, amplitude, last - first, closing
             )
@@ -156,8 +156,8 @@ class FlowMap:
         modal_norm: bool = False,
         measures: int = 0,
         poll: Callable[[], None] | None = None,
-    ) -> Orbits:
-        """Do runs one after the other, until one is left open by the rules; see `path`.
+    ) -> Followed:
+        """Do runs one after the other, until one is left open by the rules; see `orbit.batch`.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class FlowMap:
         units = np.array(self.structure.state_units)
         self._watch_for(closing[0])
         run = new_run(n, self._units.size, closing[0], _wanted(modal_norm, measures))
-        rows = new_rows(len(amplitudes), n, closing[0], self._shared.tally if measures else None)
+        rows = new_orbits(len(amplitudes), n, closing[0], self._shared.tally if measures else None)
         why = MORE
         while why == MORE:
             why, n_periods, outcome = self._kernels.follow_orbits(
@@ -189,18 +189,22 @@ class FlowMap:
                 z,
                 units,
                 self._units.amplitude_unit,
-                self._pieces.begin(poll),
+                self._polling.begin(poll),
                 tuple(rules),
                 run,
                 rows,
             )
-            self._pieces.end(n_periods)
+            self._polling.end(n_periods)
         n_runs, _, *counts = run.place.tolist()
         left_open = None
         if why == OPEN:
             state, multiplier = self._units.out_of(run.z), float(run.number[1])
             left_open = Approach(state, *counts[:3], multiplier, Outcome(outcome))
-        return orbits_of(rows, n_runs, self.structure, self._shared.model, z, left_open)
+        orbits, measured = in_units(rows, n_runs, self.structure), np.empty((n_runs, 0))
+        if measures:
+            lengths = np.maximum(orbits.length, 1)
+            measured = measures_of(self.structure, self._shared.model, orbits, lengths)
+        return Followed(orbits, measured, z, left_open)
 
     def _watch_for(self, max_period: int) -> Watch:
         """Take what is kept of a motion's points for orbits of up to `max_period`."""
@@ -292,7 +296,7 @@ class FlowMap:
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         tangent = self._units.tangent_into(np.eye(2 * self.structure.n_floors))
-        for first, last in self._pieces.cut(n_periods):
+        for first, last in self._polling.cut(n_periods):
             done, outcome = self._march(
                 z, amplitude, last - first, self._shared.no_points, tangent=tangent
             )
@@ -310,7 +314,7 @@ class FlowMap:
         """Integrate `n_periods`, z in place; return the points reached, and the outcome."""
         points = points_array(n_periods, z.size)
         done, outcome = 0, int(Outcome.COMPLETE)
-        for first, last in self._pieces.cut(n_periods, poll):
+        for first, last in self._polling.cut(n_periods, poll):
             more, outcome = self._march(
                 z,
                 amplitude,

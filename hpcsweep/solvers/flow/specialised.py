@@ -46,7 +46,7 @@ def specialised_kernels(structure: Structure) -> SpecialisedKernels:
 
 
 def use(kernels: SpecialisedKernels) -> None:
-    """Return specialised kernels, which are loaded, to solvers that are made from now on."""
+    """Let solvers that are made from now on call specialised kernels, which are loaded."""
     _loaded.add(kernels.specialisation.key)
     _kernels_for.cache_clear()
 

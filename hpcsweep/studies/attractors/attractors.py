@@ -200,7 +200,7 @@ def _between(values, key: str, default: float, most: float) -> float:
 @lru_cache(maxsize=2)
 def _runs_of(study: Attractors, omega: float):
     """Return the runs of a study at a frequency; those of the last two are kept."""
-    # here, where attractors are searched: who only reads them loads no kernel
+    # here, where attractors are sought: who only reads them loads no kernel
     from hpcsweep.studies.attractors.runs import AttractorRuns
 
     return AttractorRuns(study.moving, omega, study.settings, study)

@@ -23,7 +23,7 @@ STARTS = 459
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What attractors are searched with at a point.
+    """How attractors are sought at a point.
 
     Attributes
     ----------

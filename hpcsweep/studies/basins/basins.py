@@ -197,7 +197,7 @@ class Basins(RunGrid):
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
         """Return to which attractor the starts of a row go."""
-        # here, where attractors are searched: who only reads them loads no kernel
+        # here, where attractors are sought: who only reads them loads no kernel
         from hpcsweep.studies.basins.runs import Slice, slice_runs
 
         del amplitudes, state

@@ -19,7 +19,7 @@ from hpcsweep.studies.settings import SweepSettings
 
 @dataclass(frozen=True)
 class Slice:
-    """Where starts lie, and what their attractors are searched with.
+    """Where starts lie, and how their attractors are sought.
 
     Attributes
     ----------

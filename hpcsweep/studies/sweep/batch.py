@@ -1,4 +1,4 @@
-"""Runs that rules settle, many in one call, and their results; see `runs` for the rules."""
+"""Runs that skip rules finish, many in one call, and their results; see `runs` for the rules."""
 
 from collections.abc import Callable
 
@@ -10,20 +10,18 @@ from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.solvers.flow.flow_map import FlowMap
 from hpcsweep.solvers.flow.orbit.batch import Rules
 from hpcsweep.solvers.free_motion import FreeMotion
-from hpcsweep.solvers.linear import LinearOrbit
-from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Orbits, normalised_drift
+from hpcsweep.solvers.records import Followed, Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.classification import NOT_TESTED, exponent_of_orbit
-from hpcsweep.studies.sweep.measures import store_measures
+from hpcsweep.studies.sweep.classification import exponent_of_orbit
+from hpcsweep.studies.sweep.rows import Result, store
 
 AT_ONCE = 256
 """Runs, at most, for whose results room is made."""
 
 
 class Batch:
-    """Does runs at one frequency as long as rules settle them.
+    """Does runs at one frequency as long as skip rules finish them.
 
     Parameters
     ----------
@@ -44,13 +42,13 @@ class Batch:
         state: np.ndarray,
         follow: bool,
         poll: Callable[[], None] | None,
-    ) -> Orbits:
+    ) -> Followed:
         """Do `AT_ONCE` runs from number `first` on, or fewer, up to one that is left open.
 
         Parameters
         ----------
         result : dict of str to ndarray
-            Of `runs.empty_rows`.
+            Of `rows.empty_rows`.
         first : int
         amplitudes : ndarray, shape (k,)
         state : ndarray, shape (2n,)
@@ -70,7 +68,7 @@ class Batch:
             settings.sampling_cycles,
             follow,
         )
-        orbits = self._solver.follow_orbits(
+        followed = self._solver.follow_orbits(
             amplitudes[first : first + AT_ONCE],
             state,
             rules,
@@ -79,61 +77,44 @@ class Batch:
             settings.measures,
             poll,
         )
-        rows = slice(first, first + len(orbits.rule))
-        if rows.stop > first:
-            part = {name: array[rows] for name, array in result.items()}
-            self._store(part, orbits, amplitudes[rows])
-        return orbits
+        done = slice(first, first + len(followed.orbits.rule))
+        if done.stop > first:
+            rows = {name: array[done] for name, array in result.items()}
+            rows["skip_rule"][:] = followed.orbits.rule
+            found = self._result(followed, amplitudes[done])
+            store(rows, self._solver.structure, self._solver.omega, amplitudes[done], found)
+        return followed
 
-    def _store(self, rows: dict[str, np.ndarray], orbits: Orbits, amplitudes: np.ndarray) -> None:
-        rows["orbit_period"][:] = orbits.period
-        rows["cycles"][:] = orbits.cycles
-        rows["outcome"][:] = Outcome.COMPLETE
-        each = np.arange(len(orbits.rule))
-        rows["final_state"][:] = orbits.points[each, orbits.length - 1]
-        rows["skip_rule"][:] = orbits.rule
-        if "poincare" in rows:
-            rows["n_points"][:] = orbits.period
-            longest = min(orbits.points.shape[1], rows["poincare"].shape[1])
-            rows["poincare"][:, :longest] = _last_points(orbits)[:, :longest]
-        if "contact" in rows:
-            rows["contact"][:] = orbits.contact
-        if "drift" in rows:
-            rows["drift"][:] = normalised_drift(orbits.peak_drift, amplitudes, self._solver.omega)
-        if "modal_norm" in rows:
-            rows["modal_norm"][:] = orbits.modal_norm
-        if "lyapunov" in rows:
-            rows["lyapunov"][:] = self._exponents(orbits, amplitudes)
-        if orbits.measures.shape[1]:
-            measures = orbits.measures
-            free = orbits.rule == SkipRule.LINEAR
-            if self._free is not None and free.any():
-                measures = measures.copy()
-                measures[free] = self._free.orbit.measures(amplitudes[free])
-            store_measures(rows, self._solver.structure, measures)
-        if self._free is not None:
-            free = np.flatnonzero(orbits.rule == SkipRule.LINEAR)
-            self._store_free(rows, free, amplitudes, self._free.orbit)
-        if "lyapunov_low" in rows:
-            rows["lyapunov_low"][:] = rows["lyapunov_high"][:] = rows["lyapunov"]
-        if "window_period" in rows:
-            rows["window_period"][:] = NOT_TESTED
-        if "motion" in rows:
-            no_contact = orbits.contact == 0
-            rows["motion"][:] = np.where(no_contact, MotionClass.NO_CONTACT, MotionClass.PERIODIC)
-
-    def _store_free(
-        self, rows: dict[str, np.ndarray], free, amplitudes, orbit: LinearOrbit
-    ) -> None:
-        """Store what is known in closed form of the motions without contact, of numbers `free`."""
-        if "drift" in rows:
-            peak = orbit.peak_drift(amplitudes[free])
-            rows["drift"][free] = normalised_drift(peak, amplitudes[free], self._solver.omega)
-        if "modal_norm" in rows:
-            for k in free:
-                rows["modal_norm"][k] = orbit.modal_norm(amplitudes[k])
-        if "lyapunov" in rows and free.size:
-            rows["lyapunov"][free] = orbit.lyapunov_exponent
+    def _result(self, followed: Followed, amplitudes: np.ndarray) -> Result:
+        """Return what is stored of the orbits; of motions without contact, in closed form."""
+        orbits, measures = followed.orbits, followed.measures
+        exponents = np.full(len(orbits.rule), np.nan)
+        if "lyapunov" in self._settings.metrics:
+            exponents = self._exponents(orbits, amplitudes)
+        free = np.flatnonzero(orbits.rule == SkipRule.LINEAR)
+        if self._free is not None and free.size:
+            linear = self._free.orbit
+            exponents[free] = linear.lyapunov_exponent
+            orbits.peak_drift[free] = linear.peak_drift(amplitudes[free])
+            if "modal_norm" in self._settings.metrics:
+                for k in free:
+                    orbits.modal_norm[k] = linear.modal_norm(amplitudes[k])
+            if measures.size:
+                measures[free] = linear.measures(amplitudes[free])
+        no_contact = orbits.contact == 0
+        return Result(
+            orbits.period,
+            orbits.cycles,
+            orbits.points[np.arange(len(orbits.rule)), orbits.length - 1],
+            _last_points(orbits),
+            orbits.period,
+            orbits.contact,
+            orbits.peak_drift,
+            orbits.modal_norm,
+            measures,
+            *(exponents, exponents, exponents),
+            np.where(no_contact, MotionClass.NO_CONTACT, MotionClass.PERIODIC),
+        )
 
     def _exponents(self, orbits: Orbits, amplitudes: np.ndarray) -> np.ndarray:
         """Return the largest Lyapunov exponent of each orbit; not of free motions."""

@@ -17,13 +17,11 @@ from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
 from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
-from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
+from hpcsweep.dynamics.stability import orbit_exponent
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.studies.settings import SweepSettings
-
-NOT_TESTED = -1
-"""Window period of a run without a window of its own."""
+from hpcsweep.studies.sweep.rows import NOT_TESTED
 
 
 @dataclass(frozen=True)
@@ -51,18 +49,6 @@ class Classification:
     kind: MotionClass = MotionClass.UNDECIDED
     window_period: int = NOT_TESTED
     cycles: int = 0
-
-
-def classify_orbit(
-    solver, amplitude: float, seen: Observation, period: int, multiplier: float
-) -> Classification:
-    """Classify an orbit that a rule found; `multiplier` is NaN if it is not known."""
-    time = solver.structure.forcing.period(solver.omega, len(seen.points))
-    if math.isnan(multiplier):
-        exponent = exponent_of_orbit(solver, seen.points[-1], amplitude, period)
-    else:
-        exponent = exponent_of_multiplier(multiplier, time)
-    return Classification(seen, period, Interval.exact(exponent), _kind(MotionClass.PERIODIC, seen))
 
 
 def classify_window(
@@ -136,7 +122,7 @@ def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
 
 
 def exponent_of_orbit(solver, z: np.ndarray, amplitude: float, period: int) -> float:
-    """Largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
+    """Return the largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
     try:
         return orbit_exponent(solver, z, amplitude, period)
     except (ArithmeticError, np.linalg.LinAlgError):

@@ -13,9 +13,9 @@ steady-state window. Rules that spare periods whose result is known (`skip`):
     row. The window is then one orbit, p forcing periods, which is all it holds.
 ``newton``
     While the orbit is still approached, from `NEAR` on, Newton's method with the exact tangent map
-    jumps to it, if it is verified that the present state goes there (`flow.transient`).
+    jumps to it, if it is verified that the present state goes there (`flow.orbit.transient`).
     Orbits whose multipliers are close to the unit circle, which the window procedure leaves
-    unsettled, are then verified.
+    open, are then verified.
 
 What the window leaves open may be classified after it (`classification`).
 
@@ -32,18 +32,16 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
-from hpcsweep.dynamics.exponent import UNKNOWN, Interval
-from hpcsweep.dynamics.orbit import smallest_period
+from hpcsweep.dynamics.exponent import Interval
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach, Observation, normalised_drift
+from hpcsweep.solvers.records import Approach
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.settings import MEASURES, SweepSettings
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
-from hpcsweep.studies.sweep.classification import Classification, classify_orbit, classify_window
-from hpcsweep.studies.sweep.measures import empty_measures, store_measures
+from hpcsweep.studies.sweep.classification import Classification, classify_window
+from hpcsweep.studies.sweep.rows import Result, empty_rows, store, store_failure
 
 if TYPE_CHECKING:
     from hpcsweep.solvers.flow.flow_map import FlowMap
@@ -79,11 +77,11 @@ class FrameRuns:
                 settings.sampling_cycles,
                 settings.period_tolerance,
             )
-        self._path = None
+        self._batch = None
         if "converged" in settings.skip and SOLVERS[settings.solver].follows_orbits:
             from hpcsweep.studies.sweep.batch import Batch
 
-            self._path = Batch(cast("FlowMap", self.solver), settings, self._free)
+            self._batch = Batch(cast("FlowMap", self.solver), settings, self._free)
 
     def follow(
         self,
@@ -151,189 +149,88 @@ class FrameRuns:
         start = np.array(state, dtype=float)
         index = 0
         while index < len(amplitudes):
-            if self._path is None:
+            if self._batch is None:
                 if poll is not None:
                     poll()
-                state = self._run(float(amplitudes[index]), start, result, index, poll)
+                left = self._transient(result, index, float(amplitudes[index]), start, poll)
             else:
-                done = self._path.into(result, index, amplitudes, start, follow, poll)
-                index, start = index + len(done.rule), done.state
-                if done.open is None:
+                done = self._batch.into(result, index, amplitudes, start, follow, poll)
+                index, start, left = index + len(done.orbits.rule), done.state, done.open
+                if left is None:
                     continue
-                state = self._end(done.open, float(amplitudes[index]), result, index, poll)
-            start = state if follow else start
+            if left is not None:
+                self._window(left, float(amplitudes[index]), _row(result, index), poll)
+            start = result["final_state"][index].copy() if follow else start
             index += 1
         return result
 
-    def _run(self, amplitude, z, result, index, poll):
-        """Do one run into row `index` of `result`; return the state the next one starts from."""
-        if self._free is not None:
-            closed = self._free.window(z, amplitude)
-            if closed is not None:
-                exponent = Interval.exact(self._free.orbit.lyapunov_exponent)
-                if self.settings.measures:
-                    closed = replace(closed, measures=self._free.orbit.measures(amplitude)[0])
-                told = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
-                self._store(result, _row(result, index), index, amplitude, told, 0)
-                result["skip_rule"][index] = SkipRule.LINEAR
-                result["final_state"][index] = closed.points[-1]
-                return closed.points[-1].copy()
-        return self._end(self._transient(z, amplitude, poll), amplitude, result, index, poll)
-
-    def _end(self, end: Approach, amplitude, result, index, poll):
-        """Do what comes after the transient; see `_run`."""
-        settings = self.settings
+    def _transient(self, result, index, amplitude: float, z, poll) -> Approach | None:
+        """Integrate the transient of a run; None if it is proved to be linear, and stored."""
+        closed = self._free.window(z, amplitude) if self._free is not None else None
+        if self._free is None or closed is None:
+            done = self.solver.advance(z, amplitude, self.settings.transient_cycles, poll=poll)
+            return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
+        if self.settings.measures:
+            closed = replace(closed, measures=self._free.orbit.measures(amplitude)[0])
+        exponent = Interval.exact(self._free.orbit.lyapunov_exponent)
+        found = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
         row = _row(result, index)
-        z, period = end.state, end.period
-        cycles = end.n_periods + end.n_newton
-        if period:
+        self._store(row, amplitude, found, closed.points[-1], 0)
+        row["skip_rule"][:] = SkipRule.LINEAR
+        return None
+
+    def _window(self, end: Approach, amplitude: float, row, poll) -> None:
+        """Integrate the window that follows a transient, and classify its motion."""
+        settings = self.settings
+        z, cycles = end.state, end.n_periods + end.n_newton
+        if end.period:
+            # the solver fails on the orbit that a rule has found
             jumped = not math.isnan(end.multiplier)
-            result["skip_rule"][index] = SkipRule.NEWTON if jumped else SkipRule.CONVERGED
+            row["skip_rule"][:] = SkipRule.NEWTON if jumped else SkipRule.CONVERGED
         if end.outcome is not Outcome.COMPLETE:
-            return self._store_failure(result, row, index, z, cycles, end.outcome)
-        window = period or settings.sampling_cycles
-        growth = not period and bool("lyapunov" in result or settings.classify_cycles)
+            store_failure(row, z, cycles, end.outcome)
+            return
         seen = self.solver.observe(
             z,
             amplitude,
-            window,
+            end.period or settings.sampling_cycles,
             "modal_norm" in settings.metrics,
-            growth,
+            bool("lyapunov" in row or settings.classify_cycles),
             poll,
             settings.measures,
         )
         cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
-            z = seen.points[-1].copy() if len(seen.points) else z
-            return self._store_failure(result, row, index, z, cycles, seen.outcome)
-        if period:
-            seen, period = self._as_the_window_end(seen, end.n_periods, settings.period_tolerance)
-            told = Classification(seen, period, UNKNOWN)
-            if "lyapunov" in result or settings.classify_cycles:
-                told = classify_orbit(self.solver, amplitude, seen, period, end.multiplier)
-        else:
-            told = classify_window(self.solver, amplitude, seen, settings, poll)
-        self._store(result, row, index, amplitude, told, cycles)
-        row["final_state"][:] = seen.points[-1]
-        return seen.points[-1].copy()
+            store_failure(row, seen.points[-1] if len(seen.points) else z, cycles, seen.outcome)
+            return
+        found = classify_window(self.solver, amplitude, seen, settings, poll)
+        self._store(row, amplitude, found, seen.points[-1], cycles)
 
-    def _transient(self, z, amplitude, poll) -> Approach:
-        """Integrate the transient, or what of it is needed."""
-        settings = self.settings
-        if "converged" not in settings.skip:
-            done = self.solver.advance(z, amplitude, settings.transient_cycles, poll=poll)
-            return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
-        return self.solver.settle(
-            z,
-            amplitude,
-            settings.transient_cycles,
-            settings.max_orbit_period,
-            SETTLED,
-            settings.period_tolerance,
-            NEAR if "newton" in settings.skip else 0.0,
-            poll,
+    def _store(self, row, amplitude: float, found: Classification, end, cycles: int) -> None:
+        """Write a run and the classification of its motion into its row."""
+        seen = found.seen
+        n_points = min(found.period or len(seen.points), self.settings.stored_points)
+        result = Result(
+            found.period,
+            cycles,
+            end,
+            seen.points[-n_points:],
+            n_points,
+            seen.contact,
+            seen.peak_drift,
+            seen.modal_norm,
+            seen.measures,
+            *found.exponent,
+            found.kind,
+            found.window_period,
+            found.cycles,
         )
-
-    def _as_the_window_end(self, seen: Observation, phase: int, same: float):
-        """Return the points of an orbit in the order of the window procedure's last ones.
-
-        Which of the p points of an orbit the next amplitude starts from can decide which
-        attractor it reaches, so a run that was cut short must not end at another one.
-
-        Returns
-        -------
-        seen : Observation
-        period : int
-            The smallest period of the points.
-        """
-        period = len(seen.points)
-        if period == 1:
-            return seen, 1
-        smallest = smallest_period(seen.points / self.structure.state_units, same)
-        whole_run = self.settings.transient_cycles + self.settings.sampling_cycles
-        shift = (whole_run - phase - period) % period
-        return replace(seen, points=np.roll(seen.points, -shift, axis=0)), smallest
-
-    def _store(self, result, row, index, amplitude, told: Classification, cycles):
-        seen, period = told.seen, told.period
-        result["orbit_period"][index] = period
-        result["cycles"][index] = cycles
-        result["outcome"][index] = seen.outcome
-        if "poincare" in result:
-            n_points = min(period or len(seen.points), row["poincare"].shape[0])
-            row["poincare"][:n_points] = seen.points[-n_points:]
-            result["n_points"][index] = n_points
-        if "contact" in result:
-            result["contact"][index] = seen.contact
-        if "drift" in result:
-            result["drift"][index] = normalised_drift(seen.peak_drift, amplitude, self.solver.omega)
-        if "modal_norm" in result:
-            row["modal_norm"][:] = seen.modal_norm
-        if seen.measures.size:
-            own = {name: row[name][None] for name in MEASURES if name in row}
-            store_measures(own, self.structure, seen.measures[None])
-        if "lyapunov" in result:
-            result["lyapunov"][index] = told.exponent.mean
-        if "lyapunov_low" in result:
-            result["lyapunov_low"][index] = told.exponent.low
-            result["lyapunov_high"][index] = told.exponent.high
-        if "window_period" in result:
-            result["window_period"][index] = told.window_period
-        if "motion" in result:
-            result["motion"][index] = told.kind
-            result["classification_cycles"][index] = told.cycles
-
-    def _store_failure(self, result, row, index, z, cycles, outcome):
-        result["cycles"][index] = cycles
-        result["outcome"][index] = outcome
-        if "motion" in result:
-            result["motion"][index] = MotionClass.FAILED
-        row["final_state"][:] = z
-        return z
+        store(row, self.structure, self.solver.omega, amplitude, result)
 
 
 def _row(result: dict[str, np.ndarray], index: int) -> dict[str, np.ndarray]:
-    """Return one row of the results that have more than a number in it."""
-    return {name: array[index] for name, array in result.items() if array.ndim > 1}
-
-
-def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:
-    """Allocate the results of `n_runs` runs, as for runs that all failed.
-
-    Returns
-    -------
-    dict of str to ndarray
-        The variables that `settings.metrics` asks for, first axis the run.
-    """
-    nan, n = math.nan, structure.n_floors
-    arrays = {
-        "orbit_period": np.zeros(n_runs, np.int32),
-        "final_state": np.full((n_runs, 2 * n), nan),
-        "cycles": np.zeros(n_runs, np.int32),
-        "outcome": np.zeros(n_runs, np.int8),
-        "skip_rule": np.zeros(n_runs, np.int8),
-    }
-    if "poincare" in settings.metrics:
-        arrays["poincare"] = np.full((n_runs, settings.stored_points, 2 * n), nan)
-        arrays["n_points"] = np.zeros(n_runs, np.int32)
-    if "contact" in settings.metrics:
-        arrays["contact"] = np.zeros(n_runs, np.uint64)
-    if "drift" in settings.metrics:
-        arrays["drift"] = np.full(n_runs, nan)
-    if "modal_norm" in settings.metrics:
-        arrays["modal_norm"] = np.full((n_runs, n), nan)
-    arrays |= empty_measures(structure, n_runs, settings)
-    if "lyapunov" in settings.metrics:
-        arrays["lyapunov"] = np.full(n_runs, nan)
-        if settings.classify_cycles is not None:
-            arrays["lyapunov_low"] = np.full(n_runs, nan)
-            arrays["lyapunov_high"] = np.full(n_runs, nan)
-    if settings.classify_cycles is not None:
-        arrays["window_period"] = np.zeros(n_runs, np.int32)
-    if settings.classify_cycles:
-        arrays["motion"] = np.zeros(n_runs, np.int8)
-        arrays["classification_cycles"] = np.zeros(n_runs, np.int32)
-    return arrays
+    """Return one row of the results, first axis 1."""
+    return {name: array[index : index + 1] for name, array in result.items()}
 
 
 @lru_cache(maxsize=4)

@@ -1,4 +1,4 @@
-"""Runs along a path in one call: those whose motion a rule settles, one after the other.
+"""Runs along a path in one call: those that skip rules finish, one after the other.
 
 Most runs of a study are without contact, or go to a periodic orbit that is known after a few
 forcing periods. The interpreter took longer over such a run than its motion. `follow_orbits` does
@@ -15,7 +15,6 @@ import numpy as np
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
-from hpcsweep.model.kernel_model import Model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.period.march import march
@@ -24,9 +23,8 @@ from hpcsweep.solvers.flow.state.shared import read_shared, read_watch
 from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, PEAKS, Tally, clear, wants_norms
 from hpcsweep.solvers.free import is_free
-from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import COMPLETE
-from hpcsweep.solvers.records import Approach, Orbits
+from hpcsweep.solvers.records import Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
 
 BEGIN, TRANSIENT, ORBIT = 0, 1, 2
@@ -38,7 +36,7 @@ LINEAR, CONVERGED, NEWTON = (int(rule) for rule in list(SkipRule)[1:])
 
 
 class Rules(NamedTuple):
-    """When runs are settled; handed over as a plain tuple."""
+    """When a skip rule finishes a run; handed over as a plain tuple."""
 
     max_period: int
     settled: float
@@ -72,22 +70,6 @@ class Run(NamedTuple):
     """(2n,): workspace."""
 
 
-class Rows(NamedTuple):
-    """Results of runs, see `records.Orbits`; in the units of the kernels, but for the points."""
-
-    rule: np.ndarray
-    length: np.ndarray
-    period: np.ndarray
-    cycles: np.ndarray
-    multiplier: np.ndarray
-    points: np.ndarray
-    contact: np.ndarray
-    peak_drift: np.ndarray
-    modal_norm: np.ndarray
-    peaks: np.ndarray
-    impacts: np.ndarray
-
-
 def new_run(n: int, size: int, max_period: int, wanted: int) -> Run:
     """Allocate the run at work for n coordinates and states of the kernels of a size."""
     return Run(
@@ -101,11 +83,11 @@ def new_run(n: int, size: int, max_period: int, wanted: int) -> Run:
     )
 
 
-def new_rows(n_runs: int, n: int, max_period: int, tally: Tally | None = None) -> Rows:
+def new_orbits(n_runs: int, n: int, max_period: int, tally: Tally | None = None) -> Orbits:
     """Allocate the results of runs, of measures if a tally of them is given."""
     peaks, impacts = ((0,), (0, 0)) if tally is None else (tally.peaks.shape, tally.impacts.shape)
     whole = [np.zeros(n_runs, np.int64) for _ in range(4)]
-    return Rows(
+    return Orbits(
         *whole,
         multiplier=np.full(n_runs, math.nan),
         points=np.full((n_runs, max_period, 2 * n), math.nan),
@@ -117,37 +99,23 @@ def new_rows(n_runs: int, n: int, max_period: int, tally: Tally | None = None) -
     )
 
 
-def orbits_of(
-    rows: Rows,
-    n_runs: int,
-    structure: Structure,
-    model: Model,
-    state: np.ndarray,
-    left_open: Approach | None,
-) -> Orbits:
-    """Return the results of the first `n_runs` in the units of a structure."""
-    done = Rows(*(array[:n_runs] for array in rows))
+def in_units(orbits: Orbits, n_runs: int, structure: Structure) -> Orbits:
+    """Return the first `n_runs` in the units of a structure."""
+    done = Orbits(*(array[:n_runs] for array in orbits))
     keys = done.contact.tolist()
     bits = {key: structure.contact_bits(key) for key in set(keys)}
     contact = np.array([bits[key] for key in keys], np.uint64)
-    length = structure.length_unit
-    done = done._replace(contact=contact, peak_drift=done.peak_drift * length)
-    measured = np.empty((n_runs, 0))
-    if done.peaks.shape[1]:
-        measured = measures_of(structure, model, done, np.maximum(done.length, 1))
-    fields = done._asdict()
-    del fields["peaks"], fields["impacts"]
-    return Orbits(**fields, measures=measured, state=state, open=left_open)
+    return done._replace(contact=contact, peak_drift=done.peak_drift * structure.length_unit)
 
 
 RULES = type_of((1, 0.0, 0.0, 0.0, 1, 1, True))
 RUN = type_of(new_run(1, 2, 1, MAXIMA))
-ROWS = type_of(new_rows(1, 1, 1))
+ORBITS = type_of(new_orbits(1, 1, 1))
 
 
 @entry_point(
     (INT, INT, INT),
-    *(BYTES, BYTES, BYTES, VECTOR, VECTOR, VECTOR, FLOAT, INT, RULES, RUN, ROWS),
+    *(BYTES, BYTES, BYTES, VECTOR, VECTOR, VECTOR, FLOAT, INT, RULES, RUN, ORBITS),
     specialises=True,
 )
 def follow_orbits(
@@ -170,8 +138,8 @@ def follow_orbits(
     rules : tuple
         The values of a `Rules`.
     run : Run
-    rows : Rows
-        Receives the results.
+    rows : Orbits
+        Receives the results, in the units of the kernels but for the points.
 
     Returns
     -------

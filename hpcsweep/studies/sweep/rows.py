@@ -1,0 +1,142 @@
+"""Rows of the results of runs: how they are allocated, and what is written into them."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.records import normalised_drift
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.measures import empty_measures, store_measures
+
+NOT_TESTED = -1
+"""Window period of a run without a window of its own."""
+
+
+class Result(NamedTuple):
+    """What is stored of a run, or of k of them: then every array has one axis more, the first.
+
+    Attributes
+    ----------
+    period : int
+        Orbit period, 0 if there is none, or it is longer than the job looks for.
+    cycles : int
+        Forcing periods integrated on the path.
+    end : ndarray, shape (2n,)
+        Last point of the run.
+    points : ndarray, shape (m, 2n)
+        Stroboscopic points to be stored, the first `n_points` of them, others NaN.
+    n_points, contact, peak_drift, modal_norm, measures
+        As in an `Observation`.
+    lyapunov, lyapunov_low, lyapunov_high : float
+        Largest Lyapunov exponent per unit of time, and its confidence interval.
+    motion : MotionClass
+    window_period : int
+        What the window test finds in the window; `NOT_TESTED` if there is none.
+    classification_cycles : int
+        Forcing periods integrated to classify.
+    """
+
+    period: Any
+    cycles: Any
+    end: np.ndarray
+    points: np.ndarray
+    n_points: Any
+    contact: Any
+    peak_drift: Any
+    modal_norm: np.ndarray
+    measures: np.ndarray
+    lyapunov: Any
+    lyapunov_low: Any
+    lyapunov_high: Any
+    motion: Any
+    window_period: Any = NOT_TESTED
+    classification_cycles: Any = 0
+
+
+def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:
+    """Allocate the results of `n_runs` runs, as for runs that all failed.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The variables that `settings.metrics` asks for, first axis the run.
+    """
+    nan, n = math.nan, structure.n_floors
+    arrays = {
+        "orbit_period": np.zeros(n_runs, np.int32),
+        "final_state": np.full((n_runs, 2 * n), nan),
+        "cycles": np.zeros(n_runs, np.int32),
+        "outcome": np.zeros(n_runs, np.int8),
+        "skip_rule": np.zeros(n_runs, np.int8),
+    }
+    if "poincare" in settings.metrics:
+        arrays["poincare"] = np.full((n_runs, settings.stored_points, 2 * n), nan)
+        arrays["n_points"] = np.zeros(n_runs, np.int32)
+    if "contact" in settings.metrics:
+        arrays["contact"] = np.zeros(n_runs, np.uint64)
+    if "drift" in settings.metrics:
+        arrays["drift"] = np.full(n_runs, nan)
+    if "modal_norm" in settings.metrics:
+        arrays["modal_norm"] = np.full((n_runs, n), nan)
+    arrays |= empty_measures(structure, n_runs, settings)
+    if "lyapunov" in settings.metrics:
+        arrays["lyapunov"] = np.full(n_runs, nan)
+        if settings.classify_cycles is not None:
+            arrays["lyapunov_low"] = np.full(n_runs, nan)
+            arrays["lyapunov_high"] = np.full(n_runs, nan)
+    if settings.classify_cycles is not None:
+        arrays["window_period"] = np.zeros(n_runs, np.int32)
+    if settings.classify_cycles:
+        arrays["motion"] = np.zeros(n_runs, np.int8)
+        arrays["classification_cycles"] = np.zeros(n_runs, np.int32)
+    return arrays
+
+
+def store(
+    rows: dict[str, np.ndarray],
+    structure: Structure,
+    omega: float,
+    amplitudes: np.ndarray | float,
+    result: Result,
+) -> None:
+    """Write results of k complete runs into `rows`, k rows of what `empty_rows` allocates."""
+    values = {
+        "orbit_period": result.period,
+        "final_state": result.end,
+        "cycles": result.cycles,
+        "outcome": Outcome.COMPLETE,
+        "n_points": result.n_points,
+        "contact": result.contact,
+        "modal_norm": result.modal_norm,
+        "lyapunov": result.lyapunov,
+        "lyapunov_low": result.lyapunov_low,
+        "lyapunov_high": result.lyapunov_high,
+        "window_period": result.window_period,
+        "motion": result.motion,
+        "classification_cycles": result.classification_cycles,
+    }
+    for name, value in values.items():
+        if name in rows:
+            rows[name][:] = value
+    if "poincare" in rows:
+        most = min(result.points.shape[-2], rows["poincare"].shape[1])
+        rows["poincare"][:, :most] = result.points[..., :most, :]
+    if "drift" in rows:
+        rows["drift"][:] = normalised_drift(result.peak_drift, amplitudes, omega)
+    if result.measures.size:
+        store_measures(rows, structure, np.atleast_2d(result.measures))
+
+
+def store_failure(
+    rows: dict[str, np.ndarray], end: np.ndarray, cycles: int, outcome: Outcome
+) -> None:
+    """Write why a run failed, and the last state that it reached, into its row."""
+    rows["cycles"][:] = cycles
+    rows["outcome"][:] = outcome
+    rows["final_state"][:] = end
+    if "motion" in rows:
+        rows["motion"][:] = MotionClass.FAILED

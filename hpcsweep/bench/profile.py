@@ -34,8 +34,8 @@ COLUMNS = {
     "windows": ("observe",),
     "classified after": ("grow", "settle", "monodromy", "points"),
 }
-"""Of the table, and the calls that each sums: runs that skip rules finish,
-and transients of others; their windows, and those of classified motions; what classifies them."""
+"""Of the table, and the calls that each sums: runs that skip rules finish, and transients of
+others; their windows, and those of classified motions; what classifies them."""
 COUNTS = ("linear steps", "passages", "layer steps", "layer visits")
 
 

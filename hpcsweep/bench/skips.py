@@ -38,7 +38,7 @@ MODAL_NORM = 1e-4
 that a rest of the transient of `AGREE` moves them further than it moves the points."""
 LONGER = (2_000, 20_000)
 """Periods for which the plain run goes on. The jump is verified for multipliers up to 0.9999
-(`flow.orbit.newton.NEWTON_STABLE`), of which 2,000 periods leave 0.82: the second is for those."""
+(`solvers.skip_rule.STABLE`), of which 2,000 periods leave 0.82: the second is for those."""
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ With F that map and M its tangent at z, a step solves (M - 1) d = z - F(z). Its 
 distance from the orbit to first order; a residual is not: where a multiplier is near 1 a small one
 is far away. After a step shorter than `SAME` M is kept, and F alone tells the distance, with the
 points of the orbit. The motion of z is verified to go to an orbit that attracts if the map from it
-is as good as linear: F(z) - o = M (z - o) but for `LINEAR` of F(z) - o, o the orbit. Where F(z) is
-known of the motion, Newton's method may start from a guess that is nearer to the orbit than z.
+is as good as linear: F(z) - o = M (z - o) but for `LINEAR_DEFECT` of F(z) - o, o the orbit. Where
+F(z) is known of the motion, Newton's method may start from a guess that is nearer to the orbit.
 """
 
 import math
@@ -15,6 +15,7 @@ import numpy as np
 
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
 
 STEPS = 8
 REACHED = 1e-12
@@ -24,8 +25,6 @@ ON_ORBIT = 1e-10
 SAME = 1e-10
 """Distance between points whose tangent maps are taken for the same; what the matrix tells, the
 multiplier too, is then right to about that."""
-LINEAR = 0.05
-"""Share of the distance to an orbit by which the map may differ from its tangent."""
 ROUNDING = 1e-10
 """What the map may differ by besides."""
 
@@ -50,7 +49,7 @@ class Shot(NamedTuple):
 
     def attracts(self, tolerance: float) -> bool:
         """Return whether the motion of z is verified to go to the orbit, found to `tolerance`."""
-        linear = self.bent <= LINEAR * self.left + ROUNDING
+        linear = self.bent <= LINEAR_DEFECT * self.left + ROUNDING
         return self.distance <= tolerance and self.multiplier < 1.0 and linear
 
 

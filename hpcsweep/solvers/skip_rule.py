@@ -1,6 +1,18 @@
-"""Which rule spared periods in one run."""
+"""Which rule spared periods in one run, and when an orbit is verified to be where a motion goes.
+
+Newton's method finds an orbit near a motion for a skip rule (`flow.orbit.newton`, compiled) and for
+a classification (`dynamics.shooting`). Both accept it by `LINEAR_DEFECT`. They differ in the
+multiplier. A classification asks where the motion goes: anything below 1 will do. What a run jumps
+to stands for the state after its transient: an approach slower than `STABLE` has gone less than a
+fifth of its way after 2,000 periods, and there the window procedure tells another motion.
+"""
 
 from enum import IntEnum
+
+LINEAR_DEFECT = 0.05
+"""Largest share of the distance to an orbit by which the map may differ from its tangent."""
+STABLE = 0.9999
+"""Largest multiplier of an orbit that a skip rule jumps to."""
 
 
 class SkipRule(IntEnum):

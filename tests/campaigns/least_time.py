@@ -2,9 +2,9 @@
 
 Frames of a job are run up and down by themselves. The forcing periods that each call of the solver
 integrates are integrated once more, from where it began, and nothing is gathered of them: no
-tangent vector or map, no norms, no drift, no watch for an orbit. Those of runs that skip rules finish
-start from the orbit in the middle of a call. What the time exceeds that of these periods is what
-the rules cost besides; the rest can only be had by fewer periods, or by cheaper ones.
+tangent vector or map, no norms, no drift, no watch for an orbit. Those of runs that skip rules
+finish start from the orbit in the middle of a call. What the time exceeds that of these periods is
+what the rules cost besides; the rest can only be had by fewer periods, or by cheaper ones.
 """
 
 import argparse

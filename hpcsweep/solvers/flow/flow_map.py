@@ -15,7 +15,15 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
-from hpcsweep.solvers.flow.orbit.batch import MORE, OPEN, Rules, in_units, new_orbits, new_run
+from hpcsweep.solvers.flow.orbit.batch import (
+    MORE,
+    MULTIPLIER,
+    OPEN,
+    Rules,
+    in_units,
+    new_orbits,
+    new_run,
+)
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import SHARED, WATCH, Watch, new_shared, new_watch
 from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, NO_TALLY, NORMS, PEAKS, clear
@@ -198,7 +206,7 @@ class FlowMap:
         n_runs, _, *counts = run.place.tolist()
         left_open = None
         if why == OPEN:
-            state, multiplier = self._units.out_of(run.z), float(run.number[1])
+            state, multiplier = self._units.out_of(run.z), float(run.number[MULTIPLIER])
             left_open = Approach(state, *counts[:3], multiplier, Outcome(outcome))
         orbits, measured = in_units(rows, n_runs, self.structure), np.empty((n_runs, 0))
         if measures:

@@ -28,7 +28,12 @@ from hpcsweep.solvers.records import Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
 
 BEGIN, TRANSIENT, ORBIT = 0, 1, 2
-"""What a run is at."""
+"""Stages of a run."""
+NUMBER, STAGE, TRANSIENT_PERIODS, NEWTON_PERIODS, ORBIT_PERIOD, PERIODS_ROUND = range(6)
+"""Entries of `Run.place`: number and stage of the run, periods of its transient and of Newton's
+method, orbit period, and the periods gone round the orbit."""
+NEAR, MULTIPLIER = 0, 1
+"""Entries of `Run.number`: distance from which on to jump, Floquet multiplier after a jump."""
 DONE, MORE, OPEN = 0, 1, 2
 """Why `follow_orbits` comes back: no run is left; to be called again; a run is open."""
 FREE_RUNS = 2000
@@ -54,10 +59,9 @@ class Run(NamedTuple):
     """The run that is at work."""
 
     place: np.ndarray
-    """(6,) int: its number, what it is at, periods of the transient, of Newton's method, of the
-    orbit, and of that the ones that are done."""
+    """(6,) int: see `NUMBER`."""
     number: np.ndarray
-    """(2,): distance from which on to jump, multiplier."""
+    """(2,): see `NEAR`."""
     z: np.ndarray
     """(2R,): its state in the kernels' units."""
     reached: np.ndarray
@@ -155,51 +159,51 @@ def follow_orbits(
     place = run.place
     n_done = 0
     n_free = 0
-    while place[0] < amplitudes.shape[0]:
+    while place[NUMBER] < amplitudes.shape[0]:
         if n_done >= n_periods or n_free == FREE_RUNS:
             return MORE, n_done, COMPLETE
-        k = place[0]
+        k = place[NUMBER]
         amplitude = amplitudes[k]
-        if place[1] == BEGIN:
+        if place[STAGE] == BEGIN:
             if is_free(free, state, amplitude, run.end) != 0:
                 n_free += 1
                 _end_free(state, follow, run, rows)
                 continue
             _begin(common, watch, state, units, near, run)
-        if place[1] == TRANSIENT:
-            closing = (max_period, settled, same, run.number[0])
-            wanted = min(n_periods - n_done, transient - place[2])
-            done, by_newton, period, run.number[1], run.number[0], outcome = end_of_transient(
-                shared, watch, run.z, amplitude / amplitude_unit, wanted, closing
+        if place[STAGE] == TRANSIENT:
+            closing = (max_period, settled, same, run.number[NEAR])
+            wanted = min(n_periods - n_done, transient - place[TRANSIENT_PERIODS])
+            done, by_newton, period, run.number[MULTIPLIER], run.number[NEAR], outcome = (
+                end_of_transient(shared, watch, run.z, amplitude / amplitude_unit, wanted, closing)
             )
-            place[2] += done
-            place[3] += by_newton
+            place[TRANSIENT_PERIODS] += done
+            place[NEWTON_PERIODS] += by_newton
             n_done += done + by_newton
-            if outcome != COMPLETE or (period == 0 and place[2] >= transient):
+            if outcome != COMPLETE or (period == 0 and place[TRANSIENT_PERIODS] >= transient):
                 return OPEN, n_done, outcome
             if period == 0:
                 continue
-            place[1] = ORBIT
-            place[4] = period
+            place[STAGE] = ORBIT
+            place[ORBIT_PERIOD] = period
             copy_state(run.z, run.reached)
-        wanted = min(max(n_periods - n_done, 1), place[4] - place[5])
+        wanted = min(max(n_periods - n_done, 1), place[ORBIT_PERIOD] - place[PERIODS_ROUND])
         n_done += wanted
         if not _go_round(shared, common, amplitude / amplitude_unit, wanted, units, run, rows):
             copy_state(run.reached, run.z)
             return OPEN, n_done, COMPLETE
-        if place[5] == place[4]:
+        if place[PERIODS_ROUND] == place[ORBIT_PERIOD]:
             _finish(transient + sampling, same, units, common.tally, run, rows)
             if follow:
-                copy_state(rows.points[k, place[4] - 1], state)
-            place[0] = k + 1
-            place[1] = BEGIN
+                copy_state(rows.points[k, place[ORBIT_PERIOD] - 1], state)
+            place[NUMBER] = k + 1
+            place[STAGE] = BEGIN
     return DONE, n_done, COMPLETE
 
 
 @kernel
 def _end_free(state, follow, run, rows):
     """Write the results of a run without contact, and go on to the next."""
-    k = run.place[0]
+    k = run.place[NUMBER]
     rows.rule[k] = LINEAR
     rows.length[k] = 1
     rows.period[k] = 1
@@ -207,7 +211,7 @@ def _end_free(state, follow, run, rows):
         rows.points[k, 0, i] = run.end[i]
         if follow:
             state[i] = run.end[i]
-    run.place[0] = k + 1
+    run.place[NUMBER] = k + 1
 
 
 @kernel
@@ -222,10 +226,10 @@ def _begin(common, watch, state, units, near, run):
         renew_rows(run.z, common.no_tangent, common.model)
     read_watch(watch).since[0] = 0
     place = run.place
-    place[1] = TRANSIENT
-    for i in range(2, 6):
+    place[STAGE] = TRANSIENT
+    for i in range(TRANSIENT_PERIODS, len(place)):
         place[i] = 0
-    run.number[0] = near
+    run.number[NEAR] = near
     clear(common.tally)
 
 
@@ -249,9 +253,9 @@ def _go_round(shared, common, amplitude, n_periods, units, run, rows):
         if outcome != COMPLETE:
             return False
         for i in range(n):
-            rows.points[place[0], place[5], i] = run.z[i] * units[i]
-            rows.points[place[0], place[5], n + i] = run.z[half + i] * units[n + i]
-        place[5] += 1
+            rows.points[place[NUMBER], place[PERIODS_ROUND], i] = run.z[i] * units[i]
+            rows.points[place[NUMBER], place[PERIODS_ROUND], n + i] = run.z[half + i] * units[n + i]
+        place[PERIODS_ROUND] += 1
     return True
 
 
@@ -264,12 +268,12 @@ def _finish(whole_run, same, units, tally, run, rows):
     reaches, so that a run that was cut short must not end at another one.
     """
     place = run.place
-    k, length = place[0], place[4]
-    jumped = not math.isnan(run.number[1])
+    k, length = place[NUMBER], place[ORBIT_PERIOD]
+    jumped = not math.isnan(run.number[MULTIPLIER])
     rows.rule[k] = NEWTON if jumped else CONVERGED
     rows.length[k] = length
-    rows.cycles[k] = place[2] + place[3] + length
-    rows.multiplier[k] = run.number[1]
+    rows.cycles[k] = place[TRANSIENT_PERIODS] + place[NEWTON_PERIODS] + length
+    rows.multiplier[k] = run.number[MULTIPLIER]
     rows.contact[k] = tally.contact[0]
     rows.peak_drift[k] = tally.peak_drift[0]
     if run.wanted & PEAKS:
@@ -284,7 +288,7 @@ def _finish(whole_run, same, units, tally, run, rows):
             rows.modal_norm[k, j] = tally.modal[j] / tally.free_time[0]
     points = rows.points[k]
     rows.period[k] = _smallest_period(points, length, units, same)
-    shift = (whole_run - place[2] - length) % length
+    shift = (whole_run - place[TRANSIENT_PERIODS] - length) % length
     if shift > 0:
         for i in range(length):
             for j in range(units.shape[0]):

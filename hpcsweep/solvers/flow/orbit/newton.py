@@ -12,6 +12,7 @@ from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
 from hpcsweep.solvers.flow.period.march import advance
 from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.outcome import COMPLETE
+from hpcsweep.solvers.skip_rule import LINEAR_DEFECT, STABLE
 
 NEWTON_STEPS = 6
 NEWTON_SAME = 1e-7
@@ -19,8 +20,6 @@ NEWTON_SAME = 1e-7
 NEWTON_REACH = 0.01
 """Longest jump (gaps, gaps omega_0)."""
 NEWTON_RESIDUAL = 1e-11
-NEWTON_STABLE = 0.9999
-NEWTON_LINEAR = 0.05
 
 
 @kernel
@@ -46,7 +45,7 @@ def newton_orbit(shared, common, watch, period, amplitude):
         return False, n_periods, math.nan
     _copy_matrix(watch.matrix, watch.factors)
     multiplier = spectral_radius(watch.factors)
-    return multiplier <= NEWTON_STABLE, n_periods, multiplier
+    return multiplier <= STABLE, n_periods, multiplier
 
 
 @kernel
@@ -110,7 +109,7 @@ def _is_linear(matrix, state, image, orbit):
             expected += matrix[i, k] * (state[k] - orbit[k])
         size_left = max(size_left, abs(image[i] - orbit[i]))
         curved = max(curved, abs(image[i] - orbit[i] - expected))
-    return curved <= NEWTON_LINEAR * size_left + NEWTON_RESIDUAL
+    return curved <= LINEAR_DEFECT * size_left + NEWTON_RESIDUAL
 
 
 @kernel

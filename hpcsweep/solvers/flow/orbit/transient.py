@@ -6,9 +6,9 @@ and M its tangent map. The orbit z* is accepted if
 
 - it is a fixed point to `NEWTON_RESIDUAL`, found or foretold from the fall of the residual, and
   corrected once more;
-- it attracts: the spectral radius of M(z*) is below `NEWTON_STABLE`;
+- it attracts: the spectral radius of M(z*) is at most `skip_rule.STABLE`;
 - F is linear between the last points and it: F(z) - z* differs from M(z*) (z - z*) by no more
-  than `NEWTON_LINEAR` of itself. The present state is then attracted as the linear map says, to
+  than `LINEAR_DEFECT` of itself. The present state is then attracted as the linear map says, to
   z* and to nothing else.
 
 `end_of_transient` does the one and the other, until the orbit is known or the transient is over.

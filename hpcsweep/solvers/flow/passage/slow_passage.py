@@ -264,6 +264,7 @@ def take_half(direction, index, contact, model, tables, work):
     b[0] = 0.0
     if not _find_times(beta, rho, work):
         return False
+    # of a unit impulse on the contact's row: what later displaces it, over `later`, by powers of it
     bent = sign * tables.impulses[index, contact, 2, row]
     third = sign * tables.impulses[index, contact, 3, row]
     fourth = sign * tables.impulses[index, contact, 4, row]

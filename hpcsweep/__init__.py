@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from hpcsweep.model.matrices import Contact
     from hpcsweep.model.record import Record
     from hpcsweep.model.structure import Structure
+    from hpcsweep.solvers.response import Response, first_contact_scale, response
     from hpcsweep.solvers.solver import stroboscopic_points
     from hpcsweep.store import meanings, open_results
     from hpcsweep.store.branches import branch
@@ -30,6 +31,7 @@ __all__ = [
     "Building",
     "Contact",
     "Record",
+    "Response",
     "Structure",
     "__version__",
     "adjacent",
@@ -37,6 +39,7 @@ __all__ = [
     "branch",
     "capacity",
     "cloud",
+    "first_contact_scale",
     "fractiles",
     "fragility",
     "intensity",
@@ -45,6 +48,7 @@ __all__ = [
     "open_results",
     "orbit",
     "read_record",
+    "response",
     "spectrum",
     "stroboscopic_points",
     "synthetic_records",
@@ -58,6 +62,9 @@ _HOME = {
     "adjacent": "hpcsweep.model.buildings",
     "Record": "hpcsweep.model.record",
     "Structure": "hpcsweep.model.structure",
+    "Response": "hpcsweep.solvers.response",
+    "first_contact_scale": "hpcsweep.solvers.response",
+    "response": "hpcsweep.solvers.response",
     "stroboscopic_points": "hpcsweep.solvers.solver",
     "load_job": "hpcsweep.job",
     "meanings": "hpcsweep.store",

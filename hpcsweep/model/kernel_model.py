@@ -92,6 +92,8 @@ class Model(NamedTuple):
     """(R,): f."""
     harmonics: np.ndarray
     """(H, 3): order, amplitude and phase."""
+    ramp: np.ndarray
+    """(P, 2), P = 0 or 1: G and G' at the start of a period along which G is linear."""
     rows: np.ndarray
     """(R - n, n): E."""
     contacts: Contacts
@@ -143,6 +145,7 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         damping=_extended(damping, extra),
         forcing=_wide(per_mass(mass, structure.forcing_vector), extra),
         harmonics=np.array(structure.forcing.terms, float).reshape(-1, 3),
+        ramp=np.zeros((0, 2)),
         rows=extra,
         contacts=_contacts(structure, places, extra, (stiffness, damping), layer),
         drift_rows=drift_rows.reshape(-1, 2),
@@ -160,6 +163,25 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         layer=layer,
     )
     return _of_one_kind(model)
+
+
+def forcing_size(model: Model) -> int:
+    """Return how many numbers tell the forcing: a pair for each harmonic or ramp."""
+    return 2 * (len(model.harmonics) + len(model.ramp))
+
+
+def record_model(structure: Structure, dt: float) -> Model:
+    """Make what the kernels know of a structure under a record: its period is a sample interval.
+
+    Along an interval G is linear: ``ramp``, written by whoever advances, has it.
+    """
+    model = kernel_model(structure, 1.0)
+    return model._replace(
+        harmonics=np.zeros((0, 3)),
+        ramp=np.zeros((1, 2)),
+        omega=0.0,
+        period=float(dt * structure.frequency_unit),
+    )
 
 
 def _watched(drift_rows: np.ndarray, n: int, places) -> np.ndarray:

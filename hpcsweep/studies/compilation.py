@@ -5,6 +5,7 @@ The kernels for any structure are compiled once. Kernels specialised to the stru
 a user asks for them.
 """
 
+import importlib
 import time
 from collections.abc import Callable
 from typing import Any
@@ -106,7 +107,8 @@ def worth_specialising(study: Any, n_ranks: int | None) -> Structure | None:
 
 
 def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
-    """Compile what runs of any settings call, or load it from the disk."""
+    """Compile what runs of any settings, and responses to records, call, or load it."""
+    importlib.import_module("hpcsweep.solvers.flow.record_map")
     for name in SOLVERS:
         warm_up(SweepSettings(solver=name, metrics=frozenset(METRICS)), say, jobs)
 

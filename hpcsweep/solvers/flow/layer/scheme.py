@@ -121,6 +121,10 @@ def _forcing_at_stages(tau, h, amplitude, pairs, model, out):
         s, c = short_turn(load(NODES, 0) * angle)
         values = fma(s, pairs[2 * k + 1], c * pairs[2 * k])
         store(out, 0, values if k == 0 else load(out, 0) + values)
+    for k in range(model.ramp.shape[0]):
+        at = 2 * (model.harmonics.shape[0] + k)
+        values = fma(load(NODES, 0), h * pairs[at + 1], pairs[at])
+        store(out, 0, values if at == 0 else load(out, 0) + values)
 
 
 @inlined

@@ -84,7 +84,7 @@ def longest_step(model):
         for j in range(n):
             row += abs(model.damping[i, j])
         drag = max(drag, row)
-    return 0.4 / drag
+    return 0.4 / drag if drag > 0.0 else math.inf
 
 
 @kernel

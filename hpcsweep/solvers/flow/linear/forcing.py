@@ -1,4 +1,8 @@
-"""The forcing G(tau) = A sum_h a_h sin(h Omega tau + phi_h), by pairs of sine and cosine."""
+"""The forcing G(tau), by pairs: A sum_h a_h sin(h Omega tau + phi_h), or linear along a period.
+
+The pair of a harmonic is its sine and cosine, turned by a rotation; the pair of a ramp, after
+those, is (G, G'), turned by a shear.
+"""
 
 import math
 
@@ -16,17 +20,22 @@ COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(9, -1, -1))
 
 @kernel
 def forcing_at(tau, amplitude, model, out, first):
-    """Write A a_h sin(.) and A a_h cos(.) of each harmonic into out[first:]."""
+    """Write A a_h sin(.) and A a_h cos(.) of each harmonic, or G and G', into out[first:]."""
     for h in range(model.harmonics.shape[0]):
         size = amplitude * model.harmonics[h, 1]
         angle = model.harmonics[h, 0] * model.omega * tau + model.harmonics[h, 2]
         out[first + 2 * h] = size * math.sin(angle)
         out[first + 2 * h + 1] = size * math.cos(angle)
+    for k in range(model.ramp.shape[0]):
+        at = first + 2 * (model.harmonics.shape[0] + k)
+        out[at] = amplitude * fma(model.ramp[k, 1], tau, model.ramp[k, 0])
+        out[at + 1] = amplitude * model.ramp[k, 1]
 
 
 @inlined
-def rotate_forcing(x, first, rotation, index):
-    """Take the pairs in x[first:] over one step, whose cosines and sines are rotation[index]."""
+def turn_forcing(x, first, tables, index):
+    """Take the pairs in x[first:] over one step of table `index`."""
+    rotation = tables.rotation
     for at in range(0, rotation.shape[1], 2):
         cosine = rotation[index, at]
         sine = rotation[index, at + 1]
@@ -34,6 +43,8 @@ def rotate_forcing(x, first, rotation, index):
         c = x[first + at + 1]
         x[first + at] = fma(s, cosine, c * sine)
         x[first + at + 1] = fma(c, cosine, -s * sine)
+    for at in range(first + rotation.shape[1], x.shape[0] - 1, 2):
+        x[at] = fma(tables.h[index], x[at + 1], x[at])
 
 
 @inlined
@@ -73,6 +84,11 @@ def forcing_after(s, tau, amplitude, x, first, model, out):
         sine, cosine = x[first + 2 * k], x[first + 2 * k + 1]
         out[2 * k] = fma(turned, cosine, kept * sine)
         out[2 * k + 1] = fma(-turned, sine, kept * cosine)
+    for k in range(model.ramp.shape[0]):
+        at = 2 * (model.harmonics.shape[0] + k)
+        value, rate = x[first + at], x[first + at + 1]
+        out[at] = fma(rate, s, value)
+        out[at + 1] = rate
 
 
 @inlined
@@ -81,6 +97,8 @@ def total_forcing(pairs, first, model):
     ground = 0.0
     for k in range(model.harmonics.shape[0]):
         ground += pairs[first + 2 * k]
+    for k in range(model.ramp.shape[0]):
+        ground += pairs[first + 2 * (model.harmonics.shape[0] + k)]
     return ground
 
 
@@ -90,6 +108,8 @@ def forcing_rate(pairs, first, model):
     rate = 0.0
     for k in range(model.harmonics.shape[0]):
         rate += model.harmonics[k, 0] * model.omega * pairs[first + 2 * k + 1]
+    for k in range(model.ramp.shape[0]):
+        rate += pairs[first + 2 * (model.harmonics.shape[0] + k) + 1]
     return rate
 
 
@@ -99,4 +119,6 @@ def steepest_forcing(amplitude, model):
     rate = 0.0
     for k in range(model.harmonics.shape[0]):
         rate += model.harmonics[k, 0] * model.omega * abs(amplitude * model.harmonics[k, 1])
+    for k in range(model.ramp.shape[0]):
+        rate += abs(amplitude * model.ramp[k, 1])
     return rate

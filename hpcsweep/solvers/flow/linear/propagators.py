@@ -122,6 +122,9 @@ def _generator(key, model, scale, out):
         at = 2 * n + 2 * h
         out[at, at + 1] = model.harmonics[h, 0] * model.omega
         out[at + 1, at] = -model.harmonics[h, 0] * model.omega
+    for k in range(model.ramp.shape[0]):
+        at = 2 * n + 2 * (model.harmonics.shape[0] + k)
+        out[at, at + 1] = 1.0
 
 
 @kernel
@@ -202,6 +205,8 @@ def _build(key, model, tables, index):
     _generator(key, model, scale, generator)
     radius = _spectral_bound(key, model, tables.energy)
     h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
+    if model.ramp.shape[0] > 0:
+        h = model.period / math.ceil(model.period / h)
     tables.h[index] = h
     for k in range(model.harmonics.shape[0]):
         angle = model.harmonics[k, 0] * model.omega * h
@@ -234,7 +239,7 @@ def _build(key, model, tables, index):
         _build_modal(model, poly, tables.modal)
     for row in range(n_rows):
         for column in range(poly.shape[1]):
-            tables.bound4[index, column, row] = _max_fourth_derivative(poly[row, column], h)
+            tables.bound4[index, column, row] = max_fourth_derivative(poly[row, column], h)
 
 
 @kernel
@@ -295,7 +300,7 @@ def _build_modal(model, poly, modal):
 
 
 @kernel
-def _max_fourth_derivative(coefficients, h):
+def max_fourth_derivative(coefficients, h):
     """Bound |d^4/ds^4| of one polynomial on the step.
 
     The largest of equidistant samples plus half their distance times a bound (the sum of the

@@ -93,8 +93,14 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
     A part is done with where the Hermite bound allows no more than the peak, or where the slope is
     proved to be monotone: it has one extremum at most. Other parts are halved.
     `stack` is workspace for right ends, as in `search.first_passage`.
+
+    Returns
+    -------
+    float
+        Time of the peak, -1 if it has not been raised.
     """
     a = 0.0
+    time = -1.0
     ga, da = value_and_slope(rows, 0, h, a)
     gb, db = value_and_slope(rows, 0, h, s)
     stack[0, 0], stack[0, 1], stack[0, 2] = s, gb, db
@@ -104,7 +110,9 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
         b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
         d = b - a
         known = max(peaks[w], max(_size(ga, side), _size(gb, side)))
-        peaks[w] = known
+        if known > peaks[w]:
+            time = a if _size(ga, side) == known else b
+            peaks[w] = known
         if _may_be_higher(known, side, d, ga, da, gb, db, bound4):
             if d > least and not slope_is_monotone(d, ga, da, gb, db, bound4):
                 middle = 0.5 * (a + b)
@@ -113,9 +121,12 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
                 stack[depth, 0], stack[depth, 1], stack[depth, 2] = middle, gb, db
                 continue
             if da * db < 0.0:
-                peaks[w] = max(known, _size(extremum(rows, h, a, da, b, db), side))
+                top, at = extremum(rows, h, a, da, b, db)
+                if _size(top, side) > known:
+                    peaks[w], time = _size(top, side), at
         a, ga, da = b, gb, db
         depth -= 1
+    return time
 
 
 @kernel
@@ -134,10 +145,17 @@ def slope_is_monotone(d, g0, slope0, g1, slope1, bound4):
 
 @kernel
 def extremum(rows, h, a, slope_a, b, slope_b):
-    """Value of polynomial 0 where its slope vanishes between a and b, where the signs differ."""
+    """Find where the slope of polynomial 0 vanishes between a and b, where its signs differ.
+
+    Returns
+    -------
+    value, time : float
+    """
     s = a - slope_a * (b - a) / (slope_b - slope_a)
     value = 0.0
+    time = s
     for _ in range(60):
+        time = s
         value, slope, bend = value_slope_bend(rows, 0, h, s)
         if slope * slope_b > 0.0:
             b = s
@@ -148,4 +166,4 @@ def extremum(rows, h, a, slope_a, b, slope_b):
         if abs(slope * step) <= PEAK_ERROR * abs(value) or b - a <= 1e-9 * h:
             break
         s = s + step if a < s + step < b else 0.5 * (a + b)
-    return value
+    return value, time

@@ -8,7 +8,7 @@ fast, and no other comes near its layer meanwhile, the passage is done in closed
 (`crossing`); if not, the motion is integrated from the edge until no contact is inside its layer
 (`layer`). For infinite sharpness the layer has no width and every passage is the closed form
 with zero impulse. Contacts that are at their stops at one instant then pass together: each by
-itself would be a segment without length, and a table of its own (`_passing`).
+itself would be a segment without length, and a table of its own (`passing_contacts`).
 """
 
 import math
@@ -21,7 +21,7 @@ from hpcsweep.solvers.flow.layer.visit import (
     inside_layer,
     visit_layer,
 )
-from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, rotate_forcing
+from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, expand_rows
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.impacts import impacts_at_end
@@ -84,7 +84,7 @@ def _coast(segment, steps_left, model, tables, work):
                 return tau, n_steps, True
         for row in range(work.z_end.shape[0]):
             x[row] = wide[row]
-        rotate_forcing(x, work.z_end.shape[0], tables.rotation, index)
+        turn_forcing(x, work.z_end.shape[0], tables, index)
         tau += h
         n_steps += 1
     return tau, n_steps, False
@@ -164,7 +164,7 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
 
 
 @inlined
-def _passing(segment, ending, z, model):
+def passing_contacts(segment, ending, z, model):
     """Return the contacts, a set, that pass their stops at the end of a segment, in state z.
 
     A contact of infinite sharpness whose force begins or ends by the time t too early changes the
@@ -188,7 +188,7 @@ def _passing(segment, ending, z, model):
 
 
 @inlined
-def _next_segment(segment, ending, passing, tau, z, amplitude, packed, shared):
+def next_segment(segment, ending, passing, tau, z, amplitude, packed, shared):
     """Write the start of the next segment into ``work.x``; return its contact set and table.
 
     The table is `NO_TABLE` or `AT_EDGE` where the motion does not go on as a linear one.
@@ -199,7 +199,7 @@ def _next_segment(segment, ending, passing, tau, z, amplitude, packed, shared):
     if ending.contact < 0:
         copy_state(z, x)
         if ending.span == segment.h:
-            rotate_forcing(x, z.shape[0], tables.rotation, index)
+            turn_forcing(x, z.shape[0], tables, index)
     elif ending.beyond:
         forcing_at(tau, amplitude, model, work.forcing, 0)
         start(x, z, work.forcing)
@@ -212,6 +212,29 @@ def _next_segment(segment, ending, passing, tau, z, amplitude, packed, shared):
     else:
         index = AT_EDGE if model.rho != math.inf else NO_TABLE
     return key, index
+
+
+@inlined
+def take_segment(segment, known, promised, z, amplitude, packed, shared):
+    """Take a linear step, to the first passage or edge of a layer in it at most.
+
+    Parameters
+    ----------
+    segment : Segment
+        From ``work.x``.
+    known : bool
+        See `_coast`.
+
+    Returns
+    -------
+    Ending
+        Its contact is `UNDECIDED` if rounding forbids to tell.
+    """
+    span = _step(segment, known, shared.tables, shared.work)
+    event = first_event(segment, span, shared.model, shared.tables.poly, shared.work)
+    if event[0] >= 0:
+        return _end_at_event(segment, event, promised, z, amplitude, packed, shared)
+    return Ending(span, event[0], INTEGRATED, False, False, 0.0, promised)
 
 
 @inlined
@@ -272,16 +295,11 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
             counts[0] += coasted
             steps += coasted
         counts[0] += 1
-        span = _step(segment, known, tables, work)
-        event = first_event(segment, span, model, tables.poly, work)
-        contact = event[0]
-        if contact == UNDECIDED:
+        ending = take_segment(segment, known, promised, z, amplitude, packed, shared)
+        if ending.contact == UNDECIDED:
             return SOLVER_FAILED
-        ending = Ending(span, contact, INTEGRATED, False, False, 0.0, promised)
-        if contact >= 0:
-            ending = _end_at_event(segment, event, promised, z, amplitude, packed, shared)
-            promised = ending.promised
-            counts[1] += ending.how != INTEGRATED
+        promised = ending.promised
+        counts[1] += ending.how != INTEGRATED
         if tangent.shape[1] > 0:
             segment_tangent(segment, ending, packed, shared, tangent)
         if ending.how != INTEGRATED:
@@ -290,10 +308,10 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
             return NON_FINITE
         if wanted != NO_TALLY:
             observe_segment(segment, ending.span, wanted, shared)
-        passing = _passing(segment, ending, work.z_end, model)
+        passing = passing_contacts(segment, ending, work.z_end, model)
         if wanted & IMPACTS:
             impacts_at_end(segment, ending, passing, model, shared.tally, work)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
-        key, index = _next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)
+        key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)
     return COMPLETE

@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.places import zeros
-from hpcsweep.model.kernel_model import Model
+from hpcsweep.model.kernel_model import Model, forcing_size
 from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, padded
 
@@ -42,7 +42,7 @@ class Responses(NamedTuple):
 def empty_responses(model: Model, n_tables: int) -> Responses:
     """Allocate the store for so many tables of contact sets; pages are touched when used."""
     n, m = model.stiffness.shape[0], model.contacts.row.size
-    size = 2 * n + 2 * model.harmonics.shape[0] + 1
+    size = 2 * n + forcing_size(model) + 1
     return Responses(
         count=zeros(1, dtype=int),
         place=np.full((n_tables, m, LEVELS), -1),

@@ -8,7 +8,8 @@ contacts that touch (c_k in {0, 1}) the motion is linear with constant coefficie
 
 With the augmented state x = (y, y', s_1, c_1, .., s_H, c_H, 1), shape (N,) with N = 2 R + 2 H + 1
 and s_h, c_h = A a_h (sin, cos)(h Omega tau + phi_h), it is x' = M x, and M depends on c but not on
-A. Rows beyond n are outputs: y = E u. A table holds, for one set,
+A. Where G is linear along a period one pair (G, G') is in the place of those. Rows beyond n are
+outputs: y = E u. A table holds, for one set,
 
 - ``step``: exp(M h), the propagator over one full step h;
 - ``poly``: exp(M s), 0 <= s <= h, as polynomials in sigma = 2 s / h - 1 of degree `DEGREE`;
@@ -30,7 +31,7 @@ import numpy as np
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.places import zeros
 from hpcsweep.kernels.simd.vectors import LANES, combine, combine_moduli
-from hpcsweep.model.kernel_model import Model
+from hpcsweep.model.kernel_model import Model, forcing_size
 from hpcsweep.solvers.flow.rules.economisation import economisation
 
 DEGREE = 15
@@ -99,10 +100,10 @@ def padded(n: int) -> int:
 def empty_tables(model: Model) -> Tables:
     """Allocate the tables of a structure at one frequency; pages are touched when used."""
     capacity = min(2**model.contacts.row.size, MAX_TABLES)
-    n, n_harmonics = model.stiffness.shape[0], model.harmonics.shape[0]
+    n, n_forcing = model.stiffness.shape[0], forcing_size(model)
     n_modes = model.modal_transform.shape[0]
-    size = 2 * n + 2 * n_harmonics + 1
-    base = 2 * n_modes + 2 * n_harmonics + 1
+    size = 2 * n + n_forcing + 1
+    base = 2 * n_modes + n_forcing + 1
     return Tables(
         count=zeros(1, dtype=int),
         keys=zeros(capacity, dtype=np.uint64),
@@ -112,7 +113,7 @@ def empty_tables(model: Model) -> Tables:
         poly=zeros(capacity, 2 * n, size, N_COEFFICIENTS),
         columns=zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
         bound4=zeros(capacity, size, padded(n)),
-        rotation=zeros(capacity, 2 * n_harmonics),
+        rotation=zeros(capacity, 2 * len(model.harmonics)),
         series=zeros(capacity, model.contacts.row.size, size, LANES),
         impulses=zeros(capacity, model.contacts.row.size, LANES, padded(2 * n)),
         work=zeros(4, base, padded(base)),

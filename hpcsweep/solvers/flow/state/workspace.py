@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile.places import zeros
 from hpcsweep.kernels.simd.vectors import LANES
-from hpcsweep.model.kernel_model import Model
+from hpcsweep.model.kernel_model import Model, forcing_size
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.layer_workspace import (
     LayerWorkspace,
@@ -82,7 +82,7 @@ class Workspace(NamedTuple):
     modal_summary: np.ndarray
     """(LANES,): see `modal_norm.SUMMARY`."""
     forcing: np.ndarray
-    """(2 H,): pairs of sine and cosine, see `forcing`."""
+    """(2 H,): pairs of the forcing, see `forcing`."""
     ways: np.ndarray
     stack: np.ndarray
     a: np.ndarray
@@ -102,7 +102,7 @@ class Workspace(NamedTuple):
 def new_workspace(model: Model) -> Workspace:
     """Allocate the workspace for a structure."""
     n, n_modes = model.stiffness.shape[0], model.modal_transform.shape[0]
-    n_forcing = 2 * model.harmonics.shape[0]
+    n_forcing = forcing_size(model)
     return Workspace(
         x=zeros(2 * n + n_forcing + 1),
         z_end=zeros(2 * n),

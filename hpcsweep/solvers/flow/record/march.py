@@ -1,0 +1,241 @@
+"""Sample intervals of a record in a row.
+
+An interval between two samples, on which G is linear, is to the motion what a forcing period is to
+one that harmonics drive: it begins at tau = 0 with the pair (G, G') of its first sample. The steps
+of a record's tables are parts of it (`propagators`), so that an interval in which no contact can
+change (proved, `events.is_clear`) is a product or a few. From the first step on where one may, the
+rest of the interval is taken as a period is (`period`).
+"""
+
+import numpy as np
+
+from hpcsweep.kernels.arena import as_long_as
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
+from hpcsweep.solvers.flow.layer.visit import Interval, inside_layer, visit_layer
+from hpcsweep.solvers.flow.linear.forcing import forcing_at, turn_forcing
+from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.observe.impacts import impacts_at_end, impacts_on_segment
+from hpcsweep.solvers.flow.passage.passage import INTEGRATED
+from hpcsweep.solvers.flow.period.period import (
+    AT_EDGE,
+    NO_TABLE,
+    next_segment,
+    passing_contacts,
+    take_segment,
+)
+from hpcsweep.solvers.flow.record.outputs import fill_outputs, read_outputs
+from hpcsweep.solvers.flow.record.peaks import look, peaks_at_sample, peaks_on_step
+from hpcsweep.solvers.flow.search.events import contact_key, is_clear
+from hpcsweep.solvers.flow.search.search import UNDECIDED
+from hpcsweep.solvers.flow.state.augmented import renew_rows, start
+from hpcsweep.solvers.flow.state.segment import Segment
+from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
+from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
+from hpcsweep.solvers.flow.state.tally import IMPACTS
+from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
+
+NO_PEAKS, PEAKS_AT_SAMPLES, ALL_PEAKS = range(3)
+"""What is gathered: nothing; peaks at the samples; over continuous time, and impacts."""
+
+
+@entry_point((INT, INT), BYTES, BYTES, VECTOR, VECTOR, FLOAT, INT, INT, FLOAT, INT, MATRIX)
+def march_record(shared, gathered, z, samples, amplitude, first, last, length, wanted, points):
+    """Advance z over the intervals `first`, .., `last` - 1 of a record, in place.
+
+    Parameters
+    ----------
+    shared : ndarray of bytes
+        A packed `Shared`, of a `record_model`.
+    gathered : ndarray of bytes
+        Packed `Outputs`.
+    z : ndarray, shape (2R,)
+    samples : ndarray, shape (m,)
+        Of the ground; from the last one on there is none.
+    amplitude : float
+        By which they are multiplied.
+    first, last : int
+    length : float
+        Of each interval: that of a sample, or a part of it.
+    wanted : int
+    points : ndarray, shape (last - first, 2R) or (0, 2R)
+        Receives the states at the ends of the intervals; not written if empty.
+
+    Returns
+    -------
+    n_done : int
+    outcome : int
+    """
+    common = read_shared(shared)
+    outputs = read_outputs(gathered)
+    z = as_long_as(z, common.previous)
+    model, tables, work = common.model, common.tables, common.work
+    if model.rows.shape[0] > 0:
+        renew_rows(z, common.no_tangent, model)
+    key, index = np.uint64(0), NO_TABLE
+    for j in range(first, last):
+        model.ramp[0, 0] = model.ramp[0, 1] = 0.0
+        if j + 1 < samples.shape[0]:
+            model.ramp[0, 0] = samples[j]
+            model.ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
+        if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
+            return j - first, NON_FINITE
+        time = j * model.period
+        if index == NO_TABLE and not inside_layer(z, model):
+            key = contact_key(0.0, z, amplitude, model, work)
+            index = table_of(key, tables, shared)
+        tau = 0.0
+        if index != NO_TABLE:
+            fill_outputs(index, model, tables, outputs)
+            forcing_at(0.0, amplitude, model, work.forcing, 0)
+            start(work.x, z, work.forcing)
+            segment = Segment(key, index, tables.h[index], 0.0, length)
+            tau = _coast(segment, time, wanted, common, outputs)
+            for row in range(z.shape[0]):
+                z[row] = work.x[row]
+        if tau < length:
+            outcome = _rest_of_interval(
+                shared, Segment(key, index, 0.0, tau, length), time, z, amplitude, wanted, outputs
+            )
+            if outcome != COMPLETE:
+                return j - first, outcome
+            index = NO_TABLE
+        if wanted == PEAKS_AT_SAMPLES:
+            _sample_peaks(shared, j, z, amplitude, common, outputs)
+        if points.shape[0] > 0:
+            copy_state(z, points[j - first])
+    return last - first, COMPLETE
+
+
+@inlined
+def _coast(segment, time, wanted, shared, outputs):
+    """Take linear steps from ``work.x`` while no contact can change, up to the end at most.
+
+    Returns
+    -------
+    float
+        Where they end; the end of the segment, to the last bit, if that is reached.
+    """
+    key, index, h, _, end = segment
+    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
+    x, wide, places = work.x, work.wide, model.contacts.places
+    n_steps = int(end / h + 0.5)
+    if n_steps * h != end and abs(n_steps * h - end) > 1e-12 * end:
+        # a part of an interval
+        n_steps = int(end / h)
+    if wanted == ALL_PEAKS:
+        look(index, x, outputs, outputs.start)
+    for step in range(n_steps):
+        product(tables.step, index, x, wide)
+        product_of_moduli(tables.bound4, index, x, work.bounds)
+        for k in range(places.shape[0]):
+            if not is_clear(key, k, h, x, wide, model, work.bounds[places[k, 0]]):
+                return step * h
+        if wanted == ALL_PEAKS:
+            for row in range(work.z_end.shape[0]):
+                work.expanded[row] = False
+            copy_state(x, outputs.x_end)
+            for row in range(work.z_end.shape[0]):
+                outputs.x_end[row] = wide[row]
+            turn_forcing(outputs.x_end, work.z_end.shape[0], tables, index)
+            look(index, outputs.x_end, outputs, outputs.end)
+            peaks_on_step(index, h, time + step * h, model, tables, outputs, work)
+            copy_state(outputs.end, outputs.start)
+            if key != np.uint64(0):
+                own = Segment(key, index, h, step * h, end)
+                impacts_on_segment(own, h, model, tables, tally, work)
+        for row in range(work.z_end.shape[0]):
+            x[row] = wide[row]
+        turn_forcing(x, work.z_end.shape[0], tables, index)
+        shared.counts[0] += 1
+    reached = n_steps * h
+    return end if abs(reached - end) <= 1e-12 * end else reached
+
+
+@inlined
+def _rest_of_interval(packed, begun, time, z, amplitude, wanted, outputs):
+    """Advance z over what is left of an interval, as over a period; return the outcome.
+
+    `begun` tells contact set and table, which may be `NO_TABLE`, the start and the end.
+    """
+    shared = read_shared(packed)
+    model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
+    key, index, _, tau, end = begun
+    promised = np.uint64(0)
+    steps = 0
+    gathers = wanted == ALL_PEAKS
+    while tau < end:
+        steps += 1
+        if steps > shared.max_steps:
+            return STEP_LIMIT
+        if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
+            interval = Interval(tau, end, shared.max_steps - steps)
+            counts[3] += 1
+            tau, outcome, used = visit_layer(
+                packed, interval, z, amplitude, IMPACTS if gathers else 0, shared.no_tangent
+            )
+            counts[2] += used
+            steps += used
+            if outcome != COMPLETE:
+                return outcome
+            index = NO_TABLE
+            continue
+        if index == NO_TABLE:
+            key = contact_key(tau, z, amplitude, model, work)
+            index = table_of(key, tables, packed)
+            forcing_at(tau, amplitude, model, work.forcing, 0)
+            start(work.x, z, work.forcing)
+        segment = Segment(key, index, tables.h[index], tau, end)
+        counts[0] += 1
+        ending = take_segment(segment, False, promised, z, amplitude, packed, shared)
+        if ending.contact == UNDECIDED:
+            return SOLVER_FAILED
+        promised = ending.promised
+        counts[1] += ending.how != INTEGRATED
+        if ending.how != INTEGRATED:
+            copy_state(z, work.z_end)
+        if not is_ordinary(work.z_end):
+            return NON_FINITE
+        if gathers:
+            _gather(segment, ending.span, time + tau, shared, outputs)
+        passing = passing_contacts(segment, ending, work.z_end, model)
+        if gathers:
+            impacts_at_end(segment, ending, passing, model, shared.tally, work)
+        copy_state(work.z_end, z)
+        tau = end if ending.span >= end - tau else tau + ending.span
+        key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)
+    return COMPLETE
+
+
+@inlined
+def _gather(segment, span, time, shared, outputs):
+    """Bring peaks and impacts up to date with a segment of that length to ``work.z_end``."""
+    model, tables, work, index = shared.model, shared.tables, shared.work, segment.index
+    size = work.z_end.shape[0]
+    fill_outputs(index, model, tables, outputs)
+    look(index, work.x, outputs, outputs.start)
+    x_end = outputs.x_end
+    for row in range(size):
+        x_end[row] = work.z_end[row]
+    x_end[size] = work.x[size] + span * work.x[size + 1]
+    x_end[size + 1] = work.x[size + 1]
+    x_end[size + 2] = 1.0
+    look(index, x_end, outputs, outputs.end)
+    peaks_on_step(index, span, time, model, tables, outputs, work)
+    impacts_on_segment(segment, span, model, tables, shared.tally, work)
+
+
+@kernel
+def _sample_peaks(packed, j, z, amplitude, shared, outputs):
+    """Raise the peaks by the state at the end of interval j; inside a layer it is passed over."""
+    model, tables, work = shared.model, shared.tables, shared.work
+    if inside_layer(z, model):
+        return
+    key = contact_key(model.period, z, amplitude, model, work)
+    index = table_of(key, tables, packed)
+    fill_outputs(index, model, tables, outputs)
+    forcing_at(model.period, amplitude, model, work.forcing, 0)
+    start(outputs.x_end, z, work.forcing)
+    look(index, outputs.x_end, outputs, outputs.end)
+    peaks_at_sample((j + 1) * model.period, outputs.end, outputs)

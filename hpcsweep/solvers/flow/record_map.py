@@ -1,0 +1,103 @@
+"""The flow map under a ground-motion record; see `record.march`."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hpcsweep.model.kernel_model import record_model
+from hpcsweep.model.structure import Structure
+from hpcsweep.model.units import Units
+from hpcsweep.solvers.arguments import solver_arguments
+from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
+from hpcsweep.solvers.flow.record.march import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
+from hpcsweep.solvers.flow.record.outputs import OUTPUTS, clear_outputs, new_outputs
+from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
+from hpcsweep.solvers.flow.state.tally import clear
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Polling
+from hpcsweep.solvers.record_response import Response, intervals, response_of
+
+
+class RecordMap:
+    """Respond to ground-motion records of one sample interval, at any scale.
+
+    Parameters
+    ----------
+    structure : Structure
+    dt : float
+        Time between two samples.
+    rtol : float
+        As of `FlowMap`.
+    one_sided : int
+        So many of the last drifts are of row . u in place of |row . u|.
+    """
+
+    def __init__(self, structure: Structure, dt: float, rtol: float = 1e-9, *, one_sided: int = 0):
+        self.structure, self.dt, self.rtol = solver_arguments(structure, dt, rtol)
+        model = record_model(structure, self.dt)
+        self._units = Units(structure, model)
+        tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
+        self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
+        self._outputs, self._packed_outputs = OUTPUTS.place(new_outputs(model, self._shared.tables))
+        last = structure.n_floors + len(model.drift_rows)
+        self._outputs.sides[last - one_sided : last] = 0.0
+        self._pieces = Polling()
+
+    def respond(
+        self,
+        acceleration: np.ndarray,
+        scale: float = 1.0,
+        tail: float = 0.0,
+        state: np.ndarray | None = None,
+        poll: Callable[[], None] | None = None,
+        at_samples: bool = False,
+    ) -> Response:
+        """Return the response to a record; see `hpcsweep.solvers.response.response`."""
+        clear_outputs.py_func(self._outputs)
+        clear.py_func(self._shared.tally)
+        n = self.structure.n_floors
+        z = self._units.into(np.zeros(2 * n) if state is None else state)
+        samples = np.ascontiguousarray(acceleration, dtype=float)
+        wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
+        done, outcome = self._advance(z, samples, scale, tail, poll, wanted)
+        outputs = self._outputs
+        n_outputs = outputs.rows.shape[1]
+        return response_of(
+            self.structure,
+            outputs.peaks[:n_outputs],
+            outputs.times[:n_outputs],
+            self._shared.tally.impacts,
+            self._units.out_of(z).copy(),
+            done,
+            outcome,
+        )
+
+    def _advance(self, z, samples, scale, tail, poll, wanted) -> tuple[float, Outcome]:
+        """Advance z over a record and its tail, in place; return the time reached."""
+        amplitude = scale / self._units.amplitude_unit
+        period = self._shared.model.period
+        whole, rest = intervals(len(samples), self.dt, tail)
+        for first, last in self._pieces.cut(whole, poll):
+            done, outcome = self._march(z, samples, amplitude, first, last, period, wanted)
+            if outcome != Outcome.COMPLETE:
+                return (first + done) * self.dt, Outcome(outcome)
+        if rest > 0.0:
+            length = rest * self.structure.frequency_unit
+            done, outcome = self._march(z, samples, amplitude, whole, whole + 1, length, wanted)
+            if outcome != Outcome.COMPLETE:
+                return whole * self.dt, Outcome(outcome)
+        return whole * self.dt + rest, Outcome.COMPLETE
+
+    def _march(self, z, samples, amplitude, first, last, length, wanted):
+        return march_record(
+            self._packed,
+            self._packed_outputs,
+            z,
+            samples,
+            amplitude,
+            first,
+            last,
+            length,
+            wanted,
+            self._shared.no_points,
+        )

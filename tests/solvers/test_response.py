@@ -1,0 +1,133 @@
+"""The response to ground-motion records: closed forms, scales and gaps, first contact."""
+
+import math
+
+import numpy as np
+import pytest
+
+import hpcsweep
+from hpcsweep import Contact, Record, Structure
+from hpcsweep.solvers.response import linear_response
+
+PEAKS = ("displacement", "drift", "floor_acceleration", "force", "impulse", "residual")
+
+
+def oscillator(omega: float, zeta: float, contacts=()) -> Structure:
+    return Structure.from_matrices([2.0], [[2.0 * omega**2]], contacts, damping_ratio=zeta)
+
+
+def neighbours(gaps=(0.01, 0.015), stiffness=5e3) -> Structure:
+    """Two buildings of two storeys side by side."""
+    k = 100.0
+    stiff = np.array([[2 * k, -k, 0, 0], [-k, k, 0, 0], [0, 0, 3 * k, -k], [0, 0, -k, k]])
+    contacts = [
+        Contact((0, 1, 0, -1), gaps[0], stiffness),
+        Contact((1, 0, -1, 0), gaps[1], stiffness),
+    ]
+    return Structure.from_matrices(np.ones(4), stiff, contacts, damping_ratio=0.05)
+
+
+def noise(seed: int, n: int, dt: float = 0.02, size: float = 3.0) -> Record:
+    return Record(size * np.random.default_rng(seed).standard_normal(n), dt)
+
+
+def test_ramp_of_one_degree_of_freedom():
+    omega, zeta, rate = 7.0, 0.1, 2.5
+    record = Record(rate * np.array([0.0, 0.5, 1.0]), 0.5)
+    found = hpcsweep.response(oscillator(omega, zeta), record)
+    decay, turn = zeta * omega, omega * math.sqrt(1 - zeta**2)
+    sine, cosine = math.sin(turn), math.cos(turn)
+    # u'' + 2 zeta omega u' + omega^2 u = -rate t, from rest, at t = 1
+    a, b = 2 * zeta / omega, (2 * zeta**2 - 1) / turn
+    u = 1 - a + math.exp(-decay) * (a * cosine + b * sine)
+    v = 1 + math.exp(-decay) * (-decay * (a * cosine + b * sine) + turn * (b * cosine - a * sine))
+    np.testing.assert_allclose(found.final_state, -rate / omega**2 * np.array([u, v]), rtol=1e-13)
+
+
+def test_free_motion_peaks_between_samples_and_at_them():
+    omega, speed = 4.0, 0.3
+    still = Record(np.zeros(3), 0.1)
+    arguments = {"tail": 1.85, "state": [0.0, speed]}
+    found = hpcsweep.response(oscillator(omega, 0.0), still, **arguments)
+    np.testing.assert_allclose(found.displacement, speed / omega, rtol=1e-13)
+    np.testing.assert_allclose(found.floor_acceleration, speed * omega, rtol=1e-13)
+    quarter = math.pi / (2 * omega)
+    tops = quarter + np.arange(4) * 2 * quarter
+    assert np.abs(found.displacement_time - tops).min() < 1e-6
+    end = 0.2 + 1.85
+    exact = speed / omega * math.sin(omega * end), speed * math.cos(omega * end)
+    np.testing.assert_allclose(found.final_state, exact, rtol=1e-12)
+    assert found.duration == pytest.approx(end)
+    coarse = hpcsweep.response(oscillator(omega, 0.0), still, at_samples=True, **arguments)
+    times = np.append(0.1 * np.arange(1, 21), end)
+    largest = np.abs(speed / omega * np.sin(omega * times)).max()
+    np.testing.assert_allclose(coarse.displacement, largest, rtol=1e-12)
+
+
+def test_one_impact_without_damping():
+    # half a sine in contact: omega_c of both springs, about the point where they balance
+    omega, kappa, gap, speed = 3.0, 500.0, 0.02, 0.4
+    structure = oscillator(omega, 0.0, [Contact((1.0,), gap, kappa)])
+    still = Record(np.zeros(2), 0.05)
+    found = hpcsweep.response(structure, still, tail=0.5, state=[0.0, speed])
+    at_stop = math.sqrt(speed**2 - (omega * gap) ** 2)
+    squared = omega**2 + kappa / 2.0
+    offset = omega**2 * gap / squared
+    deep = math.hypot(offset, at_stop / math.sqrt(squared)) - offset
+    np.testing.assert_allclose(found.force, kappa * deep, rtol=1e-12)
+    np.testing.assert_allclose(found.displacement, max(gap + deep, speed / omega), rtol=1e-12)
+    assert found.impacts.tolist() == [1]
+    first = math.asin(omega * gap / speed) / omega
+    turn = math.pi - math.atan2(at_stop / math.sqrt(squared), offset)
+    np.testing.assert_allclose(
+        found.force_time, first + (math.pi - turn) / math.sqrt(squared), rtol=1e-7
+    )
+    # the impulse of the contact: what the momentum changes by, less that of the own spring
+    length = 2 * (math.pi - turn) / math.sqrt(squared)
+    own = 2.0 * omega**2 * (gap * length + found.impulse[0] / kappa)
+    np.testing.assert_allclose(found.impulse[0] + own, 2 * 2.0 * at_stop, rtol=1e-11)
+
+
+def test_scaling_a_record_is_shrinking_the_gaps():
+    record = noise(3, 200)
+    for scale in (0.3, 7.0):
+        found = hpcsweep.response(neighbours(), record, scale, tail=0.5)
+        wide = hpcsweep.response(
+            neighbours(tuple(gap / scale for gap in (0.01, 0.015))), record, tail=0.5
+        )
+        assert found.impacts.tolist() == wide.impacts.tolist()
+        for name in PEAKS:
+            own, other = getattr(found, name), scale * getattr(wide, name)
+            np.testing.assert_allclose(own, other, rtol=1e-12, atol=1e-12 * own.max())
+
+
+def test_below_first_contact_the_response_is_linear():
+    record, structure = noise(4, 200), neighbours()
+    linear, scale = linear_response(structure, record, tail=0.7)
+    assert scale == hpcsweep.first_contact_scale(structure, record, tail=0.7)
+    below = hpcsweep.response(structure, record, scale * (1 - 1e-9), tail=0.7)
+    above = hpcsweep.response(structure, record, scale * (1 + 1e-9), tail=0.7)
+    assert below.impacts.sum() == 0
+    assert above.impacts.sum() == 1
+    for name in (*PEAKS, "drift"):
+        own, other = getattr(below, name), scale * (1 - 1e-9) * getattr(linear, name)
+        np.testing.assert_allclose(own, other, rtol=1e-12, atol=1e-13 * np.max(own, initial=0))
+    assert hpcsweep.first_contact_scale(neighbours(gaps=(-0.1, 1.0)), record) == 0.0
+    assert hpcsweep.first_contact_scale(structure.without_contacts(), record) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"record": [1.0, 2.0]}, "record must be a Record"),
+        ({"scale": math.nan}, "scale must be a number, is nan"),
+        ({"tail": -1.0}, "tail must be from 0 to"),
+        ({"state": [0.0]}, "state must"),
+        ({"solver": "none"}, "solver must"),
+        ({"rtol": 0.0}, "rtol must be between 0 and 1"),
+    ],
+)
+def test_wrong_arguments_are_told(change, said):
+    arguments = {"structure": oscillator(1.0, 0.0), "record": noise(1, 10), **change}
+    with pytest.raises(ValueError, match=said):
+        hpcsweep.response(**arguments)

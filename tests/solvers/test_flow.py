@@ -616,9 +616,9 @@ def test_pieces_of_any_size_change_nothing(size, monkeypatch):
     polls = []
     in_time = everything(lambda: polls.append(1))
     assert len(polls) >= 12
-    monkeypatch.setattr(flow, "_pieces", Whole())
+    monkeypatch.setattr(flow, "_polling", Whole())
     whole = everything(None)
-    monkeypatch.setattr(flow, "_pieces", Even())
+    monkeypatch.setattr(flow, "_polling", Even())
     for left, middle, right in zip(in_time, everything(None), whole, strict=True):
         assert np.array_equal(left, right, equal_nan=True)
         assert np.array_equal(middle, right, equal_nan=True)

@@ -75,6 +75,7 @@ def test_a_structure_of_other_sizes_has_other_kernels():
     assert one.specialisation.key != other.specialisation.key
     assert {kernel.name for kernel in one.all if kernel.specialisation is None} == {
         "hpcsweep.solvers.free.is_free",
+        "hpcsweep.solvers.flow.record.march.march_record",
         "hpcsweep.solvers.flow.linear.propagators.lookup",
         "hpcsweep.solvers.flow.layer.solitary.tables.build_response",
     }

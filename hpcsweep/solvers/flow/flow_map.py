@@ -15,15 +15,7 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
-from hpcsweep.solvers.flow.orbit.batch import (
-    MORE,
-    MULTIPLIER,
-    OPEN,
-    Rules,
-    in_units,
-    new_orbits,
-    new_run,
-)
+from hpcsweep.solvers.flow.orbit import batch
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import SHARED, WATCH, Watch, new_shared, new_watch
 from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, NO_TALLY, NORMS, PEAKS, clear
@@ -37,8 +29,7 @@ from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observ
 MAX_STEPS = 2_000_000
 """Cap of steps in one forcing period."""
 LAYER_TOLERANCE = 1e-5
-"""Error allowed a step inside a layer, per relative tolerance asked of a period (measured on
-random states: a period has up to some thousand such steps, and passages amplify errors)."""
+"""Error allowed a layer step, per rtol: a period may have a thousand, and passages amplify them."""
 
 
 class FlowMap:
@@ -159,7 +150,7 @@ class FlowMap:
         self,
         amplitudes: np.ndarray,
         state: np.ndarray,
-        rules: Rules,
+        rules: batch.Rules,
         free: FreeMotion | None,
         modal_norm: bool = False,
         measures: int = 0,
@@ -172,7 +163,7 @@ class FlowMap:
         amplitudes : ndarray, shape (k,)
         state : ndarray, shape (2n,)
             From which the first of them starts.
-        rules : Rules
+        rules : batch.Rules
         free : FreeMotion, optional
             The rule by which motions without contact are known.
         modal_norm, measures, poll
@@ -185,10 +176,11 @@ class FlowMap:
         z = motion(self, state, 0.0, rules.transient)[0]
         units = np.array(self.structure.state_units)
         self._watch_for(closing[0])
-        run = new_run(n, self._units.size, closing[0], _wanted(modal_norm, measures))
-        rows = new_orbits(len(amplitudes), n, closing[0], self._shared.tally if measures else None)
-        why = MORE
-        while why == MORE:
+        run = batch.new_run(n, self._units.size, closing[0], _wanted(modal_norm, measures))
+        tally = self._shared.tally if measures else None
+        rows = batch.new_orbits(len(amplitudes), n, closing[0], tally)
+        why = batch.MORE
+        while why == batch.MORE:
             why, n_periods, outcome = self._kernels.follow_orbits(
                 self._packed,
                 self._packed_watch,
@@ -205,13 +197,13 @@ class FlowMap:
             self._polling.end(n_periods)
         n_runs, _, *counts = run.place.tolist()
         left_open = None
-        if why == OPEN:
-            state, multiplier = self._units.out_of(run.z), float(run.number[MULTIPLIER])
+        if why == batch.OPEN:
+            state, multiplier = self._units.out_of(run.z), float(run.number[batch.MULTIPLIER])
             left_open = Approach(state, *counts[:3], multiplier, Outcome(outcome))
-        orbits, measured = in_units(rows, n_runs, self.structure), np.empty((n_runs, 0))
+        orbits, measured = batch.in_units(rows, n_runs, self.structure), np.empty((n_runs, 0))
         if measures:
-            lengths = np.maximum(orbits.length, 1)
-            measured = measures_of(self.structure, self._shared.model, orbits, lengths)
+            length = np.maximum(orbits.length, 1)
+            measured = measures_of(self.structure, self._shared.model, orbits, length)
         return Followed(orbits, measured, z, left_open)
 
     def _watch_for(self, max_period: int) -> Watch:
@@ -254,6 +246,8 @@ class FlowMap:
             tangent = self._units.tangent_into(tangent_column(self.structure, None))
             logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, wanted, tangent, logarithms)
+        if logarithms is None or outcome is not Outcome.COMPLETE:
+            logarithms = np.empty(0)
         free = tally.free_time[0] if modal_norm else 0.0
         norms = tally.modal / free if free > 0.0 else np.full_like(tally.modal, math.nan)
         measured = np.empty(0)
@@ -265,7 +259,8 @@ class FlowMap:
             float(tally.peak_drift[0]) * self.structure.length_unit,
             norms,
             outcome,
-            *_growth_of(logarithms if outcome is Outcome.COMPLETE else None),
+            window_growth(logarithms),
+            logarithms,
             measures=measured,
         )
 
@@ -348,13 +343,6 @@ class FlowMap:
             self._shared.no_tangent if tangent is None else tangent,
             self._shared.no_growth if growth is None else growth,
         )
-
-
-def _growth_of(logarithms: np.ndarray | None) -> tuple[float, np.ndarray]:
-    """Return the growth over a window and in each of its periods; NaN and none if not known."""
-    if logarithms is None:
-        return math.nan, np.empty(0)
-    return window_growth(logarithms), logarithms
 
 
 def _wanted(modal_norm: bool, measures: int) -> int:

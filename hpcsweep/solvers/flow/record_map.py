@@ -41,7 +41,7 @@ class RecordMap:
         self._outputs, self._packed_outputs = OUTPUTS.place(new_outputs(model, self._shared.tables))
         last = structure.n_floors + len(model.drift_rows)
         self._outputs.sides[last - one_sided : last] = 0.0
-        self._pieces = Polling()
+        self._polling = Polling()
 
     def respond(
         self,
@@ -57,7 +57,7 @@ class RecordMap:
         clear.py_func(self._shared.tally)
         n = self.structure.n_floors
         z = self._units.into(np.zeros(2 * n) if state is None else state)
-        samples = np.ascontiguousarray(acceleration, dtype=float)
+        samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
         wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
         done, outcome = self._advance(z, samples, scale, tail, poll, wanted)
         outputs = self._outputs
@@ -77,7 +77,7 @@ class RecordMap:
         amplitude = scale / self._units.amplitude_unit
         period = self._shared.model.period
         whole, rest = intervals(len(samples), self.dt, tail)
-        for first, last in self._pieces.cut(whole, poll):
+        for first, last in self._polling.cut(whole, poll):
             done, outcome = self._march(z, samples, amplitude, first, last, period, wanted)
             if outcome != Outcome.COMPLETE:
                 return (first + done) * self.dt, Outcome(outcome)

@@ -143,6 +143,7 @@ def read_study(source: str, tree: Mapping):
     study = _kind(values)
     values.check_tables(keys_of(study), _keys_of_others(study))
     structure = structures.read_structure(values)
+    structures.refuse_dashpots(values, structure)
     return study.read(
         values,
         structure=structure,

@@ -52,7 +52,7 @@ TEMPLATE = """\
 # rho, sharpness of the contact spring in S(u) = 1/(1 + exp(-rho (u - 1))), per gap: at least 0;
 # inf is the piecewise linear stop. With it stops may have a dashpot beside their spring, given by
 # the restitution of a collision, above 0 and at most 1, one number or a list of n; with
-# tension = true it may pull on the way out.
+# tension = true it may pull on the way out. (No solver computes dashpots yet: they are refused.)
 #sharpness = 1e4
 
 # zeta, damping ratio of the free structure's modes: at least 0, one number for all of them, or a

@@ -2,6 +2,7 @@
 
 import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
 import gc
+import os
 import shutil
 from pathlib import Path
 
@@ -30,3 +31,18 @@ def copy(whole, tmp_path) -> Path:
     shutil.copy(whole, path)
     shutil.copy(f"{whole}.journal", f"{path}.journal")
     return path
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium: the one named, the system's, or playwright's own. Without one the tests fail."""
+    from playwright.sync_api import sync_playwright
+
+    found = os.environ.get("HPCSWEEP_CHROMIUM") or shutil.which("chromium")
+    quiet = ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=found, args=["--no-sandbox", "--disable-gpu", "--no-first-run", *quiet]
+        )
+        yield browser
+        browser.close()

@@ -1,8 +1,6 @@
 """The explorer in a real browser: Chromium, headless, the page opened from disk."""
 
-import os
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -58,21 +56,6 @@ MOVE_AND_TIME = """async (moving) => {
     }
     return [titles.size, times.slice(1).map((t, i) => t - times[i])];
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium: the one named, the system's, or playwright's own. Without one the tests fail."""
-    from playwright.sync_api import sync_playwright
-
-    found = os.environ.get("HPCSWEEP_CHROMIUM") or shutil.which("chromium")
-    quiet = ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=found, args=["--no-sandbox", "--disable-gpu", "--no-first-run", *quiet]
-        )
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

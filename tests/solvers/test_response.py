@@ -1,9 +1,11 @@
 """The response to ground-motion records: closed forms, scales and gaps, first contact."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import hpcsweep
 from hpcsweep import Contact, Record, Structure
@@ -69,7 +71,7 @@ def test_one_impact_without_damping():
     omega, kappa, gap, speed = 3.0, 500.0, 0.02, 0.4
     structure = oscillator(omega, 0.0, [Contact((1.0,), gap, kappa)])
     still = Record(np.zeros(2), 0.05)
-    found = hpcsweep.response(structure, still, tail=0.5, state=[0.0, speed])
+    found = hpcsweep.response(structure, still, tail=1.0, state=[0.0, speed])
     at_stop = math.sqrt(speed**2 - (omega * gap) ** 2)
     squared = omega**2 + kappa / 2.0
     offset = omega**2 * gap / squared
@@ -131,3 +133,38 @@ def test_wrong_arguments_are_told(change, said):
     arguments = {"structure": oscillator(1.0, 0.0), "record": noise(1, 10), **change}
     with pytest.raises(ValueError, match=said):
         hpcsweep.response(**arguments)
+
+
+def test_two_buildings_by_an_integrator_of_its_own():
+    """scipy's DOP853, an interval at a time, on equations written down here."""
+    low = hpcsweep.Building(mass=[2.5e5] * 2, storey_stiffness=3e8, storey_height=3.2)
+    tall = hpcsweep.Building(mass=[2.5e5] * 3, storey_stiffness=1e8, storey_height=3.2)
+    structure = hpcsweep.adjacent([low, tall], gap=0.01, stiffness=2e9)
+    whole = hpcsweep.synthetic_records(1, seed=1, dt=0.01, duration=20.0)[0]
+    record = hpcsweep.Record(whole.acceleration[300:450], 0.01)
+    found = hpcsweep.response(structure, record, scale=2.0)
+    assert (found.impacts > 0).all()
+
+    n, mass = structure.n_floors, np.linalg.inv(structure.mass_matrix)
+    gaps = np.array([contact.gap for contact in structure.contacts])
+    kappa = np.array([contact.stiffness for contact in structure.contacts])
+
+    def rates(time, z, before, after, start):
+        ground = 2.0 * (before + (after - before) * (time - start) / 0.01)
+        push = structure.directions.T @ (
+            kappa * np.maximum(structure.directions @ z[:n] - gaps, 0.0)
+        )
+        inner = structure.damping_matrix @ z[n:] + structure.stiffness_matrix @ z[:n] + push
+        return np.concatenate((z[n:], mass @ (structure.forcing_vector * ground - inner)))
+
+    z, drift = np.zeros(2 * n), np.zeros(n)
+    for j, (before, after) in enumerate(itertools.pairwise(record.acceleration.tolist())):
+        span = (0.01 * j, 0.01 * (j + 1))
+        done = solve_ivp(
+            rates, span, z, "DOP853", args=(before, after, span[0]), rtol=1e-11, atol=1e-14
+        )
+        z = done.y[:, -1]
+        drift = np.maximum(drift, np.abs(structure.drift_rows @ done.y[:n]).max(axis=1))
+    np.testing.assert_allclose(found.final_state, z, atol=1e-7 * np.abs(z).max())
+    assert (found.drift >= drift * (1 - 1e-7)).all()
+    np.testing.assert_allclose(found.drift, drift, rtol=0.01)

@@ -119,6 +119,9 @@ def check(hpcsweep: Installed) -> None:
     own = ("--set", gaps, "--set", "output.storey_drift=true")
     hpcsweep("run", "study.toml", *given, *own, "-o", "gaps.h5", ranks=2, makes="gaps.h5")
     assert "mode 1" in hpcsweep("describe", "study.toml")
+    finer = ("--omega", "0.44", "0.45", "--factor", "2")
+    hpcsweep("zoom", "study.h5", *finer, "-o", "finer.toml", makes="finer.toml")
+    hpcsweep("run", "finer.toml", "--reuse", "study.h5", "-o", "finer.h5", makes="finer.h5")
     drawn = (
         ("study.h5", PLOTS),
         ("gaps.h5", VARY_PLOTS),

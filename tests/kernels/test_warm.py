@@ -16,7 +16,7 @@ from tools import JOBS, environment
 
 from hpcsweep.kernels import folders
 from hpcsweep.kernels.compile import entry_points, warm
-from hpcsweep.solvers.flow import flow_map
+from hpcsweep.solvers.flow import flow_map, record_map
 from hpcsweep.studies.compilation import SILENCE, announced
 
 if numba.config.DISABLE_JIT:
@@ -24,7 +24,7 @@ if numba.config.DISABLE_JIT:
 
 
 FLOW_KERNELS = [one for one in entry_points.ALL if one.name.startswith("hpcsweep.solvers.")]
-assert FLOW_KERNELS, flow_map  # its import registers them
+assert FLOW_KERNELS, (flow_map, record_map)  # their imports register them
 
 
 class Fake:

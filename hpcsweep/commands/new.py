@@ -1,9 +1,9 @@
 """`hpcsweep new`: write a job to start from."""
 
-import shlex
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands import RAW
+from hpcsweep.commands.outputs import write_job
 
 NEW_HELP = """\
 Write a job to start from: every key with its meaning, unit, range and default. It is complete and
@@ -31,24 +31,5 @@ def add_to(commands) -> None:
 
 def _new(options) -> int:
     from hpcsweep.job.template import TEMPLATE
-    from hpcsweep.parallel.mpi import launched_rank
 
-    path = options.file
-    if launched_rank() != 0:
-        return 0
-    if path.suffix != ".toml":
-        complain(f"{path}: the name of a job file must end in .toml")
-        return USER_ERROR
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(TEMPLATE)
-    except FileExistsError:
-        complain(f"{path}: exists already, and is not overwritten")
-        return USER_ERROR
-    except OSError as error:
-        complain(f"{path}: cannot be written: {error.strerror or error}")
-        return USER_ERROR
-    # as the shell takes it: a name may have spaces, or begin with a dash
-    named = f"./{path}" if str(path).startswith("-") else str(path)
-    print(f"{path}: written; run it with: hpcsweep run {shlex.quote(named)}")
-    return 0
+    return write_job(options.file, TEMPLATE)

@@ -6,7 +6,10 @@ such as ``/dev/null``, is written to as it is.
 """
 
 import re
+import shlex
 from pathlib import Path
+
+from hpcsweep.commands import USER_ERROR, complain
 
 HEAD = 512
 """Bytes by which a kind is told."""
@@ -53,3 +56,35 @@ def overwriting(path: Path, kind: str) -> str | None:
         return None
     what = "is there already" if found == "file" else f"is a {found}"
     return f"{path}: {what}, and no {kind} is written over it; name another {kind} with -o"
+
+
+def write_job(path: Path, text: str, *options: str) -> int:
+    """Write a job file that is not there yet, say how it is run, and return the exit code.
+
+    Parameters
+    ----------
+    path : Path
+    text : str
+    *options : str
+        Of ``hpcsweep run`` with it.
+    """
+    from hpcsweep.parallel.mpi import launched_rank
+
+    if launched_rank() != 0:
+        return 0
+    if path.suffix != ".toml":
+        complain(f"{path}: the name of a job file must end in .toml")
+        return USER_ERROR
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        complain(f"{path}: exists already, and is not overwritten")
+        return USER_ERROR
+    except OSError as error:
+        complain(f"{path}: cannot be written: {error.strerror or error}")
+        return USER_ERROR
+    # as the shell takes it: a name may have spaces, or begin with a dash
+    named = f"./{path}" if str(path).startswith("-") else str(path)
+    print(f"{path}: written; run it with: {shlex.join(['hpcsweep', 'run', named, *options])}")
+    return 0

@@ -1,9 +1,9 @@
 """`hpcsweep zoom`: write the job of a finer grid over a part of a results file's."""
 
-import shlex
 from pathlib import Path
 
 from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands.outputs import write_job
 
 HELP = """\
 Write a job like that of FILE, with a finer grid over a part of its frequencies or amplitudes. The
@@ -47,26 +47,12 @@ def _zoom(options) -> int:
     from hpcsweep.job.zoom import zoom
     from hpcsweep.store import StoreError, job_of
 
-    path = options.output
-    if path.suffix != ".toml":
-        complain(f"{path}: the name of a job file must end in .toml")
-        return USER_ERROR
     if options.omega is None and options.amplitude is None:
         complain("zoom: needs --omega LOW HIGH or --amplitude LOW HIGH")
         return USER_ERROR
     try:
         text = zoom(job_of(options.file), options.factor, options.omega, options.amplitude)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
     except (JobError, StoreError) as error:
         complain(str(error))
         return USER_ERROR
-    except FileExistsError:
-        complain(f"{path}: exists already, and is not overwritten")
-        return USER_ERROR
-    except OSError as error:
-        complain(f"{path}: cannot be written: {error.strerror or error}")
-        return USER_ERROR
-    words = ["hpcsweep", "run", str(path), "--reuse", str(options.file)]
-    print(f"{path}: written; run it with: {shlex.join(words)}")
-    return 0
+    return write_job(options.output, text, "--reuse", str(options.file))

@@ -79,6 +79,7 @@ def _overview(options) -> int:
 def _keep_page(files: list[Path], page: Path) -> int:
     """Write the page of several files as long as anything runs."""
     from hpcsweep.campaign.overview import REFRESH, as_page, finished, overview
+    from hpcsweep.figures.explorer.page import write_page
 
     refused = overwriting(page, PAGE)
     if refused:
@@ -86,10 +87,8 @@ def _keep_page(files: list[Path], page: Path) -> int:
         return USER_ERROR
     while True:
         rows = [overview(path) for path in files]
-        temporary = page.with_name(page.name + ".new")
         try:
-            temporary.write_text(as_page(rows))
-            temporary.replace(page)
+            write_page(as_page(rows), page)
         except OSError as error:
             complain(f"{page}: cannot be written: {error.strerror or error}")
             return USER_ERROR

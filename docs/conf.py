@@ -20,14 +20,12 @@ extensions = [
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
     "sphinx-mathjax-offline",
 ]
 exclude_patterns = ["_build", "gallery", "examples", "auto_gallery/*.ipynb", "auto_gallery/*.py"]
-nitpicky = False
 suppress_warnings = ["config.cache"]  # functions among the settings of the gallery
 
 html_theme = "furo"
@@ -59,12 +57,10 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "image_scrapers": ("matplotlib", pictures.written),
     "abort_on_example_error": True,
-    "show_memory": False,
     "write_computation_times": False,
     "capture_repr": (),
     "download_all_examples": False,
     "remove_config_comments": True,
-    "plot_gallery": "True",
 }
 
 

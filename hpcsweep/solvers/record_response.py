@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.measures import CLOSINGS, FORCE
+from hpcsweep.solvers.measures import CLOSINGS, FORCE, SPEED, TIME
 from hpcsweep.solvers.outcome import Outcome
 
 SAME_TIME = 1e-9
@@ -32,6 +32,10 @@ class Response:
         Largest force of each contact; 0 if it has not closed.
     impacts : ndarray of int, shape (k,)
         How often each contact has closed.
+    impact_velocity : ndarray, shape (k,)
+        Largest speed with which each contact has closed.
+    contact_time : ndarray, shape (k,)
+        Time in which each contact was closed.
     impulse : ndarray, shape (k,)
         Integral of the force of each contact over time.
     dissipated : ndarray, shape (k,)
@@ -53,6 +57,8 @@ class Response:
     floor_acceleration: np.ndarray
     force: np.ndarray
     impacts: np.ndarray
+    impact_velocity: np.ndarray
+    contact_time: np.ndarray
     impulse: np.ndarray
     dissipated: np.ndarray
     residual: np.ndarray
@@ -101,6 +107,8 @@ def response_of(
         floor_acceleration=size[2] * rate**2,
         force=size[3] * stiffness,
         impacts=impacts[CLOSINGS].astype(int),
+        impact_velocity=impacts[SPEED] * (length * rate),
+        contact_time=impacts[TIME] / rate,
         impulse=impacts[FORCE] * stiffness * (length / rate),
         dissipated=np.zeros(len(stiffness)),
         residual=np.abs(state[:n]),

@@ -83,10 +83,11 @@ def response(
 
 def linear_response(
     structure: Structure, record: Record, tail: float = 0.0
-) -> tuple[Response, float]:
-    """Return the response without contacts, and the scale at which the first of them closes.
+) -> tuple[Response, np.ndarray]:
+    """Return the response without contacts, and how far it reaches towards each of them.
 
-    From rest; times s it is the response at any scale s up to that, see `first_contact_scale`.
+    From rest; times s it is the response at any scale s up to that of `first_contact_scale`. What
+    it reaches is the gap that a contact needs if it is not to close.
 
     Parameters
     ----------
@@ -97,7 +98,8 @@ def linear_response(
     -------
     Response
         At scale 1; forces, impacts and impulses are 0.
-    float
+    ndarray, shape (k,)
+        max_t d_k . u of each contact, at least 0.
     """
     structure, record, tail = _arguments(structure, record, tail)
     from hpcsweep.solvers.flow.record_map import RecordMap
@@ -115,22 +117,19 @@ def linear_response(
     found = RecordMap(free, record.dt, one_sided=n_contacts).respond(record.acceleration, 1.0, tail)
     _complete(found, "flow")
     nothing = np.zeros(n_contacts)
-    farthest = found.drift[n_drifts:].tolist()
-    scales = [
-        max(contact.gap, 0.0) / way if way > 0.0 else math.inf
-        for contact, way in zip(structure.contacts, farthest, strict=True)
-    ]
     linear = replace(
         found,
         drift=found.drift[:n_drifts],
         drift_time=found.drift_time[:n_drifts],
         force=nothing,
         impacts=nothing.astype(int),
+        impact_velocity=nothing,
+        contact_time=nothing,
         impulse=nothing,
         dissipated=nothing,
         force_time=nothing,
     )
-    return linear, min(scales, default=math.inf)
+    return linear, found.drift[n_drifts:]
 
 
 def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0) -> float:
@@ -144,7 +143,17 @@ def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0)
     structure, record, tail
         Of `response`.
     """
-    return linear_response(structure, record, tail)[1]
+    _, reach = linear_response(structure, record, tail)
+    return scale_of_contact(structure, reach)
+
+
+def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
+    """Return the scale of `first_contact_scale`, from what `linear_response` reaches."""
+    scales = [
+        max(contact.gap, 0.0) / way if way > 0.0 else math.inf
+        for contact, way in zip(structure.contacts, reach.tolist(), strict=True)
+    ]
+    return min(scales, default=math.inf)
 
 
 def _arguments(structure, record, tail) -> tuple[Structure, Record, float]:

@@ -11,7 +11,10 @@ import hpcsweep
 from hpcsweep import Contact, Record, Structure
 from hpcsweep.solvers.response import linear_response
 
-PEAKS = ("displacement", "drift", "floor_acceleration", "force", "impulse", "residual")
+PEAKS = (
+    *("displacement", "drift", "floor_acceleration", "force", "impact_velocity", "impulse"),
+    "residual",
+)
 
 
 def oscillator(omega: float, zeta: float, contacts=()) -> Structure:
@@ -88,6 +91,8 @@ def test_one_impact_without_damping():
     length = 2 * (math.pi - turn) / math.sqrt(squared)
     own = 2.0 * omega**2 * (gap * length + found.impulse[0] / kappa)
     np.testing.assert_allclose(found.impulse[0] + own, 2 * 2.0 * at_stop, rtol=1e-11)
+    np.testing.assert_allclose(found.impact_velocity, at_stop, rtol=1e-12)
+    np.testing.assert_allclose(found.contact_time, length, rtol=1e-11)
 
 
 def test_scaling_a_record_is_shrinking_the_gaps():
@@ -105,8 +110,9 @@ def test_scaling_a_record_is_shrinking_the_gaps():
 
 def test_below_first_contact_the_response_is_linear():
     record, structure = noise(4, 200), neighbours()
-    linear, scale = linear_response(structure, record, tail=0.7)
-    assert scale == hpcsweep.first_contact_scale(structure, record, tail=0.7)
+    linear, reach = linear_response(structure, record, tail=0.7)
+    scale = hpcsweep.first_contact_scale(structure, record, tail=0.7)
+    assert scale == (np.array([0.01, 0.015]) / reach).min()
     below = hpcsweep.response(structure, record, scale * (1 - 1e-9), tail=0.7)
     above = hpcsweep.response(structure, record, scale * (1 + 1e-9), tail=0.7)
     assert below.impacts.sum() == 0

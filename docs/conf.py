@@ -9,6 +9,7 @@ DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
 
 import from_code  # noqa: E402
+import links  # noqa: E402
 import pictures  # noqa: E402
 
 project = "hpcsweep"
@@ -67,5 +68,5 @@ sphinx_gallery_conf = {
 def setup(app):
     """Write the pages that are made from the code, and follow links that leave the pages."""
     from_code.write(DOCS / "generated")
-    app.connect("doctree-read", from_code.leave_pages)
-    app.connect("autodoc-process-docstring", from_code.escape_bars, priority=900)
+    app.connect("doctree-read", links.leave_pages)
+    app.connect("autodoc-process-docstring", links.escape_bars, priority=900)

@@ -19,7 +19,7 @@ RUN_VARIABLES = (
     Variable("poincare", (*RUN, "point", "state"), "<f8", STATES, "stroboscopic points"),
     Variable("n_points", RUN, "<i4", "1", "number of stroboscopic points stored"),
     Variable("orbit_period", RUN, "<i4", "forcing periods", "orbit period, 0 if none was found"),
-    Variable("contact", RUN, "<u8", "1", "contact set, bit i - 1 for floor i"),
+    Variable("contact", RUN, "<u8", "1", "contact set, bit k - 1 for contact k"),
     Variable("drift", RUN, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*RUN, "mode"), "<f8", "1", "mean modal norm free of contact"),
     Variable("storey_drift", (*RUN, "storey"), "<f8", "length", "peak drift of each storey"),
@@ -53,13 +53,17 @@ RUN_VARIABLES = (
         RUN,
         "<i4",
         "forcing periods",
-        "forcing periods until it was classified",
+        "forcing periods integrated after the window until the motion was classified",
     ),
     Variable("final_state", (*RUN, "state"), "<f8", STATES, "state after the last period"),
     CYCLES,
     OUTCOME,
     Variable(
-        "skip_rule", RUN, "<i1", "1", "rule that spared periods: 1 linear, 2 converged, 3 newton"
+        "skip_rule",
+        RUN,
+        "<i1",
+        "1",
+        "rule that spared periods: 0 none, 1 linear, 2 converged, 3 newton",
     ),
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")

@@ -1,6 +1,7 @@
 """What the pages say exists: links, paths, names, command lines, keys, variables."""
 
 import ast
+import functools
 import importlib
 import re
 import shlex
@@ -9,6 +10,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import from_code
 import h5py
 import pytest
 from tools import ATTRACTORS, BASINS, GRID, ROOT, SMALL, hpcsweep
@@ -17,7 +19,9 @@ from hpcsweep.commands.cli import build_parser
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.studies.settings import MEASURES
 
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md"]
+PAGES += sorted([*DOCS.glob("*.md"), *DOCS.glob("theory/*.md")])
 ROOMS = sorted(path.parent.name for path in (ROOT / "hpcsweep").glob("*/__init__.py"))
 MEASURED = "".join(f"{name} = true\n" for name in MEASURES)
 LIST = """
@@ -29,6 +33,12 @@ TOP = ("hpcsweep", "jobs", "slurm", "tests", "docs", r"\.ci")
 LAUNCHER = re.compile(r"^(?:(?:mpirun|srun)(?: -n \S+| --\S+)* )?hpcsweep (?=[a-z-])")
 
 every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+@functools.cache
+def generated() -> dict[str, str]:
+    """Pages that the site makes from the code, by their names in docs/generated."""
+    return {f"{name}.md": text for name, text in from_code.pages().items()}
 
 
 def blocks(text: str, *languages: str) -> list[str]:
@@ -64,6 +74,12 @@ def test_every_relative_link_leads_somewhere(page):
             continue
         name, _, anchor = target.partition("#")
         file = (page.parent / name).resolve() if name else page
+        if file.parent.name == "generated":
+            if file.name not in generated() or (
+                anchor and anchor not in anchors(generated()[file.name])
+            ):
+                lost.append(target)
+            continue
         if not file.exists() or (anchor and anchor not in anchors(file.read_text())):
             lost.append(target)
     assert lost == []
@@ -140,7 +156,7 @@ def test_every_example_can_be_read(page):
 
 
 def test_the_way_to_pandas(tmp_path):
-    page = (ROOT / "docs" / "pandas.md").read_text()
+    page = (ROOT / "docs" / "results.md").read_text()
     made = hpcsweep(0, "run", ROOT / "jobs" / "ci.toml", "-o", tmp_path / "ci.h5")
     assert made.returncode == 0
     script = tmp_path / "page.py"
@@ -179,7 +195,7 @@ def test_every_key_of_a_job_is_described():
 
 
 def test_every_variable_and_attribute_of_a_file_is_described(small_job, tmp_path):
-    described = spans((ROOT / "docs" / "file-format.md").read_text())
+    described = spans(generated()["variables.md"] + (DOCS / "file-format.md").read_text())
     small_job.write_text(f"{small_job.read_text()}lyapunov = true\n")
     assert hpcsweep(0, "run", small_job, "-o", tmp_path / "a.h5").returncode == 0
     with h5py.File(tmp_path / "a.h5", locking=False) as file:

@@ -18,7 +18,7 @@ VARIABLES = (
     Variable("lyapunov", EACH, "<f8", "rate", "largest Lyapunov exponent"),
     Variable("lyapunov_low", EACH, "<f8", "rate", "lower end of the exponent's interval"),
     Variable("lyapunov_high", EACH, "<f8", "rate", "upper end of the exponent's interval"),
-    Variable("contact", EACH, "<u8", "1", "contact set, bit i - 1 for floor i"),
+    Variable("contact", EACH, "<u8", "1", "contact set, bit k - 1 for contact k"),
     Variable("drift", EACH, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*EACH, "mode"), "<f8", "1", "mean modal norm free of contact"),
     *measures_of_each(EACH),

@@ -27,7 +27,7 @@ VARIABLES = (
     Variable("orbit_period", EACH, "<i4", "forcing periods", "orbit period, 0 if it is no orbit"),
     Variable("multiplier", EACH, "<f8", "1", "modulus of the largest Floquet multiplier"),
     Variable("lyapunov", EACH, "<f8", "rate", "largest Lyapunov exponent"),
-    Variable("contact", EACH, "<u8", "1", "contact set, bit i - 1 for floor i"),
+    Variable("contact", EACH, "<u8", "1", "contact set, bit k - 1 for contact k"),
     Variable("drift", EACH, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*EACH, "mode"), "<f8", "1", "mean modal norm free of contact"),
     *measures_of_each(EACH),

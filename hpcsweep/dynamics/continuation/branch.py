@@ -26,6 +26,8 @@ ASTRAY = 0.5
 GROWTH = 2.0
 COLLAPSED = 1e-4
 """Step within which an orbit comes to one of a period that divides its own."""
+ON_A_STEP = 1e-6
+"""Largest last move to an ordinary point of a branch: its multipliers are right to about that."""
 CLOSED = 1e-3
 """Share of a step within which a closed branch comes back to its start."""
 
@@ -114,10 +116,10 @@ def _turned_special(one: Special) -> Special:
 def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
     """Follow a branch from a point on it along its tangent."""
     arc = Arc(curve, [start])
-    step, last = limits.largest / 8, start
+    step, last, bend = limits.largest / 8, start, np.zeros_like(start.y)
     why = "most steps"
     while len(arc.points) <= limits.most_steps:
-        found = _step(curve, last, step, limits)
+        found = _step(curve, last, bend, step, limits)
         if found is None:
             step *= 0.5
             if step < limits.smallest:
@@ -134,10 +136,11 @@ def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
             else:
                 arc.specials.append((len(arc.points), one))
         if point is not last:
-            arc.points.append(point)
+            arc.points.append(point._replace(inverse=None))
         if end:
             why = end
             break
+        bend = (point.tangent - last.tangent) / np.linalg.norm(point.y - last.y)
         last = point
         step *= min(GROWTH, ANGLE / max(angle, 1e-12))
         step = min(max(step, limits.smallest), limits.largest)
@@ -145,11 +148,14 @@ def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
     return arc
 
 
-def _step(curve: Curve, last: Solution, step: float, limits: Limits):
-    """Go one step; return point, specials, angle and why it ends there, or None if too far."""
+def _step(curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: Limits):
+    """Go one step along the tangent, which turns by `bend` a length.
+
+    Return point, specials, angle and why it ends there, or None if it is too far.
+    """
     try:
-        guess = last.y + step * last.tangent
-        point = solve(curve, guess, last.tangent)
+        guess = last.y + step * (last.tangent + 0.5 * step * bend)
+        point = solve(curve, guess, last.tangent, last, ON_A_STEP)
         angle = float(np.arccos(min(float(point.tangent @ last.tangent), 1.0)))
         if angle > LARGEST_ANGLE or np.linalg.norm(point.y - guess) > ASTRAY * step:
             return None

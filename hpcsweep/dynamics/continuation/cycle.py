@@ -11,13 +11,15 @@ dimensions; a point of it is found where it meets a hyperplane, border . (y - gu
 be "lambda is given" or, past a fold, one across the curve (pseudo-arclength; Keller, in
 Applications of Bifurcation Theory, 1977, 359).
 
-Newton's method keeps its Jacobian while the moves fall by `CONTRACTS`; the last one is taken with
-the tangent maps at the solution, which are needed there anyway. Where a motion grazes a contact
+Newton's method begins with the Jacobian of a neighbour, where there is one, and keeps it while the
+moves fall by `CONTRACTS`; the last one is taken with the tangent maps at the solution, which are
+needed there anyway. Where a motion grazes a contact
 that is a spring, F is once differentiable, with a term of power 3/2: the method is then of order
 3/2, not 2. From 1e-5 away it moves 3 to 5 times at the three grazings of Figure 3's branch of
 period 1, 2 or 3 times elsewhere on it, down to 1e-13.
 """
 
+from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -25,12 +27,10 @@ import numpy as np
 from hpcsweep.dynamics.stability import floquet_multipliers
 
 STEPS = 12
-CONTRACTS = 0.05
+CONTRACTS = 0.2
 """Factor by which moves must fall for the Jacobian to be kept."""
-NEAR = 1e-9
-"""Move after which only the last step is left ..."""
-REACHED = 1e-9
-"""... whose own move must be this small: the distance left is then that of rounding."""
+REACHED = 1e-8
+"""Largest move before the last, and of the last: the distance left is then that of rounding."""
 LARGEST_PRODUCT = 1e6
 """Product of the norms of tangent maps up to which their product has its multipliers to 1e-10."""
 
@@ -89,22 +89,43 @@ class Curve(NamedTuple):
         """Evaluate G, shape (p N,)."""
         points, value = self.split(y)
         images = np.array([self.map.image(x, value) for x in points])
-        return (images - np.roll(points, -1, axis=0)).ravel()
+        return _misses(images, points)
 
     def linearise(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Evaluate G, its Jacobian, shape (p N, p N + 1), and the tangent maps, (p, N, N)."""
+        """Evaluate G, the tangent maps, (p, N, N), and dF/dlambda at each point, (p, N)."""
         points, value = self.split(y)
-        n, total = self.map.size, points.size
-        jacobian = np.zeros((total, total + 1))
-        images, matrices = np.empty_like(points), np.empty((len(points), n, n))
+        images, slopes = np.empty_like(points), np.empty_like(points)
+        matrices = np.empty((*points.shape, self.map.size))
         for i, x in enumerate(points):
             images[i], matrices[i] = self.map.tangent(x, value)
+            slopes[i] = self.map.slope(x, value)
+        return _misses(images, points), matrices, slopes
+
+    def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
+        """Return the Jacobian of G by y, and `border` below it, shape (p N + 1, p N + 1)."""
+        p, n = slopes.shape
+        whole = _shift(p, n).copy()
+        for i, matrix in enumerate(matrices):
             rows = slice(i * n, (i + 1) * n)
-            jacobian[rows, rows] = matrices[i]
-            jacobian[rows, -1] = self.map.slope(x, value) * self.scale
-        ahead = (np.arange(total) + n) % total
-        jacobian[np.arange(total), ahead] -= 1.0
-        return (images - np.roll(points, -1, axis=0)).ravel(), jacobian, matrices
+            whole[rows, rows] += matrix
+        whole[:-1, -1] = slopes.ravel() * self.scale
+        whole[-1] = border
+        return whole
+
+
+@lru_cache(maxsize=16)
+def _shift(p: int, n: int) -> np.ndarray:
+    """Return the part of the bordered Jacobian that is the same everywhere: -dx_{i+1}/dX."""
+    whole = np.zeros((p * n + 1, p * n + 1))
+    whole[:-1, :-1] = -np.roll(np.eye(p * n), n, axis=1)
+    return whole
+
+
+def _misses(images: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return F(x_i) - x_{i+1} of all points."""
+    images[:-1] -= points[1:]
+    images[-1] -= points[0]
+    return images.ravel()
 
 
 class Solution(NamedTuple):
@@ -121,6 +142,8 @@ class Solution(NamedTuple):
         Tangent maps.
     residual : float
         Largest component of G.
+    inverse : ndarray, shape (p N + 1, p N + 1), or None
+        Of the bordered Jacobian.
     """
 
     y: np.ndarray
@@ -128,9 +151,16 @@ class Solution(NamedTuple):
     multipliers: np.ndarray
     matrices: np.ndarray
     residual: float
+    inverse: np.ndarray | None = None
 
 
-def solve(curve: Curve, guess: np.ndarray, border: np.ndarray) -> Solution:
+def solve(
+    curve: Curve,
+    guess: np.ndarray,
+    border: np.ndarray,
+    near: Solution | None = None,
+    reached: float = REACHED,
+) -> Solution:
     """Find the point of a curve on the hyperplane through `guess` across `border`.
 
     Parameters
@@ -138,6 +168,11 @@ def solve(curve: Curve, guess: np.ndarray, border: np.ndarray) -> Solution:
     curve : Curve
     guess, border : ndarray, shape (p N + 1,)
         The tangent that is returned points along `border`.
+    near : Solution, optional
+        A point whose Jacobian is used first.
+    reached : float
+        Largest last move, whose square is about what is left: tangent and multipliers are of where
+        it begins.
 
     Raises
     ------
@@ -145,41 +180,49 @@ def solve(curve: Curve, guess: np.ndarray, border: np.ndarray) -> Solution:
         If Newton's method does not converge, or the map fails on its way.
     """
     try:
-        return _solve(curve, guess, border)
+        return _solve(curve, guess, border, None if near is None else near.inverse, reached)
     except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
         raise NotConvergedError(str(error)) from None
 
 
-def _solve(curve: Curve, guess: np.ndarray, border: np.ndarray) -> Solution:
-    y, least, inverse = guess.copy(), np.inf, None
-    residual = np.empty(0)
+def _solve(
+    curve: Curve,
+    guess: np.ndarray,
+    border: np.ndarray,
+    inverse: np.ndarray | None,
+    reached: float,
+) -> Solution:
+    y, least, fresh_least = guess, np.inf, np.inf
+    off = np.zeros(y.size)
     for _ in range(STEPS):
+        fresh = inverse is None
         if inverse is None:
-            residual, jacobian, _ = curve.linearise(y)
-            inverse = np.linalg.inv(np.vstack((jacobian, border)))
-            fresh = True
-        move = inverse[:, :-1] @ residual
-        distance = float(np.abs(move).max())
-        if not distance < least:
-            raise NotConvergedError("moves of Newton's method do not fall")
-        y = y - move
-        if distance <= NEAR:
-            break
-        if distance > CONTRACTS * least and not fresh:
-            inverse = None
+            off[:-1], matrices, slopes = curve.linearise(y)
+            inverse = np.linalg.inv(curve.bordered(matrices, slopes, border))
         else:
-            residual, fresh = curve.residual(y), False
-        least = distance
-    residual, jacobian, matrices = curve.linearise(y)
-    last = np.append(np.zeros(residual.size), 1.0)
-    moves = np.linalg.solve(
-        np.vstack((jacobian, border)), np.stack((np.append(residual, 0.0), last), axis=1)
-    )
-    if not np.abs(moves[:, 0]).max() <= REACHED:
+            off[:-1] = curve.residual(y)
+        off[-1] = border @ (y - guess)
+        move = inverse @ off
+        distance = float(np.abs(move).max())
+        if fresh:
+            if not distance < fresh_least:
+                raise NotConvergedError("moves of Newton's method do not fall")
+            least = fresh_least = distance
+        elif distance > CONTRACTS * least:
+            inverse = None
+        if fresh or distance < least:
+            y, least = y - move, distance
+        if distance <= reached:
+            break
+    off[:-1], matrices, slopes = curve.linearise(y)
+    off[-1] = border @ (y - guess)
+    inverse = np.linalg.inv(curve.bordered(matrices, slopes, border))
+    move = inverse @ off
+    if not np.abs(move).max() <= reached:
         raise NotConvergedError(f"Newton's method has not converged in {STEPS} steps")
-    tangent = moves[:, 1] / np.linalg.norm(moves[:, 1])
-    size = float(np.abs(residual).max())
-    return Solution(y - moves[:, 0], tangent, multipliers(matrices), matrices, size)
+    tangent = inverse[:, -1] / np.linalg.norm(inverse[:, -1])
+    size = float(np.abs(off[:-1]).max())
+    return Solution(y - move, tangent, multipliers(matrices), matrices, size, inverse)
 
 
 def solve_at(curve: Curve, points: np.ndarray, value: float) -> Solution:
@@ -201,8 +244,7 @@ def multipliers(matrices: np.ndarray) -> np.ndarray:
     matrices : ndarray, shape (p, N, N)
     """
     p, n, _ = matrices.shape
-    norms = np.linalg.norm(matrices, axis=(1, 2))
-    if p == 1 or np.prod(np.maximum(norms, 1.0)) <= LARGEST_PRODUCT:
+    if p == 1 or np.prod(np.linalg.norm(matrices, axis=(1, 2)).clip(1.0)) <= LARGEST_PRODUCT:
         product = matrices[0]
         for matrix in matrices[1:]:
             product = matrix @ product

@@ -69,21 +69,36 @@ class Special(NamedTuple):
     leaving: Solution | None = None
 
 
-def doubling_function(multipliers: np.ndarray) -> float:
-    """Return prod (1 + mu) / (1 + |mu|)."""
-    return float(np.prod((1.0 + multipliers) / (1.0 + np.abs(multipliers))).real)
+class Tests(NamedTuple):
+    """Functions that vanish at special points, of a point's multipliers.
+
+    Attributes
+    ----------
+    fold : float
+        prod (1 - mu) / (1 + |mu|).
+    doubling : float
+        prod (1 + mu) / (1 + |mu|).
+    torus : float
+        Product over pairs of (1 - mu_i mu_j) / (1 + |mu_i mu_j|).
+    """
+
+    fold: float
+    doubling: float
+    torus: float
 
 
-def fold_function(multipliers: np.ndarray) -> float:
-    """Return prod (1 - mu) / (1 + |mu|)."""
-    return float(np.prod((1.0 - multipliers) / (1.0 + np.abs(multipliers))).real)
-
-
-def torus_function(multipliers: np.ndarray) -> float:
-    """Return the product over pairs of (1 - mu_i mu_j) / (1 + |mu_i mu_j|)."""
-    i, j = np.triu_indices(multipliers.size, 1)
-    pairs = multipliers[i] * multipliers[j]
-    return float(np.prod((1.0 - pairs) / (1.0 + np.abs(pairs))).real)
+def tests_of(point: Solution) -> Tests:
+    """Evaluate the functions that vanish at special points."""
+    multipliers = point.multipliers.tolist()  # numbers of Python: there are few
+    fold = doubling = torus = complex(1.0)
+    for i, mu in enumerate(multipliers):
+        size = 1.0 + abs(mu)
+        fold *= (1.0 - mu) / size
+        doubling *= (1.0 + mu) / size
+        for other in multipliers[:i]:
+            pair = mu * other
+            torus *= (1.0 - pair) / (1.0 + abs(pair))
+    return Tests(fold.real, doubling.real, torus.real)
 
 
 def n_unstable(multipliers: np.ndarray) -> int:
@@ -91,11 +106,19 @@ def n_unstable(multipliers: np.ndarray) -> int:
     return int((np.abs(multipliers) > 1.0).sum())
 
 
-def between(curve: Curve, first: Solution, last: Solution, fraction: float) -> Solution:
-    """Find the point at a fraction of the chord between two points."""
+def between(
+    curve: Curve, first: Solution, last: Solution, fraction: float, near: Solution | None = None
+) -> Solution:
+    """Find the point at a fraction of the chord between two points.
+
+    It is sought along the tangent of `near`, a third point, if there is one.
+    """
     chord = last.y - first.y
+    border = chord / np.linalg.norm(chord)
     guess = first.y + fraction * chord
-    return solve(curve, guess, chord / np.linalg.norm(chord))
+    if near is not None:
+        guess = near.y + border @ (guess - near.y) / (border @ near.tangent) * near.tangent
+    return solve(curve, guess, border, near)
 
 
 def special_points(curve: Curve, first: Solution, last: Solution) -> list[Special]:
@@ -109,25 +132,30 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
     found = []
 
     def sought(test: Callable[[Solution], float]) -> tuple[Solution, float]:
-        fraction = _root(lambda s: test(between(curve, first, last, s)), test(first), test(last))
-        return between(curve, first, last, fraction), fraction
+        at = last
+
+        def value(fraction: float) -> float:
+            nonlocal at
+            at = between(curve, first, last, fraction, at)
+            return test(at)
+
+        fraction = _root(value, test(first), test(last))
+        return between(curve, first, last, fraction, at), fraction
 
     def along(point: Solution) -> float:
         return float(point.tangent[-1])
 
-    def changes(test: Callable[[Solution], float]) -> bool:
-        return (test(first) < 0) != (test(last) < 0)
-
-    folds = changes(along)
+    one, other = tests_of(first), tests_of(last)
+    folds = (along(first) < 0) != (along(last) < 0)
     if folds:
         found.append(Special(Kind.FOLD, *sought(along)))
-    if changes(lambda p: fold_function(p.multipliers)) != folds:
-        place = sought(lambda p: fold_function(p.multipliers) * np.sign(along(p)))
+    if ((one.fold < 0) != (other.fold < 0)) != folds:
+        place = sought(lambda p: tests_of(p).fold * np.sign(along(p)))
         found.append(Special(Kind.BRANCH_POINT, *place))
-    if changes(lambda p: doubling_function(p.multipliers)):
-        found.append(Special(Kind.DOUBLING, *sought(lambda p: doubling_function(p.multipliers))))
-    if changes(lambda p: torus_function(p.multipliers)):
-        at, fraction = sought(lambda p: torus_function(p.multipliers))
+    if (one.doubling < 0) != (other.doubling < 0):
+        found.append(Special(Kind.DOUBLING, *sought(lambda p: tests_of(p).doubling)))
+    if (one.torus < 0) != (other.torus < 0):
+        at, fraction = sought(lambda p: tests_of(p).torus)
         nearest = at.multipliers[np.argmin(np.abs(np.abs(at.multipliers) - 1.0))]
         if abs(abs(nearest) - 1.0) < COMPLEX < abs(nearest.imag):
             found.append(Special(Kind.TORUS, at, fraction))
@@ -148,7 +176,7 @@ def _grazings(curve: Curve, first: Solution, last: Solution) -> list[Special]:
             middle = 0.5 * (inside + outside)
             if not inside < middle < outside or outside - inside <= PRECISION:
                 break
-            point = between(curve, first, last, middle)
+            point = between(curve, first, last, middle, at)
             seen = counted(point)
             if seen == own:
                 inside = middle

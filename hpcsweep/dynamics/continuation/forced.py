@@ -24,7 +24,7 @@ from hpcsweep.solvers.records import Observation
 from hpcsweep.solvers.solver import Solver, make_solver
 
 DIFFERENCE = 1e-5
-KEPT_SOLVERS, KEPT_SEEN = 8, 4
+KEPT_SOLVERS, KEPT_SEEN = 8, 10_000
 FORCING_PARAMETERS = ("amplitude", "omega")
 PARAMETERS = (*FORCING_PARAMETERS, "stiffness_ratio", "gap", "sharpness", "damping_ratio")
 

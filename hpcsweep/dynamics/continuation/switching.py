@@ -12,7 +12,7 @@ of c, that of the normal form's coefficient (Kuznetsov, Elements of Applied Bifu
 import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, solve
-from hpcsweep.dynamics.continuation.events import Kind, Special, doubling_function, n_unstable
+from hpcsweep.dynamics.continuation.events import Kind, Special, n_unstable, tests_of
 
 DISTANCES = (1e-3, 1e-4, 1e-5, 1e-6)
 """eps, in units of the state, as they are tried: at a large one the orbit of twice the period may
@@ -45,7 +45,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     new = curve._replace(period=len(points))
     border = np.append(vector.ravel() / np.linalg.norm(vector), 0.0)
     start = new.join(points, value)
-    sign = 1.0 if doubles else np.sign(doubling_function(special.at.multipliers))
+    sign = 1.0 if doubles else np.sign(tests_of(special.at).doubling)
     for distance in DISTANCES:
         eps = distance * np.sqrt(len(points))
         try:
@@ -53,7 +53,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
         except NotConvergedError:
             continue
         is_apart = float((found.y - start) @ border) > (1.0 - APART) * eps
-        if is_apart and doubling_function(found.multipliers) * sign > 0:
+        if is_apart and tests_of(found).doubling * sign > 0:
             return new, found
     return None
 

@@ -54,6 +54,6 @@ def add_at(parser: argparse.ArgumentParser) -> None:
         action=AtAction,
         default={},
         metavar="KEY=VALUE",
-        help="of a job that varies keys, the value of one of them, may be given several times "
-        "(default: the first values)",
+        help="value of a key that the job varies; may be given several times (default: the first "
+        "values)",
     )

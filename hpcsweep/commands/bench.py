@@ -10,18 +10,18 @@ from hpcsweep.commands.outputs import PICTURE, overwriting
 from hpcsweep.figures.options import whole_number
 
 DESCRIPTION = """\
-Measure, everything that is compared in one run and in turn:
+Measure speed and error. Whatever is compared is timed in turn, within one run:
 
   work-precision  run time against error, for our solvers, scipy's and, where installed, CVODE
                   (extra 'bench') and numbalsoda (built from source), in several regimes
   ratio           flow against scipy's BDF and DOP853 and a compiled DOP853 on attractors of a
                   building and of two that pound, and against bdf over the first frame of JOB
   profile         runs on frames of JOB (default: eight frames of jobs/paper/bluecrystal.toml): CPU
-                  time by what they ask of the solver, with counts of periods, steps and passages
+                  time by part of the solver, with counts of periods, steps and passages
   floors          flow against the number of floors
   ranks           strong scaling of a small job over the cores of this machine (needs mpirun)
   startup         seconds of a tiny job, cold and warm
-  skips           the rules that spare periods against the window procedure, on random points of
+  skips           the rules that spare periods, against the window procedure on random points of
                   Figure 6; every difference is followed up"""
 POINTS = 500
 """Random points of the skip rules where no number is given."""

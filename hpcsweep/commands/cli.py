@@ -51,15 +51,15 @@ COMMANDS = (
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.
 
-Start under mpirun or srun to use many ranks; alone, one rank does it all."""
+Start it under mpirun or srun to use many ranks; otherwise it runs as one."""
 
 EPILOG = """\
 examples:
   hpcsweep new study.toml                       write a job to start from
   hpcsweep describe study.toml                  modes, units, grazing amplitude, number of runs
   mpirun -n 4 hpcsweep run jobs/paper/figure3.toml    compute, or resume, figure3.h5
-  hpcsweep status figure3.h5                    what is done, live
-  hpcsweep validate figure3.h5                  is it sound? checksums, values, a sample recomputed
+  hpcsweep status figure3.h5                    how far it is, also while it runs
+  hpcsweep validate figure3.h5                  is it sound? checksums, values, a recomputed sample
   hpcsweep summary figure3.h5                   what it cost, what kinds of motion it found
   hpcsweep plot figure3.h5 -o figure3.png       draw the orbit diagram
   mpirun -n 4 hpcsweep animate map.h5 -o m.mp4  film the orbit diagrams over Omega
@@ -69,7 +69,8 @@ exit codes:
   0   complete
   75  stopped in good order before the end (time limit or signal): run again to resume
   2   a mistake in what was asked: one line says which; nothing was written
-  1   anything else, with a traceback"""
+  1   anything else, with a traceback
+  141 standard output was closed"""
 
 
 CLOSED_PIPE = 141

@@ -6,16 +6,15 @@ from hpcsweep.commands import RAW, USER_ERROR, add_settings, complain
 
 HELP = """\
 Describe a job: structure, units, natural frequencies, modes, damping ratios, contacts, the
-amplitude from which on the free motion touches, the number of runs; and warn of what looks like a
-mistake.
-Nothing is computed that takes time."""
+amplitude at which free motion first touches, and the number of runs. Warn of what looks like a
+mistake. It takes a second."""
 
 
 def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     parser = commands.add_parser(
         "describe",
-        help="tell what a job computes: modes, units, grazing amplitude, runs",
+        help="describe a job: modes, units, grazing amplitude, runs",
         description=HELP,
         formatter_class=RAW,
     )

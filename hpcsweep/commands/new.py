@@ -6,8 +6,8 @@ from hpcsweep.commands import RAW
 from hpcsweep.commands.outputs import write_job
 
 NEW_HELP = """\
-Write a job to start from: every key with its meaning, unit, range and default. It is complete and
-runs in seconds as it is. A file that exists is not touched."""
+Write a job to start from: every key with its meaning, unit, range and default. The job
+is complete and runs in seconds. A file that exists is not touched."""
 
 NEW_EXAMPLE = """\
 example:

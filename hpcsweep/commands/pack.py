@@ -7,7 +7,7 @@ from hpcsweep.figures.options import file_name
 
 PACK_HELP = """\
 Compress a results file. The copy is compared with the original, dataset by dataset and checksum by
-checksum, before it takes its place. It reads the same everywhere, but `run` cannot resume it:
+checksum, before it takes its place. Everything reads a packed file, but `run` cannot resume it:
 a file that is not complete is packed only into a copy (-o)."""
 
 

@@ -8,21 +8,20 @@ from hpcsweep.commands import FAILURE, RAW, USER_ERROR, add_settings, complain
 from hpcsweep.figures.options import file_name, positive
 
 RUN_HELP = """\
-Run a job, or several. If its results file exists already, the run resumes where it stopped, on any
-number of ranks, and the results equal those of an uninterrupted run bit for bit.
+Run one job or several. If the results file exists, the run resumes where it stopped, on any number
+of ranks, and the results equal those of an uninterrupted run bit for bit.
 
-SIGTERM, SIGINT (Ctrl-C) and SIGUSR1 stop it in good order within seconds, with exit code 75, sent
-to mpirun or to any rank: MPICH's mpirun hands all three on to the ranks and returns their exit
-code. Open MPI's does so with SIGUSR1; told SIGINT it returns 1 itself, but the ranks stop in good
-order. After SIGKILL of a rank mpirun says BAD TERMINATION and returns 9;
-after any kill at most the last seconds are computed again. Do not press Ctrl-C twice: mpirun then
-kills.
+SIGTERM, SIGINT (Ctrl-C) and SIGUSR1, sent to mpirun or to any rank, stop the run in good order
+within seconds, with exit code 75. MPICH's mpirun passes all three on and returns the exit code of
+the ranks. Open MPI's does so with SIGUSR1; after SIGINT it returns 1, but the ranks stop in good
+order. After SIGKILL of a rank mpirun says BAD TERMINATION and returns 9. After any kill at most the
+last seconds are computed again. Do not press Ctrl-C twice: mpirun then kills the ranks.
 
-Nobody else may run a job into the same FILE: FILE.lock says which host and process does.
+Only one run may write FILE at a time: FILE.lock says which host and process it is.
 
-Several jobs are one queue on all ranks, the costliest frame of any of them first, each into a file
-of its own. One that cannot be run, or fails, does not stop the others; what is left is listed, and
-the exit code is that of the worst: 1 before 2 before 75."""
+Several jobs form one queue on all ranks, the costliest frame of any job first, each with its own
+file. A job that is refused or fails does not stop the others. What is left is listed at the end,
+and the exit code is the worst: 1 before 2 before 75."""
 
 RUN_EXAMPLES = """\
 examples:
@@ -33,8 +32,8 @@ examples:
   hpcsweep run figure3.toml --set 'sweep.omega={from = 0.3, to = 0.6, count = 31}' -o map.h5
   hpcsweep run figure3.toml --set 'solver.method="bdf"' -o bdf.h5
 
-What is set replaces the value in the file, a range as a whole; the results file holds the job with
-all that was set. Give such a variant a file of its own: a file of another job is refused."""
+--set replaces a value of the job, a range as a whole; the results file holds the job as it was run.
+Give such a variant its own file with -o: the file of another job is refused."""
 
 
 def add_to(commands) -> None:
@@ -61,8 +60,8 @@ def add_to(commands) -> None:
         action="append",
         default=[],
         metavar="OLD",
-        help="take over results of an earlier file, bit for bit, where all but the grid of "
-        "frequencies and amplitudes is the same; may be given more than once",
+        help="take over results of an earlier file, bit for bit, if only the grid of frequencies "
+        "and amplitudes differs; may be given more than once",
     )
     run.add_argument(
         "--max-hours",
@@ -73,7 +72,7 @@ def add_to(commands) -> None:
     run.add_argument(
         "--dry-run",
         action="store_true",
-        help="compute nothing: tell the runs, bytes, core-hours, time on N ranks, and the "
+        help="compute only a timed sample: print runs, bytes, core-hours, time on N ranks, and the "
         "#SBATCH lines that fit",
     )
     run.set_defaults(function=_run)

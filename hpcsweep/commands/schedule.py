@@ -13,9 +13,8 @@ HELP = """\
 Predict the makespan of a job on numbers of ranks, from the costs measured in a results file (also
 an unfinished one) or from a timed sample of a job file, with the rule the campaign itself follows.
 
-With --replay, under mpirun, the same costs are slept through on the ranks there are, scaled to
-about SECONDS, and the makespan is compared with the predicted one; the master's messages per
-second are measured."""
+With --replay, under mpirun, the ranks sleep for the same costs, scaled to about SECONDS, and the
+makespan is compared with the predicted one; the messages per second of rank 0 are measured."""
 
 
 def add_to(commands) -> None:

@@ -10,15 +10,15 @@ from hpcsweep.commands.outputs import PAGE, overwriting
 from hpcsweep.figures.options import file_name
 
 HELP = """\
-Tell what is done in results files; they may be in use by running campaigns. Of one file all is
-told, of several a line each: what is committed, without a look at checksums."""
+Show how far results files are, also while campaigns write them. One file is shown in full; several
+take one line each, and their checksums are not verified."""
 
 
 def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     status = commands.add_parser(
         "status",
-        help="tell what is done in results files, live or not",
+        help="show how far results files are, also while they run",
         description=HELP,
         formatter_class=RAW,
     )
@@ -29,13 +29,13 @@ def add_to(commands) -> None:
         "--html",
         type=file_name,
         metavar="PAGE",
-        help="write the lines as a page, and write it again until nothing runs any more; "
-        "a browser that shows it keeps up",
+        help="write the lines as a page, and keep writing it until nothing runs; a browser that "
+        "shows the page reloads it",
     )
     form.add_argument(
         "--job",
         action="store_true",
-        help="print the job the file was made for, as TOML; run on it gives equal data",
+        help="print the job of the file as TOML; running it gives equal data",
     )
     status.set_defaults(function=_status)
 

@@ -18,9 +18,9 @@ def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     stress = commands.add_parser(
         "stress",
-        help="try the numerical stability of the solvers at the ends of their range",
-        description="Put extreme structures, forcing and states to the solvers: what was asked, "
-        "what happened, and how long it took.\nA named outcome (NON_FINITE, STEP_LIMIT, "
+        help="test the solvers at the extremes of their range",
+        description="Put extreme structures, forcings and states to the solvers, and print what "
+        "happened and how long it took.\nA named outcome (NON_FINITE, STEP_LIMIT, "
         "SOLVER_FAILED) is a result; NaN, an exception, a missed cap or a hang is a failure.",
         epilog="exit codes: 0 all passed, 1 something failed",
         formatter_class=RAW,

@@ -6,9 +6,9 @@ from pathlib import Path
 from hpcsweep.commands import RAW, USER_ERROR, complain
 
 HELP = """\
-Tell the numbers of whole studies: what they cost, how much work was spared, and what shares of the
-runs are periodic, chaotic, quasi-periodic or undecided, with which contact sets. Files may be
-larger than the memory. `hpcsweep status` is quicker where only the progress is requested."""
+Summarise studies: what they cost, how much work was spared, what shares of the runs are periodic,
+chaotic, quasi-periodic or undecided, and which contact sets occur. Files may be larger than the
+memory. To see the progress alone, `hpcsweep status` is quicker."""
 MOST_ROWS = 16
 """Most orbit periods, and most contact sets, that are listed one by one."""
 
@@ -17,7 +17,7 @@ def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     summary = commands.add_parser(
         "summary",
-        help="tell the numbers of a whole study: cost, kinds of motion",
+        help="summarise studies: cost, kinds of motion",
         description=HELP,
         formatter_class=RAW,
     )
@@ -25,7 +25,7 @@ def add_to(commands) -> None:
     form = summary.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
     form.add_argument(
-        "--markdown", action="store_true", help="as a table in Markdown, a column for each file"
+        "--markdown", action="store_true", help="a Markdown table with a column for each file"
     )
     summary.set_defaults(function=_summary)
 

@@ -9,12 +9,11 @@ from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
 from hpcsweep.figures.options import whole_number
 
 VALIDATE_HELP = """\
-Tell whether a results file is sound; it may be in use by a running campaign. Checked are the
-layout, the checksum of every committed block, what the numbers of every run promise of each other,
-and a random sample of runs computed again: periodic ones once round their orbit by the other solver
-(flow for bdf, bdf for flow), aperiodic ones over single forcing periods, and each of them whole, by
-flow, from the stored state it started from. Blocks that are not committed are not there yet: no
-fault."""
+Check whether a results file is sound, also while a campaign writes it: the layout, the checksum of
+every committed block, and what the numbers of every run promise of each other. A random sample of
+runs is then computed again: periodic ones once round their orbit by the other solver (flow for bdf,
+bdf for flow), aperiodic ones over single forcing periods, and each of them whole by flow from its
+stored start. Blocks that are not committed yet are no fault."""
 
 EXIT_CODES = """\
 exit codes:
@@ -27,7 +26,7 @@ def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     validate = commands.add_parser(
         "validate",
-        help="tell whether a results file is sound",
+        help="check whether a results file is sound",
         description=VALIDATE_HELP,
         epilog=EXIT_CODES,
         formatter_class=RAW,

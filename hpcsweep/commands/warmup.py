@@ -6,19 +6,19 @@ from hpcsweep.commands import RAW, USER_ERROR, complain
 
 WARMUP_HELP = """\
 Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsweep or
-~/.cache/hpcsweep. `run` does so by itself; this does it before an allocation is spent, or into a
-folder that is only read later. Kernels are compiled for the type of processor of this machine:
-do it on a node of the type that will compute.
+~/.cache/hpcsweep. `run` compiles by itself; this command does it before an allocation is spent, or
+into a folder that is read-only later. Kernels are compiled for the processor of this machine: run
+it on a node of the type that will compute.
 
-Given jobs, it also compiles the kernels specialised to their structures, which take 0.55 to 0.8 of
-the time and give the same results to the last bit. `run` specialises kernels by itself from half a
-million histories a rank on, and takes specialised ones wherever the cache has them."""
+Given jobs, it also compiles kernels specialised to their structures, which take 0.55 to 0.8 of the
+time and give the same results to the last bit. `run` specialises by itself from half a million
+histories a rank on, and uses specialised kernels wherever the cache has them."""
 
 WARMUP_EXAMPLE = """\
 examples:
-  hpcsweep warmup                                      on all processors at hand
+  hpcsweep warmup                                      on all processors of the machine
   srun -n 1 -c 4 hpcsweep warmup --jobs 4              on a node of a cluster
-  hpcsweep warmup jobs/paper/bluecrystal.toml                specialised to its structure, too
+  hpcsweep warmup jobs/paper/bluecrystal.toml          also specialised to its structure
   NUMBA_CACHE_DIR=/opt/kernels hpcsweep warmup         for all users of an image"""
 
 
@@ -36,7 +36,7 @@ def add_to(commands) -> None:
         type=Path,
         nargs="*",
         metavar="JOB.toml",
-        help="jobs to whose structures kernels are specialised, too",
+        help="also compile kernels specialised to the structures of these jobs",
     )
     warmup.add_argument(
         "--jobs", type=int, metavar="N", help="processes that compile (default: one a processor)"

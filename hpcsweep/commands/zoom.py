@@ -6,21 +6,21 @@ from hpcsweep.commands import RAW, USER_ERROR, complain
 from hpcsweep.commands.outputs import write_job
 
 HELP = """\
-Write a job like that of FILE, with a finer grid over a part of its frequencies or amplitudes. The
-new grid holds the points of the old one, so that the run takes over what it can:
+Write a job like that of FILE with a finer grid over part of its frequencies or amplitudes. The new
+grid holds the points of the old one, so that --reuse takes them over:
 
   hpcsweep zoom map.h5 --omega 0.43 0.46 --factor 4 -o finer.toml
   hpcsweep run finer.toml --reuse map.h5
 
-Amplitude sweeps are paths: with other amplitudes they pass through other states, and nothing of
-them can be taken over. Of sweeps make the frequencies finer; of points either."""
+Amplitude sweeps are paths: with other amplitudes they pass through other states, and nothing can be
+taken over. Refine the frequencies of sweeps, and either axis of points."""
 
 
 def add_to(commands) -> None:
     """Add the command to the parser's commands."""
     parser = commands.add_parser(
         "zoom",
-        help="write the job of a finer grid over a part of a file's",
+        help="write a job with a finer grid over part of a results file",
         description=HELP,
         formatter_class=RAW,
     )
@@ -31,7 +31,7 @@ def add_to(commands) -> None:
             type=float,
             nargs=2,
             metavar=("LOW", "HIGH"),
-            help=f"ends of the part: {what} (default: all, as they are)",
+            help=f"ends of the part: {what} (default: all, not refined)",
         )
     parser.add_argument(
         "--factor", type=int, default=2, metavar="N", help="steps in place of one (default: 2)"

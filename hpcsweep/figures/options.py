@@ -114,7 +114,7 @@ OMEGA = Option(
 )
 FLOORS = Option(
     "--floor",
-    "floor shown, may be given several times (default: all of up to 5, of more the first, the "
+    "floor shown; may be given several times (default: all of up to 5; of more the first, the "
     "middle and the top)",
     "floors",
     {"type": int, "action": "append", "metavar": "I"},

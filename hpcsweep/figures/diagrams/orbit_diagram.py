@@ -44,7 +44,7 @@ OPTIONS = (
     FLOORS,
     Option(
         "--color",
-        "what the colours tell (default: direction)",
+        "what the colours show (default: direction)",
         "color",
         {"choices": ("direction", "contact", "period")},
     ),

@@ -48,7 +48,7 @@ OPTIONS = (
     DIRECTION,
     Option(
         "--value",
-        "what the colours tell (default: period, the motion classes)",
+        "what the colours show (default: period, the motion classes)",
         "value",
         {"choices": VALUES},
     ),

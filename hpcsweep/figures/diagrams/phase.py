@@ -53,7 +53,7 @@ OPTIONS = (
     ),
     Option(
         "--period",
-        "orbit periods of which an example is found in the sweep",
+        "orbit periods; an example of each is found in the sweep",
         "periods",
         {"type": _period, "nargs": "+", "metavar": "P"},
     ),

@@ -36,7 +36,7 @@ OPTIONS = (
     ),
     Option(
         "--color",
-        "what the colours tell (default: %(default)s)",
+        "what the colours show (default: %(default)s)",
         "color",
         {"choices": ("direction", "contact", "period"), "default": "direction"},
     ),

@@ -1,0 +1,1 @@
+"""Maps that are computed only where something happens; the rest is inferred, and audited."""

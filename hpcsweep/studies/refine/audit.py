@@ -1,0 +1,103 @@
+"""The audit of a refined map: how many of the inferred points are wrong, at most and at least.
+
+Look r draws m_r of the n points that are inferred then, anew and independently of all before: the
+ones whose hash of seed, look and index is smallest. k of them turn out to be wrong. With the error
+alpha_r = alpha / (r (r + 1)) the interval of Clopper and Pearson holds the share of wrong ones of
+the n points; the errors of all looks add up to alpha, so that all intervals hold together with
+probability 1 - alpha, whenever one stops to look (the union bound; a draw without replacement
+scatters less than the binomial number that the interval is of).
+
+The cells around wrong points are cut then. Of the n points n' are left, and it is known how many w
+of the others were wrong. c of those that are left have got another label, and may be wrong or right
+now whatever they were. So with p_low n and p_high n wrong ones before, there are now
+
+    p_low n - w - c  to  p_high n - w + c
+
+wrong ones among n'. The audit ends when the upper end over n' lies below what the job allows.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.dynamics.shares import share_interval
+
+ALPHA = 0.05
+"""Probability that any interval fails."""
+FIRST_DRAW = 2.0
+"""Points of the first look, in those that show `wrong` where none of them is ..."""
+GROWTH = 2
+"""... and by how much each look is larger than the one before."""
+MOST_LOOKS = 48
+"""Looks there can be: each draw is twice the last, and the grid has 2**40 points at most."""
+
+
+class Look(NamedTuple):
+    """One look of an audit.
+
+    Attributes
+    ----------
+    inferred, drawn, wrong : int
+        n, m and k.
+    left : int
+        n', points that are inferred after the cells around wrong ones were cut.
+    low, high : float
+        Ends of the interval of the share of wrong ones among these.
+    """
+
+    inferred: int
+    drawn: int
+    wrong: int
+    left: int
+    low: float
+    high: float
+
+
+def n_drawn(wrong: float, look: int) -> int:
+    """Count the points that a look (from 1) draws, if there are so many."""
+    tail = ALPHA / 4  # either side of the first look's interval
+    least = math.log(tail) / math.log1p(-wrong)
+    return math.ceil(FIRST_DRAW * least) * GROWTH ** (look - 1)
+
+
+def draw(points: np.ndarray, count: int, seed: int, look: int) -> np.ndarray:
+    """Draw `count` of the points, or all, without replacement; ascending."""
+    if count >= points.size:
+        return points
+    start = _mixed(np.array([seed], np.uint64))
+    start = _mixed(start + np.uint64(look))
+    chosen = np.argpartition(_mixed(points.astype(np.uint64) + start), count)[:count]
+    return np.sort(points[chosen])
+
+
+def interval(
+    look: int, inferred: int, drawn: int, wrong: int, found: int, changed: int, left: int
+) -> tuple[float, float]:
+    """Return the interval of the share of wrong ones among the points left after a look.
+
+    Parameters
+    ----------
+    look : int
+        r, from 1.
+    inferred, drawn, wrong : int
+        n, m and k.
+    found, changed, left : int
+        w, c and n'.
+    """
+    if left == 0:
+        return 0.0, 0.0
+    if drawn == inferred:
+        low = high = wrong / drawn
+    else:
+        low, high = share_interval(wrong, drawn, 1.0 - ALPHA / (look * (look + 1)))
+    least, most = low * inferred - found - changed, high * inferred - found + changed
+    return min(max(least / left, 0.0), 1.0), min(max(most / left, 0.0), 1.0)
+
+
+def _mixed(values: np.ndarray) -> np.ndarray:
+    """Hash numbers of 64 bits: the finaliser of splitmix64, which is a bijection."""
+    values = values + np.uint64(0x9E3779B97F4A7C15)
+    values = (values ^ (values >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    values = (values ^ (values >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return values ^ (values >> np.uint64(31))

@@ -1,0 +1,136 @@
+"""What a job says of a refined map, and what each of its points is told by."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from hpcsweep.solvers.outcome import Outcome
+
+LABELS = {"class": ("motion", "orbit_period"), "contact": ("contact",)}
+"""What points may be told apart by, and the variables that tell it."""
+MOST_LEVELS = 12
+LEAST_WRONG = 1e-6
+MOST_SEED = 2**31 - 1
+KEYS = ("levels", "on", "wrong", "seed")
+
+
+class Source(IntEnum):
+    """Where the value of a point of a refined map comes from."""
+
+    UNKNOWN = 0
+    """The map is not complete."""
+    COMPUTED = 1
+    INFERRED = 2
+    """From the cell it lies in, all of whose computed points agree."""
+    AUDIT = 3
+    """Computed because the audit drew it from the inferred points."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """How a map is refined.
+
+    Attributes
+    ----------
+    levels : int
+        The coarsest cells have 2**levels steps of the grid a side.
+    on : tuple of str
+        What the points of a cell must agree in, of `LABELS`.
+    wrong : float
+        Share of the inferred points below which the upper end of the interval of the wrong ones
+        must lie.
+    seed : int
+        Of the audit.
+    """
+
+    levels: int = 4
+    on: tuple[str, ...] = ("class", "contact")
+    wrong: float = 0.003
+    seed: int = 0
+
+    @property
+    def variables(self) -> list[str]:
+        """The variables that points must agree in."""
+        return [variable for name in self.on for variable in LABELS[name]]
+
+    def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
+        """Return what tells each of k runs apart, shape (k, 1 + len(variables)).
+
+        The first column is 1 where a run failed: it agrees with nothing.
+        """
+        columns = [rows["outcome"] != Outcome.COMPLETE, *(rows[name] for name in self.variables)]
+        return np.stack([np.asarray(column).astype(np.uint64) for column in columns], axis=1)
+
+
+def read_refinement(values, settings, block_size: int) -> Refinement | None:
+    """Read the table ``study.refine`` of a job; None if there is none.
+
+    Raises
+    ------
+    JobError
+        If a value is not allowed, or the job does not tell what points must agree in.
+    """
+    if not values.has("study.refine"):
+        return None
+    given = values.get("study.refine")
+    if not isinstance(given, Mapping):
+        raise values.error("study.refine", given, "must be a table such as {levels = 4}")
+    values.check_keys("study.refine", given, KEYS)
+    if values.has("study.points"):
+        limit = "does not go with study.points: a list of points has no cells"
+        raise values.error("study.refine", given, limit)
+    if block_size != 1:
+        limit = "must be 1 with study.refine: each point is committed on its own"
+        raise values.error("output.block", block_size, limit)
+    default = Refinement()
+    on = given.get("on", list(default.on))
+    if not isinstance(on, list) or not on or not all(name in LABELS for name in map(str, on)):
+        raise values.error("study.refine.on", on, f"must be a list of {', '.join(LABELS)}")
+    if len(set(on)) < len(on):
+        raise values.error("study.refine.on", on, "must not hold a word twice")
+    if "class" in on and not settings.classify_cycles:
+        limit = '"class" needs sweep.classify_cycles above 0, and solver.method = "flow"'
+        raise values.error("study.refine.on", on, limit)
+    if "contact" in on and "contact" not in settings.metrics:
+        raise values.error("study.refine.on", on, '"contact" needs output.contact = true')
+    wrong = values.number("study.refine.wrong", given.get("wrong", default.wrong))
+    if not LEAST_WRONG <= wrong < 1:
+        limit = f"must lie between 0 and 1, at least {LEAST_WRONG:g}"
+        raise values.error("study.refine.wrong", wrong, limit)
+    levels, seed = (
+        _whole(values, f"study.refine.{name}", given.get(name, getattr(default, name)), least, most)
+        for name, least, most in (("levels", 1, MOST_LEVELS), ("seed", 0, MOST_SEED))
+    )
+    return Refinement(levels, tuple(on), wrong, seed)
+
+
+def _whole(values, key: str, value: object, least: int, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+        raise values.error(key, value, f"must be a whole number from {least} to {most}")
+    return value
+
+
+def refinement_of(study) -> Refinement | None:
+    """Return how the map of a study is refined; None if all of its runs are computed."""
+    return getattr(study, "refine", None)
+
+
+def not_refinable(study) -> str:
+    """Return why the points of a map to be refined have no neighbours; '' if they have."""
+    if refinement_of(study) is None:
+        return ""
+    grid = study.part((0,) * len(study.axes))
+    axes = {f"sweep.{name}": getattr(grid, name) for name in ("omega", "amplitude")}
+    axes |= {f"vary.{axis.key}": axis.values for axis in study.axes}
+    for key, values in axes.items():
+        numbers = np.asarray(values)
+        if numbers.dtype.kind not in "if" or numbers.size < 2 or np.any(np.diff(numbers) <= 0):
+            return f"study.refine: {key} must have two numbers or more, which ascend"
+    return ""
+
+
+def map_shape(study) -> tuple[int, ...]:
+    """Return the points of every axis of a map: varied keys, frequencies, amplitudes."""
+    return tuple(study.dimensions[dim] for dim in study.run_dims if dim != "direction")

@@ -1,0 +1,95 @@
+"""Variables of a refined map: where each point's value comes from, what is inferred, the audit."""
+
+import numpy as np
+
+from hpcsweep.studies.refine.audit import MOST_LOOKS, Look
+from hpcsweep.studies.refine.cells import Labels
+from hpcsweep.studies.refine.refinement import Source, map_shape, refinement_of
+from hpcsweep.studies.refine.rounds import Rounds
+from hpcsweep.studies.study import Coordinate, Variable
+from hpcsweep.studies.variables import numbered
+
+SOURCE, CELL = "source", "cell"
+AUDIT, INFERRED = "audit", "inferred"
+"""Variable of the looks, and of the checksums."""
+LONG_NAMES = {
+    SOURCE: "1 computed, 2 inferred from its cell, 3 computed for the audit, 0 not known yet",
+    CELL: "level of the cell from which it is inferred, 0 of computed points",
+}
+QUANTITIES = Look._fields
+
+
+def inferred_name(variable: str) -> str:
+    """Name the variable that holds what is inferred of another."""
+    return f"inferred_{variable}"
+
+
+def derived_variables(study) -> list[Variable]:
+    """Return what a refined map holds beside its runs, the checksums last; [] of other studies."""
+    refinement = refinement_of(study)
+    if refinement is None:
+        return []
+    runs = study.run_dims
+    types = {variable.name: variable.dtype for variable in study.variables}
+    units = {variable.name: variable.units for variable in study.variables}
+    labels = [
+        Variable(
+            inferred_name(name),
+            runs,
+            types[name],
+            units[name],
+            f"{name} of inferred points, 0 of others",
+        )
+        for name in refinement.variables
+    ]
+    return [
+        *(Variable(name, runs, "<i1", "1", LONG_NAMES[name]) for name in (SOURCE, CELL)),
+        *labels,
+        Variable(AUDIT, ("look", "quantity"), "<f8", "1", "looks of the audit, the last counts"),
+        Variable(INFERRED, runs[:-1], "<u8", "1", "checksum of what is inferred of a frame"),
+    ]
+
+
+def derived_coordinates(study) -> dict[str, Coordinate]:
+    """Return the dimensions that only refined maps have."""
+    if refinement_of(study) is None:
+        return {}
+    return {
+        "look": numbered(MOST_LOOKS, "look of the audit", first=1),
+        "quantity": Coordinate(np.array(QUANTITIES, object), "1", "what a look tells"),
+    }
+
+
+def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarray]:
+    """Return the variables of a complete map, but the checksums.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Of shape (n_points,), the audit as in the file.
+    """
+    level, code = rounds.inferred()
+    names = study.refine.variables
+    values = {SOURCE: np.where(level > 0, np.int8(Source.INFERRED), rounds.source), CELL: level}
+    codes = np.zeros((len(labels.codes) + 1, 1 + len(names)), np.uint64)
+    codes[1:] = labels.codes
+    for column, name in enumerate(names, 1):
+        values[inferred_name(name)] = codes[code, column]
+    audit = np.full((MOST_LOOKS, len(QUANTITIES)), np.nan)
+    audit[: len(rounds.looks)] = rounds.looks
+    return {**values, AUDIT: audit}
+
+
+def replay(study, labels: Labels) -> dict[str, np.ndarray] | None:
+    """Return `derived_values` of a map all of whose rounds are known; None if a point is not."""
+    rounds = Rounds(map_shape(study), study.refine, labels)
+    for points in rounds:
+        if not labels.known[points].all():
+            return None
+    return derived_values(study, rounds, labels)
+
+
+def last_look(audit: np.ndarray) -> Look | None:
+    """Return the look that counts of the variable; None if there is none yet."""
+    told = audit[np.isfinite(audit[:, 0])]
+    return Look(*(int(v) for v in told[-1][:4]), *map(float, told[-1][4:])) if len(told) else None

@@ -1,0 +1,145 @@
+"""Refined maps of labels that are known everywhere: cells, rounds, and what the audit promises."""
+
+import numpy as np
+import pytest
+
+from hpcsweep.dynamics.shares import share_interval
+from hpcsweep.studies.refine.audit import ALPHA, draw, interval, n_drawn
+from hpcsweep.studies.refine.cells import Labels
+from hpcsweep.studies.refine.refinement import Refinement, Source
+from hpcsweep.studies.refine.rounds import Rounds
+
+
+def bands(shape, seed) -> np.ndarray:
+    """Wide fields of three labels, and thin tongues of a fourth that corners of cells miss."""
+    rng = np.random.default_rng(seed)
+    axes = np.meshgrid(*(np.linspace(0, 1, n) for n in shape), indexing="ij")
+    waves = sum(
+        np.sin(sum(rng.uniform(3, 9) * axis for axis in axes) + rng.uniform(0, 6)) for _ in range(3)
+    )
+    labels = 1 + (waves > 0.4) + (waves > 1.2)
+    for _ in range(4):
+        labels[np.abs(axes[0] - rng.uniform() - 0.3 * axes[1]) < 0.004 * rng.uniform()] = 4
+    return labels.ravel()
+
+
+def walk(truth, shape, refinement, known=()):
+    """Walk all rounds; the labels, and the points of each round."""
+    labels, asked = Labels(truth.size), []
+    rounds = Rounds(shape, refinement, labels)
+
+    def learn(points):
+        told = np.stack([truth[points] == 0, truth[points]], axis=1)
+        labels.store(points, told.astype(np.uint64))
+
+    learn(np.array(known, int))
+    for points in rounds:
+        asked.append(points)
+        learn(points)
+    return rounds, labels, asked
+
+
+def inferred_and_wrong(truth, rounds, labels):
+    level, code = rounds.inferred()
+    inferred = np.flatnonzero(level)
+    told = np.array([0] + [label[1] for label in labels.codes])[code[inferred]]
+    return inferred, int((told != truth[inferred]).sum())
+
+
+@pytest.mark.parametrize("shape", [(70, 53), (12, 30, 17), (2, 90), (33, 33)])
+def test_points_that_are_inferred_lie_in_cells_whose_corners_and_centre_agree(shape):
+    truth = bands(shape, 1)
+    rounds, labels, asked = walk(truth, shape, Refinement(3, wrong=0.05))
+    inferred, wrong = inferred_and_wrong(truth, rounds, labels)
+    assert np.array_equal(inferred, np.flatnonzero(rounds.source == Source.UNKNOWN))
+    assert inferred.size + sum(map(len, asked)) == truth.size
+    assert np.unique(np.concatenate(asked)).size == truth.size - inferred.size
+    assert wrong <= rounds.looks[-1].high * inferred.size
+    level = rounds.inferred()[0].reshape(shape)
+    told = np.where(level > 0, -1, truth.reshape(shape))
+    for point in map(tuple, np.argwhere(level > 0)[::7]):
+        size = 2 ** int(level[point])
+        box = tuple(
+            slice(k // size * size, min(k // size * size + size, n - 1) + 1)
+            if k < n - 1
+            else slice((n - 2) // size * size, n)
+            for k, n in zip(point, shape, strict=True)
+        )
+        seen = told[box]
+        assert np.unique(seen[seen >= 0]).size == 1
+        assert all(told[corner] >= 0 for corner in _corners(box))
+
+
+def _corners(box):
+    return [
+        tuple(b.start if end else b.stop - 1 for b, end in zip(box, at, strict=True))
+        for at in np.ndindex(*(2,) * len(box))
+    ]
+
+
+def test_of_one_label_corners_and_centres_and_a_draw_are_computed():
+    truth = np.ones(65 * 33, int)
+    rounds, _, asked = walk(truth, (65, 33), Refinement(4, wrong=0.1))
+    assert [len(points) for points in asked] == [5 * 3 + 4 * 2, n_drawn(0.1, 1)]
+    (look,) = rounds.looks
+    assert (look.wrong, look.low) == (0, 0.0)
+    high = share_interval(0, look.drawn, 1 - ALPHA / 2)[1] * look.inferred / look.left
+    assert look.high == pytest.approx(high)
+
+
+def test_a_failed_run_agrees_with_nothing():
+    truth = np.ones((33, 33), int)
+    truth[16, 16] = 0
+    rounds, _, _ = walk(truth.ravel(), (33, 33), Refinement(4, wrong=0.5))
+    level = rounds.inferred()[0].reshape(33, 33)
+    assert not level[15:18, 15:18].any()
+    assert level[3, 5] == 3
+
+
+def test_who_knows_more_walks_the_same_rounds():
+    shape, refinement = (64, 50), Refinement(3, wrong=0.02)
+    truth = bands(shape, 2)
+    rounds, _, asked = walk(truth, shape, refinement)
+    known = np.random.default_rng(0).permutation(truth.size)[:900]
+    again, _, same = walk(truth, shape, refinement, known)
+    assert len(same) == len(asked)
+    assert all(map(np.array_equal, same, asked))
+    assert again.looks == rounds.looks
+    assert np.array_equal(again.source, rounds.source)
+
+
+def test_a_draw_depends_on_seed_and_look_and_is_even():
+    points = np.arange(100, 4100)
+    first = draw(points, 400, 0, 1)
+    assert np.array_equal(first, draw(points, 400, 0, 1))
+    assert np.unique(first).size == 400
+    assert np.array_equal(draw(points, 4000, 5, 2), points)
+    others = [draw(points, 400, seed, look) for seed, look in ((1, 1), (0, 2), (0, 3))]
+    for other in others:
+        assert 15 < np.intersect1d(first, other).size < 75  # 40 +- 6 of two independent draws
+    counts = np.histogram(np.concatenate([draw(points, 400, s, 1) for s in range(50)]), 10)[0]
+    assert np.all(np.abs(counts - 2000) < 250)
+
+
+def test_the_interval_counts_what_was_found_and_what_changed():
+    plain = share_interval(3, 500, 1 - ALPHA / 2)
+    low, high = interval(1, 10_000, 500, 3, 0, 0, 10_000)
+    assert (low, high) == pytest.approx(plain)
+    low, high = interval(1, 10_000, 500, 3, 20, 5, 9_000)
+    assert high == pytest.approx((plain[1] * 10_000 - 20 + 5) / 9_000)
+    assert low == 0.0
+    assert interval(1, 500, 500, 3, 3, 0, 0) == (0.0, 0.0)
+
+
+@pytest.mark.slow
+def test_the_interval_holds_the_share_of_wrong_points():
+    """Of 200 maps and seeds 95 % must; each allows 0.5 % of wrong points."""
+    shape, held = (150, 120), 0
+    for seed in range(200):
+        truth = bands(shape, seed)
+        rounds, labels, _ = walk(truth, shape, Refinement(4, wrong=0.005, seed=seed))
+        inferred, wrong = inferred_and_wrong(truth, rounds, labels)
+        look = rounds.looks[-1]
+        assert look.high < 0.005
+        held += look.low <= wrong / max(inferred.size, 1) <= look.high
+    assert held >= 190

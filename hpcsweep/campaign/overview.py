@@ -31,14 +31,15 @@ def overview(path: str | Path) -> dict:
     -------
     dict
         ``file``, ``name``, ``runs_done``, ``runs_total``, ``n_failed``, ``core_seconds``,
-        ``core_seconds_remaining`` (as the blocks so far; None if none was timed), ``last_heard``
-        (s) and ``state``: ``complete``, ``running``, ``stopped`` (in good order), ``silent`` (it
-        was killed, or says nothing), ``not begun``, or ``unreadable``, with ``why``.
+        ``core_seconds_remaining`` (as the blocks so far; None if none was timed, and of a
+        refined map), ``last_heard`` (s) and ``state``: ``complete``, ``running``, ``stopped`` (in
+        good order), ``silent`` (it was killed, or says nothing), ``not begun``, or
+        ``unreadable``, with ``why``.
     """
     path = path_of("path", path)
     try:
-        attributes, committed, outcome = read_progress(path)
-        complete = bool(committed.all())
+        attributes, committed, outcome, inferred = read_progress(path)
+        complete = bool((committed if inferred is None else inferred).all())
         done = outcome.size if complete else _runs_done(path, attributes, committed, outcome)
     except (StoreError, JobError) as error:
         return {"file": str(path), "state": "unreadable", "why": str(error)}
@@ -55,7 +56,8 @@ def overview(path: str | Path) -> dict:
         state = "not begun"
     else:
         state = "running" if heard < SILENT else "silent"
-    left = 0.0 if complete else (outcome.size - done) * seconds / timed if timed else None
+    left = (outcome.size - done) * seconds / timed if timed and inferred is None else None
+    left = 0.0 if complete else left
     return {
         "file": str(path),
         "name": attributes["name"],

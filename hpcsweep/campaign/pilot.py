@@ -86,6 +86,10 @@ class KnownCosts:
         """Estimate the cost (s) of what is left of a task; 0 where it does not matter."""
         return self.tasks.left(task) if self.wanted and self._comm.size > 1 else 0.0
 
+    def seconds_left(self) -> float | None:
+        """Estimate the wall time (s) that the runs take which are left; None if it is not known."""
+        return self.tasks.remaining(self.n_computing) if self.wanted else None
+
     def remaining(self) -> float | None:
         """Estimate the wall time (s) until all is done on these ranks; None if it is not known."""
         return remaining_of([self])
@@ -104,7 +108,7 @@ def remaining_of(campaigns: Sequence[KnownCosts]) -> float | None:
     """
     runs = 0.0
     for each in campaigns:
-        left = each.tasks.remaining(each.n_computing) if each.wanted else None
+        left = each.seconds_left()
         if left is None:
             return None
         runs += left

@@ -15,6 +15,7 @@ from functools import partial
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.pilot import remaining_of
 from hpcsweep.campaign.progress import Silent
+from hpcsweep.campaign.refined import RefinedWork
 from hpcsweep.campaign.work import Work
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
@@ -70,7 +71,9 @@ class Queue:
                 for first, work in zip(self._firsts, self._works, strict=False)
                 for task in work.todo
             ]
-            if self._sample():
+            more = self._sample()
+            while more:
+                tasks += self._next_round()
                 self._finished = farm.run(
                     self._comm,
                     tasks,
@@ -82,6 +85,9 @@ class Queue:
                     _every(MASTER_NOTES, self._display.tick, self._note_load),
                     self._flush,
                 )
+                self._flush()
+                more = self._in_rounds and self._finished and self._comm.bcast(bool(tasks))
+                tasks = []
             self._flush()
         self._end(time.perf_counter() - begun)
 
@@ -103,6 +109,35 @@ class Queue:
         if firsts[-1] == 0:
             return True
         return farm.run(self._comm, range(firsts[-1]), compute, self._flag, on_report)
+
+    @property
+    def _in_rounds(self) -> bool:
+        return any(isinstance(work, RefinedWork) for work in self._works)
+
+    def _next_round(self) -> list[int]:
+        """Begin the next round of the campaigns that have rounds (collective); its tasks."""
+        tasks = []
+        self._agree()
+        for k, work in enumerate(self._works):
+            if k in self.failed or not isinstance(work, RefinedWork):
+                continue
+            points = None
+            if self._comm.rank == 0:
+                points = self._guarded(k, work.plan)
+                self._display.advance(work.newly_inferred())
+            points = self._comm.bcast(points)
+            if points is not None:
+                work.begin(points)
+                tasks += [self._firsts[k] + task for task in work.todo]
+        return tasks
+
+    def _agree(self) -> None:
+        """Gather which campaigns failed anywhere, so that all ranks know (collective)."""
+        gathered = self._comm.gather(self.failed)
+        failed: dict[int, str] = {}
+        for part in reversed(gathered or []):
+            failed |= part
+        self.failed = self._comm.bcast(failed)
 
     def _place(self, number: int) -> tuple[int, int]:
         """Return the campaign, and the task there, that a number of the list is."""
@@ -163,11 +198,7 @@ class Queue:
 
     def _end(self, seconds: float) -> None:
         """Gather what failed, write the last records and say what is to be said (collective)."""
-        gathered = self._comm.gather(self.failed)
-        failed: dict[int, str] = {}
-        for part in reversed(gathered or []):
-            failed |= part
-        self.failed = self._comm.bcast(failed)
+        self._agree()
         self.complete = self._comm.bcast(
             [
                 k not in self.failed and (self._finished or work.all_done)

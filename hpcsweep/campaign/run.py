@@ -12,6 +12,7 @@ from typing import NamedTuple
 from hpcsweep.campaign import provenance
 from hpcsweep.campaign.progress import Silent, say_line
 from hpcsweep.campaign.queue import Queue
+from hpcsweep.campaign.refined import RefinedWork
 from hpcsweep.campaign.work import Work
 from hpcsweep.job import Job
 from hpcsweep.job.paths import followed
@@ -37,6 +38,7 @@ from hpcsweep.store.opening import (
 )
 from hpcsweep.store.repair import repair
 from hpcsweep.store.transport import check_transport
+from hpcsweep.studies.refine.refinement import refinement_of
 
 COMPLETE, FAILED, REFUSED, STOPPED = 0, 1, 2, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
@@ -154,7 +156,8 @@ def _run_opened(
         works = []
         for (layout, output, _), campaign in zip(opened, campaigns, strict=True):
             earlier = Reuse(layout, reuse)
-            works.append(Work(comm, output, campaign, flag, hosts, say, earlier))
+            kind = Work if refinement_of(layout.study) is None else RefinedWork
+            works.append(kind(comm, output, campaign, flag, hosts, say, earlier))
         queue = Queue(comm, works, flag)
         try:
             queue.do(progress)

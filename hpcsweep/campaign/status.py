@@ -14,6 +14,7 @@ from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Layout, open_layout, read_history
 from hpcsweep.store.commit import Blocks
+from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.opening import check_file
 from hpcsweep.store.records import History, Session
 
@@ -39,6 +40,8 @@ def status(path: str | Path) -> dict:
             Seconds since the journal's last record.
         frame_seconds : dict or None
             Cost of the frames that were timed whole: number, costliest, median, cheapest.
+        runs_inferred, audit : int, dict or None
+            Only of a refined map: its inferred points, and the last `Look` of their audit.
         remedies : dict of str to dict
             Count of each failed outcome and what to do about it.
         master : dict or None
@@ -54,10 +57,11 @@ def status(path: str | Path) -> dict:
         committed = blocks.have_checksum()
         names = ("outcome", "cycles", *layout.study.status_variables)
         runs = {name: blocks.whole(name) for name in names}
-    state = _runs(layout, committed, runs)
+        inferred = Inferred(blocks) if layout.derived else None
+        state = _runs(layout, committed, runs, inferred)
     now = session.last if session and session.ended else time.time()
     work, remaining = None, None
-    if history.costs and not state["complete"]:
+    if history.costs and not state["complete"] and not layout.derived:
         work, remaining = _remaining(layout, history, committed, session)
     return {
         "file": str(path),
@@ -74,7 +78,12 @@ def status(path: str | Path) -> dict:
     }
 
 
-def _runs(layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray]) -> dict:
+def _runs(
+    layout: Layout,
+    committed: np.ndarray,
+    runs: dict[str, np.ndarray],
+    inferred: Inferred | None,
+) -> dict:
     """Count the runs that are in the file, by what became of them."""
     study, outcome = layout.study, runs["outcome"]
     done = np.zeros(outcome.shape, bool)
@@ -82,7 +91,12 @@ def _runs(layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray]) ->
         done[study.block(place).runs] = True
     n_done = int(done.sum())
     failed = np.argwhere(done & (outcome != Outcome.COMPLETE))
-    frames = done.all(axis=_axes(study.run_dims, "direction", "amplitude"))
+    told: dict = {}
+    known = done
+    if inferred is not None:
+        mask, told = inferred.mask(), inferred.told()
+        known = done if mask is None else done | mask
+    frames = known.all(axis=_axes(study.run_dims, "direction", "amplitude"))
     return {
         "name": layout.name,
         "study": study.kind,
@@ -91,7 +105,8 @@ def _runs(layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray]) ->
         "runs_total": study.n_runs,
         "frames_done": int(frames.sum()),
         "frames_total": int(frames.size),
-        "complete": n_done == study.n_runs,
+        **told,
+        "complete": bool(known.all()),
         "periods_per_run": float(runs["cycles"][done].mean()) if n_done else None,
         **study.count(done, runs),
         "n_failed": len(failed),

@@ -22,13 +22,13 @@ LISTED_FAILURES = 10
 
 
 @dataclass
-class _Failures:
+class Failures:
     """Failed runs: all counted, the first few kept."""
 
     counts: Counter[int] = field(default_factory=Counter)
     first: list[dict] = field(default_factory=list)
 
-    def add(self, other: "_Failures") -> None:
+    def add(self, other: "Failures") -> None:
         """Add what a block reports."""
         self.counts.update(other.counts)
         self.first += other.first[: LISTED_FAILURES - len(self.first)]
@@ -70,7 +70,7 @@ class Work:
         self._flag = flag
         self.output, self.study = output, campaign.blocks.study
         self.journal = Journal(output)
-        self._failures = _Failures()
+        self._failures = Failures()
         if comm.rank == 0:
             self.journal.append(
                 "start",
@@ -78,7 +78,11 @@ class Work:
                 hosts=sorted(set(hosts)),
                 transport=campaign.transport.name,
             )
-        scan = Scan(comm, campaign.blocks, flag, say)
+        self._scan(say)
+
+    def _scan(self, say) -> None:
+        """Verify what the file holds (collective)."""
+        scan = Scan(self._comm, self._campaign.blocks, self._flag, say)
         self.scanned, self.todo, self.done_runs = scan.finished, scan.todo, scan.done_runs
         self._done = scan.done
         self._counted = set(map(tuple, scan.done.tolist()))
@@ -103,8 +107,11 @@ class Work:
             self.costs.taken(cost.place)
         else:
             self.costs.block_done(cost)
-            self.journal.note("block", rank=rank, **block_record(cost))
+            self._note_cost(rank, cost)
         return cost.runs
+
+    def _note_cost(self, rank: int, cost: BlockCost) -> None:
+        self.journal.note("block", rank=rank, **block_record(cost))
 
     def compute(self, task: int, poll, report, rest=None) -> tuple | None:
         """Compute the blocks of one task that are not in the file, along its path.
@@ -144,11 +151,11 @@ class Work:
                     return position + 1, computed
         return None
 
-    def _failed(self, block, rows: dict[str, np.ndarray]) -> _Failures:
+    def _failed(self, block, rows: dict[str, np.ndarray]) -> Failures:
         """Gather the failed runs of a block."""
         bad = np.flatnonzero(rows["outcome"] != Outcome.COMPLETE)
         outcomes = rows["outcome"][bad].tolist()
-        return _Failures(
+        return Failures(
             Counter(outcomes),
             [
                 {**self.study.describe(block.run(int(row))), "outcome": Outcome(outcome).name}

@@ -9,6 +9,7 @@ Three kinds of evidence, from cheap to costly:
 3. a random sample of runs is computed again, with the other solver among them (`recompute`).
 """
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.checks.inferred import inferred_problems
 from hpcsweep.checks.recompute import RunAgain, compute_again
 from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
@@ -107,6 +109,8 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
         return report
     with blocks:
         valid = _Checker(blocks, report).check()
+        for frame, problem in inferred_problems(blocks) if layout.derived else ():
+            report.add(f"{_place(layout.study, layout.study.block((*frame, 0)))}: {problem}")
         for block, row, rows in _choose(blocks, valid, samples, np.random.default_rng(seed)):
             run = {name: values[row] for name, values in rows.items()}
             again = compute_again(layout.study, block, row, run, blocks.start_of(block, row))
@@ -136,7 +140,8 @@ class _Checker:
     def check(self) -> list[Block]:
         """Verify every committed block; return the sound ones."""
         valid: list[Block] = []
-        for task in range(self._study.n_tasks):
+        self._report.blocks = math.prod(self._blocks.layout.shape(self._blocks.layout.commit))
+        for task in self._blocks.begun():
             start = self._study.initial_state
             for block in self._study.path(task):
                 rows, good = self._check_block(block, start)
@@ -149,7 +154,6 @@ class _Checker:
 
     def _check_block(self, block: Block, start: np.ndarray) -> tuple[dict, bool]:
         """Verify a block; return its rows, the true ones where they are known."""
-        self._report.blocks += 1
         place = _place(self._study, block)
         try:
             rows = self._blocks.read(block)

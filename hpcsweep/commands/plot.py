@@ -67,12 +67,13 @@ def _describe(figure, default: dict[str, str]) -> str:
 def _plot(options) -> int:
     from hpcsweep.figures.style import PlotError, resolution
     from hpcsweep.store import Frames, StoreError, job_of
+    from hpcsweep.studies.refine.refinement import refinement_of
 
     known = figures()
     try:
         study = job_of(options.file).study
-        # points of a list have no amplitudes in common
-        default = "map" if study.is_list else _defaults(known)[study.holds]
+        # points of a list have no amplitudes in common, those of a refined map are not all computed
+        default = "map" if study.is_list or refinement_of(study) else _defaults(known)[study.holds]
         kind = options.kind or default
     except StoreError as error:
         complain(str(error))

@@ -105,6 +105,8 @@ def _describe(state: dict) -> str:
         f"  runs      {done} of {total} ({100 * done / total:.1f} %), frames "
         f"{state['frames_done']} of {state['frames_total']}, solver {state['solver']}",
     ]
+    if "audit" in state:
+        lines.append(f"  inferred  {inferred_text(state['runs_inferred'], state['audit'])}")
     if state["runs_per_core_second"]:
         left = state["core_seconds_remaining"]
         lines.append(
@@ -137,6 +139,16 @@ def _describe(state: dict) -> str:
                 f"{100 * session['write_share']:.2g} % of the ranks' time"
             )
     return "\n".join(lines)
+
+
+def inferred_text(count: int, audit: dict | None) -> str:
+    """Write how many points of a refined map are inferred, and how many of these are wrong."""
+    if audit is None:
+        return "nothing yet: not complete"
+    return (
+        f"{count} points; of {audit['drawn']} drawn and computed {audit['wrong']} were wrong: "
+        f"{100 * audit['low']:.2g} to {100 * audit['high']:.2g} % of them are (95 %)"
+    )
 
 
 def _describe_motions(state: dict) -> list[str]:

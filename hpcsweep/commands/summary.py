@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands.status import inferred_text
 
 HELP = """\
 Summarise studies: what they cost, how much work was spared, what shares of the runs are periodic,
@@ -75,6 +76,7 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
         "structure": summary["structure"] + (" (the first)" if vary else ""),
         **({"varied": "; ".join(vary)} if vary else {}),
         f"{_noun(summary)}s": f"{summary['runs_done']} of {summary['runs_total']}{_grid(summary)}",
+        **_inferred_rows(summary),
         **_cost_rows(summary),
     }
     rows |= _attractor_rows(summary) if "attractors" in summary else _history_rows(summary)
@@ -108,6 +110,14 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
     failures = [f"{name} {count}" for name, count in summary["failures"].items() if count]
     rows["failures"] = ", ".join(failures) or "0"
     return rows
+
+
+def _inferred_rows(summary: dict) -> dict[str, str]:
+    if "audit" not in summary:
+        return {}
+    share = summary["runs_inferred"] / summary["runs_total"]
+    told = inferred_text(summary["runs_inferred"], summary["audit"])
+    return {"inferred": f"{_percent(share)} of the map, {told}; all shares below are of runs"}
 
 
 def _noun(summary: dict) -> str:

@@ -22,6 +22,7 @@ from hpcsweep.model import arguments
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
+from hpcsweep.studies.refine.refinement import not_refinable
 from hpcsweep.studies.settings import METRICS, SKIP_RULES, SweepSettings
 from hpcsweep.studies.study import Place
 
@@ -134,6 +135,9 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
     values = Values(source, tree)
     study = read_varied(values, tree, read_study)
     _check_extent(values, study)
+    reason = not_refinable(study)
+    if reason:
+        raise JobError(f"{source}: {reason}")
     return Job(name=_name(values, default_name), text=text, study=study)
 
 

@@ -23,7 +23,12 @@ TEMPLATE = """\
 # "amplitude_sweep": at each frequency the amplitudes in their order, each from where the one before
 # it ended. "points": every amplitude at every frequency from the initial state, each on its own;
 # or, with points = [[A, Omega], [A, Omega], ...] here and neither omega nor amplitude below, the
-# points of that list. It has no directions. "attractors": at each amplitude all attractors that
+# points of that list. With refine = {levels = 4, on = ["class", "contact"], wrong = 0.003,
+# seed = 0} a grid of points is computed only where something happens: cells of 2**levels steps a
+# side (levels from 1 to 12) are cut until their points agree in the class of motion and the
+# contacts, points inside are inferred, and of these some are computed until the share of wrong ones
+# is less than wrong (between 0 and 1); seed draws them. It has no directions. "attractors": at each
+# amplitude all attractors that
 # starts = 459 states of a box reach (displacement = [-1.0, 1.0] and velocity = [-1.0, 1.0], or n
 # pairs each; seed = 0 gives them), after those of the amplitude before. It has no directions, but
 # max_attractors = 8 that are stored, confidence = 0.95 of the intervals of their shares,

@@ -54,7 +54,7 @@ def file_problems(contents: Contents, layout: Layout, size: int) -> list[str]:
             for variable, values in layout.given
             if not np.array_equal(contents[variable.name].values, values)
         ]
-        names = [variable.name for variable in (*layout.variables, layout.commit)]
+        names = [variable.name for variable in layout.stored]
         problems += _storage_problems([(name, contents[name]) for name in names], size)
     return problems
 

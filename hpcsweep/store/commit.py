@@ -10,7 +10,6 @@ data are flushed once and all waiting checksums are written. A kill loses at mos
 """
 
 import hashlib
-import os
 import time
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
@@ -19,8 +18,9 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.store.layout import Layout, StoreError, WriteError
-from hpcsweep.store.offsets import Rows, is_packed, open_above, open_rows
+from hpcsweep.store.identity import Identity
+from hpcsweep.store.layout import Layout, StoreError
+from hpcsweep.store.offsets import Rows, is_packed, open_rows
 from hpcsweep.store.transport import Transport, open_transport
 from hpcsweep.studies.study import Block
 
@@ -102,9 +102,18 @@ class Blocks:
         before = self.study.predecessor(block, row)
         return self.study.initial_state if before is None else self.end_state(before)
 
+    def read_rows(self, variable: str, start: tuple[int, ...], n: int) -> np.ndarray:
+        """Read `n` rows of a variable of the file as they are, from index `start` on."""
+        return self._rows.read(variable, start, n)
+
     def have_checksum(self) -> np.ndarray:
         """Return which blocks have a checksum, valid or not; shape of ``commit``."""
         return self._whole("commit", self.layout.commit) != 0
+
+    def begun(self) -> list[int]:
+        """Return the tasks that have a block with a checksum, ascending."""
+        places = np.argwhere(self.have_checksum()).tolist()
+        return sorted({self.study.block(tuple(place)).task for place in places})
 
     def whole(self, variable: str) -> np.ndarray:
         """Read a variable of the runs whole, committed or not."""
@@ -227,50 +236,11 @@ class Blocks:
     def valid_runs(self) -> np.ndarray:
         """Return for each run whether it belongs to a valid block."""
         mask = np.zeros([self.layout.sizes[dim] for dim in self.study.run_dims], bool)
-        for task in range(self.study.n_tasks):
+        for task in self.begun():
             for block, good in self.verify(task):
                 if good:
                     mask[block.runs] = True
         return mask
-
-
-class _Identity:
-    """Which file lies under a name: what is written into one that was removed is lost."""
-
-    def __init__(self, path: Path):
-        self._path = path
-        self._descriptor = open_above(path, os.O_RDONLY)
-        self._size = os.fstat(self._descriptor).st_size
-
-    def check(self) -> None:
-        """Make sure that the file is the one that was opened, under its name and whole.
-
-        Raises
-        ------
-        WriteError
-        """
-        if self._descriptor < 0:
-            return
-        mine = os.fstat(self._descriptor)
-        try:
-            there = self._path.stat()
-        except OSError:
-            there = None
-        if there is None or (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
-            what = "removed, renamed or replaced"
-        elif mine.st_size < self._size:
-            what = "cut short"
-        else:
-            return
-        raise WriteError(
-            f"{self._path}: was {what} while it was being written; what was computed is not in it"
-        )
-
-    def close(self) -> None:
-        """Forget the file."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
 
 
 class Campaign:
@@ -279,7 +249,7 @@ class Campaign:
     def __init__(self, path: Path, layout: Layout, transport: Transport):
         self.blocks = Blocks(path, layout)
         self.transport = transport
-        self._identity = _Identity(path)
+        self._identity = Identity(path)
         self.written_bytes = 0
         self.write_seconds = 0.0
         self._pending: list[tuple[tuple[int, ...], int]] = []

@@ -92,7 +92,8 @@ def fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> N
         data.attrs.update(flags_of(variable, layout.study.structure))
     for variable, values in layout.given:
         file[variable.name][...] = values
-    file[layout.commit.name][...] = 0
+    for checksums in (layout.commit, *layout.derived[-1:]):
+        file[checksums.name][...] = 0
     for key, value in {**layout.attributes, **provenance}.items():
         file.attrs[key] = value
     file.attrs[CHECKSUM] = metadata_checksum(Contents(file))

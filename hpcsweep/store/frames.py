@@ -9,6 +9,7 @@ from hpcsweep.job import part_of
 from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.store.commit import Blocks
+from hpcsweep.store.inferred import Inferred, frame_variables
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.study import Axis, Block, Place, Variable
@@ -82,7 +83,8 @@ class Frames:
         axes = self.whole.study.axes
         self.at = {axis.name: axis.values[at] for axis, at in zip(axes, place, strict=True)}
         self._own = self._layout if self.study is self.whole.study else Layout(self.job)
-        self._variables = {variable.name: variable for variable in self._own.variables}
+        derived = frame_variables(self._own)
+        self._variables = {v.name: v for v in (*self._own.variables, *derived)}
 
     @property
     def part(self) -> str:
@@ -115,7 +117,7 @@ class Frames:
     @property
     def variables(self) -> list[Variable]:
         """The variables of a run, in the order of the file."""
-        return self._own.variables
+        return [*self._variables.values()]
 
     def close(self) -> None:
         """Close the file."""
@@ -124,12 +126,8 @@ class Frames:
     def read(self, frame: int, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         """Read variables of one frame, first axes (direction, amplitude).
 
-        Runs without valid commit hold what `open_results` gives them: 0 or NaN.
-
-        Raises
-        ------
-        StoreError
-            If the file does not hold one of the variables.
+        Runs without valid commit hold what `open_results` gives them: 0 or NaN. A variable that
+        the file does not hold is a `StoreError`.
         """
         frame = self._frame(frame)
         for name in arguments.words("names", names):
@@ -142,13 +140,34 @@ class Frames:
             variable = self._variables[name]
             directions, _, *rest = self._own.shape(variable)
             found[name] = np.full((directions, *rest), variable.missing, variable.dtype)
+        derived = [v.name for v in frame_variables(self._own) if v.name in names]
+        begun = self._begun(frame)
         for task in self.study.tasks_of(frame):
-            for own, block, valid in self._valid(task):
+            for own, block, valid in self._valid(task) if task in begun else ():
                 if valid:
                     rows = self._blocks.read(block)
                     direction, _, at = own.runs
                     for name in names:
-                        found[name][direction, at] = rows[name]
+                        if name not in derived:
+                            found[name][direction, at] = rows[name]
+        if derived:
+            inferred = Inferred(self._blocks).frame((*self.place, 0, frame)) or {}
+            for name in derived:
+                found[name][0] = inferred.get(name, 0)
+        return found
+
+    def audit(self) -> dict:
+        """Return ``runs_inferred`` and ``audit`` (a `Look`) of a refined map; of others nothing."""
+        return Inferred(self._blocks).told() if self._layout.derived else {}
+
+    def _begun(self, frame: int) -> set[int]:
+        """Return the tasks with a block of a frame that has a checksum."""
+        n_blocks, found = self._own.sizes["block"], set()
+        for direction in range(len(self.study.directions)):
+            stored = self._blocks.read_rows("commit", (*self.place, direction, frame, 0), n_blocks)
+            numbers = np.flatnonzero(stored)
+            at = np.full(numbers.size, direction), np.full(numbers.size, frame), numbers
+            found |= set(self.study.task_of(*at).tolist())
         return found
 
     def _frame(self, frame: int) -> int:
@@ -157,10 +176,7 @@ class Frames:
     def dataset(self, frame: int):
         """Read one frame as an xarray.Dataset.
 
-        Returns
-        -------
-        xarray.Dataset
-            As of `open_results`, with one `omega`; of the attributes only `job` and `name`.
+        As of `open_results`, with one `omega`; of the attributes only `job` and `name`.
         """
         frame = self._frame(frame)
         found = self.read(frame, tuple(self._variables))
@@ -229,7 +245,7 @@ class Frames:
         elif not isinstance(frames, Sequence | np.ndarray):
             raise arguments.refused("frames", "a sequence of whole numbers", frames)
         frames = [self._frame(frame) for frame in frames]
-        kept = [v for v in self._own.variables if v.name in names]
+        kept = [v for v in self.variables if v.name in names]
         axes = {v.name: v.dims for v in kept} | dict.fromkeys(derive or {}, study.run_dims)
         chosen = slice(None)
         if direction is not None:

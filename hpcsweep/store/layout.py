@@ -33,6 +33,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.refine.refinement import Source
+from hpcsweep.studies.refine.variables import derived_coordinates, derived_variables
 from hpcsweep.studies.study import Variable
 
 LAYOUT_VERSION = 2
@@ -63,10 +65,12 @@ FLAGS: dict[str, type[IntEnum]] = {
     "skip_rule": SkipRule,
     "motion": MotionClass,
     "motion_class": MotionClass,
+    "source": Source,
+    "inferred_motion": MotionClass,
 }
 """Variables whose numbers are those of an enumeration."""
-CONTACT_SET = "contact"
-"""Variable with a bit for each contact."""
+CONTACT_SETS = ("contact", "inferred_contact")
+"""Variables with a bit for each contact."""
 
 
 class WriteError(RuntimeError):
@@ -92,6 +96,8 @@ class Layout:
     coordinates : dict of str to Coordinate
     given : list of (Variable, ndarray)
         Variables that are known beforehand.
+    derived : list of Variable
+        Of a refined map, see `hpcsweep.store.inferred`.
     commit : Variable
     """
 
@@ -101,10 +107,13 @@ class Layout:
         self.name, self.text, self.fingerprint = job.name, job.text, job.fingerprint
         study, structure = job.study, job.study.structure
         self.variables = [_named(variable, structure) for variable in study.variables]
-        self.sizes = study.dimensions
+        coordinates = study.coordinates | derived_coordinates(study)
+        self.derived = derived_variables(study)
+        self.sizes = {name: one.values.size for name, one in derived_coordinates(study).items()}
+        self.sizes |= study.dimensions
         self.coordinates = {
             name: one._replace(units=unit_of(structure, one.units))
-            for name, one in study.coordinates.items()
+            for name, one in coordinates.items()
         }
         self.given = [(_named(variable, structure), values) for variable, values in study.given]
         self.commit = study.commit
@@ -112,7 +121,12 @@ class Layout:
     @property
     def datasets(self) -> list:
         """All variables but the coordinates, in the order of the file."""
-        return [*(variable for variable, _ in self.given), *self.variables, self.commit]
+        return [*(variable for variable, _ in self.given), *self.stored]
+
+    @property
+    def stored(self) -> list:
+        """All variables that campaigns write."""
+        return [*self.variables, *self.derived, self.commit]
 
     def shape(self, variable) -> tuple[int, ...]:
         """Return the shape of a variable."""
@@ -140,7 +154,7 @@ class Layout:
 
     def file_size(self) -> int:
         """Return the bytes of the file, without its few kilobytes of metadata."""
-        return sum(map(self.bytes_of, [*self.variables, self.commit]))
+        return sum(map(self.bytes_of, self.stored))
 
 
 def _named(variable: Variable, structure) -> Variable:
@@ -150,7 +164,7 @@ def _named(variable: Variable, structure) -> Variable:
 
 def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:
     """Return what the numbers of a variable mean, as the CF conventions tell it; often nothing."""
-    if variable.name == CONTACT_SET and structure.contact_names:
+    if variable.name in CONTACT_SETS and structure.contact_names:
         masks = [1 << (number - 1) for number in structure.contact_names]
         names = [name.replace(" ", "_") for name in structure.contact_names.values()]
         return {"flag_masks": np.array(masks, variable.dtype), "flag_meanings": " ".join(names)}

@@ -23,6 +23,7 @@ from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 from hpcsweep.store.offsets import open_for_reading
+from hpcsweep.studies.refine.variables import INFERRED
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
@@ -151,7 +152,7 @@ def check_file(path: Path) -> dict:
     return attributes
 
 
-def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray]:
+def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray | None]:
     """Read how far a campaign is, and no more: nothing is verified.
 
     Returns
@@ -162,6 +163,8 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray]:
         Whether each block has a checksum, shape of ``commit``.
     outcome : ndarray of int
         Of the runs; 0 where none was written.
+    inferred : ndarray of bool or None
+        Of a refined map, whether each frame has the checksum of what is inferred.
 
     Raises
     ------
@@ -175,7 +178,8 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray]:
         if _equal(found.get("format"), FORMAT) and len(found) == 3:
             version = file.attrs.get("layout_version", -1)
             if _equal(version, LAYOUT_VERSION):
-                return found, file["commit"][...] != 0, file["outcome"][...]
+                inferred = file[INFERRED][...] != 0 if INFERRED in file else None
+                return found, file["commit"][...] != 0, file["outcome"][...], inferred
     check_file(path)  # says in one line what it is
     raise DamagedError(f"{path}: damaged (attributes are missing); {REPAIR}")
 

@@ -1,6 +1,7 @@
 """Pack a campaign file: the same datasets, chunked and compressed, verified equal before use."""
 
 import contextlib
+import math
 import os
 import shutil
 from pathlib import Path
@@ -12,6 +13,7 @@ from hpcsweep.job.paths import followed, path_of
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.contents import Contents
 from hpcsweep.store.create import reason
+from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.lock import Lock
@@ -83,10 +85,12 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
 
 def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ...]]:
     """Return the places of the committed blocks, all of whose checksums hold."""
-    committed, waiting = [], 0
+    committed = []
     blocks = Blocks(path, layout)
     try:
-        for task in range(layout.study.n_tasks):
+        # in a complete map the points that are not committed are inferred
+        inferred = layout.derived and not Inferred(blocks).unknown()
+        for task in blocks.begun():
             for block, good in blocks.valid(task):
                 if good:
                     committed.append(block.place)
@@ -94,13 +98,12 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
                     raise StoreError(
                         f"{path}: damaged (see hpcsweep validate); run its job again, then pack it"
                     )
-                else:
-                    waiting += 1
     finally:
         blocks.close()
-    if waiting and whole:
+    n_blocks = math.prod(layout.shape(layout.commit))
+    if whole and not inferred and len(committed) < n_blocks:
         raise StoreError(
-            f"{path}: not complete ({waiting} of {waiting + len(committed)} blocks are missing), "
+            f"{path}: not complete ({n_blocks - len(committed)} of {n_blocks} blocks are missing), "
             "and a packed file cannot be resumed; run it to its end, or pack a copy with -o"
         )
     return committed

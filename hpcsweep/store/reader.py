@@ -8,10 +8,12 @@ from hpcsweep.job import Job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.contents import NOTES, Contents
+from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.layout import flags_of
 from hpcsweep.store.metadata import CHECKSUM
 from hpcsweep.store.opening import open_layout, reading
 from hpcsweep.store.parts import parts_of
+from hpcsweep.studies.refine.variables import AUDIT
 
 
 def job_of(path: str | Path) -> Job:
@@ -59,7 +61,14 @@ def open_results(path: str | Path):
         attributes = {key: value for key, value in contents.attributes.items() if key != CHECKSUM}
     with Blocks(path, layout) as blocks:
         missing = ~blocks.valid_runs()
-    for variable in layout.variables:
+        if layout.derived:
+            inferred = Inferred(blocks)
+            for place in inferred.unknown():
+                for variable in inferred.variables:
+                    arrays[variable.name][1][place] = variable.missing
+            if inferred.look() is None:
+                arrays[AUDIT][1][...] = np.nan
+    for variable in (*layout.variables, *layout.derived):
         arrays[variable.name][2].update(flags_of(variable, layout.study.structure))
     for place in map(tuple, np.argwhere(missing.any(axis=-1))):  # a frame at a time
         for variable in layout.variables:

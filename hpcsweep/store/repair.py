@@ -58,7 +58,7 @@ def repair(path: Path, layout: Layout, provenance: dict[str, str | int]) -> str:
                 "is: move it away and run again",
                 repairable=False,
             )
-        names = [variable.name for variable in (*layout.variables, layout.commit)]
+        names = [variable.name for variable in layout.stored]
         _copy_metadata(model, path, sorted(offsets.extents(names)))
     except OSError as error:
         raise StoreError(f"{path}: cannot be repaired: {reason(error)}") from None

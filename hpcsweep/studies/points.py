@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.refine.refinement import Refinement, read_refinement
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.sweep.runs import frame_runs
 from hpcsweep.studies.variables import AMPLITUDE
@@ -28,25 +29,39 @@ class Points(RunGrid):
     ----------
     listed : bool
         Whether `omega` and `amplitude`, of one length, are a list of pairs.
+    refine : Refinement, optional
+        Which points of the grid are computed; default all.
     """
 
     directions: tuple[str, ...] = (START,)
     listed: bool = False
+    refine: Refinement | None = None
 
     kind: ClassVar[str] = "points"
     task_noun: ClassVar[str] = "point"
     why_whole: ClassVar[str] = "a point is one run, which cannot be cut"
     words: ClassVar[dict[str, str]] = {START: "each from the initial state"}
     direction_name: ClassVar[str] = "where each run starts"
-    keys: ClassVar[dict] = {"study": ("points",), "sweep": ("omega", "frequency", "amplitude")}
+    keys: ClassVar[dict] = {
+        "study": ("points", "refine"),
+        "sweep": ("omega", "frequency", "amplitude"),
+    }
     default_block: ClassVar[int] = 1
-    grid_fields: ClassVar[tuple[str, ...]] = ("omega", "amplitude", "listed", "block_size")
+    grid_fields: ClassVar[tuple[str, ...]] = (
+        "omega",
+        "amplitude",
+        "listed",
+        "block_size",
+        "refine",
+    )
 
     @classmethod
     def read(cls, values, **common) -> "Points":
         """Read the grid, or the list, of points a job asks for; see `RunGrid.read`."""
+        refine = read_refinement(values, common["settings"], common["block_size"])
         if not values.has("study.points"):
             return cls(
+                refine=refine,
                 omega=values.frequencies("sweep.omega"),
                 amplitude=values.amplitudes("sweep.amplitude"),
                 **common,

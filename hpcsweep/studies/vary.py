@@ -215,7 +215,7 @@ SHARED = frozenset(
     (
         *("kind", "holds", "task_noun", "why_whole", "structure", "settings", "initial_state"),
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
-        *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words"),
+        *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words", "refine"),
     )
 )
 """What all parts of a `Varied` have in common."""

@@ -7,6 +7,7 @@ from tools import JOBS, SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.refine.refinement import Refinement
 from hpcsweep.studies.settings import SweepSettings
 
 
@@ -142,6 +143,7 @@ OTHER = {
     "initial_state": np.full(6, 0.07),
     "block_size": 7,
     "listed": True,
+    "refine": Refinement(),
 }
 """Another value than that of the job below, for every field that has a meaning."""
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures.inferred import VARIABLES as INFERRED
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.labels import frequency as frequency_label
 from hpcsweep.figures.palette import GRAZING, NOTHING
@@ -32,7 +33,8 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
     Returns
     -------
     xarray.Dataset
-        `VARIABLES`, `value` and the motion classes of one direction.
+        `VARIABLES`, `value` and the motion classes of one direction; of a refined map also what
+        is inferred, and its audit as an attribute.
 
     Raises
     ------
@@ -46,7 +48,9 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
     if direction not in study.directions:
         there = " and ".join(study.directions)
         raise PlotError(f"--direction {direction}: the results hold {there} only")
-    return frames.gather((*VARIABLES, *further), direction=direction, derive={MOTION: classes_of})
+    names = (*VARIABLES, *INFERRED, *further)
+    results = frames.gather(names, direction=direction, derive={MOTION: classes_of})
+    return results.assign_attrs(frames.audit())
 
 
 def least_cells(amplitudes: int) -> None:
@@ -161,6 +165,7 @@ def legend_of_shares(
     blank: float,
     blank_name: str,
     more: Sequence = (),
+    of: str = "runs",
 ) -> None:
     """Name colours beside the panels, and the share of the runs that each has.
 
@@ -172,6 +177,8 @@ def legend_of_shares(
     blank_name : str
     more : sequence of matplotlib artists
         Further keys.
+    of : str
+        What the shares are of.
     """
     from matplotlib.patches import Patch
 
@@ -195,7 +202,7 @@ def legend_of_shares(
         loc="outside right center",
         fontsize=8,
         frameon=False,
-        title="share of runs",
+        title=f"share of {of}",
         title_fontsize=8,
         alignment="left",
     )

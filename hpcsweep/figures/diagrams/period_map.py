@@ -16,6 +16,7 @@ from hpcsweep.figures.diagrams.mesh import (
     mark_strip,
     open_map,
 )
+from hpcsweep.figures.inferred import draw_cells, filled, filled_classes, inferred, note_of
 from hpcsweep.figures.labels import exponent as exponent_label
 from hpcsweep.figures.options import DIRECTION, Option
 from hpcsweep.figures.palette import (
@@ -26,6 +27,7 @@ from hpcsweep.figures.palette import (
     motion_index,
 )
 from hpcsweep.figures.style import (
+    PlotError,
     caption,
     classes_of,
     direction_index,
@@ -52,6 +54,12 @@ OPTIONS = (
         "value",
         {"choices": VALUES},
     ),
+    Option(
+        "--cells",
+        "outline the cells of a refined map from which points are inferred",
+        "cells",
+        {"action": "store_true", "default": None},
+    ),
 )
 ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
 """Motions whose share the legend states even if it is 0."""
@@ -62,12 +70,20 @@ MOST_PANELS = 9
 """Modes shown, the lowest."""
 
 
-def load(frames, direction: str | None = None, value: str | None = None):
+def load(frames, direction: str | None = None, value: str | None = None, cells: bool | None = None):
     """Read the map of one direction."""
+    if cells and not frames.audit():
+        raise PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
     return open_map(frames, value, direction)
 
 
-def draw(results, path: Path, value: str = "period", direction: str | None = None) -> None:
+def draw(
+    results,
+    path: Path,
+    value: str = "period",
+    direction: str | None = None,
+    cells: bool | None = None,
+) -> None:
     """Draw the map of one direction and write it to `path`.
 
     Parameters
@@ -78,6 +94,8 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
         What the colours tell; period: the motion classes.
     direction : {"up", "down"}, optional
         Default the first.
+    cells : bool, optional
+        Whether the cells of a refined map are outlined.
 
     Raises
     ------
@@ -105,16 +123,19 @@ def draw(results, path: Path, value: str = "period", direction: str | None = Non
     for axis in axes.flat[:panels]:
         draw_grazing(axis, results, structure_of(results))
         mark_strip(axis, results)
+        if cells and inferred(results).any():
+            draw_cells(axis, results)
         axis.label_outer()
     for axis in axes.flat[panels:]:
         axis.set_visible(False)
-    head(figure, f"{caption(results)},  {words_of(results)}", fontsize=10)
+    told = [f"{caption(results)},  {words_of(results)}", note_of(results)]
+    head(figure, "\n".join(filter(None, told)), fontsize=10)
     save(figure, path)
 
 
 def _classes(figure, axes, results) -> None:
-    classes = classes_of(results)[0]
-    index = motion_index(classes, results["orbit_period"].values[0])
+    classes, periods = (values[0] for values in filled_classes(results))
+    index = motion_index(classes, periods)
     draw_classes(axes[0, 0], results, index, MOTION_COLOURS)
     missing = classes == MotionClass.NOT_COMPUTED
     computed = max(int((~missing).sum()), 1)
@@ -123,12 +144,15 @@ def _classes(figure, axes, results) -> None:
         for place, (name, colour) in enumerate(MOTIONS)
         if name in ALWAYS or (index == place).any()
     ]
-    legend_of_shares(figure, entries, float(missing.mean()), "not computed", grazing_keys(results))
+    of = "points" if inferred(results).any() else "runs"
+    keys = grazing_keys(results)
+    legend_of_shares(figure, entries, float(missing.mean()), "not computed", keys, of)
 
 
 def _contact_sets(figure, axes, results) -> None:
-    contact = results["contact"].values[0]
-    done = results["outcome"].values[0] == Outcome.COMPLETE
+    contact = filled(results, "contact")[0]
+    known_from_cells = inferred(results, "contact")[0]
+    done = (results["outcome"].values[0] == Outcome.COMPLETE) | known_from_cells
     sets = np.union1d(contact[done], np.zeros(1, contact.dtype))
     labels = structure_of(results).contact_labels
     index = np.where(done, np.searchsorted(sets, contact), -1)
@@ -145,7 +169,8 @@ def _contact_sets(figure, axes, results) -> None:
     if rest:
         share = (counts.sum() - counts[named].sum()) / done.size
         entries.append((f"{rest} rarer sets", "none", float(share)))
-    legend_of_shares(figure, entries, float((~done).mean()), "failed or not computed")
+    of = "points" if known_from_cells.any() else "runs"
+    legend_of_shares(figure, entries, float((~done).mean()), "failed or not computed", of=of)
 
 
 def _drift(figure, axes, results) -> None:

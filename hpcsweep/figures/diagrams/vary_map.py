@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.figures.diagrams.mesh import edges_of, grazing_key, legend_of_shares
+from hpcsweep.figures.inferred import filled_classes
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.labels import unit
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option
 from hpcsweep.figures.palette import GRAZING, MOTION_COLOURS, MOTIONS, NOTHING, motion_index
 from hpcsweep.figures.style import (
     PlotError,
-    classes_of,
     direction_index,
     head,
     nearest_frame,
@@ -115,8 +115,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
             )
             frame = frames.dataset(place)
             at = direction_index(frame, direction)
-            period = frame["orbit_period"].values[at, 0]
-            motion.append(motion_index(classes_of(frame)[at, 0], period))
+            motion.append(motion_index(*(values[at, 0] for values in filled_classes(frame))))
             grazing.append(frames.study.structure.grazing_amplitude(float(frame["omega"].item())))
         told = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in told))

@@ -51,6 +51,7 @@ VALUE_BITS = {"drift": 16, "lyapunov": 16}
 NORM_BITS = 12
 QUANTITIES = ("length", "velocity", "acceleration", "frequency", "rate")
 """Whose units the page names."""
+INFERRED_WORDS = "inferred from its cell"
 NAME_ROOM = 40
 """Letters of a contact set's name."""
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
@@ -168,7 +169,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         ],
         "motionLegend": [{"name": name, "colour": colour} for name, colour in MOTIONS],
         "longest": LONGEST,
-        "outcomes": [o.name.lower().replace("_", " ") for o in Outcome],
+        "outcomes": [*(o.name.lower().replace("_", " ") for o in Outcome), INFERRED_WORDS],
         "contacts": [set_name(s, study.structure.contact_labels, NAME_ROOM) for s in sets],
         "colours": _colours(study, sets),
     }, texts

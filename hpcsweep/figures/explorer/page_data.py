@@ -8,13 +8,17 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures.explorer import attractors
+from hpcsweep.figures.inferred import filled, inferred
 from hpcsweep.figures.labels import MOST_MODES
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
 
 POINT_BUDGET = 30_000_000
 """Displacements of the orbit diagrams that a page holds unless told how many points a run has."""
 
+INFERRED = len(Outcome)
+"""Code, among those of outcomes, of points that are inferred from their cells."""
 MOST_CELLS = 20_000_000
 """Places of the map."""
 
@@ -149,16 +153,16 @@ def gather(
 
 
 def _codes(frame) -> dict[str, np.ndarray]:
+    motion = frame[MOTION].values if MOTION in frame else classes_of(frame)
+    outcome = np.where(inferred(frame), INFERRED, frame["outcome"].values)
     codes = {
-        "motion": (frame[MOTION].values if MOTION in frame else classes_of(frame))[:, 0].astype(
-            np.uint8
-        ),
-        "period": frame["orbit_period"].values[:, 0].astype(np.uint32),
-        "outcome": frame["outcome"].values[:, 0].astype(np.uint8),
+        "motion": filled(frame, MOTION, motion)[:, 0].astype(np.uint8),
+        "period": filled(frame, "orbit_period")[:, 0].astype(np.uint32),
+        "outcome": outcome[:, 0].astype(np.uint8),
         "cycles": frame["cycles"].values[:, 0].astype(np.uint32),
     }
     if "contact" in frame:
-        codes["contact"] = frame["contact"].values[:, 0]
+        codes["contact"] = filled(frame, "contact")[:, 0]
     return codes
 
 

@@ -1,0 +1,45 @@
+"""Whether what a refined map says of its points follows from the points that were computed."""
+
+import numpy as np
+
+from hpcsweep.store.commit import Blocks
+from hpcsweep.store.inferred import Inferred
+from hpcsweep.studies.refine.cells import Labels
+from hpcsweep.studies.refine.variables import AUDIT, INFERRED, replay
+from hpcsweep.studies.study import Place
+
+
+def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
+    """Walk the rounds of a map again, from its committed points, and compare what is inferred.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        Of a refined map.
+
+    Returns
+    -------
+    list of (tuple of int, str)
+        Place of a frame and what is wrong there. Nothing of a map that is not complete yet.
+    """
+    inferred, labels = Inferred(blocks), Labels(blocks.study.n_runs)
+    stored = np.array([blocks.read_rows(INFERRED, place, 1)[0] for place in inferred.places])
+    if not stored.any():
+        return []
+    unknown = inferred.unknown()
+    if unknown:
+        return [(place, "what is inferred: its checksum does not hold") for place in unknown]
+    for place in inferred.places:
+        labels.store(*inferred.labels(place))
+    values = replay(blocks.study, labels)
+    if values is None:
+        return [(inferred.places[0], "points that the map was refined by are not committed")]
+    if not np.array_equal(values[AUDIT], inferred.audit(), equal_nan=True):
+        return [(inferred.places[0], "the audit is not that of the computed points")]
+    problems = []
+    for k, place in enumerate(inferred.places):
+        rows = inferred.frame(place) or {}
+        for name, row in rows.items():
+            if not np.array_equal(values[name].reshape(-1, row.size)[k], row):
+                problems.append((place, f"{name} does not follow from the computed points"))
+    return problems

@@ -1,0 +1,145 @@
+"""What a refined map holds beside its runs, and when it is believed.
+
+The variables are those of `hpcsweep.studies.refine.variables`. They follow from the committed runs,
+and are written when no run is left to do: all of them first, then, after they have reached the
+disk, ``inferred``: a checksum for each frame, of the job's fingerprint, the frame's place, all its
+bytes and the audit. A map is complete where all frames have one; then what has no checksum of its
+own in ``commit`` is inferred. A kill before that leaves nothing that would be believed.
+"""
+
+import hashlib
+
+import numpy as np
+
+from hpcsweep.store.commit import Blocks, Campaign
+from hpcsweep.store.layout import Layout
+from hpcsweep.studies.refine.audit import Look
+from hpcsweep.studies.refine.refinement import Refinement, Source
+from hpcsweep.studies.refine.variables import AUDIT, INFERRED, SOURCE, last_look
+from hpcsweep.studies.study import Place, Variable
+
+
+class Inferred:
+    """Reads the derived variables of a refined map, believing frames whose checksum holds.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        Of its file.
+    """
+
+    def __init__(self, blocks: Blocks):
+        self._blocks = blocks
+        layout = blocks.layout
+        self.variables = frame_variables(layout)
+        self._n = layout.sizes["amplitude"]
+        self._shape = tuple(layout.sizes[dim] for dim in layout.commit.dims[:-1])
+        self.places: list[Place] = list(np.ndindex(*self._shape))
+
+    def audit(self) -> np.ndarray:
+        """Read the looks of the audit, right or not."""
+        return self._blocks.read_rows(AUDIT, (0,), self._shape_of_audit[0])
+
+    @property
+    def _shape_of_audit(self) -> tuple[int, ...]:
+        layout = self._blocks.layout
+        return layout.shape(next(v for v in layout.derived if v.name == AUDIT))
+
+    def checksum(self, place: Place, rows: dict[str, np.ndarray], audit: np.ndarray) -> int:
+        """Compute the checksum of a frame; never 0."""
+        digest = hashlib.blake2b(bytes.fromhex(self._blocks.layout.fingerprint), digest_size=8)
+        digest.update(np.array(place, "<i8").tobytes())
+        for variable in self.variables:
+            digest.update(np.ascontiguousarray(rows[variable.name], variable.dtype).data)
+        digest.update(np.ascontiguousarray(audit, "<f8").data)
+        return int.from_bytes(digest.digest(), "little") | 1
+
+    def frame(self, place: Place, audit: np.ndarray | None = None) -> dict[str, np.ndarray] | None:
+        """Read a frame, arrays of shape (n_amplitudes,); None if its checksum does not hold."""
+        stored = int(self._blocks.read_rows(INFERRED, place, 1)[0])
+        if not stored:
+            return None
+        read = self._blocks.read_rows
+        rows = {v.name: read(v.name, (*place, 0), self._n) for v in self.variables}
+        audit = self.audit() if audit is None else audit
+        return rows if stored == self.checksum(place, rows, audit) else None
+
+    def labels(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """Read what the committed points of a frame are told by.
+
+        Returns
+        -------
+        points : ndarray of int, shape (k,)
+            Flat indices among all points, ascending, of those whose own checksum holds.
+        labels : ndarray of uint64, shape (k, m)
+            See `Refinement.labels`.
+        """
+        blocks = self._blocks
+        refinement: Refinement = blocks.study.refine
+        first = int(np.ravel_multi_index((*place, 0), (*self._shape, self._n)))
+        points, labels = [], [np.zeros((0, 1 + len(refinement.variables)), np.uint64)]
+        for at in np.flatnonzero(blocks.read_rows("commit", (*place, 0), self._n)).tolist():
+            rows = blocks.believed(blocks.study.block((*place, at)))
+            if rows is not None:
+                points.append(first + at)
+                labels.append(refinement.labels(rows))
+        return np.array(points, int), np.concatenate(labels)
+
+    def unknown(self) -> list[Place]:
+        """Return the frames of which nothing is inferred yet; none if the map is complete."""
+        audit = self.audit()
+        return [place for place in self.places if self.frame(place, audit) is None]
+
+    def mask(self) -> np.ndarray | None:
+        """Return which points are inferred, shape of the runs; None if the map is not complete."""
+        audit = self.audit()
+        found = [self.frame(place, audit) for place in self.places]
+        if any(rows is None for rows in found):
+            return None
+        inferred = [rows[SOURCE] == Source.INFERRED for rows in found if rows is not None]
+        return np.array(inferred).reshape(*self._shape, self._n)
+
+    def told(self) -> dict:
+        """Return the number of inferred points and the last look, None until it is complete."""
+        mask, look = self.mask(), self.look()
+        return {
+            "runs_inferred": 0 if mask is None else int(mask.sum()),
+            "audit": None if look is None else look._asdict(),
+        }
+
+    def look(self) -> Look | None:
+        """Return the look of the audit that counts; None if the map is not complete."""
+        audit = self.audit()
+        return None if self.frame(self.places[-1], audit) is None else last_look(audit)
+
+
+def frame_variables(layout: Layout) -> list[Variable]:
+    """Return the derived variables that have a value for each point."""
+    return [v for v in layout.derived if v.name not in (AUDIT, INFERRED)]
+
+
+def write_inferred(campaign: Campaign, values: dict[str, np.ndarray]) -> None:
+    """Write the derived variables of a map, and when they are on disk their checksums, by one rank.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        All of whose runs are committed.
+    values : dict of str to ndarray
+        Of `hpcsweep.studies.refine.variables.derived_values`.
+    """
+    inferred = Inferred(campaign.blocks)
+    shape = (len(inferred.places), -1)
+    frames = {v.name: values[v.name].astype(v.dtype).reshape(shape) for v in inferred.variables}
+    sums = []
+    for k, place in enumerate(inferred.places):
+        rows = {name: array[k] for name, array in frames.items()}
+        sums.append((place, inferred.checksum(place, rows, values[AUDIT])))
+        for name, row in rows.items():
+            campaign.transport.write(name, (*place, 0), row)
+    campaign.transport.write(AUDIT, (0,), values[AUDIT])
+    campaign.flush()
+    campaign.transport.sync()
+    for place, checksum in sums:
+        campaign.transport.write(INFERRED, place, np.array([checksum], "<u8"))
+    campaign.transport.sync()

@@ -1,0 +1,282 @@
+"""Campaigns of refined maps: the same bytes on any ranks and after any kill; who tells what."""
+
+import json
+import random
+import signal
+
+import faults
+import h5py
+import numpy as np
+import pytest
+from tools import GRID, SMALL, assert_same_datasets, hpcsweep
+
+from hpcsweep import open_results
+from hpcsweep.campaign.overview import overview
+from hpcsweep.campaign.run import COMPLETE, STOPPED, run_all
+from hpcsweep.campaign.status import status
+from hpcsweep.campaign.summary import summarize
+from hpcsweep.checks.validate import validate
+from hpcsweep.job import JobError, parse_job
+from hpcsweep.parallel.mpi import Serial
+from hpcsweep.parallel.stopping import StopFlag
+from hpcsweep.store import Frames, pack
+from hpcsweep.studies.refine.refinement import Source
+from hpcsweep.studies.refine.variables import last_look
+
+REFINE = 'kind = "points"\nrefine = {levels = 3, wrong = 0.2}'
+MAP = (
+    GRID.replace('kind = "points"', REFINE)
+    .replace("from = 0.5, to = 0.8, count = 4", "from = 0.3, to = 0.9, count = 26")
+    .replace("count = 11", "count = 20")
+    .replace("lyapunov = true", "poincare = false")
+)
+RUNS = 520
+SLOW = MAP.replace("transient_cycles = 30", "transient_cycles = 1500").replace(
+    "[output]", '[solver]\nskip = "none"\n[output]'
+)
+THREE = (
+    MAP.replace("count = 26", "count = 9").replace("count = 20", "count = 12")
+    + "[vary]\nstructure.gap = [0.8, 0.9, 1.0, 1.1]\n"
+)
+
+
+def made(text, path, **options):
+    (ending,) = run_all([(parse_job(text, "job", "job"), path)], Serial(), **options)
+    assert ending.code == COMPLETE
+    return path
+
+
+@pytest.fixture(scope="module")
+def refined(tmp_path_factory):
+    return made(MAP, tmp_path_factory.mktemp("refined") / "map.h5")
+
+
+def test_what_is_computed_equals_all_points_and_the_audit_bounds_what_is_inferred(
+    refined, tmp_path
+):
+    whole = open_results(made(MAP.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5"))
+    results = open_results(refined)
+    source = results["source"].values
+    inferred = source == Source.INFERRED
+    assert np.array_equal(inferred, results["outcome"].values == 0)
+    assert 0.1 < inferred.mean() < 0.9
+    assert (source == Source.AUDIT).any()
+    assert np.array_equal(inferred, results["cell"].values > 0)
+    for name in ("drift", "motion", "contact", "orbit_period", "final_state"):
+        mine, all_of_it = results[name].values[~inferred], whole[name].values[~inferred]
+        assert np.array_equal(mine, all_of_it, equal_nan=True), name
+    assert np.isnan(results["drift"].values[inferred]).all()
+    wrong = np.zeros(inferred.shape, bool)
+    for name in ("motion", "orbit_period", "contact"):
+        told = results[f"inferred_{name}"].values
+        assert not told[~inferred].any()
+        wrong |= told != whole[name].values
+    look = last_look(results["audit"].values)
+    assert look.left == inferred.sum()
+    assert look.low <= wrong[inferred].mean() <= look.high < 0.2
+
+
+def test_readers_tell_computed_from_inferred(refined, tmp_path):
+    results = open_results(refined)
+    inferred = int((results["source"].values == Source.INFERRED).sum())
+    for told in (status(refined), summarize(refined)):
+        assert told["runs_inferred"] == inferred
+        assert told["runs_done"] == RUNS - inferred
+        assert told["audit"]["left"] == inferred
+    assert status(refined)["complete"]
+    assert sum(entry["runs"] for entry in summarize(refined)["classes"].values()) == RUNS - inferred
+    assert overview(refined)["state"] == "complete"
+    frames = Frames(refined)
+    frame = frames.dataset(7)
+    frames.close()
+    for name in ("source", "cell", "inferred_motion", "inferred_contact", "drift"):
+        assert np.array_equal(frame[name], results[name].isel(omega=[7]), equal_nan=True), name
+    packed = tmp_path / "packed.h5"
+    pack(refined, packed)
+    assert open_results(packed).drop_attrs().equals(results.drop_attrs())
+    assert validate(refined, samples=0).problems == validate(packed, samples=0).problems == []
+    for words in (("status",), ("summary",)):
+        done = hpcsweep(0, *words, refined)
+        assert f"{inferred} points; of" in done.stdout
+    for kind in ("motion", "contact"):
+        value = () if kind == "motion" else ("--value", kind)
+        picture = tmp_path / f"{kind}.png"
+        done = hpcsweep(0, "plot", refined, "--kind", "map", *value, "--cells", "-o", picture)
+        assert done.returncode == 0, done.stderr
+        assert picture.stat().st_size > 10_000
+    done = hpcsweep(0, "explore", refined, "-o", tmp_path / "page.html")
+    assert done.returncode == 0, done.stderr
+    assert "inferred from its cell" in (tmp_path / "page.html").read_text()
+
+
+def test_a_damaged_byte_of_what_is_inferred_is_seen_and_mended(refined, tmp_path):
+    path = tmp_path / "map.h5"
+    path.write_bytes(refined.read_bytes())
+    with h5py.File(path, "r") as file:
+        place = file["source"].id.get_offset() + 20 * 5 + 3
+    with path.open("r+b") as file:
+        file.seek(place)
+        byte = file.read(1)[0]
+        file.seek(place)
+        file.write(bytes([byte ^ 2]))
+    results = open_results(path)
+    assert not results["source"].values[0, 5].any()
+    assert results["source"].values[0, 6].all()
+    assert not status(path)["complete"]
+    (problem,) = validate(path, samples=0).problems
+    assert "frame 5 " in problem
+    assert "its checksum does not hold" in problem
+    made(MAP, path)
+    assert_same_datasets(refined, path)
+
+
+def test_inferred_values_that_do_not_follow_are_seen(refined, tmp_path):
+    """All checksums hold, but a label is not that of the computed points around it."""
+    from hpcsweep.store import Layout, open_campaign
+    from hpcsweep.store.inferred import write_inferred
+
+    path = tmp_path / "map.h5"
+    path.write_bytes(refined.read_bytes())
+    results = open_results(path)
+    names = ("source", "cell", "inferred_motion", "inferred_orbit_period", "inferred_contact")
+    values = {name: results[name].values.ravel().copy() for name in names}
+    first = np.flatnonzero(values["source"] == Source.INFERRED)[0]
+    values["inferred_orbit_period"][first] += 1
+    campaign = open_campaign(path, Layout(parse_job(MAP, "job", "job")), Serial())
+    write_inferred(campaign, {**values, "audit": results["audit"].values})
+    campaign.close()
+    (problem,) = validate(path, samples=0).problems
+    assert "inferred_orbit_period does not follow from the computed points" in problem
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_ranks_change_no_byte(refined, tmp_path, ranks):
+    job = tmp_path / "job.toml"
+    job.write_text(MAP)
+    done = hpcsweep(ranks, "run", job, "-o", tmp_path / "map.h5")
+    assert done.returncode == 0, done.stderr
+    assert_same_datasets(refined, tmp_path / "map.h5")
+
+
+def test_stopped_between_rounds_and_resumed(refined, tmp_path):
+    from hpcsweep.campaign.progress import Silent
+
+    flag, path = StopFlag(), tmp_path / "map.h5"
+
+    class Stopping(Silent):
+        def advance(self, runs):
+            flag.reason = flag.reason or "SIGTERM"
+
+    job = [(parse_job(MAP, "job", "job"), path)]
+    (ending,) = run_all(job, Serial(), flag=flag, progress=lambda *_: Stopping())
+    assert ending.code == STOPPED
+    part = open_results(path)
+    assert not part["source"].values.any()
+    assert np.isnan(part["audit"].values).all()
+    assert status(path)["audit"] is None
+    assert overview(path)["state"] == "stopped"
+    made(MAP, path)
+    assert_same_datasets(refined, path)
+
+
+@pytest.mark.slow
+def test_in_three_parameters(tmp_path):
+    whole = open_results(made(THREE.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5"))
+    path = made(THREE, tmp_path / "three.h5")
+    results = open_results(path)
+    inferred = results["source"].values == Source.INFERRED
+    assert results["source"].dims == ("gap", "direction", "omega", "amplitude")
+    assert inferred.any()
+    mine, every = results["motion"].values, whole["motion"].values
+    assert np.array_equal(mine[~inferred], every[~inferred])
+    wrong = (results["inferred_motion"].values != every)[inferred].mean()
+    assert wrong <= last_look(results["audit"].values).high
+    frames = Frames(path, at={"gap": 0.9})
+    assert np.array_equal(frames.dataset(3)["cell"], results["cell"].sel(gap=0.9).isel(omega=[3]))
+    frames.close()
+    assert validate(path, samples=0).problems == []
+
+
+def test_points_of_a_full_map_are_taken_over(refined, tmp_path):
+    whole = made(MAP.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5")
+    taken = made(MAP, tmp_path / "new.h5", reuse=[whole])
+    assert_same_datasets(refined, taken)
+    told = [r for r in faults.records(taken) if r["kind"] == "reuse"]
+    assert told[0][f"from {whole}"] == status(refined)["runs_done"]
+    finer = made(MAP.replace("levels = 3", "levels = 2"), tmp_path / "finer.h5", reuse=[refined])
+    assert_same_datasets(made(MAP.replace("levels = 3", "levels = 2"), tmp_path / "f.h5"), finer)
+
+
+@pytest.mark.mpi
+def test_beside_other_jobs_in_one_queue(refined, tmp_path):
+    for name, text in (("map", MAP), ("small", SMALL)):
+        (tmp_path / f"{name}.toml").write_text(text)
+    done = hpcsweep(2, "run", "map.toml", "small.toml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert_same_datasets(refined, tmp_path / "map.h5")
+    assert status(tmp_path / "small.h5")["complete"]
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_killed_again_and_again_it_equals_the_uninterrupted_one(tmp_path):
+    """Twelve kills of one, two or three ranks, at random times."""
+    job, path, rng = tmp_path / "job.toml", tmp_path / "cut.h5", random.Random(3)
+    job.write_text(SLOW)
+    whole = made(SLOW, tmp_path / "whole.h5")
+    kills = 0
+    while kills < 12:
+        process = faults.start(rng.choice([0, 2, 3]), "run", job, "-o", path, sync=0.0)
+        least = len(faults.committed(path)) + rng.randint(1, 60)
+        if faults.wait_for_commits(process, path, least):
+            process.send(signal.SIGKILL, "all", rng)
+            kills += 1
+        process.end()
+        process.finish()
+        if status(path)["complete"]:
+            break
+    assert kills >= 5
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    assert_same_datasets(whole, path)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ((REFINE, REFINE + "\npoints = [[0.1, 0.5]]"), "a list of points has no cells"),
+        (("levels = 3", "levels = 0"), "study.refine.levels = 0: must be a whole number from 1"),
+        (("levels = 3", "levles = 3"), "unknown key 'study.refine.levles'; did you mean 'levels'?"),
+        (("wrong = 0.2", "wrong = 0"), "study.refine.wrong = 0.0: must lie between 0 and 1"),
+        (("wrong = 0.2", 'on = ["drift"]'), "study.refine.on = ['drift']: must be a list of class"),
+        (("wrong = 0.2", "seed = -1"), "study.refine.seed = -1: must be a whole number"),
+        (("{levels = 3, wrong = 0.2}", "3"), "study.refine = 3: must be a table"),
+        (("poincare = false", "contact = false"), '"contact" needs output.contact = true'),
+        (("poincare = false", "block = 5"), "output.block = 5: must be 1 with study.refine"),
+        (("[output]", '[solver]\nmethod = "bdf"\n[output]'), '"class" needs sweep.classify_cycles'),
+        (("{from = 0.3, to = 0.9, count = 26}", "[0.5, 0.4]"), "sweep.omega must have two numbers"),
+        (("[output]", "[vary]\nstructure.gap = [1.0, 0.8]\n[output]"), "vary.structure.gap must"),
+        (('"points"', '"amplitude_sweep"'), "it goes with study.kind"),
+    ],
+)
+def test_what_cannot_be_refined_gets_one_line_and_nothing_is_written(tmp_path, change, said):
+    text = MAP.replace(*change)
+    assert text != MAP
+    if "points =" in text:
+        text = text.replace("omega = {from = 0.3, to = 0.9, count = 26}\n", "")
+        text = text.replace("amplitude = {from = 0.02, to = 0.3, count = 20}\n", "")
+    with pytest.raises(JobError) as caught:
+        parse_job(text, "job", "job")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+    job = tmp_path / "job.toml"
+    job.write_text(text)
+    if said.startswith("a list"):
+        done = hpcsweep(0, "run", job, cwd=tmp_path)
+        assert done.returncode == 2
+        assert len(done.stderr.splitlines()) == 1
+        assert [*tmp_path.iterdir()] == [job]
+
+
+def test_status_as_json_is_json(refined):
+    assert json.loads(hpcsweep(0, "status", refined, "--json").stdout)["runs_inferred"] > 0

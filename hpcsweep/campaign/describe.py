@@ -24,8 +24,11 @@ def describe(job: Job) -> list[str]:
     lines += [f"varied:     {axis.key}: {_listed(axis.values)}" for axis in study.axes]
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
-    lines += _grazing(study, structure)
-    lines += _starts(study, structure)
+    if study.holds == "responses":
+        lines += (study.base if study.axes else study).told()
+    else:
+        lines += _grazing(study, structure)
+        lines += _starts(study, structure)
     return lines + [f"warning:    {text}" for text in warnings(job)]
 
 
@@ -152,6 +155,9 @@ def _warnings(study, structure) -> Iterator[str]:
     ratios = structure.damping_ratios
     if ratios.max() > 1:
         yield f"mode {int(ratios.argmax()) + 1} has the damping ratio {ratios.max():.4g}, above 1"
+    if study.holds == "responses":
+        yield from (study.base if study.axes else study).warnings()
+        return
     omega, natural = _omega(study), structure.frequencies
     orders = np.array([order for order, _, _ in structure.forcing.terms])
     ratio = np.abs(np.log(np.outer(orders, omega).ravel()[:, None] / natural))

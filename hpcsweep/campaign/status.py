@@ -55,8 +55,9 @@ def status(path: str | Path) -> dict:
     session = history.sessions[-1] if history.sessions else None
     with Blocks(path, layout) as blocks:
         committed = blocks.have_checksum()
-        names = ("outcome", "cycles", *layout.study.status_variables)
-        runs = {name: blocks.whole(name) for name in names}
+        names = {"outcome", "cycles", *layout.study.status_variables}
+        there = [v.name for v in layout.variables if v.name in names]
+        runs = {name: blocks.whole(name) for name in there}
         inferred = Inferred(blocks) if layout.derived else None
         state = _runs(layout, committed, runs, inferred)
     now = session.last if session and session.ended else time.time()
@@ -96,7 +97,7 @@ def _runs(
     if inferred is not None:
         mask, told = inferred.mask(), inferred.told()
         known = done if mask is None else done | mask
-    frames = known.all(axis=_axes(study.run_dims, "direction", "amplitude"))
+    frames = known.all(axis=_axes(study.run_dims, "direction", study.run_dims[-1]))
     return {
         "name": layout.name,
         "study": study.kind,
@@ -107,7 +108,9 @@ def _runs(
         "frames_total": int(frames.size),
         **told,
         "complete": bool(known.all()),
-        "periods_per_run": float(runs["cycles"][done].mean()) if n_done else None,
+        "periods_per_run": float(runs["cycles"][done].mean())
+        if n_done and "cycles" in runs
+        else None,
         **study.count(done, runs),
         "n_failed": len(failed),
         "failures": [
@@ -180,14 +183,15 @@ def _frame_seconds(layout: Layout, history: History) -> dict | None:
     for name, which in (("costliest", order[-1]), ("cheapest", order[0])):
         place = tuple(timed[which].tolist())
         run = study.describe(study.block(place).first)
-        told |= {name: float(whole[place]), f"{name}_omega": run["omega"]}
-        told[f"{name}_at"] = {axis.name: run[axis.name] for axis in study.axes}
+        run = {key: value for key, value in run.items() if key != study.run_dims[-1]}
+        run.pop("direction", None)
+        told |= {name: float(whole[place]), f"{name}_at": run}
     return told
 
 
 def _axes(dims: tuple[str, ...], *names: str) -> tuple[int, ...]:
     """Return the axes of dimensions."""
-    return tuple(dims.index(name) for name in names)
+    return tuple(dims.index(name) for name in names if name in dims)
 
 
 def _master(session: Session | None) -> dict | None:

@@ -57,7 +57,7 @@ def summarize(path: str | Path) -> dict:
         "damping_ratios": structure.damping_ratios.tolist(),
         "vary": {axis.key: list(axis.values) for axis in study.axes},
         "frames": study.n_frames,
-        "amplitudes": study.dimensions["amplitude"],
+        study.run_dims[-1] + "s": study.dimensions[study.run_dims[-1]],
         "directions": list(study.directions),
         "runs_total": study.n_runs,
         "runs_done": tally.done,
@@ -65,7 +65,7 @@ def summarize(path: str | Path) -> dict:
         "cost": total_cost(read_history(path)),
         "file_bytes": size.st_size,
         "disk_bytes": size.st_blocks * 512,
-        "tells_chaos": tells_chaos(frames),
+        "tells_chaos": study.holds != "responses" and tells_chaos(frames),
         **tally.told(),
     }
 

@@ -17,6 +17,7 @@ from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Campaign, Journal
 from hpcsweep.store.records import BlockCost, block_record, load_record
 from hpcsweep.store.reuse import told
+from hpcsweep.studies.run_names import run_name
 
 LISTED_FAILURES = 10
 
@@ -40,10 +41,7 @@ class Failures:
             return
         display.message(f"{n_failed} runs failed; their results are NaN and the others went on:")
         for run in self.first:
-            display.message(
-                f"  Omega = {run['omega']:.6g}, A = {run['amplitude']:.6g}, {run['direction']}: "
-                f"{run['outcome']}"
-            )
+            display.message(f"  {run_name(run)}: {run['outcome']}")
         if n_failed > len(self.first):
             display.message(f"  and {n_failed - len(self.first)} more; see hpcsweep status")
         for outcome, count in self.counts.items():

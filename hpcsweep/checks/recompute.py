@@ -25,6 +25,7 @@ import numpy as np
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
+from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import Block
 
 STEPS = 3
@@ -44,11 +45,14 @@ class RunAgain:
 
     Attributes
     ----------
-    direction : str
-    omega, amplitude : float
-    orbit_period : int
+    at : str
+        Which run.
     solver : str
         The other solver.
+    omega, amplitude : float
+        Of a motion.
+    orbit_period : int
+        0 of what is no orbit.
     compared : str
         What was compared with it.
     difference, allowed : float or None
@@ -61,11 +65,11 @@ class RunAgain:
         '' if all is well.
     """
 
-    direction: str
-    omega: float
-    amplitude: float
-    orbit_period: int
+    at: str
     solver: str
+    omega: float = 0.0
+    amplitude: float = 0.0
+    orbit_period: int = 0
     compared: str = ""
     difference: float | None = None
     allowed: float | None = None
@@ -93,17 +97,18 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     """
     study, block = study.part_of(block)
     other = witness_of(study.settings.solver)
-    told = study.describe(block.run(row))
-    structure = study.structure.measured_at(told["omega"], told["amplitude"])
+    described = study.describe(block.run(row))
+    point = described["omega"], described["amplitude"]
+    structure = study.structure.measured_at(*point)
     measured = replace(study, structure=structure)
-    solver = make_solver(other, structure, told["omega"], SOLVERS[other].tight)
-    tangent = make_solver("flow", structure, told["omega"], SOLVERS["flow"].tight)
+    solver = make_solver(other, structure, point[0], SOLVERS[other].tight)
+    tangent = make_solver("flow", structure, point[0], SOLVERS["flow"].tight)
     compared = []
     for motion in study.motions(run):
-        again = RunAgain(**told, orbit_period=int(motion["orbit_period"]), solver=other)
+        again = RunAgain(run_name(described), other, *point, int(motion["orbit_period"]))
         _compare_motion(measured, again, solver, tangent, motion)
         compared.append(again)
-    nothing = RunAgain(**told, orbit_period=0, solver=other, compared="nothing: no motion is held")
+    nothing = RunAgain(run_name(described), other, *point, compared="nothing: no motion is held")
     again = max(compared, key=_badness, default=nothing)
     _compare_whole(study, block, row, again, run, start)
     return again

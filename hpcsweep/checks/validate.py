@@ -19,11 +19,13 @@ import numpy as np
 
 from hpcsweep.checks.inferred import inferred_problems
 from hpcsweep.checks.recompute import RunAgain, compute_again
+from hpcsweep.checks.recompute_response import response_again
 from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
+from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import Block
 
 LISTED = 20
@@ -113,20 +115,40 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
             report.add(f"{_place(layout.study, layout.study.block((*frame, 0)))}: {problem}")
         for block, row, rows in _choose(blocks, valid, samples, np.random.default_rng(seed)):
             run = {name: values[row] for name, values in rows.items()}
-            again = compute_again(layout.study, block, row, run, blocks.start_of(block, row))
+            again = _again(layout.study, block, row, run, blocks.start_of(block, row))
             report.sample.append(again)
             if again.problem:
-                place = _place(layout.study, block)
-                report.add(f"{place}, A = {again.amplitude:.6g}: {again.problem}")
+                report.add(f"{_row(layout.study, block, row)}: {again.problem}")
     return report
 
 
+def _again(study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+    """Compute one complete run again, by what its study holds."""
+    if study.holds == "responses":
+        part, inner = study.part_of(block)
+        return response_again(part, inner, row, run)
+    return compute_again(study, block, row, run, start)
+
+
 def _place(study, block: Block) -> str:
-    """Name the frame and the direction of a block."""
+    """Name the frame and the direction of a block, or its record."""
     found = study.describe(block.first)
+    del found[study.run_dims[-1]]
+    if "direction" not in study.run_dims:
+        return run_name(found)
     frame = block.first[study.run_dims.index("direction") + 1]
     where = "".join(f"{axis.name} = {found[axis.name]}, " for axis in study.axes)
     return f"{where}frame {frame} (Omega = {found['omega']:.6g}), {found['direction']}"
+
+
+def _along(study, block: Block, row: int) -> str:
+    """Name a row of a block along the last axis of the runs."""
+    last = study.run_dims[-1]
+    return run_name({last: study.describe(block.run(row))[last]})
+
+
+def _row(study, block: Block, row: int) -> str:
+    return f"{_place(study, block)}, {_along(study, block, row)}"
 
 
 class _Checker:
@@ -170,17 +192,16 @@ class _Checker:
             rows = self._describe_damage(block, start, rows, begun + self._seconds_left)
             self._seconds_left -= time.monotonic() - begun
         for row, problem in self._study.check(block, rows):
-            amplitude = self._study.describe(block.run(row))["amplitude"]
-            self._report.add(f"{place}, A = {amplitude:.6g}: {problem}")
+            self._report.add(f"{place}, {_along(self._study, block, row)}: {problem}")
         return rows, good
 
     def _describe_damage(self, block: Block, start: np.ndarray, rows: dict, deadline: float):
         """Say which bytes of a damaged block are wrong; return its true rows if they are known."""
         blocks, report = self._blocks, self._report
-        first, last = (self._study.describe(block.run(k)) for k in (0, block.n_runs - 1))
+        first, last = (_along(self._study, block, k) for k in (0, block.n_runs - 1))
         what = (
-            f"{_place(self._study, block)}, block {block.place[-1]} (A = {first['amplitude']:.6g} "
-            f"to {last['amplitude']:.6g}): checksum does not hold"
+            f"{_place(self._study, block)}, block {block.place[-1]} ({first} "
+            f"to {last.rpartition(' ')[2]}): checksum does not hold"
         )
         true = self._compute(block, start, deadline)
         places = blocks.places(block)
@@ -203,10 +224,9 @@ class _Checker:
             if wrong.size:
                 row = int(wrong[0]) // (rows[name].nbytes // block.n_runs)
                 byte = f", byte {places[name][0] + int(wrong[0])} of the file" if places else ""
-                amplitude = self._study.describe(block.run(row))["amplitude"]
                 report.add(
                     f"{what}; computed again, it does: {wrong.size} damaged byte(s) in {name}, "
-                    f"first in A = {amplitude:.6g}{byte}"
+                    f"first in {_along(self._study, block, row)}{byte}"
                 )
         return true
 

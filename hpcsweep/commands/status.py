@@ -99,6 +99,8 @@ def _keep_page(files: list[Path], page: Path) -> int:
 
 def _describe(state: dict) -> str:
     """Write a status as a person reads it."""
+    from hpcsweep.studies.run_names import run_name
+
     done, total = state["runs_done"], state["runs_total"]
     lines = [
         f"{state['file']}: {'complete' if state['complete'] else 'not complete'}",
@@ -117,10 +119,7 @@ def _describe(state: dict) -> str:
     lines += _describe_work(state)
     lines += _describe_motions(state)
     lines.append(f"  failures  {state['n_failed']}")
-    lines += [
-        f"    Omega = {f['omega']:.6g}, A = {f['amplitude']:.6g}, {f['direction']}: {f['outcome']}"
-        for f in state["failures"]
-    ]
+    lines += [f"    {run_name(f)}: {f['outcome']}" for f in state["failures"]]
     if state["n_failed"] > len(state["failures"]):
         lines.append(f"    and {state['n_failed'] - len(state['failures'])} more")
     lines += [
@@ -162,6 +161,8 @@ def _describe_motions(state: dict) -> list[str]:
                 f"{state['periods_per_run_window']}; runs spared: {spared}"
             )
         lines.append(f"  no period found in {state['no_period_found']} runs")
+    if "runs_below_contact" in state:
+        lines.append(f"  linear    {state['runs_below_contact']} runs below first contact")
     if "starts" in state and state["periods_per_start"] is not None:
         if state.get("attractors_per_point") is not None:
             lines.append(
@@ -178,8 +179,9 @@ def _describe_motions(state: dict) -> list[str]:
 
 def _frame(frames: dict, which: str) -> str:
     """Write what a frame cost and which it is."""
-    at = "".join(f"{name} = {value}, " for name, value in frames[f"{which}_at"].items())
-    return f"{frames[which]:.3g} s ({at}Omega = {frames[f'{which}_omega']:.6g})"
+    from hpcsweep.studies.run_names import run_name
+
+    return f"{frames[which]:.3g} s ({run_name(frames[f'{which}_at'])})"
 
 
 def _describe_work(state: dict) -> list[str]:

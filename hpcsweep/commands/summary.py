@@ -79,10 +79,49 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
         **_inferred_rows(summary),
         **_cost_rows(summary),
     }
-    rows |= _attractor_rows(summary) if "attractors" in summary else _history_rows(summary)
+    rows |= _own_rows(summary)
     rows["file"] = (
         f"{summary['file_bytes'] / 1e9:.4g} GB, {summary['disk_bytes'] / 1e9:.4g} GB on disk"
     )
+    if "measure" not in summary:
+        rows |= _motion_rows(summary, together)
+    for name, most in summary["largest"].items():
+        units = "" if most["units"] == "1" else f" {most['units']}"
+        rows[f"largest {name}"] = f"{most['value']:.4g}{units} ({most['of']}, {_where(most)})"
+    failures = [f"{name} {count}" for name, count in summary["failures"].items() if count]
+    rows["failures"] = ", ".join(failures) or "0"
+    return rows
+
+
+def _own_rows(summary: dict) -> dict[str, str]:
+    """Write what only studies of one kind tell."""
+    if "measure" in summary:
+        return _record_rows(summary)
+    return _attractor_rows(summary) if "attractors" in summary else _history_rows(summary)
+
+
+def _where(most: dict) -> str:
+    """Write where the largest value of a measure is."""
+    if "record" in most:
+        part = f"{most['part']}, " if most["part"] else ""
+        return f"{part}{most['record']}, scale {most['scale']:.6g}"
+    return f"A = {most['amplitude']:.6g}, Omega = {most['omega']:.6g}"
+
+
+def _record_rows(summary: dict) -> dict[str, str]:
+    rows = {"scaled by": summary["measure"]}
+    for key, name in (
+        ("below_contact", "below first contact"),
+        ("equal_ratio", "of equal ratio"),
+        ("with_contact", "with contact"),
+    ):
+        rows[name] = _share(summary[key])
+    return rows
+
+
+def _motion_rows(summary: dict, together: list[dict]) -> dict[str, str]:
+    """Write the shares of kinds of motion, periods and contact sets."""
+    rows = {}
     directions = summary.get("by_direction", {})
     for name, entry in summary["classes"].items():
         rows[name] = _share(entry)
@@ -101,14 +140,6 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
         for name in _listed(key, together):
             entry = summary[key].get(name)
             rows[label.format(name)] = _share(entry) if entry else "0"
-    for name, most in summary["largest"].items():
-        units = "" if most["units"] == "1" else f" {most['units']}"
-        rows[f"largest {name}"] = (
-            f"{most['value']:.4g}{units} ({most['of']}, A = {most['amplitude']:.6g}, "
-            f"Omega = {most['omega']:.6g})"
-        )
-    failures = [f"{name} {count}" for name, count in summary["failures"].items() if count]
-    rows["failures"] = ", ".join(failures) or "0"
     return rows
 
 
@@ -131,6 +162,8 @@ def _grid(summary: dict) -> str:
     """Say over which frames and amplitudes the runs are, those of a slice at one point."""
     if "basins" in summary:
         return ""
+    if "measure" in summary:
+        return f" ({count(summary['records'], 'record')} x {count(summary['scales'], 'scale')})"
     frames, amplitudes = (
         count(summary["frames"], "frame"),
         count(summary["amplitudes"], "amplitude"),

@@ -78,8 +78,7 @@ def _describe(report) -> str:
         lines.append(
             f"  sample    {len(compared)} of {len(report.sample)} runs compared with "
             f"{worst.solver}: the largest difference is {worst.difference:.2g}, "
-            f"{worst.allowed:.2g} allowed (Omega = {worst.omega:.6g}, A = {worst.amplitude:.6g}, "
-            f"{worst.direction}; {worst.compared})"
+            f"{worst.allowed:.2g} allowed ({worst.at}; {worst.compared})"
         )
     if report.sample:
         counts = Counter(run.whole_run for run in report.sample)

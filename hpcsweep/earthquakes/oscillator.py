@@ -25,7 +25,6 @@ w R dt^2 / 8; few steps are left to look into.
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
 SMALL = 0.5
 """|x| below which phi_2 is summed: above, its subtraction costs two digits at most."""
@@ -69,6 +68,8 @@ class Oscillator:
     def __init__(self, acceleration: np.ndarray, dt: float, omega: float, damping_ratio: float):
         self.acceleration, self.dt = acceleration, dt
         self.root = omega * complex(-damping_ratio, math.sqrt(1.0 - damping_ratio**2))
+        from scipy.signal import lfilter  # here: who reads results of records needs no scipy
+
         self.slopes = np.diff(acceleration) / dt
         steps = np.zeros(len(acceleration), complex)
         steps[1:] = self._after(np.zeros(1), self.acceleration[:-1], self.slopes, np.array(dt))

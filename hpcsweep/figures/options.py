@@ -24,6 +24,7 @@ FIGURES = (
     "diagrams.attractor_diagram",
     "diagrams.shares",
     "diagrams.attractor_map",
+    "diagrams.ida",
     "diagrams.basins",
     "film.figure",
     "explorer.figure",

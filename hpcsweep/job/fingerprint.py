@@ -15,8 +15,12 @@ MEANING_VERSION = 2
 """Part of the fingerprint; raised when the same job text comes to mean other results."""
 
 
-TOLD_OTHERWISE = ("structure", "settings", "damping_ratio", "unit_names", "names")
-"""Fields of the parts, and one that `Structure` also holds with a value for each mode."""
+TOLD_OTHERWISE = (
+    *("structure", "settings", "damping_ratio", "unit_names", "names"),
+    *("source", "gravity"),
+)
+"""Fields of the parts, one that `Structure` also holds with a value for each mode, and where the
+samples of records come from, which their checksums tell."""
 
 
 def fingerprint(study) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from hpcsweep.job import structures
 from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.paths import path_of
+from hpcsweep.job.suites import with_found
 from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import MAX_VALUES, Values
 from hpcsweep.job.vary import read_varied
@@ -23,7 +24,7 @@ from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.refine.refinement import not_refinable
-from hpcsweep.studies.settings import METRICS, SKIP_RULES, SweepSettings
+from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.study import Place
 
 KEYS: dict[str, tuple[str, ...]] = {
@@ -38,6 +39,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "units",
         "building",
         "pounding",
+        "records",
         "vary",
     ),
     "study": ("kind",),
@@ -52,6 +54,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     ),
     "solver": ("method", "rtol", "skip"),
     "output": (*METRICS, "max_points", "block"),
+    "records": (),
 }
 """Keys of every study; each adds its own (`keys` of its class)."""
 MAX_NAME = 200
@@ -85,7 +88,7 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
         text, source, notes = resolve(path, settings, every_key(), _drop_inherited)
     except TreeError as error:
         raise JobError(str(error)) from None
-    return replace(parse_job(text, source, path.stem), notes=tuple(notes))
+    return replace(parse_job(text, source, path.stem, path.parent), notes=tuple(notes))
 
 
 INSTEAD = {
@@ -117,8 +120,11 @@ def _drop_inherited(whole: dict, own: set[str]) -> list[str]:
     return notes
 
 
-def parse_job(text: str, source: str, default_name: str) -> Job:
+def parse_job(text: str, source: str, default_name: str, folder: Path | None = None) -> Job:
     """Validate the text of a job; `source` is named in errors.
+
+    Records are looked for in the folder, if one is given, or if the job does not say what they are:
+    then it says so afterwards (`hpcsweep.job.suites`).
 
     Raises
     ------
@@ -132,6 +138,9 @@ def parse_job(text: str, source: str, default_name: str) -> Job:
         tree = parse_toml(text, source)
     except TreeError as error:
         raise JobError(str(error)) from None
+    whole = with_found(Values(source, tree), tree, folder)
+    if whole is not tree:
+        tree, text = whole, write(whole, every_key())
     values = Values(source, tree)
     study = read_varied(values, tree, read_study)
     _check_extent(values, study)
@@ -152,7 +161,7 @@ def read_study(source: str, tree: Mapping):
         values,
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
-        settings=_settings(values),
+        settings=_settings(values, study.skip_rules),
         block_size=values.whole("output.block", _default_block(values, study), 1, MAX_VALUES),
     )
 
@@ -186,7 +195,10 @@ def _check_extent(values: Values, study) -> None:
 
 def keys_of(study) -> dict[str, tuple[str, ...]]:
     """Return the keys of each table of a job of one kind of study."""
-    return {table: (*study.keys.get(table, ()), *keys) for table, keys in KEYS.items()}
+    return {
+        table: (*study.keys.get(table, ()), *(() if table in study.without else keys))
+        for table, keys in KEYS.items()
+    }
 
 
 def every_key() -> dict[str, tuple[str, ...]]:
@@ -202,7 +214,7 @@ def _keys_of_others(study) -> dict[str, str]:
     own = keys_of(study)
     homes: dict[str, list[str]] = {}
     for other in KINDS.values():
-        for table, keys in other.keys.items():
+        for table, keys in keys_of(other).items():
             for key in keys:
                 if key not in own[table]:
                     homes.setdefault(f"{table}.{key}", []).append(f'"{other.kind}"')
@@ -248,7 +260,7 @@ def _initial_state(values: Values, n: int) -> np.ndarray:
     return state
 
 
-def _settings(values: Values) -> SweepSettings:
+def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
     default = SweepSettings()
     sampling = values.whole("sweep.sampling_cycles", default.sampling_cycles, 1, MAX_CYCLES)
     longest = max(min(sampling // 2, MAX_PERIOD), 1)
@@ -276,7 +288,7 @@ def _settings(values: Values) -> SweepSettings:
         period_tolerance=tolerance,
         solver=method,
         rtol=rtol,
-        skip=_skip(values),
+        skip=_skip(values, skip_rules),
         metrics=_metrics(values, default),
         max_points=_max_points(values, sampling, longest),
         classify_cycles=_classify_cycles(values, method),
@@ -296,17 +308,17 @@ def _max_points(values: Values, sampling: int, longest: int) -> int | None:
     return given if given < sampling else None
 
 
-def _skip(values: Values) -> frozenset[str]:
+def _skip(values: Values, rules: tuple[str, ...]) -> frozenset[str]:
     given = values.get("solver.skip", "all")
     if given == "all":
-        return frozenset(SKIP_RULES)
+        return frozenset(rules)
     if given == "none":
         return frozenset()
-    if not isinstance(given, list) or not all(name in SKIP_RULES for name in given):
+    if not isinstance(given, list) or not all(name in rules for name in given):
         raise values.error(
             "solver.skip",
             given,
-            f'must be "all", "none" or a list of {", ".join(SKIP_RULES)}',
+            f'must be "all", "none" or a list of {", ".join(rules)}',
         )
     return frozenset(given)
 

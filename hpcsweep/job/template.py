@@ -37,7 +37,8 @@ TEMPLATE = """\
 # which attractor the starts of a slice go; components = ["u_1", "v_1"] of the state are those of
 # the slice, horizontal = {from = -1.0, to = 1.0, count = 200} their values along a row and
 # vertical = the same from row to row, the others those of initial_state; starts = 459 of the slice
-# find the attractors.
+# find the attractors. "records": the response to ground-motion records, each at several scales,
+# from rest; it has the table [records], at the end, in place of forcing and sweep.
 #kind = "amplitude_sweep"
 
 [structure]
@@ -146,6 +147,20 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 # Amplitudes that are committed to the file together: a whole number from 1 to 10000000. After a
 # kill at most this many of a frame are computed again. Default: 50, of points 1.
 #block = 50
+
+# Ground motion of study.kind = "records":
+#[records]
+# files = ["*.AT2", "folder"] names the records, relative to this file, unit = "g" their unit (m/s2,
+# cm/s2, mm/s2, in/s2, ft/s2, or structure), gravity = 9.80665 one g in the units of the structure,
+# dt = 0.01 the time between samples where a file does not say it. In place of files a suite that
+# anybody can make: synthetic = {count = 20, seed = 1, dt = 0.01, duration = 30.0, rms = 1.0,
+# soil = "firm"}.
+# scale = {by = "sa", period = 1.0, damping_ratio = 0.05, from = 0.5, to = 10.0, count = 20} are the
+# intensities to which each is scaled, or values = [...]; by = "factor", "pga", "pgv", "sa", or
+# "avgsa" with periods = [...]; default: the records as they are. tail = 0.0 is the time of free
+# motion after each. In the table output of such a study stand times = true, the times of peaks,
+# alone = true, peaks without contacts, and block. What hpcsweep has found out of the records,
+# found = [...], it adds by itself.
 
 # Keys of study, structure, sweep or solver that take a number or a word, with several values each:
 # a list or a range. All is computed at every value of one with every value of another, in one file

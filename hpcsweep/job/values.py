@@ -129,7 +129,12 @@ class Values:
 
     def numbers(self, key: str, ascending: bool) -> np.ndarray:
         """Read a number, a list of numbers, or a range table."""
-        given = self.get(key)
+        return self.numbers_in(key, self.get(key), ascending)
+
+    def numbers_in(self, key: str, given: object, ascending: bool) -> np.ndarray:
+        """Read what `numbers` reads, of a value that is at hand; None: it is missing."""
+        if given is None:
+            raise JobError(f"{self.source}: {key} is missing")
         if isinstance(given, Mapping):
             return self._range(key, given)
         listed = given if isinstance(given, list) else [given]

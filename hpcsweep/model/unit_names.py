@@ -16,6 +16,7 @@ GAPS = {
     "time": "1/omega_0",
     "force": "k gaps",
     "impulse": "k gaps/omega_0",
+    "energy": "k gaps^2",
 }
 """Units of the paper's building."""
 NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
@@ -50,6 +51,7 @@ class UnitNames(NamedTuple):
             "time": time,
             "force": force,
             "impulse": f"{force} {time}",
+            "energy": f"{force} {length}",
         }[quantity]
 
 

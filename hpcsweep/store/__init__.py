@@ -4,13 +4,14 @@
 `opening` is the one way in, `check` compares it with the layout, `metadata` is the checksum of all
 that is no result, `repair` mends what the job can tell, `commit` says which results are believed,
 `reader` gives them to people, `reuse` takes them over from earlier files, `frames` one frame at a
-time, `packing` compresses it, `lock` keeps a second campaign out, `journal` keeps the history
-beside it.
+time, `frame_grid` all of them, `packing` compresses it, `lock` keeps a second campaign out,
+`journal` keeps the history beside it.
 """
 
 from hpcsweep.store.commit import Campaign, open_campaign
 from hpcsweep.store.create import create
-from hpcsweep.store.frames import Frames, Grid
+from hpcsweep.store.frame_grid import Grid
+from hpcsweep.store.frames import Frames
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import DamagedError, Layout, StoreError, WriteError
 from hpcsweep.store.lock import Lock

@@ -60,7 +60,8 @@ class Blocks:
         self.layout = layout
         self.study = layout.study
         self.variables = [variable.name for variable in layout.variables]
-        self._directions = layout.commit.dims.index("direction")
+        dims = layout.commit.dims
+        self._directions = dims.index("direction") if "direction" in dims else None
         self._seed = bytes.fromhex(layout.fingerprint)
         self._rows = open_rows(path) if rows is None else rows
 
@@ -212,7 +213,7 @@ class Blocks:
         for block in self.study.path(task):
             poll()
             end = None
-            if has_checksum[block.place[axis]][block.place[-1]]:
+            if has_checksum[0 if axis is None else block.place[axis]][block.place[-1]]:
                 if state is None and before is not None:
                     state = self.end_state(before.run(before.end))
                 rows = self.read(block)
@@ -226,7 +227,9 @@ class Blocks:
         """Return which blocks of a task's frame have a checksum, by direction."""
         place, axis = self.study.path(task)[0].place, self._directions
         shape = self.layout.shape(self.layout.commit)
-        first = [(*place[:axis], k, *place[axis + 1 : -1], 0) for k in range(shape[axis])]
+        first = [(*place[:-1], 0)]
+        if axis is not None:
+            first = [(*place[:axis], k, *place[axis + 1 : -1], 0) for k in range(shape[axis])]
         return [self._rows.read("commit", at, shape[-1]) != 0 for at in first]
 
     def valid(self, task: int) -> list[tuple[Block, bool]]:

@@ -124,7 +124,7 @@ class Frames:
         self._blocks.close()
 
     def read(self, frame: int, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-        """Read variables of one frame, first axes (direction, amplitude).
+        """Read variables of one frame: first axes (direction, amplitude), of records (scale,).
 
         Runs without valid commit hold what `open_results` gives them: 0 or NaN. A variable that
         the file does not hold is a `StoreError`.
@@ -138,18 +138,20 @@ class Frames:
         found: dict[str, np.ndarray] = {}
         for name in names:
             variable = self._variables[name]
-            directions, _, *rest = self._own.shape(variable)
-            found[name] = np.full((directions, *rest), variable.missing, variable.dtype)
+            shape = list(self._own.shape(variable))
+            del shape[self._axis]
+            found[name] = np.full(shape, variable.missing, variable.dtype)
         derived = [v.name for v in frame_variables(self._own) if v.name in names]
         begun = self._begun(frame)
         for task in self.study.tasks_of(frame):
             for own, block, valid in self._valid(task) if task in begun else ():
                 if valid:
                     rows = self._blocks.read(block)
-                    direction, _, at = own.runs
+                    at = list(own.runs)
+                    del at[self._axis]
                     for name in names:
                         if name not in derived:
-                            found[name][direction, at] = rows[name]
+                            found[name][tuple(at)] = rows[name]
         if derived:
             inferred = Inferred(self._blocks).frame((*self.place, 0, frame)) or {}
             for name in derived:
@@ -163,6 +165,8 @@ class Frames:
     def _begun(self, frame: int) -> set[int]:
         """Return the tasks with a block of a frame that has a checksum."""
         n_blocks, found = self._own.sizes["block"], set()
+        if not self._axis:
+            return set(self.study.tasks_of(frame))
         for direction in range(len(self.study.directions)):
             stored = self._blocks.read_rows("commit", (*self.place, direction, frame, 0), n_blocks)
             numbers = np.flatnonzero(stored)
@@ -171,7 +175,12 @@ class Frames:
         return found
 
     def _frame(self, frame: int) -> int:
-        return arguments.count("frame", frame, 0, self.study.omega.size - 1)
+        return arguments.count("frame", frame, 0, self.study.n_frames - 1)
+
+    @property
+    def _axis(self) -> int:
+        """Axis of the frames in a run's variables."""
+        return self.study.run_dims.index(self.study.frame_dim)
 
     def dataset(self, frame: int):
         """Read one frame as an xarray.Dataset.
@@ -180,7 +189,7 @@ class Frames:
         """
         frame = self._frame(frame)
         found = self.read(frame, tuple(self._variables))
-        arrays = {name: values[:, None] for name, values in found.items()}
+        arrays = {name: np.expand_dims(values, self._axis) for name, values in found.items()}
         return self._dataset([frame], {n: (self._variables[n].dims, v) for n, v in arrays.items()})
 
     def _dataset(self, frames: Sequence[int], arrays: dict, directions: slice = slice(None)):
@@ -189,19 +198,24 @@ class Frames:
 
         study = self.study
         given = {
-            variable.name: (variable.dims, values[list(frames)])
+            variable.name: (
+                variable.dims,
+                values[list(frames)] if variable.dims[0] == study.frame_dim else values,
+            )
             for variable, values in self._own.given
         }
-        # the amplitudes of one frame are its own even where frames share none
-        amplitude = study.amplitudes_of(frames[0]) if len(frames) == 1 else None
-        if amplitude is None:
-            amplitude = self._own.coordinates["amplitude"].values
+        last = study.run_dims[-1]
+        along = self._own.coordinates[last].values
+        if last == "amplitude" and len(frames) == 1:
+            # the amplitudes of one frame are its own even where frames share none
+            along = study.amplitudes_of(frames[0])
+        names = {"direction": list(study.directions)[directions]} if self._axis else {}
         return xarray.Dataset(
             {**given, **arrays},
             coords={
-                "direction": list(study.directions)[directions],
+                **names,
                 study.frame_dim: self._own.coordinates[study.frame_dim].values[list(frames)],
-                "amplitude": amplitude,
+                last: along,
                 "state": self._own.coordinates["state"].values.astype(str),
                 **{
                     name: self._own.coordinates[name].values.astype(str)
@@ -241,7 +255,7 @@ class Frames:
         study = self.study
         names = arguments.words("names", names)
         if frames is None:
-            frames = range(study.omega.size)
+            frames = range(study.n_frames)
         elif not isinstance(frames, Sequence | np.ndarray):
             raise arguments.refused("frames", "a sequence of whole numbers", frames)
         frames = [self._frame(frame) for frame in frames]
@@ -258,12 +272,13 @@ class Frames:
             one = self.dataset(frame)
             found = {v.name: one[v.name].values for v in kept}
             found |= {name: function(one) for name, function in (derive or {}).items()}
+            axis = self._axis
             for name, values in found.items():
-                values = values[chosen]
+                values = values[chosen] if axis else values
                 if name not in arrays:
-                    shape = (values.shape[0], len(frames), *values.shape[2:])
+                    shape = (*values.shape[:axis], len(frames), *values.shape[axis + 1 :])
                     arrays[name] = np.empty(shape, values.dtype)
-                arrays[name][:, place] = values[:, 0]
+                np.moveaxis(arrays[name], axis, 0)[place] = np.moveaxis(values, axis, 0)[0]
         return self._dataset(frames, {n: (axes[n], values) for n, values in arrays.items()}, chosen)
 
 
@@ -291,58 +306,3 @@ def _nearest(path: Path, axis: Axis, value: float | str) -> int:
         there = ", ".join(f"{one:.6g}" for one in axis.values[:MOST_TOLD])
         raise StoreError(f"{path}: {axis.name} = {value:g}: must be one of {there}")
     return place
-
-
-class Grid:
-    """The frames of a file over the amplitudes that any of them has, in ascending frequency.
-
-    Frames of one frequency are one row: a list of points becomes a grid with runs that are not
-    computed. Where all frames have the same amplitudes nothing changes but their order.
-
-    Parameters
-    ----------
-    frames : Frames
-
-    Attributes
-    ----------
-    omega : ndarray, shape (n_rows,)
-        Ascending.
-    amplitude : ndarray, shape (n_amplitudes,)
-        Ascending.
-    """
-
-    def __init__(self, frames: Frames):
-        study = frames.study
-        self._frames = frames
-        self._amplitudes = [study.amplitudes_of(frame) for frame in range(study.omega.size)]
-        self.omega = np.unique(study.omega)
-        self.amplitude = np.unique(np.concatenate(self._amplitudes))
-
-    def dataset(self, row: int):
-        """Read one row as `Frames.dataset` reads a frame."""
-        import xarray
-
-        found = np.flatnonzero(self._frames.study.omega == self.omega[row]).tolist()
-        if len(found) == 1 and self._amplitudes[found[0]].size == self.amplitude.size:
-            return self._frames.dataset(found[0])
-        parts = [self._frames.dataset(frame) for frame in found]
-        places = [np.searchsorted(self.amplitude, self._amplitudes[frame]) for frame in found]
-        arrays = {}
-        for variable in self._frames.variables:
-            first = parts[0][variable.name]
-            shape = (*first.shape[:2], self.amplitude.size, *first.shape[3:])
-            values = np.full(shape, variable.missing, first.dtype)
-            for part, at in zip(parts, places, strict=True):
-                values[:, :, at] = part[variable.name].values
-            arrays[variable.name] = (variable.dims, values)
-        own = parts[0]
-        return xarray.Dataset(
-            arrays,
-            coords={
-                "direction": own["direction"],
-                "omega": own["omega"],
-                "amplitude": self.amplitude,
-                "state": own["state"],
-            },
-            attrs=own.attrs,
-        )

@@ -26,6 +26,7 @@ compile them."""
 REFINED_SHARE = 0.1
 """Share of the histories of a refined map that are computed, about."""
 
+RECORD_MAP = "hpcsweep.solvers.flow.record_map"
 SILENCE = 10.0
 """Seconds between two lines."""
 
@@ -101,6 +102,18 @@ def warm_up(
         solver.monodromy(z, amplitude, 1)
 
 
+def is_compiled_for_records() -> bool:
+    """Return whether the cache is known to have what responses to records call."""
+    importlib.import_module(RECORD_MAP)
+    return not missing(None)
+
+
+def warm_up_records(say: Callable[[str], None] | None = None) -> None:
+    """Compile what responses to records call, or load it from the disk."""
+    importlib.import_module(RECORD_MAP)
+    load_all(None if say is None else announced(say, "kernels"), processors(), None)
+
+
 def worth_specialising(study: Any, n_ranks: int | None) -> Structure | None:
     """Return the structure of a study if its histories on so many ranks pay for such kernels."""
     if n_ranks is None or study.settings.solver != "flow":
@@ -113,7 +126,7 @@ def worth_specialising(study: Any, n_ranks: int | None) -> Structure | None:
 
 def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
     """Compile what runs of any settings, and responses to records, call, or load it."""
-    importlib.import_module("hpcsweep.solvers.flow.record_map")
+    importlib.import_module(RECORD_MAP)
     for name in SOLVERS:
         warm_up(SweepSettings(solver=name, metrics=frozenset(METRICS)), say, jobs)
 

@@ -16,7 +16,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.invariants import broken_invariants
-from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
 from hpcsweep.studies.study import Amplitudes, Axis, Block, BlockTable, Coordinate, Place, Variable
 from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variables import (
@@ -28,6 +28,7 @@ from hpcsweep.studies.variables import (
     named,
     numbered,
     run_variables,
+    states,
 )
 
 
@@ -68,6 +69,8 @@ class RunGrid:
     """Long name of the first dimension."""
     keys: ClassVar[dict[str, tuple[str, ...]]]
     """Keys of job files, by table, that this study has of its own."""
+    without: ClassVar[tuple[str, ...]] = ()  # tables of which it knows its own keys alone
+    skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int]
     frame_dim: ClassVar[str] = "omega"
     """Dimension of the frames."""
@@ -161,8 +164,7 @@ class RunGrid:
     @property
     def n_tasks(self) -> int:
         """Tasks of the study."""
-        last = len(self.directions) - 1, self.omega.size - 1, self.n_blocks - 1
-        return int(self.task_of(*last)) + 1
+        return int(self.task_of(len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1)) + 1
 
     @property
     def n_runs(self) -> int:
@@ -205,14 +207,13 @@ class RunGrid:
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         n, size = self.structure.n_floors, self.dimensions
-        states = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
         return {
             **measure_coordinates(self.structure, self.settings),
             "direction": named(self.directions, self.direction_name),
             "omega": Coordinate(self.omega.astype("<f8"), *OMEGA),
             "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),
             self.point_dim: numbered(size[self.point_dim], "stroboscopic point"),
-            "state": named(states, "state component"),
+            "state": states(n),
             "mode": numbered(n, "mode of the free structure", first=1),
             "block": numbered(size["block"], "block of amplitudes"),
         }
@@ -262,10 +263,9 @@ class RunGrid:
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
         """Count runs by the rules that spared periods, and those without an orbit."""
-        complete = done & (runs["outcome"] == Outcome.COMPLETE)
-        settings = self.settings
+        complete, of = done & (runs["outcome"] == Outcome.COMPLETE), self.settings
         return {
-            "periods_per_run_window": settings.transient_cycles + settings.sampling_cycles,
+            "periods_per_run_window": of.transient_cycles + of.sampling_cycles,
             "runs_spared": {
                 rule.name.lower(): int((done & (runs["skip_rule"] == rule)).sum())
                 for rule in SkipRule

@@ -1,10 +1,14 @@
 """The studies there are, by the name a job gives them."""
 
+from typing import Any
+
 from hpcsweep.studies.attractors.attractors import Attractors
 from hpcsweep.studies.basins.basins import Basins
+from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.points import Points
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
 
-KINDS = {study.kind: study for study in (AmplitudeSweep, Points, Attractors, Basins)}
+ALL: tuple[Any, ...] = (AmplitudeSweep, Points, Attractors, Basins, Records)
+KINDS = {study.kind: study for study in ALL}
 DEFAULT_KIND = AmplitudeSweep.kind
 """Study of a job that names none."""

@@ -262,7 +262,7 @@ class Data(Protocol):
     """What the file holds: variables along axes, by name."""
 
     holds: str
-    """What is held: ``motions``, one a run, or ``attractors``, several."""
+    """``motions``, one a run, ``attractors``, several, or ``responses`` to records."""
     axes: tuple[Axis, ...]
     """Keys that are varied, the first dimensions of the file; see `hpcsweep.studies.vary`."""
     run_dims: tuple[str, ...]
@@ -317,7 +317,7 @@ class Report(Protocol):
     """Variables of `count`."""
 
     def describe(self, run: Place) -> dict[str, Any]:
-        """Describe a run: ``direction``, ``omega``, ``amplitude``, the values of `axes`."""
+        """Describe a run by its dimensions: ``record``, ``scale``, say; the values of `axes`."""
         ...
 
     def describe_task(self, task: int) -> str:

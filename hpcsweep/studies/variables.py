@@ -102,6 +102,11 @@ def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
     return Coordinate(np.array(names, object), "1", long_name)
 
 
+def states(n: int) -> Coordinate:
+    """Make the coordinate of the components of a state."""
+    return named([f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)], "state component")
+
+
 def measure_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions of the measures that are asked for: storeys, floors, contacts."""
     n = structure.n_floors

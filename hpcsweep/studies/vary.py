@@ -184,6 +184,8 @@ class Varied:
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
         """Return whether the cache is known to have all that its runs call."""
+        if self.base.holds == "responses":
+            return self.base.is_compiled(n_ranks)
         from hpcsweep.studies.compilation import is_compiled, worth_specialising
 
         specialised_to = worth_specialising(self, n_ranks)
@@ -191,6 +193,9 @@ class Varied:
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
         """Compile all that its runs call, or load it from the disk."""
+        if self.base.holds == "responses":
+            self.base.warm_up(say, n_ranks)
+            return
         from hpcsweep.studies.compilation import warm_up, worth_specialising
 
         for part in self._parts_by_solver():
@@ -216,6 +221,7 @@ SHARED = frozenset(
         *("kind", "holds", "task_noun", "why_whole", "structure", "settings", "initial_state"),
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
         *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words", "refine"),
+        *("frame_dim", "suite", "scale", "measure", "gravity", "storey_height"),
     )
 )
 """What all parts of a `Varied` have in common."""

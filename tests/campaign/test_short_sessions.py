@@ -1,7 +1,7 @@
 """Sessions that are stopped after their first commit: each gains a block, whatever the study."""
 
 import pytest
-from tools import assert_same_datasets
+from tools import RECORDS, assert_same_datasets
 
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.progress import Silent
@@ -26,6 +26,7 @@ STUDIES = {
     "amplitude_sweep": f'{BUILDING}{SWEPT}directions = ["up"]\n[output]\nblock = 1\n',
     "points": f'{BUILDING}{SWEPT}[study]\nkind = "points"\n',
     "attractors": f'{BUILDING}{SWEPT}[study]\nkind = "attractors"\nstarts = 20\n',
+    "records": RECORDS.replace("block = 2", "block = 1"),
     "basins": f"""{BUILDING}{POINT}[study]
 kind = "basins"
 starts = 20

@@ -69,6 +69,30 @@ amplitude = {{from = 0.6, to = 0.7, count = 6}}
 max_points = 32
 block = 2
 """
+RECORDS = """
+[study]
+kind = "records"
+[[building]]
+name = "A"
+mass = [2.5e5, 2.5e5]
+storey_stiffness = 3e8
+storey_height = 3.2
+[[building]]
+name = "B"
+mass = [2.5e5, 2.5e5, 2.5e5]
+storey_stiffness = 1e8
+storey_height = 3.2
+[pounding]
+gap = 0.02
+stiffness = 2e9
+[records]
+synthetic = {count = 4, seed = 3, dt = 0.02, duration = 10.0}
+tail = 1.0
+scale = {by = "pga", from = 0.5, to = 5.0, count = 5}
+[output]
+block = 2
+"""
+"""Two buildings under a suite of ground motions."""
 BASINS = f"""
 [study]
 kind = "basins"

@@ -12,10 +12,11 @@ from pathlib import Path
 import from_code
 import h5py
 import pytest
-from tools import ATTRACTORS, BASINS, GRID, ROOT, SMALL, hpcsweep
+from tools import ATTRACTORS, BASINS, GRID, RECORDS, ROOT, SMALL, hpcsweep
 
 from hpcsweep.commands.cli import build_parser
 from hpcsweep.job import JobError, parse_job
+from hpcsweep.job.reading import KINDS, keys_of
 from hpcsweep.studies.settings import MEASURES
 
 DOCS = ROOT / "docs"
@@ -162,8 +163,9 @@ def known_keys(start: str) -> list[str]:
 
 def test_every_key_of_a_job_is_described():
     described = spans((ROOT / "docs" / "job-files.md").read_text())
-    tables = [key for key in known_keys("") if key not in ("name", "vary", "building")]
+    tables = [key for key in known_keys("") if key not in ("name", "vary", "building", "records")]
     keys = [f"{table}.{key}" for table in tables for key in known_keys(f"[{table}]\n")]
+    keys += [f"records.{key}" for key in keys_of(KINDS["records"])["records"]]
     assert len(keys) > 20
     assert [key for key in ["name", "vary", "building", *keys] if key not in described] == []
 
@@ -191,7 +193,7 @@ def test_every_room_has_its_page_of_words():
 
 
 @pytest.mark.parametrize(
-    "text", [SMALL + MEASURED + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST]
+    "text", [SMALL + MEASURED + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST, RECORDS]
 )
 def test_every_name_in_a_file_is_in_the_glossary(text):
     study = parse_job(text, "job.toml", "job").study

@@ -12,6 +12,7 @@ from tools import (
     BASINS,
     GRID,
     JOBS,
+    RECORDS,
     assert_same_datasets,
     datasets,
     hpcsweep,
@@ -23,6 +24,7 @@ STUDIES = {
     "points": GRID,
     "attractors": ATTRACTORS,
     "basins": BASINS,
+    "records": RECORDS,
 }
 EACH = """
 import sys

@@ -1,0 +1,117 @@
+"""The stripes of a file of responses to records: one response of each record at each scale.
+
+A response is the largest of some places: of all storeys, say, of those of one building, or of one.
+Drifts are ratios of the storeys' heights where the job gives these.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.model.unit_names import unit_of
+
+RESPONSES = {
+    "drift": ("storey_drift", "peak storey drift"),
+    "displacement": ("displacement", "peak displacement"),
+    "acceleration": ("floor_acceleration", "peak floor acceleration"),
+    "force": ("contact_force", "peak contact force"),
+    "impacts": ("impacts", "impacts"),
+}
+"""Variables of the file, and what they are called, by the names of responses."""
+
+
+class StripesError(ValueError):
+    """A response that a file does not have; the message is one line for the user."""
+
+
+class Stripes(NamedTuple):
+    """One response of each record at each scale."""
+
+    intensity: np.ndarray
+    """Scales, shape (s,)."""
+    measure: str
+    """What they are of, and its unit."""
+    values: np.ndarray
+    """Responses, shape (records, s); NaN where they are not known."""
+    alone: np.ndarray | None
+    """The same without contacts, where the file has it."""
+    label: str
+    """What the response is, with its unit."""
+    records: tuple[str, ...]
+
+
+def stripes_of(results, structure, response: str = "drift", place: str | None = None) -> Stripes:
+    """Return the stripes of a response.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+        Of a study of records, one structure.
+    structure : Structure
+    response : str
+        One of `RESPONSES`.
+    place : str, optional
+        A storey, floor or contact by its name, or a building, whose storeys or floors are its name
+        with a number. Default: all.
+
+    Raises
+    ------
+    StripesError
+        If the file has no such response, or no such place.
+    """
+    if response not in RESPONSES:
+        raise StripesError(f"response {response!r}: must be one of {', '.join(RESPONSES)}")
+    name, label = RESPONSES[response]
+    if name not in results:
+        raise StripesError(f"the results hold no {name}: the structure has no contacts")
+    array = results[name]
+    dim = str(array.dims[-1])
+    names = [str(one) for one in array[dim].values]
+    chosen = _places(names, place)
+    factor, unit = 1.0, unit_of(structure, _quantity(response))
+    if response == "drift" and "storey_height" in results:
+        factor, unit = 100.0 / results["storey_height"].values[chosen], "%"
+        label = "peak storey drift ratio"
+    if place is not None:
+        label += f" of {place}"
+    alone = f"{name}_alone"
+    long_name, _, own = scale_label(results, structure)
+    return Stripes(
+        intensity=results["scale"].values,
+        measure=f"{long_name}{own}",
+        values=(array.values[..., chosen] * factor).max(axis=-1).astype(float),
+        alone=(results[alone].values[..., chosen] * factor).max(axis=-1)
+        if alone in results
+        else None,
+        label=label + (f"  [{unit}]" if unit != "1" else ""),
+        records=tuple(str(one) for one in results["record"].values),
+    )
+
+
+def scale_label(results, structure) -> tuple[str, str, str]:
+    """Return what the scales of results are of, their unit, and the unit as a label has it."""
+    from hpcsweep.job import parse_job
+
+    study = parse_job(results.attrs["job"], "job", "job").study
+    measure = (study.base if study.axes else study).measure
+    unit = unit_of(structure, measure.quantity)
+    return str(measure), unit, "" if unit == "1" else f"  [{unit}]"
+
+
+def _quantity(response: str) -> str:
+    quantities = {"acceleration": "acceleration", "force": "force", "impacts": "1"}
+    return quantities.get(response, "length")
+
+
+def _places(names: list[str], place: str | None) -> list[int]:
+    """Return the places of a name, or of a building's names."""
+    if place is None:
+        return list(range(len(names)))
+    if place in names:
+        return [names.index(place)]
+    found = [
+        i for i, name in enumerate(names) if name.startswith(place) and name[len(place) :].isdigit()
+    ]
+    if not found:
+        raise StripesError(f"{place}: must be one of {', '.join(names)}, or a building")
+    return found

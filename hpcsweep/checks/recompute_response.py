@@ -1,0 +1,79 @@
+"""One stored response to a record computed again: plainly, without the rules that spare work.
+
+The whole response of the structure as the job gives it is computed at the scale of the run. How far
+two ways may differ is measured: by how much the peaks change where the scale changes a little, over
+that change. The record may not be at hand where a file is examined; then nothing is compared.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.checks.recompute import RunAgain
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.ground_motion.responses import respond
+from hpcsweep.studies.ground_motion.variables import pack, peaks_of
+from hpcsweep.studies.run_names import run_name
+from hpcsweep.studies.study import Block
+
+NUDGE = 1e-9
+"""Relative change of the scale by which the conditioning of a response is measured."""
+ROUNDING = 1e-12
+"""Relative difference of two ways where the conditioning is 1."""
+COMPARED = ("drift", "displacement", "floor_acceleration", "force", "impulse", "residual")
+
+
+def response_again(study, block: Block, row: int, run: dict[str, np.ndarray]) -> RunAgain:
+    """Compute one complete response again.
+
+    Parameters
+    ----------
+    study : Records
+        The part that the block is of.
+    block : Block
+    row : int
+        Of the block.
+    run : dict of str to ndarray
+        The run's variables.
+    """
+    record, at = block.run(row)
+    factor = float(study.factor[record, at])
+    again = RunAgain(at=run_name(study.describe((record, at))), solver=study.settings.solver)
+    try:
+        samples = study.record(record)
+    except (ValueError, OSError) as error:
+        again.compared = f"nothing: {error}"
+        return again
+    structure, tail = study.structure, study.tail
+    own, _ = peaks_of(structure, study.settings)
+    peaks = [peak for peak in own if peak.field in COMPARED]
+    found = []
+    for scale in (factor, factor * (1.0 + NUDGE)):
+        response = respond(structure, samples, scale, tail, study.settings)
+        if response.outcome is not Outcome.COMPLETE:
+            again.problem = f"computed again it ends with {response.outcome.name}"
+            return again
+        found.append([pack(response, np.empty(0), [peak]) for peak in peaks])
+    stored = [run[peak.variable.name] for peak in peaks]
+    again.compared = "peaks, computed plainly"
+    again.difference = _apart(stored, found[0])
+    again.allowed = ROUNDING * max(_apart(*found) / NUDGE, 1.0)
+    if not again.difference <= again.allowed:
+        again.problem = (
+            f"computed plainly its peaks differ by {again.difference:.2g} of the largest, allowed "
+            f"are {again.allowed:.2g}"
+        )
+    result = study.compute_run(block, row, study.initial_state)
+    equal = all(result[name][0].tobytes() == run[name].tobytes() for name in run)
+    again.whole_run = "equal" if equal else "same" if not again.problem else "other"
+    return again
+
+
+def _apart(left: list[np.ndarray], right: list[np.ndarray]) -> float:
+    """Return the largest difference of two sets of peaks, each over the largest of its kind."""
+    worst = 0.0
+    for a, b in zip(left, right, strict=True):
+        size = max(float(np.abs(b).max(initial=0.0)), float(np.abs(a).max(initial=0.0)))
+        far = float(np.abs(a - b).max(initial=0.0))
+        worst = max(worst, far / size if size > 0 else 0.0)
+    return worst if math.isfinite(worst) else math.inf

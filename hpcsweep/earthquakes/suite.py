@@ -1,0 +1,169 @@
+"""Suites of records as a study holds them: where samples come from, and what is known without them.
+
+A study of many records keeps of each a name, a checksum of its samples, and its intensity measures;
+the samples are read, or made, when a response is computed. So a file of results can be opened where
+the records are not, and a rank's memory does not grow with their number.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.earthquakes.intensity import average_spectral_acceleration, intensity
+from hpcsweep.earthquakes.reading import read_record
+from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
+from hpcsweep.earthquakes.synthetic import synthetic_records
+from hpcsweep.model.record import Record
+
+MEASURES = ("factor", "pga", "pgv", "sa", "avgsa")
+"""Intensity measures by which records are scaled."""
+DIGITS = 12
+"""Of measures: the last ones depend on the libraries, and a job must mean the same everywhere."""
+KEPT = 16
+"""Records that a process keeps, of those that are read from files."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What a scale is of: an intensity measure of records.
+
+    Attributes
+    ----------
+    by : str
+        One of `MEASURES`; ``factor`` is 1 of every record as it is.
+    periods : tuple of float
+        Of ``sa`` one, of ``avgsa`` one or more; of others none.
+    damping_ratio : float
+    """
+
+    by: str = "factor"
+    periods: tuple[float, ...] = ()
+    damping_ratio: float = DAMPING_RATIO
+
+    @property
+    def quantity(self) -> str:
+        """Dimension of the measure."""
+        return {"factor": "1", "pgv": "velocity"}.get(self.by, "acceleration")
+
+    def __str__(self) -> str:
+        periods = ", ".join(f"{period:.6g}" for period in self.periods)
+        names = {"factor": "scale factor", "avgsa": "AvgSA", "sa": "Sa"}
+        name = names.get(self.by, self.by.upper())
+        return f"{name}({periods}; {100 * self.damping_ratio:g} %)" if periods else name
+
+    def of(self, record: Record) -> float:
+        """Return the measure of a record."""
+        if self.by == "factor":
+            return 1.0
+        if self.by == "pga":
+            return record.peak
+        if self.by == "pgv":
+            return intensity(record).pgv
+        return average_spectral_acceleration(record, self.periods, self.damping_ratio)
+
+
+class Facts(NamedTuple):
+    """What is known of a record without its samples, in the structure's units."""
+
+    name: str
+    digest: str
+    """Of samples and step."""
+    samples: int
+    dt: float
+    pga: float
+    pgv: float
+    pgd: float
+    arias: float
+    duration: float
+    """As of `hpcsweep.earthquakes.intensity.Intensity`."""
+    measure: float
+    """That by which the record is scaled."""
+
+
+def facts_of(record: Record, measure: Measure, gravity: float) -> Facts:
+    """Return what is known of a record."""
+    numbers = (*intensity(record, gravity), measure.of(record))
+    rounded = (float(f"{number:.{DIGITS - 1}e}") for number in numbers)
+    return Facts(record.name, digest_of(record), record.n_samples, record.dt, *rounded)
+
+
+def digest_of(record: Record) -> str:
+    """Return a checksum of the samples of a record and the time between them."""
+    data = np.append(record.acceleration, record.dt).astype("<f8")
+    return hashlib.sha256(data.tobytes()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class Files:
+    """Records in files, read when they are needed; see `read_record`."""
+
+    paths: tuple[str, ...]
+    unit: str
+    gravity: float
+    dt: float | None = None
+
+    def record(self, i: int) -> Record:
+        """Read record i.
+
+        Raises
+        ------
+        ValueError, OSError
+            If the file is no record, or cannot be read.
+        """
+        path = self.paths[i]
+        state = Path(path).stat()
+        changed = state.st_mtime_ns, state.st_size
+        return _read(path, self.unit, self.gravity, self.dt, changed)
+
+
+@dataclass(frozen=True)
+class Synthetic:
+    """A synthetic suite, made when it is needed; see `synthetic_records`."""
+
+    count: int
+    seed: int = 0
+    dt: float = 0.01
+    duration: float = 30.0
+    rms: float = 1.0
+    soil: str = "firm"
+
+    def record(self, i: int) -> Record:
+        """Return record i.
+
+        Raises
+        ------
+        ValueError
+            If an attribute is outside its range.
+        """
+        return _made(self)[i]
+
+
+def checked_record(source: Files | Synthetic, facts: Facts, i: int) -> Record:
+    """Return record i of a source.
+
+    Raises
+    ------
+    ValueError, OSError
+        If it cannot be read, or is not the one of which the facts are.
+    """
+    record = source.record(i)
+    if digest_of(record) != facts.digest:
+        raise ValueError(f"record {facts.name} is not the one the job was made with")
+    return record
+
+
+@lru_cache(maxsize=KEPT)
+def _read(path: str, unit: str, gravity: float, dt: float | None, changed: tuple) -> Record:
+    del changed  # a file that is written anew is read again
+    return read_record(path, unit, gravity, dt)
+
+
+@lru_cache(maxsize=2)
+def _made(suite: Synthetic) -> list[Record]:
+    return synthetic_records(
+        suite.count, suite.seed, suite.dt, suite.duration, suite.rms, suite.soil
+    )

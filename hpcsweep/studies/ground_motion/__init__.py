@@ -1,0 +1,1 @@
+"""Responses to ground-motion records: incremental dynamic analyses, pounding studies."""

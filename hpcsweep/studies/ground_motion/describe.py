@@ -1,0 +1,63 @@
+"""What a person is told of the records of a study, before anything is computed."""
+
+from collections.abc import Iterator
+
+from hpcsweep.earthquakes.intensity import spectral_acceleration
+from hpcsweep.model.unit_names import unit_of
+
+MOST = 60
+"""Records that are listed."""
+STRONG, WEAK = 3.0, 1e-3
+"""Peak accelerations in g beyond which a record's unit looks wrong: the strongest that was ever
+recorded is 4 g."""
+FAR = 0.3
+"""Peak ground displacement in PGV x duration beyond which a baseline drifts."""
+
+
+def lines(study) -> Iterator[str]:
+    """Tell of scales and records, a line each, warnings last."""
+    structure, measure, scale = study.structure, study.measure, study.scale
+
+    def named(quantity: str) -> str:
+        return unit_of(structure, quantity)
+
+    unit = "" if measure.quantity == "1" else f" {named(measure.quantity)}"
+    low, high = study.factor.min(), study.factor.max()
+    yield (
+        f"scales:     {scale.size} of {measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records "
+        f"are multiplied by {low:.4g} to {high:.4g}"
+    )
+    period = 6.283185307179586 / float(structure.frequencies[0])
+    yield (
+        f"records:    PGA in g of {study.gravity:g} {named('acceleration')}, PGV in "
+        f"{named('velocity')}, PGD in {named('length')}, significant duration in {named('time')}, "
+        f"Sa({period:.4g}; 5 %) in g"
+    )
+    width = max(len(one.name) for one in study.suite)
+    for i, one in enumerate(study.suite[:MOST]):
+        spectral = _spectral(study, i, period)
+        yield (
+            f"  {one.name:{width}}  PGA {one.pga / study.gravity:7.4f}  PGV {one.pgv:9.4g}  PGD "
+            f"{one.pgd:9.4g}  duration {one.duration:7.3g}  Sa {spectral}  "
+            f"{one.samples} samples of {one.dt:g}"
+        )
+    if len(study.suite) > MOST:
+        yield f"  and {len(study.suite) - MOST} more"
+
+
+def _spectral(study, i: int, period: float) -> str:
+    """Return Sa(T_1) in g, of a record that is there."""
+    try:
+        return f"{spectral_acceleration(study.record(i), period) / study.gravity:7.4f}"
+    except (ValueError, OSError):
+        return "not known: the record is not there, or T is too short"
+
+
+def warnings(study) -> Iterator[str]:
+    """Tell of what looks like a mistake, a line each."""
+    for one in study.suite[:MOST]:
+        pga = one.pga / study.gravity
+        if not WEAK <= pga <= STRONG:
+            yield f"{one.name} has a PGA of {pga:.3g} g: is its unit right?"
+        if one.pgd > FAR * one.pgv * one.samples * one.dt:
+            yield f"{one.name}: the ground is displaced by {one.pgd:.3g}: its baseline drifts"

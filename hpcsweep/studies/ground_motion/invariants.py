@@ -1,0 +1,54 @@
+"""Invariants of responses to records: what every committed run promises about its own numbers."""
+
+import numpy as np
+
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.ground_motion.variables import ALONE, PEAKS, TIMES
+
+SIGNED = ("final_state", "impulse", "dissipated")
+ROUNDING = 1.0 + 1e-9
+
+
+def broken_invariants(rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+    """Check k runs against what is said of their variables.
+
+    Parameters
+    ----------
+    rows : dict of str to ndarray
+        The file's variables, first axis the k runs.
+
+    Returns
+    -------
+    list of (int, str)
+        Row and what is wrong there.
+    """
+    outcome, skip_rule = rows["outcome"], rows["skip_rule"]
+    known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
+    complete, linear = outcome == Outcome.COMPLETE, skip_rule == SkipRule.LINEAR
+    broken = {
+        "outcome is one of 1 to 4": ~np.isin(outcome, known),
+        "skip_rule is none or linear": ~np.isin(skip_rule, (SkipRule.NONE, SkipRule.LINEAR)),
+        "a linear run is complete": linear & ~complete,
+    }
+    for peak in (*PEAKS, *TIMES, *ALONE):
+        name = peak.variable.name
+        if name not in rows:
+            continue
+        values = rows[name]
+        least = -np.inf if name in SIGNED else 0.0
+        with np.errstate(invalid="ignore"):
+            good = (np.isfinite(values) & (values >= least)).all(axis=1)
+        broken[f"{name} is finite, and a size"] = complete & ~good
+        if values.dtype.kind == "f" and peak not in ALONE:
+            broken[f"{name} of a failed run is NaN"] = ~complete & ~np.isnan(values).all(axis=1)
+    if "impacts" in rows:
+        touched = (rows["impacts"] > 0).any(axis=1)
+        broken["a linear run has no impacts"] = linear & touched
+    last = rows["displacement"] * ROUNDING >= rows["residual"]
+    broken["residual is at most displacement"] = complete & ~last.all(axis=1)
+    return sorted(
+        (int(row), f"not so: {invariant}")
+        for invariant, where in broken.items()
+        for row in np.flatnonzero(where)
+    )

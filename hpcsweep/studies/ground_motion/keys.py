@@ -1,0 +1,181 @@
+"""The table ``records`` of a job: which records, and the scales at which they shake.
+
+What a job says of records is found out once, when it is loaded (`hpcsweep.job.suites`), and stands
+in it afterwards as ``records.found``: so a file of results is read without the records themselves.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.earthquakes.reading import STANDARD_GRAVITY, UNITS
+from hpcsweep.earthquakes.suite import MEASURES, Facts, Files, Measure, Synthetic
+from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
+from hpcsweep.model.record import MAX_SAMPLES
+from hpcsweep.studies.study import Coordinate
+
+KEYS = ("files", "synthetic", "unit", "gravity", "dt", "tail", "scale", "found")
+MAX_FILES = 10_000
+SCALED_BY = {"sa": ("period",), "avgsa": ("periods",)}
+"""Keys of ``scale`` that a measure needs."""
+RANGE = ("values", "from", "to", "count", "step")
+SUITE = {"count": int, "seed": int, "dt": float, "duration": float, "rms": float, "soil": str}
+DEFAULT_SCALE = {"by": "factor", "values": [1.0]}
+
+
+def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
+    """Read where records come from; `paths` are those of the files that were found.
+
+    Raises
+    ------
+    JobError
+    """
+    given = values.table("records")
+    if ("files" in given) == ("synthetic" in given):
+        what = "either files or synthetic must be given"
+        raise values.error("records", sorted(given), what)
+    if "files" in given:
+        unit = values.get("records.unit", "g")
+        if unit not in UNITS:
+            raise values.error("records.unit", unit, f"must be one of {', '.join(UNITS)}")
+        dt = positive(values, "records.dt", given["dt"]) if "dt" in given else None
+        return Files(paths, unit, read_gravity(values), dt)
+    for key in ("unit", "dt"):
+        if key in given:
+            raise values.error(f"records.{key}", given[key], "goes with records.files")
+    return _synthetic(values, given["synthetic"])
+
+
+def _synthetic(values: Any, table: Any) -> Synthetic:
+    if not isinstance(table, dict):
+        limit = "must be a table such as {count = 20, seed = 1, rms = 1.0}"
+        raise values.error("records.synthetic", table, limit)
+    values.check_keys("records.synthetic", table, tuple(SUITE))
+    read: dict[str, Any] = {}
+    for key, kind in SUITE.items():
+        name = f"records.synthetic.{key}"
+        given = table.get(key, 1 if key == "count" else getattr(Synthetic, key, None))
+        if kind is float:
+            read[key] = positive(values, name, given)
+        elif kind is str:
+            if given not in SOILS:
+                raise values.error(name, given, f"must be one of {', '.join(SOILS)}")
+            read[key] = given
+        else:
+            least, most = (1, MAX_RECORDS) if key == "count" else (0, 2**63 - 1)
+            if type(given) is not int or not least <= given <= most:
+                limit = f"must be a whole number from {least} to {most}"
+                raise values.error(name, given, limit)
+            read[key] = given
+    steps = round(min(read["duration"] / read["dt"], 1e9))
+    if not 100 <= steps < MAX_SAMPLES:
+        limit = f"must be 100 to {MAX_SAMPLES - 1} times dt = {read['dt']:g}"
+        raise values.error("records.synthetic.duration", read["duration"], limit)
+    return Synthetic(**read)
+
+
+def positive(values: Any, key: str, given: Any) -> float:
+    """Read a finite number above 0."""
+    number = values.number(key, given)
+    if not 0 < number < math.inf:
+        raise values.error(key, given, "must be finite and above 0")
+    return number
+
+
+def read_gravity(values: Any) -> float:
+    """Read one g in the structure's units."""
+    return positive(values, "records.gravity", values.get("records.gravity", STANDARD_GRAVITY))
+
+
+def read_tail(values: Any, found: tuple[Facts, ...]) -> float:
+    """Read the time of free motion after each record."""
+    longest = MAX_SAMPLES * min(one.dt for one in found)
+    tail = values.number("records.tail", values.get("records.tail", 0.0))
+    if not 0 <= tail <= longest:
+        raise values.error("records.tail", tail, f"must be from 0 to {longest:g}")
+    return tail
+
+
+def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
+    """Read the measure by which records are scaled, and its values, ascending.
+
+    Raises
+    ------
+    JobError
+    """
+    table = values.get("records.scale", DEFAULT_SCALE)
+    if not isinstance(table, dict):
+        limit = 'must be a table such as {by = "pga", from = 0.5, to = 5.0, count = 10}'
+        raise values.error("records.scale", table, limit)
+    by = table.get("by", "factor")
+    if by not in MEASURES:
+        raise values.error("records.scale.by", by, f"must be one of {', '.join(MEASURES)}")
+    needed = SCALED_BY.get(by, ())
+    known = ("by", *needed, *(("damping_ratio",) if needed else ()), *RANGE)
+    values.check_keys("records.scale", table, known)
+    periods: tuple[float, ...] = ()
+    for key in needed:
+        listed = values.numbers_in(f"records.scale.{key}", table.get(key), ascending=True)
+        if listed.min() <= 0 or (key == "period" and listed.size > 1):
+            what = "one number above 0" if key == "period" else "numbers above 0"
+            raise values.error(f"records.scale.{key}", table[key], f"must be {what}")
+        periods = tuple(listed.tolist())
+    ratio = values.number("records.scale.damping_ratio", table.get("damping_ratio", 0.05))
+    if not 0 <= ratio < 1:
+        raise values.error("records.scale.damping_ratio", ratio, "must be from 0 to below 1")
+    grid = {key: table[key] for key in RANGE if key in table}
+    if "values" in grid and len(grid) > 1:
+        raise values.error("records.scale.values", grid["values"], "goes without from and to")
+    scale = values.numbers_in("records.scale", grid.get("values", grid), ascending=True)
+    if scale[0] <= 0:
+        raise values.error("records.scale", float(scale[0]), "scales must be above 0")
+    return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
+
+
+def read_found(values: Any) -> tuple[tuple[Facts, ...], tuple[str, ...]]:
+    """Read what was found out of the records: facts, and the paths of files.
+
+    Raises
+    ------
+    JobError
+        If it is not as `hpcsweep.job.suites` writes it.
+    """
+    found = values.get("records.found")
+    paths = tuple(map(str, values.get("records.files", ())))
+    try:
+        facts = tuple(Facts(*(one[name] for name in Facts._fields)) for one in found)
+        if not facts or not all(map(_is_sound, facts)) or len(paths) not in (0, len(facts)):
+            raise TypeError
+    except (TypeError, KeyError, AttributeError):
+        limit = "must be as written by hpcsweep; take it away, and records are looked for again"
+        raise values.error("records.found", found, limit) from None
+    return facts, paths
+
+
+def _is_sound(facts: Facts) -> bool:
+    names, samples, numbers = facts[:2], facts.samples, facts[3:]
+    return (
+        all(isinstance(name, str) for name in names)
+        and type(samples) is int
+        and all(isinstance(number, float) for number in numbers)
+        and facts.dt > 0
+        and facts.measure > 0
+    )
+
+
+def storey_heights(values: Any, n_storeys: int) -> tuple[float, ...]:
+    """Return the height of each storey where all buildings tell theirs, else nothing."""
+    heights: list[float] = []
+    for building in values.top("building", None) or []:
+        height = building.get("storey_height")
+        each = height if isinstance(height, list) else [height] * len(building["mass"])
+        if None in each:
+            return ()
+        heights += map(float, each)
+    return tuple(heights) if len(heights) == n_storeys else ()
+
+
+def scale_coordinate(measure: Measure, scale: np.ndarray) -> Coordinate:
+    """Return the dimension of the scales."""
+    return Coordinate(scale.astype("<f8"), measure.quantity, str(measure))

@@ -1,0 +1,326 @@
+"""Responses to ground-motion records: records x scales, each run from rest.
+
+A task is a record; a block holds some of its scales. With several structures (``[vary]``) a task is
+a record of one of them. No run depends on another (`responses`).
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hpcsweep.earthquakes.suite import Facts, Files, Measure, Synthetic, checked_record
+from hpcsweep.model.record import Record
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers import response
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.ground_motion import keys
+from hpcsweep.studies.ground_motion.responses import SKIP_RULES, Responses
+from hpcsweep.studies.ground_motion.tally import ResponseTally
+from hpcsweep.studies.ground_motion.variables import (
+    COMMIT,
+    FACTOR,
+    FACTS,
+    GROUPS,
+    RUN,
+    STOREY_HEIGHT,
+    place_coordinates,
+    response_variables,
+)
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.study import Axis, Block, BlockTable, Coordinate, Path, Place, Variable
+from hpcsweep.studies.variables import named, numbered, states
+
+MOST_SCALES = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Records:
+    """Records at scales, a record a task; see `hpcsweep.studies.study.Study`.
+
+    Attributes
+    ----------
+    structure : Structure
+    initial_state : ndarray, shape (2n,)
+        Rest.
+    settings : SweepSettings
+    block_size : int
+        Scales that are committed together.
+    suite : tuple of Facts
+        What is known of each record.
+    source : Files or Synthetic
+        Where their samples come from.
+    measure : Measure
+        What the scales are of.
+    scale : ndarray, shape (n_scales,)
+        Ascending.
+    tail : float
+        Time of free motion after each record.
+    storey_height : tuple of float
+        Of each storey; empty if it is not known.
+    gravity : float
+        One g in the structure's units.
+    """
+
+    structure: Structure
+    initial_state: np.ndarray
+    settings: SweepSettings
+    block_size: int
+    suite: tuple[Facts, ...]
+    source: Files | Synthetic
+    measure: Measure
+    scale: np.ndarray
+    tail: float
+    storey_height: tuple[float, ...]
+    gravity: float
+
+    kind: ClassVar[str] = "records"
+    task_noun: ClassVar[str] = "record"
+    why_whole: ClassVar[str] = "the scales of a record are computed by one rank"
+    keys: ClassVar[dict] = {"records": keys.KEYS, "output": (*GROUPS, "block")}
+    without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")
+    skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
+    default_block: ClassVar[int] = 25
+    frame_dim: ClassVar[str] = "record"
+    run_dims: ClassVar[tuple[str, ...]] = RUN
+    grid_fields: ClassVar[tuple[str, ...]] = ()
+    commit: ClassVar[Variable] = COMMIT
+    carried: ClassVar[tuple[str, ...]] = ()
+    axes: ClassVar[tuple[Axis, ...]] = ()
+    directions: ClassVar[tuple[str, ...]] = ()
+    holds: ClassVar[str] = "responses"
+    is_list: ClassVar[bool] = False
+    status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
+    polls_per_run: ClassVar[int] = 1
+
+    @classmethod
+    def read(cls, values, **common) -> "Records":
+        """Read records and scales; see `RunGrid.read`."""
+        structure, settings = common["structure"], common["settings"]
+        if not structure.contact_stiffness.any():
+            structure = common["structure"] = structure.without_contacts()
+        if settings.solver not in response.SOLVERS:
+            limit = f"of records must be {' or '.join(response.SOLVERS)}"
+            raise values.error("solver.method", settings.solver, limit)
+        wanted = []
+        for name in GROUPS:
+            value = values.get(f"output.{name}", True)
+            if not isinstance(value, bool):
+                raise values.error(f"output.{name}", value, "must be true or false")
+            wanted += [name] * value
+        common["settings"] = replace(settings, metrics=frozenset(wanted))
+        measure, scale = keys.read_scale(values)
+        if scale.size > MOST_SCALES:
+            limit = f"must be {MOST_SCALES} scales at most, are {scale.size}"
+            raise values.error("records.scale", values.get("records.scale"), limit)
+        suite, paths = keys.read_found(values)
+        return cls(
+            suite=suite,
+            source=keys.read_source(values, paths),
+            measure=measure,
+            scale=scale,
+            tail=keys.read_tail(values, suite),
+            storey_height=keys.storey_heights(values, len(structure.drift_rows)),
+            gravity=keys.read_gravity(values),
+            **common,
+        )
+
+    @property
+    def n_frames(self) -> int:
+        """Records."""
+        return len(self.suite)
+
+    @property
+    def n_tasks(self) -> int:
+        """Tasks of the study: its records."""
+        return len(self.suite)
+
+    @property
+    def n_runs(self) -> int:
+        """Runs of the study: records x scales."""
+        return len(self.suite) * self.scale.size
+
+    @property
+    def n_blocks(self) -> int:
+        """Blocks of one record."""
+        return -(-self.scale.size // self.block_size)
+
+    @cached_property
+    def factor(self) -> np.ndarray:
+        """By which each record is multiplied at each scale, shape (n_records, n_scales)."""
+        measures = np.array([one.measure for one in self.suite])
+        return self.scale / measures[:, None]
+
+    @cached_property
+    def responses(self) -> Responses:
+        """What computes the runs."""
+        return Responses(self.structure, self.settings, self.tail)
+
+    def record(self, i: int) -> Record:
+        """Return the samples of record i.
+
+        Raises
+        ------
+        ValueError, OSError
+            If they cannot be read, or are not those of the job.
+        """
+        return checked_record(self.source, self.suite[i], i)
+
+    @cached_property
+    def variables(self) -> list[Variable]:
+        """Variables of the runs, in the order of the file."""
+        return response_variables(self.structure, self.settings)
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+        return {name: one.values.size for name, one in self.coordinates.items()}
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+        return {
+            **place_coordinates(self.structure, self.settings),
+            "record": named([one.name for one in self.suite], "ground-motion record"),
+            "scale": keys.scale_coordinate(self.measure, self.scale),
+            "state": states(self.structure.n_floors),
+            "block": numbered(self.n_blocks, "block of scales"),
+        }
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known beforehand, with their values."""
+        facts = [
+            (one, np.array([getattr(facts, one.name) for facts in self.suite])) for one in FACTS
+        ]
+        heights = [(STOREY_HEIGHT, np.array(self.storey_height))] if self.storey_height else []
+        return [*facts, (FACTOR, self.factor), *heights]
+
+    def tasks_of(self, frame: int) -> list[int]:
+        """Return the one task of a record."""
+        return [frame]
+
+    def path(self, task: int) -> Sequence[Block]:
+        """Return the blocks of a record."""
+        return Path(self.n_blocks, lambda number: self.block((task, number)))
+
+    def block(self, place: Place) -> Block:
+        """Return the block with an index in ``commit``: record, number."""
+        record, number = place
+        low = number * self.block_size
+        n_runs = min(self.block_size, self.scale.size - low)
+        return Block(record, place, (record, low), n_runs)
+
+    def table(self) -> BlockTable:
+        """Describe all blocks at once."""
+        shape = len(self.suite), self.n_blocks
+        record, number = (axis.ravel() for axis in np.indices(shape, np.int32))
+        size, count = self.block_size, self.scale.size
+        n_runs = np.minimum(size, count - number * size)
+        middle = np.minimum((number + 0.5) * size, count) / count
+        return BlockTable(record, n_runs, np.stack((record, number), axis=1), middle)
+
+    def predecessor(self, block: Block, row: int) -> Place | None:
+        """Return None: every run starts from rest."""
+        del block, row
+        return None
+
+    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+        """Return rest: a run carries nothing to another."""
+        del rows, row
+        return self.initial_state
+
+    def compute(
+        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Compute a block; rows in the order of the file."""
+        del state
+        record, low = block.first
+        factors = self.factor[record, low : low + block.n_runs]
+        return self.responses.rows(self.record(record), factors, poll)
+
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
+        """Compute one run alone."""
+        del state
+        record, at = block.run(row)
+        return self.responses.rows(self.record(record), self.factor[record, at : at + 1])
+
+    def part_of(self, block: Block) -> tuple["Records", Block]:
+        """Return the study that a block is of, and the block as it is called there."""
+        return self, block
+
+    def part(self, _place: Place) -> "Records":
+        """Return the study at a place of `axes`, of which there are none."""
+        return self
+
+    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+        """Return what is not as every run promises: row and what is wrong there."""
+        from hpcsweep.studies.ground_motion.invariants import broken_invariants
+
+        del block
+        return broken_invariants(rows)
+
+    def time_runs(
+        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
+    ) -> tuple[tuple[int, float], int, float]:
+        """Time a few runs of a record."""
+        record = int(share * len(self.suite))
+        at = int(along * (max(self.scale.size - n_runs, 0) + 1))
+        factors = self.factor[record, at : at + n_runs]
+        samples = self.record(record)
+        begun = time.perf_counter()
+        self.responses.rows(samples, factors, poll)
+        seconds = time.perf_counter() - begun
+        return (record, (at + 0.5 * factors.size) / self.scale.size), factors.size, seconds
+
+    def describe(self, run: Place) -> dict[str, Any]:
+        """Describe a run: ``record``, ``scale``."""
+        record, at = run
+        return {"record": self.suite[record].name, "scale": float(self.scale[at])}
+
+    def describe_task(self, task: int) -> str:
+        """Describe a task by its record."""
+        return self.suite[task].name
+
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+        """Return nothing: a response is no motion that repeats."""
+        del run
+        return []
+
+    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Count the runs that the rule ``linear`` spared."""
+        linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
+        return {"runs_below_contact": int(linear.sum())}
+
+    def tally(self) -> ResponseTally:
+        """Make what counts the runs for ``summary``."""
+        return ResponseTally(self)
+
+    def is_compiled(self, n_ranks: int | None = None) -> bool:
+        """Return whether the cache is known to have all that its runs call."""
+        from hpcsweep.studies.compilation import is_compiled_for_records
+
+        del n_ranks
+        return is_compiled_for_records()
+
+    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
+        """Compile all that its runs call, or load it from the disk."""
+        from hpcsweep.studies.compilation import warm_up_records
+
+        del n_ranks
+        warm_up_records(say)
+
+    def told(self) -> Iterator[str]:
+        """Tell of the records, a line each, in order."""
+        from hpcsweep.studies.ground_motion.describe import lines
+
+        return lines(self)
+
+    def warnings(self) -> Iterator[str]:
+        """Tell what looks like a mistake in the records, a line each."""
+        from hpcsweep.studies.ground_motion.describe import warnings
+
+        return warnings(self)

@@ -1,0 +1,224 @@
+r"""Responses of one structure to one record at many scales, with two rules that spare work.
+
+From rest, with sharp contacts (dashpots too), the equations are homogeneous in lengths: with u(t)
+the response of gaps g at scale s, L u(t) is that of gaps L g at scale L s, forces and velocities
+grow with L, energies with its square, times and counts stay.
+
+ratio
+    So only s / |g| matters, |g| being the largest gap and the proportions of the others given. A
+    run is computed of the gaps g / |g| at the scale s / |g|, rounded to `DIGITS` digits, and
+    multiplied by what makes it that of s. Another run of the same ratio, at another scale of the
+    record or in another part of a job that varies gaps, is the same one. A process keeps what it
+    has computed, and computes the same numbers where it keeps nothing: results do not depend on
+    ranks or on order. Where all gaps are 0 one run serves all scales.
+linear
+    Without contacts the motion is proportional to s at all scales, and it is the motion up to the
+    scale at which its reach, max_t d_k . u, comes to a gap (`first_contact_scale`).
+
+Neither holds for a smooth stop, which pushes at any distance and whose sharpness is a length: there
+every run is computed as it is.
+"""
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from hpcsweep.earthquakes.suite import digest_of
+from hpcsweep.model.record import Record
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.response import Response, linear_response, scale_of_contact
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.ground_motion.variables import pack, peaks_of
+from hpcsweep.studies.settings import SweepSettings
+
+Poll = Callable[[], None] | None
+SKIP_RULES = ("linear", "ratio")
+DIGITS = 15
+"""Of a ratio: quotients that are equal but for rounding become so."""
+BELOW = 1.0 - 1e-9
+"""Part of the scale of first contact up to which a motion is taken for linear."""
+MOST_KEPT = 6_000_000
+"""Numbers of responses that a process keeps, 50 MB."""
+
+
+class Responses:
+    """Computes responses of a structure to records.
+
+    Parameters
+    ----------
+    structure : Structure
+    settings : SweepSettings
+        Solver, rtol, rules and groups of results.
+    tail : float
+        Time of free motion after each record.
+    """
+
+    def __init__(self, structure: Structure, settings: SweepSettings, tail: float):
+        self.structure, self._settings, self._tail = structure, settings, tail
+        self._own, self._alone = peaks_of(structure, settings)
+        sharp = structure.sharpness == math.inf or not structure.contacts
+        self._linear = sharp and "linear" in settings.skip
+        self._ratio = sharp and "ratio" in settings.skip
+
+    @cached_property
+    def _largest(self) -> float:
+        """Largest gap of the structure, of either sign; 1 where ratios are not used."""
+        if not self._ratio:
+            return 1.0
+        return max((abs(contact.gap) for contact in self.structure.contacts), default=0.0)
+
+    @cached_property
+    def computed(self) -> Structure:
+        """The structure of which responses are computed: with gaps in units of the largest."""
+        if not self._ratio or self._largest == 0.0:
+            return self.structure
+        return with_gaps_in(self.structure, self._largest)
+
+    def ratio(self, factor: float) -> float:
+        """Return the scale at which `computed` responds as the structure at a scale."""
+        if not self._ratio:
+            return factor
+        if self._largest == 0.0:
+            return 1.0
+        return float(f"{factor / self._largest:.{DIGITS - 1}e}")
+
+    def rows(self, record: Record, factors: np.ndarray, poll: Poll = None) -> dict[str, np.ndarray]:
+        """Compute responses to a record at scales, by the names of variables; first axis scales."""
+        digest = digest_of(record)
+        free, reach = _free(self.computed, record, self._tail)
+        first = scale_of_contact(self.computed, reach) * BELOW if self._linear else -math.inf
+        alone = pack(free, reach, self._alone) if self._alone else np.empty(0)
+        told: dict[str, list] = {"outcome": [], "skip_rule": []}
+        found = []
+        for factor in factors.tolist():
+            scale = self.ratio(factor)
+            is_linear = scale <= first
+            if is_linear:
+                row, outcome = pack(free, reach, self._own), Outcome.COMPLETE
+                scale, length = 1.0, factor
+            else:
+                row, outcome = self._respond(record, digest, scale, poll)
+                length = factor / scale
+            parts = [row * length**self._powers, alone * factor]
+            found.append(np.concatenate(parts))
+            told["outcome"].append(outcome)
+            told["skip_rule"].append(SkipRule.LINEAR if is_linear else SkipRule.NONE)
+        return self._by_name(np.array(found)) | {
+            name: np.array(values, np.int8) for name, values in told.items()
+        }
+
+    def _respond(self, record: Record, digest: str, scale: float, poll: Poll):
+        """Return the packed response of `computed` at a scale, and its outcome."""
+        key = (self.computed, self._settings, self._tail, digest, scale)
+        if self._ratio and (kept := KEPT.get(key)):
+            return kept
+        response = respond(self.computed, record, scale, self._tail, self._settings, poll=poll)
+        row = pack(response, np.empty(0), self._own)
+        if response.outcome is not Outcome.COMPLETE:
+            row = np.full(row.size, math.nan)
+        if self._ratio:
+            KEPT.put(key, (row, response.outcome))
+        return row, response.outcome
+
+    @cached_property
+    def _sizes(self) -> list[int]:
+        """Numbers of each peak."""
+        n = self.structure.n_floors
+        sizes = {
+            "floor": n,
+            "state": 2 * n,
+            "storey": len(self.structure.drift_rows),
+            "stop": len(self.structure.contacts),
+        }
+        return [sizes[peak.variable.dims[-1]] for peak in (*self._own, *self._alone)]
+
+    @cached_property
+    def _powers(self) -> np.ndarray:
+        """Power of the scale for each number of a run's own response."""
+        sizes = self._sizes[: len(self._own)]
+        return np.repeat([float(peak.power) for peak in self._own], sizes)
+
+    def _by_name(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        ends = np.cumsum(self._sizes)[:-1]
+        peaks = [peak.variable for peak in (*self._own, *self._alone)]
+        named = zip(peaks, np.split(rows, ends, axis=1), strict=True)
+        return {
+            one.name: np.ascontiguousarray(
+                values if one.dtype == "<f8" else np.nan_to_num(values), one.dtype
+            )
+            for one, values in named
+        }
+
+
+def respond(
+    structure: Structure,
+    record: Record,
+    scale: float,
+    tail: float,
+    settings: SweepSettings,
+    poll: Poll = None,
+) -> Response:
+    """Return the response of a structure, as it is, to a record at a scale."""
+    solver = _map(structure, record.dt, settings.rtol)
+    return solver.respond(record.acceleration, scale, tail, poll=poll)
+
+
+def with_gaps_in(structure: Structure, unit: float) -> Structure:
+    """Return the structure by its matrices, with its gaps in a unit."""
+    return Structure.from_matrices(
+        structure.mass_matrix,
+        structure.stiffness_matrix,
+        [replace(contact, gap=contact.gap / unit) for contact in structure.contacts],
+        damping=structure.damping_matrix,
+        forcing=structure.forcing_vector,
+        drift=structure.drift_rows,
+        sharpness=structure.sharpness,
+    )
+
+
+@lru_cache(maxsize=8)
+def _map(structure: Structure, dt: float, rtol: float):
+    # here, where responses are computed: who only reads them loads no kernel
+    from hpcsweep.solvers.flow.record_map import RecordMap
+
+    return RecordMap(structure, dt, rtol)
+
+
+@lru_cache(maxsize=8)
+def _free(structure: Structure, record: Record, tail: float) -> tuple[Response, np.ndarray]:
+    return linear_response(structure, record, tail)
+
+
+class _Kept:
+    """The last responses that were computed, up to `MOST_KEPT` numbers."""
+
+    def __init__(self):
+        self._rows: OrderedDict[tuple, tuple[np.ndarray, Outcome]] = OrderedDict()
+        self._numbers = 0
+
+    def get(self, key: tuple) -> tuple[np.ndarray, Outcome] | None:
+        """Return the response of a key, or None."""
+        found = self._rows.get(key)
+        if found is not None:
+            self._rows.move_to_end(key)
+        return found
+
+    def put(self, key: tuple, found: tuple[np.ndarray, Outcome]) -> None:
+        """Keep a response."""
+        self._rows[key] = found
+        self._numbers += found[0].size
+        while self._numbers > MOST_KEPT:
+            _, (row, _) = self._rows.popitem(last=False)
+            self._numbers -= row.size
+
+    def clear(self) -> None:
+        """Forget all."""
+        self.__init__()  # type: ignore[misc]
+
+
+KEPT = _Kept()

@@ -1,0 +1,18 @@
+"""How a run is called in a sentence: by what tells it from the others of its study."""
+
+from collections.abc import Mapping
+from typing import Any
+
+SYMBOLS = {"omega": "Omega", "amplitude": "A", "direction": ""}
+
+
+def run_name(described: Mapping[str, Any]) -> str:
+    """Write what tells a run: what `Study.describe` returns, or a part of it, on one line."""
+    last = [name for name in SYMBOLS if name in described]
+    others = [name for name in described if name not in (*SYMBOLS, "outcome")]
+    shown = []
+    for name in (*others, *last):
+        value = described[name]
+        number = f"{value:.6g}" if isinstance(value, float) else str(value)
+        shown.append(number if name == "direction" else f"{SYMBOLS.get(name, name)} = {number}")
+    return ", ".join(shown)

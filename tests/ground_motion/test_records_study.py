@@ -1,0 +1,332 @@
+"""Studies of records: rules that spare work against plain computing, files, restart, mistakes."""
+
+import json
+import random
+import signal
+from pathlib import Path
+
+import faults
+import numpy as np
+import pytest
+from tools import RECORDS, assert_same_datasets, hpcsweep
+
+from hpcsweep import (
+    intensity,
+    open_results,
+    response,
+    spectrum,
+    synthetic_records,
+)
+from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.status import status
+from hpcsweep.campaign.summary import summarize
+from hpcsweep.checks.validate import validate
+from hpcsweep.earthquakes.intensity import average_spectral_acceleration
+from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.parallel.mpi import Serial
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.ground_motion import responses
+
+SUITE = synthetic_records(4, seed=3, dt=0.02, duration=10.0)
+GAPS = '[vary]\n"pounding.gap" = [0.01, 0.02, 0.04]\n'
+FACTORS = RECORDS.replace(
+    '{by = "pga", from = 0.5, to = 5.0, count = 5}', "{values = [0.25, 0.5, 1.0, 2.0]}"
+)
+FIELDS = {
+    "storey_drift": "drift",
+    "displacement": "displacement",
+    "floor_acceleration": "floor_acceleration",
+    "contact_force": "force",
+    "impacts": "impacts",
+    "impact_velocity": "impact_velocity",
+    "impulse": "impulse",
+    "contact_time": "contact_time",
+    "dissipated": "dissipated",
+    "residual": "residual",
+    "final_state": "final_state",
+}
+
+
+def computed(text: str, folder: Path, name: str = "a"):
+    """Run a job on one rank; its results."""
+    path = folder / f"{name}.h5"
+    job = parse_job(text, "job", name)
+    assert campaign.run(job, path, Serial()) == 0
+    return job, path, open_results(path)
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """The scales at which responses are really computed."""
+    found = []
+    plain = responses.respond
+
+    def counted(structure, record, scale, *arguments, **more):
+        found.append(scale)
+        return plain(structure, record, scale, *arguments, **more)
+
+    monkeypatch.setattr(responses, "respond", counted)
+    responses.KEPT.clear()
+    return found
+
+
+def test_every_run_is_the_plain_response(tmp_path):
+    job, _, results = computed(FACTORS + GAPS, tmp_path)
+    assert dict(results.sizes) | {"gap": 3, "record": 4, "scale": 4} == dict(results.sizes)
+    rules = set(np.unique(results["skip_rule"]))
+    assert rules == {SkipRule.NONE, SkipRule.LINEAR}
+    for place in np.ndindex(3, 4, 4):
+        structure = job.study.part(place[:1]).structure
+        found = response(structure, SUITE[place[1]], float(results["scale"][place[2]]), tail=1.0)
+        for name, field in FIELDS.items():
+            own, plain = results[name].values[place], getattr(found, field)
+            size = max(np.abs(plain).max(), 1e-300)
+            np.testing.assert_allclose(own, plain, rtol=0, atol=1e-9 * size, err_msg=name)
+
+
+def test_without_the_rules_the_same_is_computed(tmp_path, calls):
+    job, _, results = computed(FACTORS + GAPS, tmp_path)
+    spared = len(calls)
+    linear = int((results["skip_rule"] == SkipRule.LINEAR).sum())
+    # gaps 1, 2, 4 and scales 1/4 .. 2: 4 + 2 ratios of s / g
+    assert 0 < spared <= 4 * 6
+    assert linear > 0
+    calls.clear()
+    _, _, plain = computed(FACTORS + GAPS + '[solver]\nskip = "none"\n', tmp_path, "plain")
+    assert len(calls) == job.study.n_runs == 48
+    for name in (*FIELDS, "storey_drift_time", "gap_needed"):
+        size = float(np.abs(plain[name]).max())
+        np.testing.assert_allclose(results[name], plain[name], rtol=0, atol=1e-9 * size)
+    told = summarize(tmp_path / "a.h5")
+    assert told["below_contact"]["runs"] == linear
+    assert told["equal_ratio"]["runs"] == 48 - linear - spared
+
+
+def test_gaps_of_zero_need_one_response_for_all_scales(tmp_path, calls):
+    text = FACTORS.replace("gap = 0.02", "gap = 0.0")
+    _, _, results = computed(text, tmp_path)
+    assert len(calls) == 4
+    one, two = results.isel(scale=2), results.isel(scale=3)
+    np.testing.assert_array_equal(2 * one["contact_force"], two["contact_force"])
+    np.testing.assert_array_equal(one["impacts"], two["impacts"])
+
+
+def test_without_contacts_all_is_linear(tmp_path, calls):
+    text = RECORDS.partition("[[building]]")[0] + "[structure]\nn_floors = 2\nmass = 1.0\n"
+    text += "storey_stiffness = 400.0\nstiffness_ratio = 0.0\n[records]"
+    text += RECORDS.partition("[records]")[2]
+    _, path, results = computed(text, tmp_path)
+    assert calls == []
+    assert "stop" not in results.sizes
+    np.testing.assert_array_equal(results["storey_drift"], results["storey_drift_alone"])
+    assert validate(path, 5).sound
+
+
+def test_gap_needed_is_that_which_does_not_close(tmp_path):
+    job, _, results = computed(FACTORS, tmp_path)
+    needed = results["gap_needed"].isel(record=1, scale=2)
+    for part, closes in ((1.001, False), (0.999, True)):
+        gaps = ", ".join(str(part * float(one)) for one in needed)
+        wide = parse_job(FACTORS.replace("gap = 0.02", f"gap = [{gaps}]"), "job", "job")
+        assert bool(response(wide.structure, SUITE[1], 1.0).impacts.any()) is closes
+    assert job.study.structure.contact_names
+
+
+@pytest.mark.parametrize(
+    ("scale", "measure"),
+    [
+        ('by = "pga"', lambda r: r.peak),
+        ('by = "pgv"', lambda r: intensity(r).pgv),
+        ('by = "sa", period = 0.8', lambda r: spectrum(r, [0.8]).acceleration[0]),
+        (
+            'by = "avgsa", periods = [0.4, 0.8], damping_ratio = 0.02',
+            lambda r: average_spectral_acceleration(r, [0.4, 0.8], 0.02),
+        ),
+    ],
+)
+def test_records_have_the_intensity_asked_for(scale, measure):
+    study = parse_job(RECORDS.replace('by = "pga"', scale), "job", "job").study
+    for i, record in enumerate(SUITE):
+        np.testing.assert_allclose(
+            [measure(record.scaled(factor)) for factor in study.factor[i]], study.scale, rtol=1e-11
+        )
+
+
+def write_columns(folder: Path) -> None:
+    """The suite as text of two columns, in g."""
+    folder.mkdir()
+    for record in SUITE:
+        table = np.column_stack((record.times, record.acceleration / 9.80665))
+        np.savetxt(folder / f"{record.name}.txt", table, fmt="%.17g")
+
+
+def from_files(files: str) -> str:
+    synthetic = next(line for line in RECORDS.splitlines() if line.startswith("synthetic"))
+    return RECORDS.replace(synthetic, f"files = {files}")
+
+
+def test_files_are_read_once_and_not_needed_to_read_results(tmp_path):
+    write_columns(tmp_path / "suite")
+    (tmp_path / "job.toml").write_text(from_files('["suite/*-3.txt", "suite"]'))
+    job = load_job(tmp_path / "job.toml")
+    assert [one.name[-1] for one in job.study.suite] == ["3", "1", "2", "4"]
+    path = tmp_path / "a.h5"
+    assert campaign.run(job, path, Serial()) == 0
+    assert validate(path, 3).sound
+    results = open_results(path)
+    _, _, made = computed(RECORDS, tmp_path, "made")
+    np.testing.assert_allclose(results["pga"][1], SUITE[0].peak, rtol=1e-11)
+    same = made["storey_drift"].isel(record=[2, 0, 1, 3])
+    np.testing.assert_allclose(results["storey_drift"], same, rtol=1e-7)
+
+    (tmp_path / "stored.toml").write_text(job.text)
+    assert load_job(tmp_path / "stored.toml").fingerprint == job.fingerprint
+    changed = tmp_path / "suite" / "synthetic-3-2.txt"
+    np.savetxt(changed, 1.01 * np.loadtxt(changed), fmt="%.17g")
+    with pytest.raises(JobError, match="synthetic-3-2 is not there any more as it was"):
+        load_job(tmp_path / "stored.toml")
+    (tmp_path / "suite").rename(tmp_path / "elsewhere")
+    assert open_results(path).equals(results)
+    assert status(path)["complete"]
+    report = validate(path, 3)
+    assert report.sound
+    assert all("No such file" in again.compared for again in report.sample)
+
+
+WRONG = {
+    "nothing": ("", "must have at least 2 samples, is empty"),
+    "nan": ("0.0 0.1\n0.1 nan\n0.2 0.1\n", "finite"),
+    "text": ("no numbers at all\n", "must"),
+    "uneven": ("0.0 0.1\n0.1 0.2\n0.5 0.1\n0.6 0.0\n", "must"),
+    "one_column": ("0.1\n0.2\n0.3\n", "dt"),
+    "count": ("A\nB\nIN UNITS OF G\nNPTS= 5, DT= .01 SEC\n0.1 0.2 0.3\n", "5"),
+    "no_unit": ("A\nB\nC\nNPTS= 3, DT= .01 SEC\n0.1 0.2 0.3\n", "unit"),
+    "no_step": ("A\nB\nIN UNITS OF G\nNPTS= 3, DT= 0.0 SEC\n0.1 0.2 0.3\n", "DT"),
+    "still": ("0.0 0.0\n0.1 0.0\n0.2 0.0\n", "must be above 0"),
+    "million": ("0.1 0.2\n" * 1_000_000, "must"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_bad_record_is_one_line(tmp_path, name):
+    text, word = WRONG[name]
+    (tmp_path / f"{name}.txt").write_text(text)
+    (tmp_path / "job.toml").write_text(from_files(f'["{name}.txt"]'))
+    done = hpcsweep(0, "run", "job.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert name in done.stderr
+    assert word in done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"job.toml", f"{name}.txt"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("synthetic = ", 'files = "x"\nsynthetic = ', ("records", "either files or synthetic")),
+        ("count = 4", "count = 0", ("records.synthetic.count", "from 1 to 1000")),
+        ("count = 4", "number = 4", ("records.synthetic.number", "known are count")),
+        ("duration = 10.0", "duration = 0.1", ("records.synthetic.duration", "100 to")),
+        ("duration = 10.0", 'soil = "rock"', ("records.synthetic.soil", "firm, medium, soft")),
+        ('by = "pga"', 'by = "sa"', ("records.scale.period is missing",)),
+        ('by = "pga"', 'by = "sa", period = -1', ("records.scale.period", "above 0")),
+        ('by = "pga"', 'by = "sa", period = 1e9', ("records.scale", "periods must be from")),
+        ('by = "pga"', 'by = "mmi"', ("records.scale.by", "factor, pga, pgv, sa, avgsa")),
+        ("from = 0.5", "from = 0.0", ("records.scale", "above 0")),
+        ("from = 0.5", "values = [1.0], from = 0.5", ("records.scale.values", "without from")),
+        ("tail = 1.0", "tail = -1.0", ("records.tail", "from 0 to")),
+        ("tail = 1.0", "gravity = 0", ("records.gravity", "above 0")),
+        ("tail = 1.0", 'unit = "g"', ("records.unit", "goes with records.files")),
+        ("[records]", "[records]\nfound = 3", ("records.found", "written by hpcsweep")),
+        ("[output]", "[sweep]\nomega = 1.0\n[output]", ("sweep.omega", "study.kind")),
+        ("[output]", "[forcing]\nharmonics = []\n[output]", ("forcing.harmonics", "study.kind")),
+        ("[output]", "[output]\npoincare = true", ("output.poincare", "study.kind")),
+        ("[output]", "[output]\ntimes = 1", ("output.times", "true or false")),
+        ("[output]", '[solver]\nskip = ["newton"]\n[output]', ("solver.skip", "linear, ratio")),
+        ("[output]", '[vary]\n"records.tail" = [0.0, 1.0]\n[output]', ("vary", "records.tail")),
+    ],
+)
+def test_mistakes_name_key_and_limit(old, new, words):
+    assert old in RECORDS
+    with pytest.raises(JobError) as caught:
+        parse_job(RECORDS.replace(old, new, 1), "job.toml", "job")
+    message = str(caught.value)
+    assert message.startswith("job.toml: ")
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_another_solver_than_there_is_for_records_is_refused():
+    from hpcsweep.solvers.response import SOLVERS
+
+    if "bdf" not in SOLVERS:
+        with pytest.raises(JobError, match=r"solver\.method = .*bdf.*of records must be flow"):
+            parse_job(f'{RECORDS}[solver]\nmethod = "bdf"\n', "job.toml", "job")
+    with pytest.raises(JobError, match=r"goes with study\.kind = "):
+        parse_job(f"{RECORDS.replace('kind =', '#')}", "job.toml", "job")
+
+
+def test_a_run_that_fails_is_data(tmp_path):
+    text = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', "{values = [1, 1e250]}")
+    _, path, results = computed(text, tmp_path)
+    outcome = results["outcome"].values
+    assert (outcome[:, 0] == Outcome.COMPLETE).all()
+    assert (outcome[:, 1] == Outcome.NON_FINITE).all()
+    assert np.isnan(results["storey_drift"].values[:, 1]).all()
+    assert (results["impacts"].values[:, 1] == 0).all()
+    assert validate(path, 4).sound
+    assert status(path)["n_failed"] == 4
+
+
+def test_every_command_serves_a_study_of_records(tmp_path):
+    (tmp_path / "job.toml").write_text(RECORDS + GAPS)
+    told = hpcsweep(0, "run", "job.toml", "--dry-run", cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    assert "3 gaps x 4 records x 5 scales = 60 runs (records)" in told.stdout
+    for word in ("synthetic-3-1", "PGA", "PGD", "Sa", "core-hours", "records are multiplied by"):
+        assert word in told.stdout
+    assert hpcsweep(0, "run", "job.toml", cwd=tmp_path).returncode == 0
+    said = {}
+    for name in ("describe job.toml", "status job.h5", "summary job.h5", "validate job.h5"):
+        done = hpcsweep(0, *name.split(), cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        said[name.split()[0]] = done.stdout
+    assert "linear" in said["status"]
+    assert "scaled by" in said["summary"]
+    assert "20 of 20 runs compared with flow" in said["validate"]
+    (whole,) = json.loads(hpcsweep(0, "summary", "job.h5", "--json", cwd=tmp_path).stdout)
+    assert whole["records"] == 4
+    assert set(whole["largest"]) >= {"storey_drift", "contact_force"}
+    done = hpcsweep(0, "plot", "job.h5", "--at", "gap=0.04", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "job.png").stat().st_size > 10_000
+    for command in ("explore", "animate"):
+        done = hpcsweep(0, command, "job.h5", "-o", f"x.{command}", cwd=tmp_path)
+        assert done.returncode == 2
+    assert hpcsweep(0, "pack", "job.h5", "-o", "packed.h5", cwd=tmp_path).returncode == 0
+    assert open_results(tmp_path / "packed.h5").equals(open_results(tmp_path / "job.h5"))
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_killed_twenty_times_and_resumed_to_the_last_bit(tmp_path):
+    job = tmp_path / "job.toml"
+    job.write_text(RECORDS.replace("count = 5", "count = 160") + GAPS)
+    whole, hurt = tmp_path / "whole.h5", tmp_path / "hurt.h5"
+    assert hpcsweep(0, "run", job, "-o", whole).returncode == 0
+    total = len(faults.committed(whole))
+    rng, kills, last = random.Random(7), 0, 0
+    while kills < 20:
+        process = faults.start(rng.choice([0, 1, 2, 3]), "run", job, "-o", hurt)
+        least = min(last + rng.randint(1, total // 25), total - 1)
+        faults.wait_for_commits(process, hurt, least)
+        process.send(signal.SIGKILL, rng.choice(["rank", "master", "all"]), rng)
+        process.finish()
+        process.wait_for_orphans(15.0)
+        process.end()
+        last = max(last, len(faults.committed(hurt)))
+        kills += 1
+    assert hpcsweep(0, "run", job, "-o", hurt).returncode == 0
+    assert_same_datasets(whole, hurt)

@@ -61,6 +61,9 @@ def folder(tmp_path_factory, recorded):
     for job in ("figure3.toml", "gaps.toml"):
         assert hpcsweep(0, "run", job, cwd=made).returncode == 0
     assert hpcsweep(0, "run", "jobs/ci.toml", "-o", "ci.h5", cwd=made).returncode == 0
+    shutil.copy(ROOT / "jobs" / "earthquakes" / "two-buildings.toml", made / "pair.toml")
+    few = "records.synthetic={count = 2}"
+    assert hpcsweep(0, "run", "pair.toml", "--set", few, cwd=made).returncode == 0
     shutil.copy(made / "ci.h5", made / "study.h5")
     return made
 
@@ -109,7 +112,7 @@ def test_toml_is_read_as_a_job(page, folder):
 def completed(tree: dict) -> dict:
     """Return a job of which a block is a part."""
     listed = "points" in tree.get("study", {})
-    whole = tree if "sweep" in tree or listed else merge(SWEEP, tree)
+    whole = tree if {"sweep", "records"} & set(tree) or listed else merge(SWEEP, tree)
     has_structure = not {"structure", "building"}.isdisjoint(tree)
     return whole if has_structure or "units" not in tree else merge(OWN_UNITS, whole)
 

@@ -26,7 +26,7 @@ from hpcsweep.studies.refine.variables import SOURCE, derived_values
 from hpcsweep.studies.study import Block
 
 AT_ONCE = 64
-"""Points of a task, at most."""
+"""Points of a task, at most; where a point takes long one is."""
 COMPUTED = (Source.COMPUTED, Source.AUDIT)
 
 
@@ -77,7 +77,8 @@ class RefinedWork(Work):
         blocks, study = self._campaign.blocks, self.study
         self._refinement: Refinement = study.refine
         self._shape = map_shape(study)
-        self._at_once = AT_ONCE if SOLVERS[study.settings.solver].follows_orbits else 1
+        quick = SOLVERS[study.settings.solver].follows_orbits and study.polls_per_run == 1
+        self._at_once = AT_ONCE if quick else 1
         self.todo, self._complete, self.scanned = [], False, True
         self._inferred = 0
         inferred, sound = Inferred(blocks), True

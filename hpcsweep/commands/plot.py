@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 NAME_WIDTH = 10
 RESOLUTIONS = 50, 1200
 """Pixels an inch, least and most."""
+MAPS = {"motions": "map", "attractors": "number"}
+"""Default figure where runs are scattered, by what a file holds."""
 
 
 def add_to(commands) -> None:
@@ -73,7 +75,9 @@ def _plot(options) -> int:
     try:
         study = job_of(options.file).study
         # points of a list have no amplitudes in common, those of a refined map are not all computed
-        default = "map" if study.is_list or refinement_of(study) else _defaults(known)[study.holds]
+        default = _defaults(known)[study.holds]
+        if study.is_list or refinement_of(study):
+            default = MAPS[study.holds]
         kind = options.kind or default
     except StoreError as error:
         complain(str(error))

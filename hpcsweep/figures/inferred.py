@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
-from hpcsweep.figures.style import classes_of, percent
+from hpcsweep.figures.style import PlotError, classes_of, percent
 from hpcsweep.studies.refine.refinement import LABELS, Source
 from hpcsweep.studies.refine.variables import CELL, SOURCE, inferred_name
 
@@ -48,8 +48,21 @@ def note_of(results) -> str:
     return text
 
 
+def need_cells(frames) -> None:
+    """Refuse a file of a map that is not refined.
+
+    Raises
+    ------
+    PlotError
+    """
+    if not frames.audit():
+        raise PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
+
+
 def draw_cells(axis, results) -> None:
-    """Outline the cells from which points are inferred."""
+    """Outline the cells from which points are inferred; none until the map is complete."""
+    if not inferred(results).any():
+        return
     from matplotlib.collections import PolyCollection
 
     levels, where = results[CELL].values[0], inferred(results)[0]

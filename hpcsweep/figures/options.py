@@ -120,6 +120,12 @@ FLOORS = Option(
     "floors",
     {"type": int, "action": "append", "metavar": "I"},
 )
+CELLS = Option(
+    "--cells",
+    "outline the cells of a refined map from which points are inferred",
+    "cells",
+    {"action": "store_true", "default": None},
+)
 DIRECTION = Option(
     "--direction",
     "sweep drawn (default: the first)",

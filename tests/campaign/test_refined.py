@@ -8,7 +8,7 @@ import faults
 import h5py
 import numpy as np
 import pytest
-from tools import GRID, SMALL, assert_same_datasets, hpcsweep
+from tools import GRID, SMALL, TWO_STOPS, assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
 from hpcsweep.campaign.overview import overview
@@ -34,10 +34,20 @@ RUNS = 520
 SLOW = MAP.replace("transient_cycles = 30", "transient_cycles = 1500").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
-THREE = (
-    MAP.replace("count = 26", "count = 9").replace("count = 20", "count = 12")
-    + "[vary]\nstructure.gap = [0.8, 0.9, 1.0, 1.1]\n"
-)
+COARSE = REFINE.replace("levels = 3", "levels = 2")
+THREE = MAP.replace(REFINE, COARSE) + "[vary]\nstructure.gap = [0.99, 1.0, 1.01]\n"
+NUMBER = f"""
+[study]
+kind = "attractors"
+starts = 8
+refine = {{levels = 2, wrong = 0.6}}
+{TWO_STOPS}
+[sweep]
+omega = {{from = 0.5, to = 1.1, count = 13}}
+amplitude = {{from = 0.02, to = 0.5, count = 14}}
+[output]
+max_points = 32
+"""
 
 
 def made(text, path, **options):
@@ -182,7 +192,7 @@ def test_stopped_between_rounds_and_resumed(refined, tmp_path):
 
 @pytest.mark.slow
 def test_in_three_parameters(tmp_path):
-    whole = open_results(made(THREE.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5"))
+    whole = open_results(made(THREE.replace(COARSE, 'kind = "points"'), tmp_path / "whole.h5"))
     path = made(THREE, tmp_path / "three.h5")
     results = open_results(path)
     inferred = results["source"].values == Source.INFERRED
@@ -192,10 +202,31 @@ def test_in_three_parameters(tmp_path):
     assert np.array_equal(mine[~inferred], every[~inferred])
     wrong = (results["inferred_motion"].values != every)[inferred].mean()
     assert wrong <= last_look(results["audit"].values).high
-    frames = Frames(path, at={"gap": 0.9})
-    assert np.array_equal(frames.dataset(3)["cell"], results["cell"].sel(gap=0.9).isel(omega=[3]))
+    frames = Frames(path, at={"gap": 1.01})
+    assert np.array_equal(frames.dataset(3)["cell"], results["cell"].sel(gap=1.01).isel(omega=[3]))
     frames.close()
     assert validate(path, samples=0).problems == []
+
+
+def test_the_number_of_attractors_is_refined_point_by_point(tmp_path):
+    path = made(NUMBER, tmp_path / "number.h5")
+    results = open_results(path)
+    inferred = results["source"].values == Source.INFERRED
+    assert inferred.any()
+    assert (results["n_attractors"].values[~inferred] > 1).any()
+    number = np.where(inferred, results["inferred_n_attractors"], results["n_attractors"])
+    assert number.min() >= 1
+    row = NUMBER.replace("refine = {levels = 2, wrong = 0.6}", "")
+    study = parse_job(row, "row", "row").study
+    for frame, at in ((3, 0), (12, 13)):
+        alone = study.rows(frame, study.amplitude[at : at + 1], study.initial_state)
+        stored = results["poincare"].values[0, frame, at]
+        assert np.array_equal(stored, alone["poincare"][0], equal_nan=True)
+    assert validate(path, samples=1).problems == []
+    for words in (("status", path), ("summary", path), ("plot", path, "--cells")):
+        assert hpcsweep(0, *words, cwd=tmp_path).returncode == 0
+    with pytest.raises(JobError, match="must be a list of number"):
+        parse_job(NUMBER.replace("wrong = 0.6", 'on = ["class"]'), "job", "job")
 
 
 def test_points_of_a_full_map_are_taken_over(refined, tmp_path):

@@ -13,7 +13,9 @@ from hpcsweep.figures.diagrams.mesh import (
     map_height,
     mark_strip,
 )
-from hpcsweep.figures.options import Option
+from hpcsweep.figures.inferred import VARIABLES as INFERRED
+from hpcsweep.figures.inferred import draw_cells, filled, inferred, need_cells, note_of
+from hpcsweep.figures.options import CELLS, Option
 from hpcsweep.figures.palette import NOTHING, OTHER_MOTION, count_colour
 from hpcsweep.figures.style import caption, head, job_of, new_grid, percent, save, structure_of
 
@@ -29,6 +31,7 @@ OPTIONS = (
         "sweep",
         {"type": Path, "metavar": "FILE"},
     ),
+    CELLS,
 )
 MOST = 5
 """Number from which on the colour is the same."""
@@ -36,10 +39,13 @@ MISSED = "missed"
 """Variable of the attractors that the sweep misses."""
 
 
-def load(frames, sweep: Path | None = None):
+def load(frames, sweep: Path | None = None, cells: bool | None = None):
     """Read the numbers of attractors, and count those that a sweep misses."""
     least_cells(frames.study.amplitude.size)
-    results = frames.gather(("n_attractors", "outcome", "n_undecided"))
+    if cells:
+        need_cells(frames)
+    results = frames.gather(("n_attractors", "outcome", "n_undecided", *INFERRED))
+    results = results.assign_attrs(frames.audit())
     if sweep is None:
         return results
     from hpcsweep.campaign.missed import missed_attractors
@@ -47,7 +53,7 @@ def load(frames, sweep: Path | None = None):
     return results.assign({MISSED: (("omega", "amplitude"), missed_attractors(frames, sweep))})
 
 
-def draw(results, path: Path, sweep: Path | None = None) -> None:
+def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = None) -> None:
     """Draw what `load` returned and write it to `path`.
 
     Raises
@@ -58,7 +64,8 @@ def draw(results, path: Path, sweep: Path | None = None) -> None:
     del sweep
     results = by_frequency(results)
     done = results["outcome"].values[0] > 0
-    number = np.where(done, results["n_attractors"].values[0], -1)
+    known = done | inferred(results, "n_attractors")[0]
+    number = np.where(known, filled(results, "n_attractors")[0], -1)
     number = np.where(number == 0, -1, number)
     counts = [("number of attractors", number, 1)]
     if MISSED in results:
@@ -69,14 +76,13 @@ def draw(results, path: Path, sweep: Path | None = None) -> None:
         _panel(axis, results, name, values, least)
         draw_grazing(axis, results, structure_of(results))
         mark_strip(axis, results)
+        if cells:
+            draw_cells(axis, results)
         axis.label_outer()
     starts = job_of(results).study.starts
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * starts, 1)
-    head(
-        figure,
-        f"{caption(results)}\n{starts:,} starts a point, undecided {percent(float(undecided))}",
-        fontsize=10,
-    )
+    told = f"{starts:,} starts a point, undecided {percent(float(undecided))}"
+    head(figure, "\n".join(filter(None, (caption(results), told, note_of(results)))), fontsize=10)
     save(figure, path)
 
 

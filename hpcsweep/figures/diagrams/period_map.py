@@ -16,9 +16,16 @@ from hpcsweep.figures.diagrams.mesh import (
     mark_strip,
     open_map,
 )
-from hpcsweep.figures.inferred import draw_cells, filled, filled_classes, inferred, note_of
+from hpcsweep.figures.inferred import (
+    draw_cells,
+    filled,
+    filled_classes,
+    inferred,
+    need_cells,
+    note_of,
+)
 from hpcsweep.figures.labels import exponent as exponent_label
-from hpcsweep.figures.options import DIRECTION, Option
+from hpcsweep.figures.options import CELLS, DIRECTION, Option
 from hpcsweep.figures.palette import (
     MOTION_COLOURS,
     MOTIONS,
@@ -27,7 +34,6 @@ from hpcsweep.figures.palette import (
     motion_index,
 )
 from hpcsweep.figures.style import (
-    PlotError,
     caption,
     classes_of,
     direction_index,
@@ -54,12 +60,7 @@ OPTIONS = (
         "value",
         {"choices": VALUES},
     ),
-    Option(
-        "--cells",
-        "outline the cells of a refined map from which points are inferred",
-        "cells",
-        {"action": "store_true", "default": None},
-    ),
+    CELLS,
 )
 ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
 """Motions whose share the legend states even if it is 0."""
@@ -72,8 +73,8 @@ MOST_PANELS = 9
 
 def load(frames, direction: str | None = None, value: str | None = None, cells: bool | None = None):
     """Read the map of one direction."""
-    if cells and not frames.audit():
-        raise PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
+    if cells:
+        need_cells(frames)
     return open_map(frames, value, direction)
 
 
@@ -123,7 +124,7 @@ def draw(
     for axis in axes.flat[:panels]:
         draw_grazing(axis, results, structure_of(results))
         mark_strip(axis, results)
-        if cells and inferred(results).any():
+        if cells:
             draw_cells(axis, results)
         axis.label_outer()
     for axis in axes.flat[panels:]:

@@ -24,6 +24,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import Limits, attractors_as_runs, read_limits
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import attractor_variables
+from hpcsweep.studies.refine.refinement import read_refinement
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.sweep.amplitude_sweep import UP, AmplitudeSweep
 from hpcsweep.studies.variables import numbered
@@ -50,6 +51,7 @@ class Attractors(Limits, AmplitudeSweep):
             "confidence",
             "max_cycles",
             "match_distance",
+            "refine",
         ),
         "sweep": ("omega", "frequency", "amplitude"),
     }
@@ -78,6 +80,11 @@ class Attractors(Limits, AmplitudeSweep):
         ]
         metrics = frozenset(settings.metrics) | {"poincare", "lyapunov"}
         common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
+        refine = read_refinement(values, common["settings"], common["block_size"], ("number",))
+        if refine is not None:
+            from hpcsweep.studies.attractors.refined import RefinedAttractors
+
+            cls, common["refine"] = RefinedAttractors, refine
         return cls(
             omega=values.frequencies("sweep.omega"),
             amplitude=values.amplitudes("sweep.amplitude"),

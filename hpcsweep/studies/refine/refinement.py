@@ -8,7 +8,11 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 
-LABELS = {"class": ("motion", "orbit_period"), "contact": ("contact",)}
+LABELS = {
+    "class": ("motion", "orbit_period"),
+    "contact": ("contact",),
+    "number": ("n_attractors",),
+}
 """What points may be told apart by, and the variables that tell it."""
 MOST_LEVELS = 12
 LEAST_WRONG = 1e-6
@@ -64,8 +68,18 @@ class Refinement:
         return np.stack([np.asarray(column).astype(np.uint64) for column in columns], axis=1)
 
 
-def read_refinement(values, settings, block_size: int) -> Refinement | None:
+def read_refinement(
+    values, settings, block_size: int, known: tuple[str, ...] = ("class", "contact")
+) -> Refinement | None:
     """Read the table ``study.refine`` of a job; None if there is none.
+
+    Parameters
+    ----------
+    values : hpcsweep.job.values.Values
+    settings : SweepSettings
+    block_size : int
+    known : tuple of str
+        What the runs may be told by, of `LABELS`; the default is all of it.
 
     Raises
     ------
@@ -85,9 +99,9 @@ def read_refinement(values, settings, block_size: int) -> Refinement | None:
         limit = "must be 1 with study.refine: each point is committed on its own"
         raise values.error("output.block", block_size, limit)
     default = Refinement()
-    on = given.get("on", list(default.on))
-    if not isinstance(on, list) or not on or not all(name in LABELS for name in map(str, on)):
-        raise values.error("study.refine.on", on, f"must be a list of {', '.join(LABELS)}")
+    on = given.get("on", list(known))
+    if not isinstance(on, list) or not on or not all(name in known for name in map(str, on)):
+        raise values.error("study.refine.on", on, f"must be a list of {', '.join(known)}")
     if len(set(on)) < len(on):
         raise values.error("study.refine.on", on, "must not hold a word twice")
     if "class" in on and not settings.classify_cycles:

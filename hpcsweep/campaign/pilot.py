@@ -3,8 +3,8 @@
 What the pilot is worth, as makespan over the least possible one, without it and with it (simulated
 with the measured costs, learning from blocks in both): 1.16 and 1.03 for the 48 frames of
 `jobs/paper/gaps.toml` on 16 ranks, 1.40 and 1.14 on 32; 1.33 and 1.18 for 40 frames of the whole
-study on 4 ranks; nothing (1.36 and 1.37) for the same with the damping as described. It also makes the
-time that is left known from the start.
+study on 4 ranks; nothing (1.36 and 1.37) for the same with the damping as described. It also makes
+the time that is left known from the start.
 """
 
 import time

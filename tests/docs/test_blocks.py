@@ -23,11 +23,17 @@ RANGE = {"from": 0.01, "to": 0.2, "count": 17}
 SWEEP = {"sweep": {"omega": {**RANGE, "from": 0.1}, "amplitude": RANGE}}
 OWN_UNITS = {"structure": {"n_floors": 1, "mass": 2.0, "storey_stiffness": 3.0}}
 FEW = "[sweep]\nomega = 0.445\namplitude = {from = 0.05, to = 0.06, count = 2}\n"
+PAIR = blocks((ROOT / "docs" / "earthquakes.md").read_text(), "toml")[0]
+FEW_RECORDS = (
+    "records.synthetic={count = 2, seed = 1, duration = 5.0}",
+    'records.scale={by = "pga", from = 1.0, to = 2.0, count = 2}',
+)
 VARIED = "[vary]\nstructure.stiffness_ratio = [100, 1000]\nstructure.gap = [0.5, 1.0]\n"
 LEFT = {
     "README.md": ["study.png", "study.html"],
     "quickstart.md": ["study.png"],
     "results.md": ["ci.png"],
+    "earthquakes.md": ["pair.png"],
     "examples.md": ["pounding.png", "bilinear.png"],
 }
 """Pages whose command lines run, and what they leave."""
@@ -61,9 +67,9 @@ def folder(tmp_path_factory, recorded):
     for job in ("figure3.toml", "gaps.toml"):
         assert hpcsweep(0, "run", job, cwd=made).returncode == 0
     assert hpcsweep(0, "run", "jobs/ci.toml", "-o", "ci.h5", cwd=made).returncode == 0
-    shutil.copy(ROOT / "jobs" / "earthquakes" / "two-buildings.toml", made / "pair.toml")
-    few = "records.synthetic={count = 2}"
-    assert hpcsweep(0, "run", "pair.toml", "--set", few, cwd=made).returncode == 0
+    few = [word for setting in FEW_RECORDS for word in ("--set", setting)]
+    (made / "pair.toml").write_text(PAIR)
+    assert hpcsweep(0, "run", "pair.toml", *few, cwd=made).returncode == 0
     shutil.copy(made / "ci.h5", made / "study.h5")
     return made
 
@@ -99,10 +105,14 @@ def test_a_number_that_is_wrong_is_found():
 
 @pages_with("toml")
 def test_toml_is_read_as_a_job(page, folder):
+    whole: dict = {}
     for number, block in enumerate(blocks(page.read_text(), "toml")):
         tree = tomllib.loads(block)
+        whole = (
+            merge(whole, tree) if set(tree) == {"vary"} and "pounding" in whole else completed(tree)
+        )
         path = folder / f"{page.stem}-{number}.toml"
-        path.write_text(block if "extends" in tree else write(completed(tree), {}))
+        path.write_text(block if "extends" in tree else write(whole, {}))
         try:
             assert load_job(path).study.n_runs > 0
         except JobError as refused:
@@ -111,8 +121,8 @@ def test_toml_is_read_as_a_job(page, folder):
 
 def completed(tree: dict) -> dict:
     """Return a job of which a block is a part."""
-    listed = "points" in tree.get("study", {})
-    whole = tree if {"sweep", "records"} & set(tree) or listed else merge(SWEEP, tree)
+    has_runs = "points" in tree.get("study", {}) or not {"sweep", "records"}.isdisjoint(tree)
+    whole = tree if has_runs else merge(SWEEP, tree)
     has_structure = not {"structure", "building"}.isdisjoint(tree)
     return whole if has_structure or "units" not in tree else merge(OWN_UNITS, whole)
 
@@ -131,6 +141,7 @@ def test_the_command_lines_of_a_page_run(name, tmp_path):
     (page,) = (page for page in PAGES if page.name == name)
     (tmp_path / "jobs").symlink_to(ROOT / "jobs")
     (tmp_path / "docs" / "pictures").mkdir(parents=True)
+    (tmp_path / "pair.toml").write_text(PAIR)
     for job in sorted((ROOT / "jobs" / "structures").glob("*.toml")):
         if name == "examples.md" and not MINUTES.search(job.name):
             assert hpcsweep(0, "run", job, cwd=tmp_path).returncode == 0

@@ -48,8 +48,17 @@ PEAKS = (
 )
 TIMES = (
     _peak("storey_drift_time", "drift_time", "storey", "time", 0, "time of peak drift"),
-    _peak("displacement_time", "displacement_time", "floor", "time", 0, "of peak displacement"),
-    _peak("floor_acceleration_time", "acceleration_time", "floor", "time", 0, "of peak accel."),
+    _peak(
+        "displacement_time", "displacement_time", "floor", "time", 0, "time of peak displacement"
+    ),
+    _peak(
+        "floor_acceleration_time",
+        "acceleration_time",
+        "floor",
+        "time",
+        0,
+        "time of its peak",
+    ),
     _peak("contact_force_time", "force_time", "stop", "time", 0, "time of peak force"),
 )
 ALONE = (

@@ -14,9 +14,11 @@ import h5py
 import pytest
 from tools import ATTRACTORS, BASINS, GRID, RECORDS, ROOT, SMALL, hpcsweep
 
-from hpcsweep.commands.cli import build_parser
+from hpcsweep.campaign.run import COMPLETE, FAILED, REFUSED, STOPPED
+from hpcsweep.commands.cli import CLOSED_PIPE, build_parser
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.reading import KINDS, keys_of
+from hpcsweep.solvers.outcome import REMEDIES
 from hpcsweep.studies.settings import MEASURES
 
 DOCS = ROOT / "docs"
@@ -201,3 +203,15 @@ def test_every_name_in_a_file_is_in_the_glossary(text):
     held = [study.commit, *study.variables, *(variable for variable, _ in study.given)]
     names = {*study.dimensions, *(variable.name for variable in held), study.kind}
     assert sorted(names - set(named)) == []
+
+
+def test_every_exit_code_error_and_outcome_has_a_remedy():
+    said = spans((DOCS / "troubleshooting.md").read_text())
+    codes = set(map(str, (COMPLETE, STOPPED, REFUSED, FAILED, CLOSED_PIPE)))
+    listed = re.findall(r"^\| (\d+) \|", (DOCS / "troubleshooting.md").read_text(), re.MULTILINE)
+    assert set(listed) == codes
+    source = "".join(path.read_text() for path in sorted((ROOT / "hpcsweep").rglob("*.py")))
+    errors = re.findall(r"^class (\w+)\(\w*Error\)", source, re.MULTILINE)
+    assert len(errors) > 8
+    failed = [one.name.lower() for one in REMEDIES]
+    assert sorted({*errors, *failed} - set(said)) == []

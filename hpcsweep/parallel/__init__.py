@@ -1,1 +1,1 @@
-"""Ranks and the work they share; knows no physics and no files of results."""
+"""Distribute work over ranks, without knowledge of physics or of results files."""

@@ -1,14 +1,14 @@
-"""Master and workers: hands opaque tasks to ranks as they become free. Knows no physics.
+"""Master and workers: hand opaque tasks to ranks as they become free. Knows no physics.
 
-Rank 0 keeps the list (`schedule`). On few ranks it also works, and looks after the others
-between two points of its own task; above `schedule.DEDICATED_MASTER` ranks it only looks after
-them. One rank runs the same code with nobody to look after.
+Rank 0 keeps the list (`schedule`). On few ranks it also works, and serves the others between two
+steps of its own task; above `schedule.DEDICATED_MASTER` ranks it only serves them. A single rank
+runs the same code with nobody to serve.
 
-Messages are small tuples. A worker says ``ready``, ``report`` (things for the master's ears, e.g.
-progress, a few a second at most), ``done``, ``back`` (the rest of a task it was asked to give
-back), ``stopped`` (it was told, or has a signal of its own) or ``signal`` (it has one, but no
-task); the master answers ``task``, and at any time ``stop`` or ``recall``. The run ends when every
-worker has been sent ``end`` and has answered ``ended``.
+Messages are small tuples. A worker says ``ready``, ``report`` (e.g. progress, at most a few a
+second), ``done``, ``back`` (the rest of a recalled task), ``stopped`` (by the master or by a signal
+of its own) or ``signal`` (it received one while it had no task); the master answers ``task``, and
+at any time ``stop`` or ``recall``. The run ends when every worker has been sent ``end`` and has
+answered ``ended``.
 """
 
 import time
@@ -21,24 +21,24 @@ from hpcsweep.parallel.schedule import BALANCE_SECONDS, Schedule, computing_rank
 from hpcsweep.parallel.stopping import Stop, StopFlag
 
 BALANCE_SHARE = 0.02
-"""Largest share of the master's time spent on which tasks to take back."""
+"""Largest share of its time that the master spends choosing tasks to recall."""
 
 
 @dataclass
 class Traffic:
-    """What the master had to do."""
+    """Work that the master has done."""
 
     messages: int = 0
     message_seconds: float = 0.0
-    """Time spent on them."""
+    """Time spent on messages (s)."""
     seconds: float = 0.0
-    """Time spent on messages and on which tasks to take back."""
+    """Time spent on messages and on choosing tasks to recall (s)."""
     recalls: int = 0
     """Tasks that moved from one rank to another."""
 
     @property
     def capacity(self) -> float | None:
-        """Messages per second that the master could handle."""
+        """Return the messages per second that the master could handle."""
         return self.messages / self.message_seconds if self.message_seconds else None
 
 
@@ -54,7 +54,7 @@ def run(
     at_rest: Callable[[], None] = lambda: None,
     computing_master: bool | None = None,
 ) -> bool:
-    """Do all tasks on all ranks.
+    """Compute all tasks on all ranks (collective).
 
     Parameters
     ----------
@@ -62,24 +62,24 @@ def run(
     tasks : iterable of int
         Read on rank 0 only.
     compute : callable (task, poll, report), or (task, poll, report, rest)
-        Does one task on the rank it runs on. It calls ``poll()`` often, which may raise `Stop`,
-        and ``report(value)`` to have the value passed to `on_report` on rank 0. If that returns
-        True the task is wanted back: `compute` may then return, in place of None, whatever
-        (small) it takes to go on, and is called with it as `rest`, perhaps on another rank.
+        Does one task on the rank it runs on. It calls ``poll()`` often, which may raise `Stop`, and
+        ``report(value)`` to pass a value to `on_report` on rank 0. If that returns True the task is
+        recalled: `compute` may then return, in place of None, a small value from which to continue,
+        and is called with it as `rest`, perhaps on another rank.
     flag : StopFlag
     on_report : callable (rank, value)
         Called on rank 0.
     cost : callable
-        Estimated cost (s) of what is left of a task, as of the last report; asked on rank 0, again
-        and again. The costliest are handed out first, equal ones in order.
+        Estimate the cost (s) of what is left of a task, as of the last report; called repeatedly on
+        rank 0. The costliest tasks are handed out first, equal ones in order.
     traffic : Traffic, optional
         Filled on rank 0.
     tick : callable
-        Called on rank 0, with or without news, as often as it looks for messages.
+        Called on rank 0 whenever it polls for messages, whether or not there are any.
     at_rest : callable
-        Called on any other rank, again and again, while it has nothing to do.
+        Called repeatedly on any other rank while it is idle.
     computing_master : bool, optional
-        Whether rank 0 does tasks too. Default: on up to `schedule.DEDICATED_MASTER` ranks.
+        Whether rank 0 computes tasks too. Default: on up to `schedule.DEDICATED_MASTER` ranks.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def run(
 
 
 class _Master:
-    """The schedule, and who is free."""
+    """The master: the schedule and the free ranks."""
 
     def __init__(self, comm, tasks, flag: StopFlag, on_report, cost, traffic, tick, computes: bool):
         self._comm = comm
@@ -135,7 +135,7 @@ class _Master:
         return not self._unfinished
 
     def _compute(self, compute) -> None:
-        """Do a task, or a part of it, on this rank."""
+        """Compute a task, or a part of it, on this rank."""
         task, *rest = self._take(0)
 
         def report(value) -> bool:
@@ -158,7 +158,7 @@ class _Master:
         return (task, self._rest.pop(task)) if task in self._rest else (task,)
 
     def _ended(self, rank: int, rest=None) -> None:
-        """Note that a rank has done its task, or gives back the rest of it."""
+        """Record that a rank has finished its task, or returns the rest of it."""
         task = self._task_of.pop(rank, None)
         if task is None:
             return
@@ -173,7 +173,7 @@ class _Master:
             self._schedule.put_back(task, time.monotonic())
 
     def _hear_out(self) -> None:
-        """Receive what workers said before they ended: MPI cannot end with messages under way."""
+        """Receive what workers sent before they ended: MPI cannot finalize before."""
         left = self._comm.size - 1
         while left:
             message = self._comm.receive()
@@ -198,7 +198,7 @@ class _Master:
             self._schedule.clear()
 
     def _serve(self) -> bool:
-        """Handle the waiting messages; tell whether there were any."""
+        """Handle the waiting messages; return whether there were any."""
         if self._flag.is_set():
             self._stop()
         self._tick()
@@ -247,7 +247,7 @@ class _Master:
         self._idle.append(rank)
 
     def _balance(self) -> None:
-        """Ask for tasks back if others must start now."""
+        """Recall tasks if others must start now."""
         wanted = set(self._schedule.recalls(time.monotonic(), every=0.0))
         if not wanted:
             return
@@ -258,7 +258,7 @@ class _Master:
 
 
 def _work(comm, compute, flag: StopFlag, at_rest) -> None:
-    """Do what the master says, until it says ``end``."""
+    """Obey the master until it sends ``end``."""
     interval = report_interval(comm.size)
     told_to_stop = told_master = False
     recalled = None

@@ -1,11 +1,11 @@
-"""Memory of this process."""
+"""Measure the memory of this process."""
 
 import sys
 from pathlib import Path
 
 
 def peak() -> int:
-    """Return the most memory (bytes) this process had resident at any time.
+    """Return the peak resident memory (bytes) of this process.
 
     On Linux ``VmHWM`` of /proc; ``ru_maxrss`` would count the parent's memory at the fork, too.
     """

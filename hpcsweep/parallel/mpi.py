@@ -1,7 +1,7 @@
 """Ranks: the only module that imports mpi4py, and only inside functions.
 
-A serial run is a communicator of size 1 that needs no MPI. Whether there is more than one rank
-is told by the launcher's environment, so that a program started alone never initialises MPI.
+A serial run is a communicator of size 1 that needs no MPI. The launcher's environment says whether
+there is more than one rank, so that a program started alone never initialises MPI.
 """
 
 import array
@@ -25,13 +25,13 @@ HYDRA = "MPI_LOCALNRANKS"
 LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
 """Back-off (s) of a rank that waits."""
 LET_OUT_SECONDS = 5.0
-"""Longest wait for the launcher to read what a rank has said before it is aborted ..."""
+"""Longest wait (s) for the launcher to read a rank's output before an abort ..."""
 PASS_ON_SECONDS = 0.1
-"""... and for what it passes on."""
+"""... and to pass it on."""
 
 
 class LauncherError(RuntimeError):
-    """The launcher and mpi4py's MPI do not fit together; the message is one line."""
+    """Raised where the launcher and mpi4py's MPI do not match; the message is one line."""
 
 
 class Serial:
@@ -43,7 +43,7 @@ class Serial:
     library = "none (one rank)"
 
     def bcast(self, value):
-        """Return the value rank 0 has."""
+        """Return rank 0's value."""
         return value
 
     def gather(self, value):
@@ -66,16 +66,16 @@ class Serial:
         return
 
     def abort(self, code: int) -> None:
-        """End all ranks at once."""
+        """Abort all ranks at once."""
         raise SystemExit(code)
 
     def leave(self, code: int) -> int:
-        """End MPI in good order (collective); return the exit code of the job."""
+        """Finalize MPI in good order (collective); return the exit code of the job."""
         return code
 
 
 def _let_out() -> None:
-    """Wait until the launcher has read what this rank has said: after an abort it need not."""
+    """Wait until the launcher has read this rank's output: after an abort it may not."""
     deadline = time.monotonic() + LET_OUT_SECONDS
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
@@ -91,7 +91,7 @@ def _let_out() -> None:
 class Ranks:
     """The ranks of an MPI job; methods as `Serial`.
 
-    Who waits for others sleeps: MPI's own waits keep a core busy, and signals unheard.
+    A waiting rank sleeps: MPI's own waits keep a core busy and signals unheard.
     """
 
     def __init__(self, mpi, comm):
@@ -102,7 +102,7 @@ class Ranks:
         self.library = mpi.Get_library_version().strip().split("\n")[0].rstrip("\x00")
 
     def bcast(self, value):
-        """Return the value rank 0 has."""
+        """Return rank 0's value."""
         self.barrier()
         return self.raw.bcast(value, root=0)
 
@@ -139,25 +139,25 @@ class Ranks:
         return source, self.raw.recv(source=source)
 
     def abort(self, code: int) -> None:
-        """End all ranks at once."""
+        """Abort all ranks at once."""
         _let_out()
         self.raw.Abort(code)
-        # where it returns, MPI must not be finalised: messages are under way
+        # where it returns, MPI must not be finalised: messages are in flight
         os._exit(code)
 
     def leave(self, code: int) -> int:
-        """Return the exit code of the job (collective); may end all ranks with it.
+        """Return the exit code of the job (collective); may abort all ranks with it.
 
-        Where a rank ends with a code other than 0, Hydra, MPICH's launcher, kills the ranks that
-        are still there and then returns 9 one time in three. Its answer to ``MPI_Abort`` is that
-        code always. Nothing is lost: all ranks have closed their files when they come here.
+        Where a rank ends with a code other than 0, Hydra, MPICH's launcher, kills the remaining
+        ranks and then returns 9 one time in three; after ``MPI_Abort`` it always returns that code.
+        Nothing is lost: all ranks have closed their files before.
         """
         if code != 0 and self.size > 1 and HYDRA in os.environ:
             self.barrier()
             _let_out()
             self.barrier()
             if self.rank == 0:
-                # MPICH says that it was aborted: that is no news for the user
+                # MPICH prints that it was aborted, which the user knows
                 os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
                 self.raw.Abort(code)
             self.barrier()
@@ -180,7 +180,7 @@ def world() -> Serial | Ranks:
     ------
     LauncherError
         If the launcher started several processes that MPI does not see as ranks of one job:
-        each would believe to be alone and write the same file.
+        each would take itself to be alone and write the same file.
     """
     expected = launched_size()
     if expected <= 1:
@@ -191,7 +191,7 @@ def world() -> Serial | Ranks:
     mpi4py.rc.initialize = False
     try:
         with warnings.catch_warnings():
-            # mpi4py notices some mismatches too; ours below is one line and names the remedy
+            # mpi4py detects some mismatches too; the message below is one line and names the remedy
             warnings.simplefilter("ignore", RuntimeWarning)
             from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
@@ -226,7 +226,7 @@ def _finalize(mpi) -> None:
 
 
 def open_file(path):
-    """Open a file for MPI-IO by this rank alone, so that no call waits for another rank."""
+    """Open a file for MPI-IO on this rank alone, so that no call waits for another rank."""
     from mpi4py import MPI
 
     return MPI.File.Open(MPI.COMM_SELF, str(path), MPI.MODE_RDWR)

@@ -1,4 +1,4 @@
-"""Play a job's costs on real ranks with tasks that sleep, to check what was predicted.
+"""Replay a job's costs on real ranks with tasks that sleep, to check a prediction.
 
 Sleeping ranks need no core, so more ranks than cores behave as they would with a core each. It
 keeps the simulation honest: 48 frames of `jobs/paper/gaps.toml` on 8 ranks and two busy cores took
@@ -16,22 +16,22 @@ from hpcsweep.parallel.schedule import ExactCosts
 from hpcsweep.parallel.stopping import StopFlag
 
 SLICE = 2e-3
-"""Seconds between two looks at the messages."""
+"""Seconds between two polls for messages."""
 EMPTY_TASKS = 2000
-"""Empty tasks a rank with which messages are timed."""
+"""Empty tasks per rank that time the messages."""
 
 
 @dataclass(frozen=True)
 class Messages:
-    """How fast the master is.
+    """Speed of the master.
 
     Attributes
     ----------
     n_messages : int
     per_second : float
-        By the wall clock; what these ranks could send.
+        By the wall clock: what these ranks could send.
     capacity : float
-        By the time the master spent on them; what it could have handled.
+        By the time the master spent on them: what it could have handled.
     """
 
     n_messages: int
@@ -40,7 +40,7 @@ class Messages:
 
 
 def time_messages(comm) -> Messages | None:
-    """Time the master's messages with empty tasks (collective); None but on rank 0."""
+    """Time the master's messages with empty tasks (collective); return None except on rank 0."""
     traffic = farm.Traffic()
 
     def compute(task, poll, report) -> None:
@@ -68,7 +68,7 @@ def replay(
     ----------
     comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
     pieces : sequence of ndarray
-        Cost (s) of the pieces of each task; of rank 0.
+        Cost (s) of the pieces of each task; used on rank 0.
     computing_master : bool, optional
         As `farm.run`.
 

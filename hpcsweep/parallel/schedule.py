@@ -1,17 +1,17 @@
-"""Which rank does which task when: the rule the farm follows, and a simulation of it.
+"""Schedule tasks on ranks: the rule that the farm follows, and a simulation of it.
 
-A task is a path: its pieces can only be done one after the other, but not all on one rank. With
-work W on N ranks and a costliest task d no schedule ends before max(W / N, d). The rule here comes
-close to that bound for any costs:
+A task is a path: its pieces are done one after another, but not necessarily on one rank. With work
+W on N ranks and costliest task d, no schedule ends before max(W / N, d). This rule comes close to
+the bound for any costs:
 
-* a free rank gets the costliest task that waits;
-* a waiting task whose rest is as long as the fair share W(t) / N of what is left must start now,
-  or it alone ends late. The running task with the least left is taken back after its piece, and
-  waits in its turn.
+* a free rank takes the costliest waiting task;
+* a waiting task that needs as long as the fair share W(t) / N of the remaining work must start now,
+or it alone ends late. The running task with the least left is recalled after its piece, and waits
+in its turn.
 
 Without the second rule (only costliest first, Graham 1969) three equal tasks on two ranks take 4/3
-of the bound; with it, and small pieces, the bound of McNaughton (1959): as long as no rank idles
-and no waiting task is longer than the fair share, both shrink at the same rate.
+of the bound. With it, and small pieces, they meet the bound of McNaughton (1959): as long as no
+rank idles and no waiting task is longer than the fair share, both shrink at the same rate.
 """
 
 import heapq
@@ -22,43 +22,43 @@ from dataclasses import dataclass
 import numpy as np
 
 DEDICATED_MASTER = 32
-"""Ranks from which on the master does not compute: it costs 1/32 of the ranks at most, and no
-rank waits any more for the master to come out of a run of its own."""
+"""Ranks from which on the master does not compute: it costs at most 1/32 of the ranks, and no
+rank waits for the master to finish a run of its own."""
 CRITICAL = 0.95
 """Share of W(t) / N from which on a waiting task must start."""
 SOON = 0.05
-"""A rank is not interrupted if it is free within this share of the waiting task's rest, nor for
+"""A rank is not interrupted if it is free within this share of the waiting task's rest, or for
 a task that is not longer than its own by this share."""
 BALANCE_SECONDS = 0.1
-"""Least time between two looks at the running tasks."""
+"""Least time (s) between two inspections of the running tasks."""
 BALANCES = 200
-"""Times in the whole of a job that the rule looks at the running tasks, at most about."""
+"""Approximate maximum number of inspections of the running tasks in a whole job."""
 MESSAGE_SECONDS = 1e-4
-"""Master's time for one message, the one assumed (`hpcsweep schedule --replay` measures it)."""
+"""Assumed time (s) of the master for one message (`hpcsweep schedule --replay` measures it)."""
 REPORT_SECONDS = 0.5
-"""Least time between two reports of one rank, for up to `REPORTING_RANKS` ranks."""
+"""Least time (s) between two reports of one rank, for up to `REPORTING_RANKS` ranks."""
 REPORTING_RANKS = 500
 
 
 def computing_ranks(n_ranks: int) -> int:
-    """Count the ranks that compute: all, or all but rank 0."""
+    """Return the number of ranks that compute: all, or all but rank 0."""
     return n_ranks if n_ranks <= DEDICATED_MASTER else n_ranks - 1
 
 
 def report_interval(n_ranks: int) -> float:
-    """Least time (s) between two reports of one rank: 1,000 a second on the master at most."""
+    """Return the least time (s) between a rank's reports: at most 1,000 a second in all."""
     return REPORT_SECONDS * max(1.0, n_ranks / REPORTING_RANKS)
 
 
 class Schedule:
-    """Tasks that wait and tasks that run.
+    """Waiting and running tasks.
 
     Parameters
     ----------
     tasks : iterable of int
     left : callable (task)
-        Estimated cost (s) of what is left of a task, as of its last piece. Asked again as time
-        goes on, so it may get better. Equal ones go in order.
+        Estimate the cost (s) of what is left of a task, as of its last piece. Called repeatedly, so
+        the estimate may improve. Equal tasks go in order.
     n_computing : int
         Ranks that compute.
     """
@@ -73,11 +73,11 @@ class Schedule:
         self._next_balance = -np.inf
 
     def __len__(self) -> int:
-        """Count the tasks that wait."""
+        """Return the number of waiting tasks."""
         return len(self._waiting)
 
     def clear(self) -> None:
-        """Forget the tasks that wait."""
+        """Drop the waiting tasks."""
         self._waiting.clear()
 
     def take(self, now: float) -> int:
@@ -88,24 +88,24 @@ class Schedule:
         return -task
 
     def progress(self, task: int, now: float) -> None:
-        """Note that a running task has finished a piece."""
+        """Record that a running task has finished a piece."""
         if task in self._since:
             self._left[task] = max(self._left[task] - (now - self._since[task]), 0.0)
             self._since[task] = now
 
     def end(self, task: int) -> None:
-        """Note that a task is finished."""
+        """Record that a task is finished."""
         del self._left[task], self._since[task]
         self._recalled.discard(task)
 
     def put_back(self, task: int, now: float) -> None:
-        """Let a running task wait again."""
+        """Return a running task to the waiting ones."""
         self.progress(task, now)
         insort(self._waiting, (self._left[task], -task))
         self.end(task)
 
     def recalls(self, now: float, every: float = BALANCE_SECONDS) -> list[int]:
-        """Return which running tasks to take back; looks once in `every` (s) at most."""
+        """Return the running tasks to recall; inspects them at most once in `every` (s)."""
         if self._n == 1 or not self._waiting or now < self._next_balance:
             return []
         self._refresh()
@@ -139,7 +139,7 @@ class Schedule:
 
 
 class ExactCosts:
-    """Cost of what is left of each task, known beforehand.
+    """Costs of tasks that are known in advance.
 
     Parameters
     ----------
@@ -152,17 +152,17 @@ class ExactCosts:
         self._done = [0] * len(pieces)
 
     def done(self, task: int, piece: int, seconds: float) -> None:
-        """Learn that a piece is done, and what it cost."""
+        """Record that a piece is done."""
         self._done[task] = piece + 1
 
     def left(self, task: int) -> float:
-        """Return the cost (s) of what is left."""
+        """Return the cost (s) of what is left of a task."""
         return self._rest[task][self._done[task]]
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a schedule comes to.
+    """Outcome of a simulated schedule.
 
     Attributes
     ----------
@@ -191,7 +191,7 @@ class Prediction:
 
 
 def ranks_that_help(costs: Sequence[float] | np.ndarray) -> float:
-    """Return total / costliest: with more ranks the costliest task is the bound."""
+    """Return total / costliest: beyond it the costliest task is the bound."""
     each = np.asarray(costs, float)
     return float(each.sum() / each.max()) if each.size and each.max() > 0 else 1.0
 
@@ -214,15 +214,15 @@ def simulate(
         True cost (s) of the pieces of each task, in order.
     n_ranks : int
     costs : object with `done` and `left`, optional
-        What the master believes (`ExactCosts`, `campaign.costs.TaskCosts`). Default: the truth.
+        The master's estimates (`ExactCosts`, `campaign.costs.TaskCosts`). Default: the true costs.
     message_seconds : float
-        Master's time for one message.
+        Time of the master for one message.
     poll_seconds : float
-        Time between two looks at the messages of a master that computes.
+        Time between two polls of a master that computes.
     switch_seconds : float
-        What it costs a rank to begin, or go on with, a task.
+        Time a rank takes to begin or resume a task.
     computing_master : bool, optional
-        Default as the farm does it.
+        Default as in `farm.run`.
 
     Returns
     -------
@@ -290,12 +290,12 @@ class _Simulation:
         )
 
     def _serve(self, now: float) -> float:
-        """Let the master handle a message sent at `now`; return when it has."""
+        """Handle a message sent at `now` on the master; return the time at which it is done."""
         self._messages += 1
         self._busy += self._message
         noticed = max(now, self._master_free)
         if 0 in self._of_rank:
-            # it computes: it looks up between two runs, and its own work waits meanwhile
+            # a computing master polls between two runs, and its own work waits meanwhile
             noticed += 0.5 * self._poll
             self._master_debt += self._message
         self._master_free = noticed + self._message
@@ -313,7 +313,7 @@ class _Simulation:
         heapq.heappush(self._events, (now + self._pieces[task][self._position[task]], rank))
 
     def _report(self, rank: int, now: float) -> None:
-        """Let the master know what a rank has done."""
+        """Report to the master what a rank has done."""
         for task, position, seconds in self._unreported[rank]:
             self._costs.done(task, position, seconds)
         self._unreported[rank].clear()
@@ -321,7 +321,7 @@ class _Simulation:
         self._schedule.progress(self._of_rank[rank], now)
 
     def _piece_ended(self, rank: int, now: float) -> bool:
-        """Note the end of a piece; tell whether the rank is free."""
+        """Record the end of a piece; return whether the rank is free."""
         if rank == 0 and self._master_debt > 0:
             heapq.heappush(self._events, (now + self._master_debt, rank))
             self._master_debt = 0.0

@@ -1,4 +1,4 @@
-"""Stopping in good order: by a signal, a time limit, or when the launcher has died."""
+"""Stop in good order: by a signal, a time limit, or when the launcher has died."""
 
 import os
 import signal
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 LOST_GRACE = 5.0
-"""Seconds that ranks whose launcher is gone have to stop in good order."""
+"""Seconds within which ranks whose launcher is gone must stop in good order."""
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
@@ -16,11 +16,11 @@ class Stop(Exception):
 
 
 class LauncherLostError(RuntimeError):
-    """The launcher has died, and with it perhaps other ranks: nobody will answer."""
+    """Raised where the launcher has died, perhaps with other ranks: nobody will answer."""
 
 
 class StopFlag:
-    """Set by a signal, a time limit or the launcher's death; `reason` says which.
+    """Flag set by a signal, a time limit or the launcher's death; `reason` says which.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class StopFlag:
     ----------
     deadline : float, optional
     at_once : callable (reason), optional
-        Called in the signal's handler: for times at which nobody asks `is_set`.
+        Called in the signal handler, for times at which nobody polls `is_set`.
     """
 
     def __init__(self, deadline: float | None = None, launched: bool = False):
@@ -49,12 +49,12 @@ class StopFlag:
         return self
 
     def listen(self) -> None:
-        """Listen to the signals; for good, if the flag is not used in a ``with`` statement."""
+        """Listen to the signals, permanently if the flag is not used in a ``with`` statement."""
         for number in STOP_SIGNALS:
             self._previous[number] = signal.signal(number, self._on_signal)
 
     def ignore(self) -> None:
-        """Ignore the signals from now on: Python itself stops hearing them before it ends."""
+        """Ignore the signals from now on: Python stops handling them before it exits."""
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 START_SECONDS = 300.0
-"""Time a new process has until it answers: imports, and compilation on a cold cache."""
+"""Time limit (s) for a new process to answer: imports, and compilation on a cold cache."""
 
 
 @dataclass(frozen=True)
 class Lost:
-    """What became of an item that gave no result."""
+    """An item without a result, and the reason."""
 
     reason: str
 
@@ -25,7 +25,7 @@ def _serve(function, connection):
     while (item := connection.recv()) is not None:
         try:
             answer = function(item)
-        except Exception as error:  # told to the caller, who decides
+        except Exception as error:  # passed to the caller, who decides
             answer = Lost(f"{type(error).__name__}: {error}")
         connection.send(answer)
 
@@ -39,7 +39,7 @@ class _Worker:
         theirs.close()
 
     def receive(self, seconds):
-        """Return the next answer, or what happened instead."""
+        """Return the next answer, or a `Lost` that says what happened instead."""
         try:
             if self.connection.poll(seconds):
                 return self.connection.recv()
@@ -55,16 +55,16 @@ class _Worker:
 
 
 def each(function: Callable, items: Iterable, limit: Callable) -> Iterator[tuple]:
-    """Yield (item, function(item)) for every item, a `Lost` in place of what did not come.
+    """Yield (item, function(item)) for every item, with a `Lost` where there is no result.
 
     Parameters
     ----------
     function : callable
-        Importable by name. Called first with None, to compile or load what it needs.
+        Importable by name. Called with None first, to compile or load what it needs.
     items : iterable
         Picklable.
     limit : callable
-        Gives the seconds an item may take. After a hang a new process goes on.
+        Return the time (s) that an item may take. After a hang a new process goes on.
     """
     worker = None
     try:
@@ -89,5 +89,5 @@ def each(function: Callable, items: Iterable, limit: Callable) -> Iterator[tuple
 
 
 def worker_alive(worker: _Worker, answer: Lost) -> bool:
-    """Return whether the process can take another item: it answered, if only with an error."""
+    """Return whether the process can take another item: it answered, even with an error."""
     return not answer.reason.startswith(("hang", "its process")) and worker.process.is_alive()

@@ -1,1 +1,1 @@
-"""A job run on ranks into one file: its costs, its progress, its history."""
+"""Run jobs on ranks into one file each: costs, progress, history."""

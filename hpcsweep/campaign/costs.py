@@ -1,10 +1,10 @@
-"""What each task costs: a pilot's samples first, measured blocks as they come in.
+"""Estimate what each task costs: from a pilot's samples first, then from measured blocks.
 
 Costs are kept in cells (direction, stratum of the last axis of the runs, frame), at most `STRATA`
-strata. The pilot gives the cost of a run per (stratum, frame), interpolated over frames where it
-did not look. A measured cell counts as it is; its ratio to the pilot's, interpolated over frames
-too, corrects the cells around it. A block costs what its cell does, a task what is left of its
-blocks. Only the order of the work depends on this, never a result.
+strata. The pilot estimates the cost of a run per (stratum, frame), interpolated over frames that it
+did not sample. A measured cell counts as measured; its ratio to the pilot's estimate, also
+interpolated over frames, corrects the cells around it. A block costs what its cell costs, a task
+the sum of its remaining blocks. Only the order of the work depends on this, never a result.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,11 +19,11 @@ PILOT_SHARE = 0.01
 PILOT_TIMED = 2
 """Runs timed in one sample."""
 PILOT_PER_FRAME = 4
-"""Samples a frame beyond which more tell nothing."""
+"""Most samples a frame: more add nothing."""
 PILOT_WEIGHT = 0.2
-"""Share of the whole work that must be measured to count as much as the pilot in `remaining`."""
+"""Share of the whole work that must be measured to weigh as much as the pilot in `remaining`."""
 PRIOR_RUNS = 0.5
-"""Runs that the pilot's interpolated cost counts for beside what is known around a frame."""
+"""Weight, in runs, of the pilot's interpolated cost beside what is known around a frame."""
 FRAMES_AROUND = 600
 """Share of the frames, as 1/x, over which a mean falls off ..."""
 MOST_AROUND = 20.0
@@ -34,7 +34,7 @@ SPREAD = (0.7548776662466927, 0.5698402909980532)
 
 
 class TaskCosts:
-    """Estimated cost of every task of a study, learning.
+    """Estimated cost of every task of a study, updated as blocks are measured.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class TaskCosts:
         self._left: list[float] | None = None
 
     def sampled(self, sample: PilotCost) -> None:
-        """Learn from a pilot's runs; a sample that the study does not have is passed over."""
+        """Update from a pilot's runs; a sample that the study does not have is ignored."""
         if sample.frame >= self._pilot_runs.shape[1] or sample.runs < 1:
             return
         cell = int(np.clip(sample.along * self._strata, 0, self._strata - 1)), sample.frame
@@ -78,7 +78,7 @@ class TaskCosts:
         self._prior = self._left = None
 
     def measured(self, cost: BlockCost) -> None:
-        """Learn what a block cost; one that the study does not have is passed over."""
+        """Update from a measured block; one that the study does not have is ignored."""
         if not is_place(cost.place, self._sizes):
             return
         cell = self._cell[self._row_of(cost.place)]
@@ -87,22 +87,22 @@ class TaskCosts:
         self._left = None
 
     def done(self, place: tuple[int, ...]) -> None:
-        """Note that a block need not be computed any more."""
+        """Record that a block is done."""
         self._left_runs[self._row_of(place)] = 0.0
         self._left = None
 
     def all_done(self, places: np.ndarray) -> None:
-        """Note which blocks need not be computed, shape (n, n_axes)."""
+        """Record which blocks are done, shape (n, n_axes)."""
         flat = np.ravel_multi_index(tuple(np.asarray(places).T), self._sizes)
         self._left_runs[self._row[flat]] = 0.0
         self._left = None
 
     def n_known(self) -> int:
-        """Count the runs whose cost was measured or sampled."""
+        """Return the number of runs whose cost was measured or sampled."""
         return int(self._runs.sum() + self._pilot_runs.sum())
 
     def left(self, task: int) -> float:
-        """Return the estimated cost (s) of what is left of a task; 1 a run if nothing is known."""
+        """Estimate the cost (s) of what is left of a task; 1 a run if nothing is known."""
         if self._left is None:
             self._left = self.all_left().tolist()
         return self._left[task]
@@ -112,14 +112,14 @@ class TaskCosts:
         return np.bincount(self._table.task, self._left_runs * self._per_run().flat[self._cell])
 
     def remaining(self, n_computing: int = 1) -> float | None:
-        """Estimate the time (s) that what is left takes on a number of ranks.
+        """Estimate the time (s) that the remaining work takes on a number of ranks.
 
-        The order of the work may trust the nearest block that was measured; a sum may not. The
-        pilot's samples scatter, and the ratio of one block to one sample would be carried to all
-        that is not measured yet; and what is left late are the frames whose samples were by chance
-        too low. So the pilot as a whole is corrected by one ratio for each direction, which begins
-        at 1 and comes to be the measured one, and a frame takes the mean of all that is known
-        around it, measured blocks and samples, each with the weight of its runs.
+        The order of the work may rely on the nearest measured block; a sum may not. The pilot's
+        samples scatter, and the ratio of one block to one sample would apply to everything not yet
+        measured; and the frames left late are those whose samples happened to be too low. So the
+        whole pilot is corrected by one ratio for each direction, which starts at 1 and tends to the
+        measured one, and a frame takes the mean of all that is known around it, measured blocks and
+        samples, weighted by their runs.
 
         Returns
         -------
@@ -150,10 +150,10 @@ class TaskCosts:
         return np.bincount(self._table.task, self._table.n_runs * self._per_run().flat[self._cell])
 
     def pieces(self, most: int) -> list[np.ndarray]:
-        """Estimate the cost (s) of the pieces of every task, in the order of its path.
+        """Estimate the cost (s) of the pieces of every task, in path order.
 
-        Blocks of one cell that follow each other are one piece. Where there were more than `most`
-        pieces each task is one, and where there are more than `most` tasks several together.
+        Consecutive blocks of one cell are one piece. With more than `most` pieces each task is one,
+        and with more than `most` tasks several together are one.
         """
         cost = self._table.n_runs * self._per_run().flat[self._cell]
         task, cell = self._table.task, self._cell
@@ -169,13 +169,13 @@ class TaskCosts:
         return int(self._row[np.ravel_multi_index(place, self._sizes)])
 
     def _known_prior(self) -> np.ndarray:
-        """Seconds a run that the pilot tells, shape (stratum, frame)."""
+        """Return the pilot's seconds a run, shape (stratum, frame)."""
         if self._prior is None:
             self._prior = _fill(self._pilot_runs, self._pilot_seconds)
         return self._prior
 
     def _per_run(self) -> np.ndarray:
-        """Estimated seconds a run, shape (direction, stratum, frame)."""
+        """Estimate the seconds a run, shape (direction, stratum, frame)."""
         prior = self._known_prior()
         known = self._runs > 0
         if not known.any():
@@ -195,7 +195,7 @@ class TaskCosts:
 
 
 def _around(values: np.ndarray) -> np.ndarray:
-    """Add up values over frames, the last axis, with weights that fall off around each."""
+    """Sum values over frames, the last axis, with weights that decay around each."""
     reach = min(max(values.shape[-1] / FRAMES_AROUND, 0.3), MOST_AROUND)
     far = int(np.ceil(5 * reach))
     weights = np.exp(-np.abs(np.arange(-far, far + 1)) / reach)
@@ -230,14 +230,14 @@ def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
 
 
 def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:
-    """Return whether a study of these sizes has a block at a place, which a journal tells."""
+    """Return whether a study of these sizes has a block at a place read from a journal."""
     return len(place) == len(sizes) and all(
         0 <= at < size for at, size in zip(place, sizes, strict=True)
     )
 
 
 def n_samples(study) -> int:
-    """Count the samples of a campaign's pilot: all runs of them are 1 % of the job's at most."""
+    """Return the number of samples of a campaign's pilot: at most 1 % of the job's runs."""
     affordable = PILOT_SHARE * study.n_runs / (PILOT_TIMED + 1)
     return int(min(affordable, PILOT_PER_FRAME * study.n_frames, MAX_SAMPLES))
 

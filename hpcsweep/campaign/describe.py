@@ -1,4 +1,4 @@
-"""What a job computes, in numbers one checks before an hour of computing, and what looks wrong."""
+"""Describe what a job computes, in numbers to check before an hour of computing, and warn."""
 
 from collections.abc import Iterator
 
@@ -9,11 +9,11 @@ from hpcsweep.model.description import few, in_words
 from hpcsweep.model.unit_names import is_in_gaps, unit_of
 
 MOST_MODES = 12
-"""Modes that are listed, the lowest."""
+"""Number of lowest modes that are listed."""
 FAR = 3.0
-"""Ratio of every frequency to every natural one from which on they are far from resonance."""
+"""Least ratio of every frequency to every natural one that counts as far from resonance."""
 WIDE = 0.05
-"""Amplitude step, of the smallest grazing amplitude, from which on a step disturbs a sweep."""
+"""Least amplitude step, over the smallest grazing amplitude, that disturbs a sweep."""
 
 
 def describe(job: Job) -> list[str]:
@@ -33,7 +33,7 @@ def describe(job: Job) -> list[str]:
 
 
 def warnings(job: Job) -> list[str]:
-    """Return what looks like a mistake, a line each."""
+    """Return one line for each thing that looks like a mistake."""
     return list(_warnings(job.study, job.structure))
 
 
@@ -53,20 +53,20 @@ def _units(structure) -> str:
 
 
 def _named(structure, quantity: str) -> str:
-    """Write the unit of a quantity behind a number; nothing where it has no name."""
+    """Format the unit that follows a number; empty where it has no name."""
     known = any(structure.unit_names) or is_in_gaps(structure)
     return f" {unit_of(structure, quantity)}" if known else ""
 
 
 def _cycles(structure, omega: float) -> str:
-    """Write a frequency in cycles per unit of time, where time has a unit."""
+    """Format a frequency in cycles per unit of time, where time has a unit."""
     if not structure.unit_names.time:
         return ""
     return f" = {omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
 
 
 def _modes(structure) -> list[str]:
-    """Write natural frequencies, periods and damping ratios, and the mode shapes."""
+    """List natural frequencies, periods, damping ratios and mode shapes."""
     frequencies, ratios = structure.frequencies, structure.damping_ratios
     lines = []
     for i, omega in enumerate(frequencies[:MOST_MODES]):
@@ -87,7 +87,7 @@ def _modes(structure) -> list[str]:
 
 
 def _starts(study, structure) -> list[str]:
-    """Say where the starts of a study of attractors or basins lie."""
+    """List the box of starts of a study of attractors or basins."""
     n, variables = structure.n_floors, getattr(study, "starting_range", {})
     return [
         f"starts:     {name} from {low:.6g} to {high:.6g}"
@@ -129,7 +129,7 @@ def _amplitudes(study) -> np.ndarray:
 
 
 def _grazing(study, structure) -> list[str]:
-    """Write the range of frequencies and amplitudes, and where contact begins."""
+    """List the range of frequencies and amplitudes, and where contact begins."""
     omega, amplitude = _omega(study), _amplitudes(study)
     low, high = float(omega.min()), float(omega.max())
     unit = _named(structure, "acceleration")

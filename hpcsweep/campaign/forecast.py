@@ -1,4 +1,4 @@
-"""What a job will cost, from a timed sample, before it is run."""
+"""Forecast what a job will cost, from a timed sample, before it is run."""
 
 import time
 from collections.abc import Sequence
@@ -24,16 +24,16 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.store import Layout, read_history
 
 SAMPLE_SECONDS = 5.0
-"""Time given to the sample."""
+"""Default time of the sample (s)."""
 RANKS = tuple(2**k for k in range(13))
 MOST_PIECES = 200_000
-"""Pieces of tasks that a simulation may have; beyond it each task is one."""
+"""Most pieces of tasks in a simulation; beyond it each task is one."""
 COPIES = 3
-"""Copies of a block of results a rank holds at once: computed, ordered, checked."""
+"""Copies of a block of results that a rank holds at once: computed, ordered, checked."""
 MPI_BYTES = 40_000_000
-"""What a process takes more under MPI (MPICH: 25 MB)."""
+"""Additional memory (bytes) of a process under MPI (MPICH: 25 MB)."""
 BYTES_PER_TASK = 1000
-"""What rank 0 keeps of each task, with its blocks."""
+"""Memory (bytes) that rank 0 keeps for each task, with its blocks."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Forecast:
     run_seconds, error : float
         Mean cost of a run and its standard error (s).
     n_timed : int
-        Runs that the estimate rests on.
+        Runs behind the estimate.
     """
 
     costs: TaskCosts
@@ -73,7 +73,7 @@ def sample(job: Job, seconds: float = SAMPLE_SECONDS) -> Forecast:
 
 
 def from_journal(job: Job, path: Path) -> Forecast | None:
-    """Take the costs that a file's journal holds; None if it holds none."""
+    """Return the costs in a file's journal; None if it holds none."""
     study, task_costs = job.study, TaskCosts(job.study)
     measured = read_history(path).costs
     if not measured:
@@ -94,7 +94,7 @@ def predict(
 ) -> list[Prediction]:
     """Simulate the job's schedule on numbers of ranks."""
     pieces = forecast.costs.pieces(MOST_PIECES)
-    # between two looks at the messages a computing master does a run or a start, or one period
+    # between two polls a computing master does a run or a start, or one period
     cycles = job.settings.transient_cycles + job.settings.sampling_cycles
     each_period = SOLVERS[job.settings.solver].polls_each_period
     poll = forecast.run_seconds / (cycles if each_period else job.study.polls_per_run)
@@ -102,7 +102,7 @@ def predict(
 
 
 def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) -> list[str]:
-    """Write predictions, and the number of ranks that is of use, as a person reads them."""
+    """Format predictions and the number of useful ranks for people."""
     totals = forecast.costs.totals()
     costliest, study = int(totals.argmax()), job.study
     helpful = ranks_that_help(totals)
@@ -136,7 +136,7 @@ def largest_rank(job: Job, peak: int) -> float:
 
 
 def memory_text(job: Job, peak: int) -> str:
-    """State the memory of a rank, given the peak of a process that ran a sample (bytes)."""
+    """Format the memory of a rank, given the peak (bytes) of a process that ran a sample."""
     study, block = job.study, _block_bytes(job)
     first = BYTES_PER_TASK * study.n_tasks
     rank = largest_rank(job, peak) - first
@@ -151,22 +151,22 @@ def memory_text(job: Job, peak: int) -> str:
 def slurm_text(
     job: Job, forecast: Forecast, predictions: Sequence[Prediction], peak: int
 ) -> list[str]:
-    """Write the lines of a batch script that fit predictions on powers of two of ranks."""
+    """Format the lines of a batch script that fit predictions on powers of two of ranks."""
     known = {p.n_ranks: p for p in predictions}
     useful = slurm.useful_ranks(
         lambda n: known[n] if n in known else predict(job, forecast, (n,))[0], max(known)
     )
-    asked = slurm.request(useful, largest_rank(job, peak))
+    resources = slurm.request(useful, largest_rank(job, peak))
     return [
         f"batch job:  {useful.n_ranks} ranks, the most with an efficiency of "
         f"{100 * slurm.EFFICIENCY:.0f} %; {slurm.TIME_MARGIN:g} times their makespan and "
         f"{slurm.START_SECONDS / 60:g} min; {slurm.MEMORY_MARGIN:g} times the memory:",
-        *slurm.as_lines(asked),
+        *slurm.as_lines(resources),
     ]
 
 
 def study_text(study) -> str:
-    """Write how many runs a study has, and along which dimensions."""
+    """Format the number of runs of a study, and their dimensions."""
     counts = [(study.dimensions[dim], dim) for dim in study.run_dims]
     sizes = [f"{count} {dim}{'' if count == 1 else 's'}" for count, dim in counts]
     return f"{' x '.join(sizes)} = {study.n_runs} runs ({study.kind.replace('_', ' ')})"
@@ -178,8 +178,8 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
     Returns
     -------
     str
-        Lines for a person: runs, bytes, core-hours with their standard error, memory, makespan on
-        1 to 4,096 ranks, the number beyond which more do not help, and what to ask Slurm for.
+        Lines for people: runs, bytes, core-hours with their standard error, memory, makespan on 1
+        to 4,096 ranks, the number beyond which more do not help, and the Slurm request.
     """
     study, size = job.study, Layout(job).file_size()
     forecast, peak = sample(job, seconds), memory.peak()

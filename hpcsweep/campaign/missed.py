@@ -1,7 +1,7 @@
-"""Attractors that amplitude sweeps miss: a study of attractors beside a sweep over its points.
+"""Find attractors that amplitude sweeps miss, from a study of attractors and a sweep.
 
-Each run of the sweep is taken to end on the attractor that its last points are nearest to, in the
-mean over these points. An attractor that no run ends on is missed by the sweep.
+A run of the sweep is taken to end on the attractor nearest to its last points, in the mean over
+these points. The sweep misses an attractor on which no run ends.
 """
 
 from pathlib import Path
@@ -14,16 +14,16 @@ from hpcsweep.store import Frames, StoreError
 LAST = 16
 """Points of a run that are compared."""
 SAME = 1e-9
-"""Relative difference of frequencies and amplitudes that are the same."""
+"""Relative difference of frequencies and amplitudes that count as equal."""
 
 
 def missed_attractors(found: Frames, sweep: Path) -> np.ndarray:
-    """Count the attractors of each point that no run of a sweep at this point ends on.
+    """Count the attractors of each point on which no run of a sweep at this point ends.
 
     Parameters
     ----------
     found : Frames
-        Of results of a study of attractors.
+        Results of a study of attractors.
     sweep : Path
         Results of a sweep with its frequencies and amplitudes.
 
@@ -35,7 +35,7 @@ def missed_attractors(found: Frames, sweep: Path) -> np.ndarray:
     Raises
     ------
     StoreError
-        If they are of other kinds, of different structures, or the sweep has not all points.
+        If the files are of other kinds or of different structures, or the sweep lacks a point.
     """
     runs = Frames(sweep, at=found.at)
     try:

@@ -1,7 +1,7 @@
-"""How far many campaigns are: a row each, cheap enough for hundreds of files, live or not.
+"""Report the progress of many campaigns: a row each, cheap enough for hundreds of files.
 
 Only what a row needs is read: a few attributes, which blocks have a checksum, the outcomes, and the
-journal. Checksums are not verified; `hpcsweep.campaign.status` tells more of one file.
+journal. Checksums are not verified; `hpcsweep.campaign.status` reports more of one file.
 """
 
 import html
@@ -18,14 +18,14 @@ from hpcsweep.store import StoreError, read_history
 from hpcsweep.store.opening import read_progress
 
 SILENT = 120.0
-"""Seconds without a record after which a session is not known to run: a note comes every 30."""
+"""Seconds without a record after which a session may not run any more: one comes every 30."""
 HEADS = ("file", "state", "runs", "%", "failed", "core s", "left", "heard")
 REFRESH = 10.0
-"""Seconds after which a page of unfinished campaigns is loaded again."""
+"""Seconds after which a page of unfinished campaigns is reloaded."""
 
 
 def overview(path: str | Path) -> dict:
-    """Tell how far a campaign is.
+    """Return the progress of a campaign.
 
     Returns
     -------
@@ -82,12 +82,12 @@ def _runs_done(path: Path, attributes: dict, committed: np.ndarray, outcome: np.
 
 
 def finished(rows: Sequence[dict]) -> bool:
-    """Return whether nothing will change any more of itself."""
+    """Return whether no row will change any more by itself."""
     return not any(row["state"] in ("running", "not begun") for row in rows)
 
 
 def cells(rows: Sequence[dict]) -> list[tuple[str, ...]]:
-    """Write rows, and their sums as the last, in the columns `HEADS`."""
+    """Format rows, and their sums as the last, in the columns `HEADS`."""
     written = [_cells(row) for row in rows]
     known = [row for row in rows if row["state"] != "unreadable"]
     done, total = (sum(row[key] for row in known) for key in ("runs_done", "runs_total"))
@@ -124,7 +124,7 @@ def _cells(row: dict) -> tuple[str, ...]:
 
 
 def as_table(rows: Sequence[dict]) -> str:
-    """Write rows as lines for a terminal."""
+    """Format rows as lines for a terminal."""
     table = [HEADS, *cells(rows)]
     widths = [max(len(line[k]) for line in table) for k in range(len(HEADS))]
     lines = []
@@ -147,7 +147,7 @@ STYLE = (
 
 
 def as_page(rows: Sequence[dict]) -> str:
-    """Write rows as a page, which browsers load again as long as something is to be done."""
+    """Format rows as a page, which browsers reload until all campaigns are finished."""
     again = "" if finished(rows) else f'<meta http-equiv="refresh" content="{REFRESH:g}">'
     lines = []
     for line in cells(rows):

@@ -20,21 +20,21 @@ from hpcsweep.store import read_history
 from hpcsweep.store.records import BlockCost, PilotCost
 
 LEAST_ELAPSED = 0.5
-"""Seconds of work from which on what it takes besides the runs is known."""
+"""Seconds of work after which the overhead besides the runs is known."""
 
 
 class KnownCosts:
     """Costs of the unfinished tasks; made on every rank, held on rank 0.
 
-    Nothing is kept where one task is all there is to do: there is nothing to decide, and its runs
-    tell how fast it is. One rank takes the tasks in their order, but is told the time that remains.
+    Nothing is kept where only one task is left: there is nothing to decide, and its runs show how
+    fast it is. A single rank takes the tasks in their order, but reports the remaining time.
 
     Parameters
     ----------
     comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
     study : Study
     output : Path
-        Whose journal is read.
+        File whose journal is read.
     wanted : bool
         Whether there is more than one task to do; the same on every rank.
     done : ndarray of int, shape (n, n_axes)
@@ -58,18 +58,18 @@ class KnownCosts:
         self.tasks.all_done(done)
 
     def n_samples(self) -> int:
-        """Count the samples that a pilot has to time, on rank 0: none if enough is known."""
+        """Return the number of samples that a pilot has yet to time; 0 except on rank 0."""
         if self._comm.rank != 0 or not self.wanted:
             return 0
         count = costs.n_samples(self._study)
         return 0 if self.tasks.n_known() >= count * costs.PILOT_TIMED else count
 
     def sampled(self, sample: PilotCost) -> None:
-        """Learn from a pilot's runs."""
+        """Update from a pilot's runs."""
         self.tasks.sampled(sample)
 
     def block_done(self, cost: BlockCost) -> None:
-        """Learn from a block."""
+        """Update from a block."""
         if self.wanted:
             self.tasks.measured(cost)
             self.tasks.done(cost.place)
@@ -78,12 +78,12 @@ class KnownCosts:
                 self.begun = time.monotonic() - cost.seconds
 
     def taken(self, place: tuple[int, ...]) -> None:
-        """Note that a block was taken from another file."""
+        """Record that a block was reused from another file."""
         if self.wanted:
             self.tasks.done(place)
 
     def left(self, task: int) -> float:
-        """Estimate the cost (s) of what is left of a task; 0 where it does not matter."""
+        """Estimate the cost (s) of what is left of a task; 0 where costs are not needed."""
         return self.tasks.left(task) if self.wanted and self._comm.size > 1 else 0.0
 
     def seconds_left(self) -> float | None:
@@ -96,15 +96,15 @@ class KnownCosts:
 
 
 def remaining_of(campaigns: Sequence[KnownCosts]) -> float | None:
-    """Estimate the wall time (s) until several campaigns are done that share the ranks.
+    """Estimate the wall time (s) until several campaigns that share the ranks are done.
 
-    Beside its runs a rank has messages and commits to do, which of single points take longer than
-    these: the time that so many seconds of runs have taken in this session tells.
+    Besides its runs a rank handles messages and commits, which take longer than the runs of single
+    points: runs are scaled by the wall time that they have taken in this session.
 
     Returns
     -------
     float or None
-        None if nothing is known of one.
+        None if nothing is known of one of them.
     """
     runs = 0.0
     for each in campaigns:

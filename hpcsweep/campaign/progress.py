@@ -1,4 +1,4 @@
-"""Progress for people: a bar on a terminal, a line a minute in a log."""
+"""Show progress: a bar on a terminal, a line a minute in a log."""
 
 import contextlib
 import math
@@ -11,7 +11,7 @@ from typing import TextIO
 LOG_INTERVAL = 60.0
 BAR_INTERVAL = 5.0
 BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"
-"""As tqdm's own, without its estimate, which takes all runs to cost the same."""
+"""tqdm's own format without its estimate, which assumes that all runs cost the same."""
 
 
 def note(text: str) -> None:
@@ -20,7 +20,7 @@ def note(text: str) -> None:
 
 
 def say_line(text: str) -> None:
-    """Write one line to standard error; if it is full nothing is said, and the work goes on."""
+    """Write one line to standard error; where that fails, drop it and go on."""
     try:
         print(text, file=sys.stderr, flush=True)
     except (OSError, ValueError):
@@ -28,13 +28,13 @@ def say_line(text: str) -> None:
 
 
 def silence(stream: TextIO) -> None:
-    """Let a stream that cannot be written swallow all that comes, also at exit."""
+    """Make a stream that cannot be written discard its output, also at exit."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def make_progress(total: int, done: int, unit: str = "run"):
-    """Make the display that suits standard error."""
+    """Return the display that suits standard error."""
     return (Bar if sys.stderr.isatty() else Log)(total, done, unit)
 
 
@@ -45,7 +45,7 @@ class Silent:
         """Count finished runs."""
 
     def message(self, text: str) -> None:
-        """Say something."""
+        """Show a message."""
 
     def expect(self, remaining: Callable[[], float | None]) -> None:
         """Set the function that estimates the remaining time (s)."""
@@ -54,11 +54,11 @@ class Silent:
         """Update the display; called several times a second."""
 
     def close(self) -> None:
-        """End."""
+        """Close the display."""
 
 
 class _Display:
-    """What both displays know: how long the rest will take, if somebody can tell."""
+    """Base of both displays: the remaining time, where it can be estimated."""
 
     def __init__(self) -> None:
         self._remaining: Callable[[], float | None] = lambda: None
@@ -79,11 +79,11 @@ class Bar(_Display):
         self._last = -math.inf
 
     def advance(self, runs: int) -> None:
-        """Count what is finished."""
+        """Count finished runs."""
         self._bar.update(runs)
 
     def tick(self) -> None:
-        """Ask for the remaining time now and then; leave the rest to the bar's own clock."""
+        """Update the remaining time now and then; the bar's own clock does the rest."""
         if time.monotonic() - self._last < BAR_INTERVAL:
             return
         self._last = time.monotonic()
@@ -93,7 +93,7 @@ class Bar(_Display):
             self._bar.set_postfix_str(f"{_duration(remaining)} left", refresh=False)
 
     def message(self, text: str) -> None:
-        """Say something without tearing the bar."""
+        """Show a message without breaking the bar."""
         self._bar.write(text, file=sys.stderr)
 
     def close(self) -> None:
@@ -112,11 +112,11 @@ class Log(_Display):
         self.message(f"{total} {unit}s{resumed}")
 
     def advance(self, runs: int) -> None:
-        """Count what is finished."""
+        """Count finished runs."""
         self._done += runs
 
     def tick(self) -> None:
-        """Write a line if a minute has passed, whether or not anything was finished."""
+        """Write a line if a minute has passed, whether or not any run has finished."""
         if time.monotonic() - self._last >= LOG_INTERVAL:
             self._last = time.monotonic()
             self.message(self._line())

@@ -1,4 +1,4 @@
-"""Where results come from: versions, machine, time."""
+"""Collect the provenance of results: versions, machine, time."""
 
 import functools
 import platform
@@ -53,8 +53,8 @@ def git_commit() -> str:
 
 
 def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
-    """Collect what a campaign file stores as attributes when it is made."""
-    # loads numba, which whoever asks for the version has no need of
+    """Collect the attributes that a campaign file stores when it is created."""
+    # loads numba, which `version` does not need
     from hpcsweep.kernels.compile.cache import processor
 
     return {

@@ -1,7 +1,8 @@
-"""The unfinished tasks of one campaign or several as one list, farmed out to all ranks.
+"""Farm out the unfinished tasks of one or several campaigns, as one list, to all ranks.
 
-Tasks of all campaigns are numbered through, so that the farm hands out the costliest first whatever
-file it is of. A campaign that fails on a rank is left alone by it from then on; the others go on.
+Tasks of all campaigns are numbered consecutively, so that the farm hands out the costliest first,
+whichever file it belongs to. A rank on which a campaign fails leaves that one alone from then on;
+the others go on.
 """
 
 import contextlib
@@ -22,23 +23,23 @@ from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
 from hpcsweep.store import StoreError, WriteError
 
 MASTER_NOTES = 30.0
-"""Seconds between two notes of the master's load in the journal."""
+"""Seconds between two records of the master's load in the journal."""
 
 
 class Queue:
-    """The tasks of several campaigns, and one rank's share in them.
+    """Tasks of several campaigns, as one rank sees them.
 
     Parameters
     ----------
     comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
     works : sequence of Work
-        One a campaign, in the same order on every rank.
+        One for each campaign, in the same order on every rank.
     flag : StopFlag
 
     Attributes
     ----------
     failed : dict of int to str
-        By the number of a campaign why it failed; after `do` the same on every rank.
+        Reason of failure by campaign number; after `do` the same on every rank.
     complete : list of bool
         After `do`, whether all runs of each campaign are in its file; the same on every rank.
     """
@@ -92,7 +93,7 @@ class Queue:
         self._end(time.perf_counter() - begun)
 
     def _sample(self) -> bool:
-        """Time the pilots of all campaigns on all ranks; tell whether to go on (collective)."""
+        """Time the pilots of all campaigns on all ranks; return whether to go on (collective)."""
         counts = [work.costs.n_samples() for work in self._works]
         firsts = [0, *itertools.accumulate(self._comm.bcast(counts))]
 
@@ -140,7 +141,7 @@ class Queue:
         self.failed = self._comm.bcast(failed)
 
     def _place(self, number: int) -> tuple[int, int]:
-        """Return the campaign, and the task there, that a number of the list is."""
+        """Return the campaign and its task behind a number of the list."""
         k = bisect_right(self._firsts, number) - 1
         return k, number - self._firsts[k]
 
@@ -154,10 +155,10 @@ class Queue:
         return remaining_of([work.costs for k, work in works if k not in self.failed])
 
     def _compute(self, number: int, poll, report, *rest) -> tuple | None:
-        """Do one task on this rank; of a campaign that has failed here nothing."""
+        """Compute one task on this rank; nothing if its campaign has failed here."""
         k, task = self._place(number)
         if self._at != k:
-            # what waits to be committed must not wait for this rank to come back to it
+            # results of another campaign must not wait until this rank returns to it
             self._guarded(self._at, self._works[self._at].flush)
             self._at = k
         if k in self.failed:
@@ -166,7 +167,7 @@ class Queue:
         return self._guarded(k, lambda: compute(task, poll, lambda v: report((k, v)), *rest))
 
     def _guarded(self, k: int, action: Callable):
-        """Do something of a campaign; if there are others, what goes wrong ends this one alone."""
+        """Run an action of a campaign; if there are others, an error ends only this one."""
         if k in self.failed:
             return None
         try:
@@ -185,8 +186,8 @@ class Queue:
             return None
 
     def _on_report(self, rank: int, value) -> None:
-        k, told = value
-        self._guarded(k, lambda: self._display.advance(self._works[k].block_done(rank, told)))
+        k, report = value
+        self._guarded(k, lambda: self._display.advance(self._works[k].block_done(rank, report)))
 
     def _note_load(self) -> None:
         for k, work in enumerate(self._works):
@@ -217,7 +218,7 @@ class Queue:
 
 
 def _every(seconds: float, always: Callable[[], None], then: Callable[[], None]) -> Callable:
-    """Make a function that calls `always`, and `then` once in so many seconds."""
+    """Return a function that calls `always`, and `then` once in so many seconds."""
     due = [time.monotonic() + seconds]
 
     def tick() -> None:

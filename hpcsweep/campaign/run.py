@@ -1,4 +1,4 @@
-"""Campaigns: jobs run to their ends, or to a stop, on all ranks, each into a file of its own."""
+"""Run jobs to completion, or to a stop, on all ranks, each into a file of its own."""
 
 import contextlib
 import gc
@@ -47,7 +47,7 @@ STOP_MARGIN = 5.0
 
 
 class Ending(NamedTuple):
-    """How a job ended: an exit code, and if it is neither complete nor stopped why."""
+    """Ending of a job: its exit code, and the reason if it is neither complete nor stopped."""
 
     output: Path
     code: int
@@ -60,7 +60,7 @@ def run(job: Job, output: Path, comm, **options) -> int:
     Returns
     -------
     int
-        0 if the job is complete, 75 if it was stopped in good order before.
+        0 if the job is complete, 75 if it was stopped in good order.
 
     Raises
     ------
@@ -85,22 +85,22 @@ def run_all(
 ) -> list[Ending]:
     """Run jobs on all ranks, creating the file of each or resuming it (collective).
 
-    Their tasks are one queue. Of several jobs one that cannot be run, or fails, does not stop the
-    others; what goes wrong with a single one is raised.
+    Their tasks are one queue. One of several jobs that cannot be run, or fails, does not stop the
+    others; an error of a single job is raised.
 
     Parameters
     ----------
     jobs : sequence of (Job, Path)
-        With their files, all different; the same on every rank.
+        Jobs and their files, all different; the same on every rank.
     comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
     max_hours : float, optional
-        Stop in good order a little before this much wall time has passed.
+        Wall time shortly before which the jobs stop in good order.
     progress : callable (total_runs, done_runs), optional
-        Makes the progress display on rank 0.
+        Return the progress display on rank 0.
     say : callable
-        Told on rank 0 what happens before the first run.
+        Called on rank 0 with messages before the first run.
     flag : hpcsweep.parallel.stopping.StopFlag, optional
-        Hears the signals already; if it is not given, they are heard while this function runs.
+        A flag that already listens to the signals; by default one listens during the call.
     reuse : sequence of Path
         Earlier files from which results are taken (`hpcsweep.store.reuse`).
 
@@ -127,7 +127,7 @@ def run_all(
             layout, output = Layout(job), followed(output)
             lock = Lock(output)
             if comm.rank != 0:
-                # loads what takes long to load, while rank 0 prepares the file
+                # imports slow modules while rank 0 prepares the file
                 job.study.is_compiled(comm.size)
             try:
                 prepare = partial(_prepare, layout, output, lock, comm, hosts, say, reuse)
@@ -171,7 +171,7 @@ def _run_opened(
             with contextlib.suppress(*((Exception,) if k in queue.failed else ())):
                 work.close()
     except (OSError, DamagedError) as error:
-        # found sound before: it was taken away, or cut, since
+        # found sound before: it has been removed or truncated since
         _release(opened, comm)
         said = str(error) if isinstance(error, StoreError) else f"{output}: {error}"
         raise WriteError(f"{said}; it was changed by somebody else in mid-run") from None
@@ -202,7 +202,7 @@ def _release(opened: list[tuple[Layout, Path, Lock]], comm) -> None:
 
 
 def _on_master(comm, action: Callable[[], None]) -> None:
-    """Do something on rank 0; a `StoreError` there is raised on every rank."""
+    """Run an action on rank 0; raise a `StoreError` from there on every rank."""
     problem = None
     if comm.rank == 0:
         try:
@@ -230,7 +230,7 @@ def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, re
             Journal(output).begin()
             return
         try:
-            # again, or for the first time: another campaign may have made it just now
+            # again, or for the first time: another campaign may just have created it
             _check_same_job(layout, output)
         except DamagedError as error:
             if not error.repairable:
@@ -245,7 +245,7 @@ def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, re
 
 
 def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> None:
-    """Make sure that earlier files fit the job; say where results may differ in the last digits."""
+    """Check that earlier files fit the job; say where results may differ in the last digits."""
     for path in reuse:
         if path.resolve() == output.resolve():
             raise StoreError(f"{path}: is the file of the results; --reuse takes others")
@@ -256,7 +256,7 @@ def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> 
 
 
 def _check_same_job(layout: Layout, output: Path) -> None:
-    """Make sure that a file is of this job, plain, and sound but for its results."""
+    """Check that a file is of this job, plain, and sound apart from its results."""
     attributes = check_file(output)
     if attributes.get("fingerprint") != layout.fingerprint:
         stored = read_layout(output)  # a `DamagedError` if it is not of any job
@@ -272,7 +272,7 @@ def _check_same_job(layout: Layout, output: Path) -> None:
 def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]) -> None:
     """Load the kernels; if any is not in the cache, one rank of each node compiles first.
 
-    That may take minutes, so a signal ends the ranks then and there: nothing is being written.
+    That may take minutes, so a signal ends the ranks at once: nothing is being written.
     """
 
     def leave(reason: str) -> None:
@@ -284,10 +284,10 @@ def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]
         leave(flag.reason)
     for study in studies:
         _compile_one(comm, study, say)
-    # no rank writes as long as another might leave at once
+    # no rank writes while another may still exit at once
     comm.barrier()
     flag.at_once = None
-    # what is loaded stays, and is not looked through for garbage again and again
+    # what is loaded stays: spare the garbage collector from scanning it repeatedly
     gc.freeze()
 
 

@@ -1,4 +1,4 @@
-"""What the file of a campaign holds already, verified before the first run."""
+"""Verify, before the first run, what the file of a campaign already holds."""
 
 import array
 import time
@@ -11,13 +11,13 @@ from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store.commit import Blocks
 
 SCAN_NOTES = 10.0
-"""Seconds between two notes of how far the file has been verified."""
+"""Seconds between two messages about the progress of verification."""
 POLL_BLOCKS = 64
-"""Blocks verified between two looks whether to stop."""
+"""Blocks verified between two polls."""
 
 
 class Scan:
-    """What the file holds already: verified by all ranks, each its share, known on rank 0.
+    """Contents of the file: verified by all ranks, each its share, and known on rank 0.
 
     Attributes
     ----------
@@ -25,15 +25,15 @@ class Scan:
         Unfinished tasks.
     done_runs : int
     done : ndarray of int, shape (n, n_axes)
-        Places of the valid blocks of these tasks.
+        Indices of the valid blocks of these tasks.
     finished : bool
-        Whether nobody was told to stop; the same on every rank.
+        Whether no rank had to stop; the same on every rank.
     """
 
     def __init__(self, comm, blocks: Blocks, flag: StopFlag, say: Callable[[str], None]):
         self._flag, self._say = flag, say if comm.rank == 0 else lambda text: None
-        self._begun = self._told = time.monotonic()
-        self._asked = 0
+        self._begun = self._reported = time.monotonic()
+        self._n_polls = 0
         study = blocks.study
         self.todo: list[int] = []
         self.done_runs = 0
@@ -57,7 +57,7 @@ class Scan:
         self.finished = comm.bcast(finished)
 
     def _verify(self, blocks: Blocks, task: int) -> array.array:
-        """Verify a task; return the places of its valid blocks, one after the other."""
+        """Verify a task; return the indices of its valid blocks in a row."""
         places = array.array("q")
         n_blocks = n_good = 0
         for block, valid in blocks.verify(task, self._poll_sometimes):
@@ -72,16 +72,16 @@ class Scan:
         return places
 
     def _poll_sometimes(self) -> None:
-        self._asked += 1
-        if self._asked % POLL_BLOCKS == 0:
+        self._n_polls += 1
+        if self._n_polls % POLL_BLOCKS == 0:
             self._poll()
 
     def _poll(self, task: int = 0, n_tasks: int = 0) -> None:
-        """Stop if that is wanted; say from time to time what takes so long."""
+        """Raise `Stop` if requested; report progress from time to time."""
         if self._flag.is_set():
             raise farm.Stop
         now = time.monotonic()
-        if now - self._told > SCAN_NOTES:
-            self._told = now
+        if now - self._reported > SCAN_NOTES:
+            self._reported = now
             where = f", {100 * task / n_tasks:.0f} % of its tasks" if n_tasks else ""
             self._say(f"verifying what is in the file: {now - self._begun:.0f} s{where}")

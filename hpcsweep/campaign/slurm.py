@@ -15,7 +15,7 @@ EFFICIENCY = 0.8
 STEPS = 3
 """Halvings of the interval between two powers of two: ranks are found to an eighth of it."""
 TIME_MARGIN = 1.5
-"""Of the makespan: another processor, a busy file system, a sample of a few seconds."""
+"""Margin of the makespan: another processor, a busy file system, a sample of a few seconds."""
 START_SECONDS = 600.0
 """For the kernels that are compiled on a node's first run, the pilot, and the signal before the
 time limit (`slurm/once.sh`: 300 s)."""
@@ -74,7 +74,7 @@ def useful_ranks(predict: Callable[[int], Prediction], most: int) -> Prediction:
 
 
 def request(prediction: Prediction, memory: float) -> Request:
-    """Ask for what a prediction needs, with margins.
+    """Return the resources that a prediction needs, with margins.
 
     Parameters
     ----------
@@ -90,18 +90,18 @@ def request(prediction: Prediction, memory: float) -> Request:
     )
 
 
-def as_lines(asked: Request) -> list[str]:
-    """Write a request as the lines of a batch script."""
+def as_lines(resources: Request) -> list[str]:
+    """Format a request as the lines of a batch script."""
     return [
-        f"#SBATCH --ntasks={asked.n_tasks}",
+        f"#SBATCH --ntasks={resources.n_tasks}",
         "#SBATCH --cpus-per-task=1",
-        f"#SBATCH --time={_time(asked.seconds)}",
-        f"#SBATCH --mem-per-cpu={asked.memory // 2**20}M",
+        f"#SBATCH --time={_time(resources.seconds)}",
+        f"#SBATCH --mem-per-cpu={resources.memory // 2**20}M",
     ]
 
 
 def _time(seconds: float) -> str:
-    """Write a time as Slurm reads it: [days-]hours:minutes:seconds."""
+    """Format a time for Slurm: [days-]hours:minutes:seconds."""
     minutes, rest = divmod(math.ceil(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     days, hours = divmod(hours, 24)

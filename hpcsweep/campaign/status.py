@@ -1,6 +1,6 @@
-"""What `hpcsweep status` tells: the state of the file, and what its journal says of the work.
+"""Report the state of a campaign file and, from its journal, of the work (`hpcsweep status`).
 
-Reads only, takes no lock, and may be used from any process at any time.
+Only reads, takes no lock, and may be called from any process at any time.
 """
 
 import time
@@ -19,7 +19,7 @@ from hpcsweep.store.opening import check_file
 from hpcsweep.store.records import History, Session
 
 RECENT = 60.0
-"""Seconds over which the present rate is taken."""
+"""Seconds over which the recent rate is measured."""
 LISTED_FAILURES = 20
 OUTCOMES = {int(outcome): outcome.name for outcome in Outcome}
 
@@ -30,12 +30,12 @@ def status(path: str | Path) -> dict:
     Returns
     -------
     dict
-        Plain numbers, strings and lists: what is done, outcomes, sessions, failures, and
+        Plain numbers, strings and lists: progress, outcomes, sessions, failures, and
 
         runs_per_second, runs_per_second_recent : float or None
             Histories per second by the wall clock in the last session, and in its last minute.
         seconds_remaining : float or None
-            Wall time left on that session's ranks; None if nothing was timed, or it is complete.
+            Wall time left on that session's ranks; None if nothing was timed or all is complete.
         last_heard : float or None
             Seconds since the journal's last record.
         frame_seconds : dict or None
@@ -43,11 +43,11 @@ def status(path: str | Path) -> dict:
         runs_inferred, audit : int, dict or None
             Only of a refined map: its inferred points, and the last `Look` of their audit.
         remedies : dict of str to dict
-            Count of each failed outcome and what to do about it.
+            Count of each failed outcome and its remedy.
         master : dict or None
-            The last session's messages, rate, share of the master's time, tasks moved.
+            The last session's messages, their rate, share of the master's time, tasks moved.
         peak_memory : list of int, or None
-            Bytes of rank 0 and of the largest rank in the last session, once it has ended.
+            Bytes of rank 0 and of the largest rank in the last session, if it has ended.
     """
     path = path_of("path", path)
     layout = open_layout(path)
@@ -129,7 +129,7 @@ def _runs(
 
 
 def _costs(history: History, work: float | None, complete: bool) -> dict:
-    """Return what was timed, and what is left."""
+    """Return the timed costs and what is left."""
     seconds = sum(cost.seconds for cost in history.costs)
     runs = sum(cost.runs for cost in history.costs)
     return {
@@ -167,7 +167,7 @@ def _remaining(
 
 
 def _frame_seconds(layout: Layout, history: History) -> dict | None:
-    """Cost of the frames all of whose blocks were timed."""
+    """Return the cost of the frames whose blocks were all timed."""
     study, dims = layout.study, layout.commit.dims
     seconds = np.full(layout.shape(layout.commit), np.nan)
     for place, cost in history.latest.items():
@@ -195,7 +195,7 @@ def _axes(dims: tuple[str, ...], *names: str) -> tuple[int, ...]:
 
 
 def _master(session: Session | None) -> dict | None:
-    """Return how busy the master was, by its last record."""
+    """Return the master's load as of its last record."""
     if session is None or session.load is None:
         return None
     load = session.load

@@ -1,4 +1,4 @@
-"""Numbers of a whole study: its cost, and what kinds of motion it found.
+"""Summarize a whole study: its cost, and the kinds of motion it found.
 
 The file is read one frame at a time, so that five million runs need little memory.
 """
@@ -22,11 +22,11 @@ def summarize(path: str | Path) -> dict:
     Returns
     -------
     dict
-        Plain numbers, strings and lists. Shares are of the runs that are done; of periods, those of
-        the class periodic. ``by_direction`` has the shares of each sweep; what a study of another
-        kind tells is in its tally. ``cost`` is None where the file has no journal: its wall time is
-        that of all sessions, from their starts to the last they are heard of; its core seconds are
-        those of the blocks in the file, each once.
+        Plain numbers, strings and lists. Shares are of the completed runs; those of periods are of
+        the periodic ones. ``by_direction`` has the shares of each sweep; other kinds of study add
+        their own tally. ``cost`` is None where the file has no journal: its wall time is that of
+        all sessions, from start to last record; its core seconds are those of the blocks in the
+        file, each counted once.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def summarize(path: str | Path) -> dict:
         "file": str(path),
         "name": job.name,
         "study": study.kind,
-        "structure": _told(structure),
+        "structure": _structure_text(structure),
         "n_floors": structure.n_floors,
         "stiffness_ratio": None if structure.matrices else structure.stiffness_ratio,
         "contacts": len(structure.contacts),
@@ -70,14 +70,14 @@ def summarize(path: str | Path) -> dict:
     }
 
 
-def _told(structure) -> str:
-    """Write the structure on one line."""
+def _structure_text(structure) -> str:
+    """Format the structure on one line."""
     parts = [f"{symbol} = {value}" if symbol else value for symbol, value in in_words(structure)]
     return ", ".join(parts)
 
 
 def total_cost(history: History) -> dict | None:
-    """Add up the sessions of a journal; None if nothing was timed."""
+    """Sum the sessions of a journal; return None if nothing was timed."""
     latest = history.latest.values()
     if not history.sessions or not latest:
         return None

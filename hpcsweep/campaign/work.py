@@ -1,4 +1,4 @@
-"""The unfinished tasks of a campaign: computed, written and reported."""
+"""Compute, write and report the unfinished tasks of a campaign."""
 
 import contextlib
 import time
@@ -34,8 +34,8 @@ class Failures:
         self.counts.update(other.counts)
         self.first += other.first[: LISTED_FAILURES - len(self.first)]
 
-    def tell(self, display: Silent) -> None:
-        """Return them, and what to do about them."""
+    def show(self, display: Silent) -> None:
+        """Show the failures and their remedies."""
         n_failed = sum(self.counts.values())
         if not n_failed:
             return
@@ -50,13 +50,13 @@ class Failures:
 
 
 class Work:
-    """The unfinished tasks of one campaign: what one rank does with one, what rank 0 is told.
+    """Unfinished tasks of one campaign: what one rank computes and reports to rank 0.
 
     Attributes
     ----------
     output : Path
     scanned : bool
-        Whether all that the file holds was verified; the same on every rank.
+        Whether the whole file was verified; the same on every rank.
     todo : list of int
         Unfinished tasks, on rank 0.
     done_runs : int
@@ -87,16 +87,16 @@ class Work:
         self._left = self.study.n_runs - scan.done_runs
 
     def estimate(self, wanted: bool) -> None:
-        """Begin to estimate what tasks cost; only if it is wanted, which is up to rank 0."""
+        """Begin to estimate the costs of tasks if `wanted`, as rank 0 decides."""
         self.costs = KnownCosts(self._comm, self.study, self.output, wanted, self._done)
 
     @property
     def all_done(self) -> bool:
-        """Whether rank 0 was told of all runs that they are done."""
+        """Whether all runs have been reported to rank 0."""
         return self.scanned and self._left == 0
 
     def block_done(self, rank: int, value) -> int:
-        """Take the report of a block, on rank 0; return its runs."""
+        """Record a completed block on rank 0; return the number of its runs."""
         cost, failures, taken = value
         self._failures.add(failures)
         if cost.place not in self._counted:
@@ -112,17 +112,17 @@ class Work:
         self.journal.note("block", rank=rank, **block_record(cost))
 
     def compute(self, task: int, poll, report, rest=None) -> tuple | None:
-        """Compute the blocks of one task that are not in the file, along its path.
+        """Compute the blocks of one task that the file lacks, along its path.
 
         Parameters
         ----------
         rest : (position, state), optional
-            Where to resume, and from which state: what this function returned, on any rank.
+            Position and state to resume from, as returned by this function on any rank.
 
         Returns
         -------
         (position, state) or None
-            What is left, if the task was wanted back; None if it is finished.
+            Where to resume, if the task was recalled; None if it is finished.
         """
         first, state = rest or (0, None)
         position, n_positions = first - 1, len(self.study.path(task))
@@ -144,8 +144,8 @@ class Work:
                 computed = self._campaign.write_block(block, start, rows)
                 seconds = round(time.perf_counter() - begun, 6)
                 cost = BlockCost(block.place, block.n_runs, seconds)
-                wanted = report((cost, self._failed(block, rows), taken))
-                if wanted and position + 1 < n_positions:
+                recalled = report((cost, self._failed(block, rows), taken))
+                if recalled and position + 1 < n_positions:
                     return position + 1, computed
         return None
 
@@ -162,7 +162,7 @@ class Work:
         )
 
     def flush(self) -> None:
-        """Commit what this rank has computed."""
+        """Commit the results of this rank."""
         self._campaign.flush()
 
     def note_load(self, traffic: farm.Traffic) -> None:
@@ -170,7 +170,7 @@ class Work:
         self.journal.note("master", **load_record(traffic))
 
     def end(self, reason: str, seconds: float, traffic: farm.Traffic, display: Silent) -> None:
-        """Write the last record and say what failed (collective)."""
+        """Write the last record and report failures (collective)."""
         campaign = self._campaign
         used = self._comm.gather((campaign.written_bytes, campaign.write_seconds, memory.peak()))
         reused = self._comm.gather(self._reuse.runs)
@@ -189,7 +189,7 @@ class Work:
             peak_memory=[used[0][2], max(rank[2] for rank in used)],
             **load_record(traffic),
         )
-        self._failures.tell(display)
+        self._failures.show(display)
 
     def close(self) -> None:
         """Close the file (collective)."""

@@ -248,12 +248,12 @@ class _Master:
 
     def _balance(self) -> None:
         """Recall tasks if others must start now."""
-        wanted = set(self._schedule.recalls(time.monotonic(), every=0.0))
-        if not wanted:
+        recalls = set(self._schedule.recalls(time.monotonic(), every=0.0))
+        if not recalls:
             return
-        self._recalled |= wanted
+        self._recalled |= recalls
         for rank, task in self._task_of.items():
-            if rank != 0 and task in wanted:
+            if rank != 0 and task in recalls:
                 self._comm.send(("recall", task), rank)
 
 

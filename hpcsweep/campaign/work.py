@@ -15,6 +15,7 @@ from hpcsweep.parallel import farm, memory
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Campaign, Journal
+from hpcsweep.store import reuse as reusing
 from hpcsweep.store.records import BlockCost, block_record, load_record
 from hpcsweep.store.reuse import told
 from hpcsweep.studies.run_names import run_name
@@ -179,7 +180,7 @@ class Work:
         runs: Counter[str] = sum(reused, Counter())
         if runs:
             self.journal.append("reuse", **runs)
-            display.message(told(runs))
+            display.message(reusing.as_text(runs))
         self.journal.append(
             "end",
             reason=reason,

@@ -33,27 +33,27 @@ def branch(
     ----------
     structure : Structure
     amplitude, omega, state, period
-        Of an orbit near, as of `orbit`.
+        Of a nearby orbit, as in `orbit`.
     parameter : {"amplitude", "omega", "stiffness_ratio", "gap", "sharpness", "damping_ratio"}
-        What changes along the branch.
+        Parameter that changes along the branch.
     span : (float, float)
-        Its lowest and highest value.
+        Lowest and highest value of the parameter.
     steps : int
-        Most points on either side of the orbit.
+        Largest number of points on either side of the orbit.
     largest_step : float
-        Between neighbouring points: in units of the state, and of the span.
+        Largest step between neighbouring points, in units of the state and of the span.
 
     Returns
     -------
     xarray.Dataset
         Over ``step``: ``value`` of the parameter, ``point`` (step, turn, state), ``multiplier``
         (step, mode, complex), ``stable``, ``contact`` (bit k - 1 for contact k) and ``drift``. Over
-        ``special``, the special points in their order: ``special_kind``, ``special_value``,
+        ``special``, the special points in order: ``special_kind``, ``special_value``,
         ``special_point``, ``special_multiplier``, ``special_step`` (of the point after it),
         ``change`` (closings that contacts gain, special, contact), ``criticality`` (of a period
         doubling: 1 super-, -1 subcritical) and ``leaving``, a point of the orbit of twice the
         period, or of the crossing branch, at ``leaving_value``. Attributes ``begins`` and ``ends``
-        tell why the branch goes no farther.
+        say why the branch goes no further.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Whether a file keeps what the layout promises, apart from what is in its blocks."""
+"""Check a file against its layout, apart from the contents of its blocks."""
 
 import itertools
 from collections.abc import Mapping
@@ -12,16 +12,16 @@ from hpcsweep.store.layout import Layout
 from hpcsweep.store.metadata import CHECKSUM
 
 PROVENANCE = ("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ranks", "created")
-"""Attributes that tell where the results come from."""
+"""Attributes of provenance."""
 STRING = np.dtype([("length", "<u4"), ("heap", "<u8"), ("index", "<u4")])
-"""A string of variable length as HDF5 has it in a dataset."""
+"""HDF5's form of a variable-length string in a dataset."""
 LONGEST_NAME = 1000
 OPTIONAL = ("command", "processor", CHECKSUM)
-"""Attributes that not every file has."""
+"""Optional attributes."""
 
 
 def file_problems(contents: Contents, layout: Layout, size: int) -> list[str]:
-    """Compare attributes, coordinates and the variables' form with the layout of the job's file.
+    """Compare attributes, coordinates and the form of variables with the layout of the job's file.
 
     Nothing is read before its size is known to be the layout's.
 
@@ -35,13 +35,13 @@ def file_problems(contents: Contents, layout: Layout, size: int) -> list[str]:
     Returns
     -------
     list of str
-        What is not as promised, one line each; empty for a sound file.
+        One line for each difference; empty for a sound file.
     """
     problems = _attribute_problems(contents.attributes, layout)
     for name, (values, units, _) in layout.coordinates.items():
         problems += _coordinate_problems(contents, name, values, units)
     if any(name not in contents for name in layout.coordinates):
-        return problems  # the variables' scales lead nowhere
+        return problems  # the variables' scales point nowhere
     for variable in layout.datasets:
         problems += _variable_problems(contents, variable, layout)
     known = set(layout.coordinates) | {variable.name for variable in layout.datasets}
@@ -147,7 +147,7 @@ def _note_problems(data, name: str, units: str) -> list[str]:
 
 
 def _storage_problems(datasets: list[tuple[str, Dataset]], size: int) -> list[str]:
-    """Plain: every variable one run of bytes inside the file, none over another. Packed: chunks."""
+    """Check storage: contiguous in a plain file, without overlap; in chunks in a packed file."""
     if any(data.is_chunked for _, data in datasets):
         return [
             f"{name}: contiguous in a packed file" for name, data in datasets if not data.is_chunked

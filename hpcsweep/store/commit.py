@@ -1,12 +1,13 @@
-"""What of the file is believed: blocks whose checksum holds.
+"""Commit blocks of results: a block is valid where its checksum holds.
 
 The checksum of a block is a 64-bit BLAKE2b of the job's fingerprint, the block's place, the state
-it starts from and every byte of it. It is written, in one piece of 8 bytes, after the block's data
-have reached the disk; a block cut off by a crash therefore has none, or one that does not fit.
-Because the start state is part of it, the valid blocks of a task form a chain.
+it starts from and all its bytes. Its 8 bytes are written at once, after the block's data have
+reached the disk; a block cut off by a crash therefore has none, or a wrong one. Because it covers
+the start state, the valid blocks of a task form a chain.
 
 To spare the disk, checksums wait until `SYNC_INTERVAL` has passed since the last flush: then the
-data are flushed once and all waiting checksums are written. A kill loses at most that much work.
+data are flushed once and all waiting checksums are written. A kill loses at most the work of one
+interval.
 """
 
 import hashlib
@@ -25,13 +26,13 @@ from hpcsweep.store.transport import Transport, open_transport
 from hpcsweep.studies.study import Block
 
 CODES = {"outcome": (1, max(Outcome)), "skip_rule": (0, max(SkipRule))}
-"""Least and largest code of results that are codes."""
+"""Least and largest value of results that are codes."""
 SYNC_INTERVAL = 2.0
 """Seconds between flushes to disk."""
 
 
 def check_writable(path: Path) -> None:
-    """Make sure that a campaign file can be resumed.
+    """Check that a campaign file can be resumed.
 
     Raises
     ------
@@ -46,14 +47,14 @@ def check_writable(path: Path) -> None:
 
 
 class Blocks:
-    """Reads and verifies the blocks of a campaign file; safe beside running writers.
+    """Read and verify the blocks of a campaign file; safe beside running writers.
 
     Parameters
     ----------
     path : Path
     layout : Layout
     rows : ContiguousRows or PackedRows, optional
-        What reads the file, where that is open already.
+        Reader of the file, where it is already open.
     """
 
     def __init__(self, path: Path, layout: Layout, rows: Rows | None = None):
@@ -76,7 +77,7 @@ class Blocks:
         self._rows.close()
 
     def read(self, block: Block) -> dict[str, np.ndarray]:
-        """Read a block, rows in the order of the file."""
+        """Read a block, its rows in file order."""
         return {name: self._rows.read(name, block.first, block.n_runs) for name in self.variables}
 
     def places(self, block: Block) -> dict[str, tuple[int, int]]:
@@ -94,12 +95,12 @@ class Blocks:
         return int(self._rows.read("commit", block.place, 1)[0])
 
     def end_state(self, run: tuple[int, ...]) -> np.ndarray:
-        """Read what the run after a run starts from."""
+        """Read the state that the next run starts from."""
         rows = {name: self._rows.read(name, run, 1) for name in self.study.carried}
         return self.study.end_state(rows, 0)
 
     def start_of(self, block: Block, row: int) -> np.ndarray:
-        """Read the state a run started from: where the run before it on the path ended."""
+        """Read the state that a run started from: where the previous run on the path ended."""
         before = self.study.predecessor(block, row)
         return self.study.initial_state if before is None else self.end_state(before)
 
@@ -117,7 +118,7 @@ class Blocks:
         return sorted({self.study.block(tuple(place)).task for place in places})
 
     def whole(self, variable: str) -> np.ndarray:
-        """Read a variable of the runs whole, committed or not."""
+        """Read a whole variable of the runs, committed or not."""
         found = next(each for each in self.layout.variables if each.name == variable)
         return self._whole(variable, found)
 
@@ -136,7 +137,7 @@ class Blocks:
         return int.from_bytes(digest.digest(), "little") | 1
 
     def _holds(self, stored: int, block: Block, start: np.ndarray, rows: dict) -> bool:
-        """Return whether a block is what its checksum says, with codes that have a meaning."""
+        """Return whether the checksum of a block holds and all its codes have a meaning."""
         return stored == self.checksum(block, start, rows) and all(
             least <= int(rows[name].min()) and int(rows[name].max()) <= most
             for name, (least, most) in CODES.items()
@@ -144,7 +145,7 @@ class Blocks:
         )
 
     def believed(self, block: Block) -> dict[str, np.ndarray] | None:
-        """Read a block whose checksum holds with what the file says it started from, or None."""
+        """Read a block, or return None if its checksum does not hold for its stored start state."""
         stored = self.committed(block)
         if not stored:
             return None
@@ -155,21 +156,21 @@ class Blocks:
     def chain(
         self, task: int, first: int = 0, state: np.ndarray | None = None
     ) -> Generator[tuple[Block, np.ndarray, bool], np.ndarray | None, None]:
-        """Walk a task's blocks in the order of the path.
+        """Iterate over a task's blocks in path order.
 
         Parameters
         ----------
         task : int
         first : int
-            Position on the path of the block to begin with.
+            Position on the path of the first block.
         state : ndarray, shape (2n,), optional
-            The state that block starts from; needed if it is not the first.
+            State that this block starts from; required unless it is the first of the path.
 
         Yields
         ------
         block : Block
         start : ndarray, shape (2n,)
-            State the block starts from, if the ones before are valid.
+            State that the block starts from, if the blocks before it are valid.
         valid : bool
             Whether the block's checksum holds.
 
@@ -187,14 +188,14 @@ class Blocks:
             if computed is not None:
                 end = computed
             elif end is None:
-                # go on from what the file says: a later block may be valid all the same
+                # continue from the file's state: a later block may still be valid
                 end = self.end_state(block.run(block.end))
             state = np.array(end)
 
     def verify(
         self, task: int, poll: Callable[[], None] = lambda: None
     ) -> Iterator[tuple[Block, bool]]:
-        """Walk a task's blocks as `chain` does, reading nothing of those that have no checksum.
+        """Iterate over a task's blocks like `chain`, without reading those that have no checksum.
 
         Parameters
         ----------
@@ -224,7 +225,7 @@ class Blocks:
             before, state = block, None if end is None else np.array(end)
 
     def _checksums_of(self, task: int) -> list[np.ndarray]:
-        """Return which blocks of a task's frame have a checksum, by direction."""
+        """Return which blocks of a task's frame have a checksum, for each direction."""
         place, axis = self.study.path(task)[0].place, self._directions
         shape = self.layout.shape(self.layout.commit)
         first = [(*place[:-1], 0)]
@@ -247,7 +248,7 @@ class Blocks:
 
 
 class Campaign:
-    """One rank's access to the file while a campaign runs."""
+    """Access of one rank to the file while a campaign runs."""
 
     def __init__(self, path: Path, layout: Layout, transport: Transport):
         self.blocks = Blocks(path, layout)
@@ -266,12 +267,12 @@ class Campaign:
         block : Block
         start : ndarray, shape (2n,)
         rows : dict of str to ndarray
-            In the order of the file.
+            Rows in file order.
 
         Returns
         -------
         ndarray, shape (2n,)
-            The state the next block starts from.
+            State that the next block starts from.
         """
         begun = time.perf_counter()
         for name in self.blocks.variables:
@@ -285,13 +286,13 @@ class Campaign:
         return np.array(self.blocks.study.end_state(rows, block.end))
 
     def flush(self) -> None:
-        """Bring the data to disk, then the checksums that waited for them.
+        """Flush the data to disk, then the checksums that waited for them.
 
         Raises
         ------
         WriteError
-            If the disk does not take them, or the file has gone from its name. They are not tried
-            again: a system that has reported lost data once may call the next flush a success.
+            If the write fails, or the file is no longer under its name. It is not retried: a system
+            that has reported lost data once may report success for the next flush.
         """
         pending, self._pending = self._pending, []
         self._identity.check()

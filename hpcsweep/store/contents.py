@@ -1,8 +1,7 @@
-"""What an open campaign file says beside its results, each thing read once.
+"""Contents of an open campaign file besides its results, each item read once.
 
-The check against the job and the checksum ask for the same things, and every call into HDF5 costs
-more than what it answers; so it is called without the layers of h5py above it where many things are
-requested.
+The comparison with the job and the checksum need the same items, and calls into HDF5 dominate the
+cost; where there are many, they bypass the upper layers of h5py.
 """
 
 from functools import cached_property
@@ -15,7 +14,7 @@ NOTES = ("units", "long_name")
 
 
 def attribute(owner: h5py.File | h5py.Dataset, name: str) -> object:
-    """Read an attribute as h5py does; most of ours are single texts, which are read at once."""
+    """Read an attribute like h5py, with a short cut for single strings, which most are."""
     found = h5a.open(owner.id, name.encode(errors="surrogateescape"))
     kind = h5py.check_string_dtype(found.dtype) if found.shape == () else None
     if kind is None or kind.length is not None:
@@ -26,13 +25,13 @@ def attribute(owner: h5py.File | h5py.Dataset, name: str) -> object:
 
 
 class Dataset:
-    """One dataset; what is asked of it is read then, and kept.
+    """One dataset, read lazily and cached.
 
     Parameters
     ----------
     data : h5py.Dataset
     scale_names : dict of int to str
-        Names of the file's dimension scales by their addresses; those of others are added.
+        Names of the file's dimension scales by address; extended as others are found.
 
     Attributes
     ----------
@@ -50,17 +49,17 @@ class Dataset:
 
     @cached_property
     def is_chunked(self) -> bool:
-        """Whether it is stored in chunks, as in a packed file."""
+        """Whether the dataset is stored in chunks, as in a packed file."""
         return self.data.chunks is not None
 
     @cached_property
     def place(self) -> int | None:
-        """Its first byte; None if it is chunked, or has none."""
+        """Offset of the first byte; None if the dataset is chunked or not allocated."""
         return None if self.is_chunked else self.data.id.get_offset()
 
     @cached_property
     def notes(self) -> dict[str, object]:
-        """Those of its attributes ``units`` and ``long_name`` that are there."""
+        """Attributes ``units`` and ``long_name``, where present."""
         there = [name for name in NOTES if h5a.exists(self.data.id, name.encode())]
         return {name: attribute(self.data, name) for name in there}
 
@@ -77,7 +76,7 @@ class Dataset:
         return found
 
     def _add(self, scale: h5d.DatasetID, names: list[str]) -> None:
-        # to find the name of an object HDF5 searches the file; its address is at hand
+        # HDF5 searches the file for the name of an object; its address costs nothing
         address = h5o.get_info(scale).addr
         if address not in self._scale_names:
             self._scale_names[address] = (h5i.get_name(scale) or b"").decode(errors="replace")
@@ -85,7 +84,7 @@ class Dataset:
 
     @cached_property
     def values(self) -> np.ndarray:
-        """All its values; text as bytes."""
+        """All values; text as bytes."""
         return self.data[...]
 
 
@@ -99,7 +98,7 @@ class Contents:
     Attributes
     ----------
     names : list of str
-        Of all it holds.
+        Names of all datasets.
     """
 
     def __init__(self, file: h5py.File):
@@ -123,7 +122,7 @@ class Contents:
         return found
 
     def find(self, name: str) -> Dataset | None:
-        """Return a dataset; None if the name is of something else."""
+        """Return a dataset; None if the name is not one of a dataset."""
         if name not in self._found:
             opened = h5o.open(self._file.id, name.encode(errors="surrogateescape"))
             if not isinstance(opened, h5d.DatasetID):

@@ -1,4 +1,4 @@
-"""Make the whole campaign file, once, by one process."""
+"""Create the whole campaign file, once, in one process."""
 
 import contextlib
 import os
@@ -13,13 +13,13 @@ from hpcsweep.store.layout import Layout, StoreError, flags_of
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 
 LIBRARY = ("v108", "v108")
-"""Oldest HDF5 that can read a file."""
+"""Oldest version of HDF5 that can read a file."""
 METADATA = 2**16
-"""Bytes that are more than enough for the names, scales and attributes of a file."""
+"""Upper bound (bytes) of the names, scales and attributes of a file."""
 
 
 def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None:
-    """Create the file under a temporary name, reserve its room and rename it into place.
+    """Create the file under a temporary name, reserve its disk space and rename it into place.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None
     Raises
     ------
     StoreError
-        If the folder cannot be written or has no room.
+        If the folder cannot be written or has no space.
     """
     temporary = path.with_name(path.name + ".new")
     try:
@@ -43,7 +43,7 @@ def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None
                 f"{path}: the results need {need / 1e9:.3g} GB, the file system has "
                 f"{free / 1e9:.3g} GB free"
             )
-        # HDF5 may crash when a file it closes finds no room: find out before
+        # HDF5 may crash if there is no space when it closes a file: find out before
         _reserve(temporary, need + METADATA)
         with h5py.File(temporary, "w", libver=LIBRARY) as file:
             fill(file, layout, provenance)
@@ -56,7 +56,7 @@ def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None
 
 
 def _reserve(path: Path, size: int) -> None:
-    """Have the file system set room aside, so that a night's run does not end with a full disk."""
+    """Reserve disk space, so that a night's run does not end with a full disk."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     try:
         if hasattr(os, "posix_fallocate"):
@@ -67,13 +67,13 @@ def _reserve(path: Path, size: int) -> None:
 
 
 def reason(error: Exception) -> str:
-    """Say what the system, or HDF5, says of an error, on one line."""
+    """Return the message of the system, or of HDF5, on one line."""
     strerror = getattr(error, "strerror", None)
     return strerror or " ".join(str(error).split())
 
 
 def fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> None:
-    """Write names, coordinates and attributes, and reserve the variables; all blocks are open."""
+    """Write names, coordinates and attributes, and allocate variables without committed blocks."""
     for name, (values, units, long_name) in layout.coordinates.items():
         if values.dtype == object:
             scale = file.create_dataset(name, data=values, dtype=h5py.string_dtype())
@@ -100,7 +100,7 @@ def fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> N
 
 
 def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:
-    """Create a contiguous dataset, allocated at once and not filled."""
+    """Create a contiguous dataset, allocated immediately and not filled."""
     plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     plist.set_layout(h5py.h5d.CONTIGUOUS)
     plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)

@@ -1,4 +1,4 @@
-"""One frame at a time: for files that do not fit in memory."""
+"""Read one frame at a time, for files that do not fit in memory."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,21 +15,21 @@ from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.study import Axis, Block, Place, Variable
 
 MOST_TOLD = 20
-"""Values of an axis that an error lists."""
+"""Most values of an axis that an error lists."""
 NEAR_ENOUGH = 1e-5
-"""Share of a value by which it may be given otherwise: as figures and messages write it."""
+"""Relative tolerance of a requested value: as rounded in figures and messages."""
 
 
 class Frames:
-    """Reads single frames of a campaign file, believing only blocks whose checksum holds.
+    """Read single frames of a campaign file, only blocks whose checksum holds.
 
     Parameters
     ----------
     path : str or Path
     holds : str, optional
-        What it must hold (`Study.holds`); None: anything.
+        What the file must hold (`Study.holds`); None: anything.
     at : mapping of str to number or str, optional
-        Of a job that varies keys: the value of each axis, the nearest there is; default its first.
+        Value of each axis of a job that varies keys; the nearest is chosen, by default the first.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Frames:
             )
 
     def choose(self, place: Place) -> None:
-        """Read the part of the job at a place of the axes that it varies."""
+        """Select the part of the job at an index of the varied axes."""
         self.place = place
         self.job = part_of(self.whole, place)
         self.study = self.job.study
@@ -88,12 +88,12 @@ class Frames:
 
     @property
     def part(self) -> str:
-        """Return which part is read; empty where the job varies no key."""
+        """Return the selected part as text; empty where the job varies no key."""
         return self.whole.study.describe_part(self.place) if self.place else ""
 
     @property
     def places(self) -> list[Place]:
-        """Places of all parts of the job; of one that varies no key, its only one."""
+        """Return the indices of all parts of the job; one if it varies no key."""
         return list(np.ndindex(*self._sizes))
 
     @property
@@ -101,7 +101,7 @@ class Frames:
         return [len(axis.values) for axis in self.whole.study.axes]
 
     def _valid(self, task: int) -> Iterator[tuple[Block, Block, bool]]:
-        """Go through the blocks of a task of the part: as the part, and the file, calls them."""
+        """Iterate over the blocks of a task of the part, with their places in part and file."""
         number = int(np.ravel_multi_index(self.place, self._sizes)) if self.place else 0
         blocks = self._blocks.valid(number * self.study.n_tasks + task)
         for block, valid in blocks:
@@ -111,7 +111,7 @@ class Frames:
         return variable in self._variables
 
     def __iter__(self) -> Iterator[str]:
-        """Go through the names of the variables of a run."""
+        """Iterate over the names of the variables of a run."""
         return iter(sorted(self._variables))
 
     @property
@@ -193,7 +193,7 @@ class Frames:
         return self._dataset([frame], {n: (self._variables[n].dims, v) for n, v in arrays.items()})
 
     def _dataset(self, frames: Sequence[int], arrays: dict, directions: slice = slice(None)):
-        """Put arrays of some frames together with what is known of these frames."""
+        """Make a dataset of arrays of some frames and their coordinates."""
         import xarray
 
         study = self.study
@@ -238,19 +238,19 @@ class Frames:
         Parameters
         ----------
         names : sequence of str
-            Variables that are kept; those the file does not hold are left out.
+            Variables to keep; those that the file does not hold are left out.
         frames : sequence of int, optional
             Default all.
         direction : str, optional
-            Keep only this one of the job's directions.
+            Keep only this direction.
         derive : mapping of str to callable, optional
-            New variables: functions of a frame's dataset (all its variables and directions) to an
+            New variables: functions from a frame's dataset (all variables and directions) to an
             array of axes (direction, omega, amplitude).
 
         Returns
         -------
         xarray.Dataset
-            As of `dataset`, with all `frames`.
+            As from `dataset`, with all `frames`.
         """
         study = self.study
         names = arguments.words("names", names)
@@ -283,7 +283,7 @@ class Frames:
 
 
 def _place_of(path: Path, axes: Sequence[Axis], at: Mapping[str, float | str]) -> Place:
-    """Find the place of values of the axes that a job varies; the first of those not given."""
+    """Return the index of values on the varied axes; the first value where none is given."""
     names = [axis.name for axis in axes]
     for name in at:
         if name not in names:
@@ -293,7 +293,7 @@ def _place_of(path: Path, axes: Sequence[Axis], at: Mapping[str, float | str]) -
 
 
 def _nearest(path: Path, axis: Axis, value: float | str) -> int:
-    """Return the place of a value of an axis."""
+    """Return the index of a value on an axis."""
     if isinstance(axis.values[0], str) != isinstance(value, str) or (
         isinstance(value, str) and value not in axis.values
     ):

@@ -1,7 +1,7 @@
-"""History beside the file: ``FILE.journal``, one JSON object a line.
+"""Keep the history beside the file: ``FILE.journal``, one JSON object a line.
 
-Sessions (host names, ranks, start, end) and the cost of each block in seconds. They differ from
-run to run, so they are kept out of the results, which do not. Losing the journal loses no result.
+Sessions (host names, ranks, start, end) and the cost of each block in seconds. They differ from run
+to run, and are therefore kept out of the results, which do not. Losing the journal loses no result.
 """
 
 import contextlib
@@ -16,16 +16,16 @@ from hpcsweep.store.create import reason
 from hpcsweep.store.layout import WriteError
 
 WRITE_INTERVAL = 1.0
-"""Least seconds between two writes of notes."""
+"""Least time (s) between two writes of notes."""
 
 
 LONGEST_LINE = 2**20
 LATEST = 2.0**36
-"""Seconds since the epoch beyond which a time is none, and cannot be shown."""
+"""Latest valid time (s since the epoch); later ones cannot be shown."""
 
 
 class Journal:
-    """Append-only; written by rank 0, read by anybody at any time."""
+    """Append-only journal; written by rank 0, read by any process at any time."""
 
     def __init__(self, path: Path):
         self.path = beside(path, ".journal")
@@ -33,23 +33,23 @@ class Journal:
         self._last_write = -math.inf
 
     def begin(self) -> None:
-        """Drop what an earlier file of this name has left behind: its costs are of another job."""
+        """Remove the journal of an earlier file of this name: its costs are of another job."""
         with contextlib.suppress(OSError):
             self.path.unlink()
 
     def append(self, kind: str, **values) -> None:
-        """Append one record, and those that were kept, in a single write.
+        """Append one record, and those kept back, in a single write.
 
         Raises
         ------
         WriteError
-            If the disk does not take it; also `note`.
+            If the write fails; also in `note`.
         """
         self._keep(kind, values)
         self._write()
 
     def note(self, kind: str, **values) -> None:
-        """Append one record within a second or so of more notes: many cost one write."""
+        """Append one record within about a second: many notes cost one write."""
         self._keep(kind, values)
         if time.monotonic() - self._last_write >= WRITE_INTERVAL:
             self._write()
@@ -74,21 +74,21 @@ class Journal:
             ) from None
 
     def read(self) -> list[dict]:
-        """Read all records; what is none, a line cut off by a crash say, is passed over.
+        """Read all records; skip invalid lines, such as one cut off by a crash.
 
         Returns
         -------
         list of dict
-            Each has ``kind``, a word, and ``time``, a finite number.
+            Each has a ``kind`` (str) and a finite ``time`` (float).
         """
         records = []
-        # a pipe would be waited for
+        # reading a pipe would block
         if not self.path.is_file():
             return []
         try:
             with self.path.open("rb") as file:
                 while line := file.readline(LONGEST_LINE):
-                    # the second: brackets too deep
+                    # RecursionError: brackets nested too deeply
                     with contextlib.suppress(ValueError, RecursionError):
                         record = json.loads(line)
                         if _is_record(record):

@@ -1,13 +1,13 @@
 """Layout of the campaign file: dimensions, variables, attributes.
 
 HDF5, readable as netCDF-4: named dimension scales, ``units`` and ``long_name``. All datasets are
-contiguous and allocated when the file is made, so that a block of consecutive runs is one run of
-bytes in each variable, at an offset known beforehand.
+contiguous and allocated when the file is created, so that a block of consecutive runs is one range
+of bytes in each variable, at a known offset.
 
-``commit`` is what is believed: 0, or the checksum of one block (see `hpcsweep.store.commit`). The
-variables, their dimensions, and which runs belong to a block, are the study's
-(`hpcsweep.studies.study`); of an amplitude sweep block b of the way up holds amplitudes b B to
-(b + 1) B - 1, of the way down as many counted from the top, and rows are always in ascending
+``commit`` says which results are valid: 0, or the checksum of one block (see
+`hpcsweep.store.commit`). The study (`hpcsweep.studies.study`) defines the variables, their
+dimensions, and which runs belong to a block. Block b of an upward amplitude sweep holds amplitudes
+b B to (b + 1) B - 1, of a downward one as many counted from the top; rows are always in ascending
 amplitude.
 
 Versions
@@ -18,7 +18,7 @@ would misread gets a new number; where the same job comes to mean other results,
 `MEANING_VERSION` of `hpcsweep.job.fingerprint`.
 
 A file may be packed (`hpcsweep.store.packing`): the same datasets, chunked and compressed, with the
-same values, attributes and checksums. It is read like any other and written never again.
+same values, attributes and checksums. It is read like any other, but no longer written.
 """
 
 from dataclasses import replace
@@ -42,17 +42,17 @@ FORMAT = "hpcsweep campaign"
 
 
 class StoreError(ValueError):
-    """A file that cannot be used; the message is one line for the user."""
+    """Raised for a file that cannot be used; the message is one line for the user."""
 
 
 class DamagedError(StoreError):
-    """A campaign file that has been damaged: cut short, or not what it says it is.
+    """Raised for a damaged campaign file: truncated or inconsistent.
 
     Parameters
     ----------
     message : str
     repairable : bool
-        Whether `run` may repair it; it may not where the checksums are lost.
+        Whether `run` may repair the file; it may not where the checksums are lost.
     """
 
     def __init__(self, message: str, repairable: bool = True):
@@ -74,11 +74,11 @@ CONTACT_SETS = ("contact", "inferred_contact")
 
 
 class WriteError(RuntimeError):
-    """A write that failed on one rank, on a full disk say; the message is one line for the user."""
+    """Raised for a write that failed on one rank, e.g. on a full disk; one line for the user."""
 
 
 class Layout:
-    """What a job's file holds, and where; made once and handed to all that read or write it.
+    """Layout of a job's file, made once and passed to all that read or write it.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class Layout:
 
     @property
     def attributes(self) -> dict[str, object]:
-        """Attributes by which a reader knows the job."""
+        """Attributes that identify the job."""
         settings, structure = self.study.settings, self.study.structure
         told = {"structure": description.as_text(structure)} if structure.foreign else {}
         return {
@@ -158,7 +158,7 @@ class Layout:
 
 
 def _named(variable: Variable, structure) -> Variable:
-    """Return a variable with the name of its unit."""
+    """Return a variable with the name of its unit filled in."""
     return replace(variable, units=unit_of(structure, variable.units))
 
 

@@ -1,12 +1,12 @@
-"""One campaign a file: a lock that the system releases when its holder dies.
+"""Lock a file for one campaign; the system releases the lock when its holder dies.
 
-``FILE.lock`` carries POSIX record locks, which work across nodes on NFS and on the parallel file
-systems, and says who holds it. Rank 0 holds byte 0 exclusively: a second campaign is refused.
-Every rank holds byte 1 shared: a rank that survived its killed campaign may still be writing, so
-that a new campaign waits until byte 1 is free. The system gives up the locks of a dead process,
-also of one on another node, so that a file left behind by a kill locks nothing, whatever it says.
-On a file system without locks (lockd not running, Lustre mounted without ``flock``) the file's
-mere existence is the lock, given up by hand after a crash; the message says so.
+``FILE.lock`` carries POSIX record locks, which work across nodes on NFS and on parallel file
+systems, and names its holder. Rank 0 holds byte 0 exclusively: a second campaign is refused. Every
+rank holds byte 1 shared: a rank that survived its killed campaign may still be writing, so a new
+campaign waits until byte 1 is free. The system releases the locks of a dead process, also on
+another node, so a file left behind by a kill locks nothing, whatever it says. On a file system
+without locks (lockd not running, Lustre mounted without ``flock``) the existence of the file is the
+lock, removed by hand after a crash; the message says so.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ ORPHAN_WAIT = 20.0
 UNSUPPORTED = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
 MASTER_BYTE, RANKS_BYTE = 0, 1
 CLOSED = -1
-"""In place of a descriptor."""
+"""Stands for a missing descriptor."""
 FLOCK = "hhqqi"
 """Linux's struct flock on 64 bits: type, whence, start, length, process."""
 
@@ -51,12 +51,12 @@ class Lock:
         ----------
         ranks : int
         wait : float, optional
-            Seconds to wait for orphaned ranks, `ORPHAN_WAIT` if not given.
+            Seconds to wait for orphaned ranks; default `ORPHAN_WAIT`.
 
         Raises
         ------
         StoreError
-            If somebody else holds it; the message says who.
+            If another process holds it; the message says which.
         """
         while True:
             try:
@@ -78,7 +78,7 @@ class Lock:
         self._wait_for_orphans(before, time.monotonic() + (ORPHAN_WAIT if wait is None else wait))
 
     def _open(self) -> bool:
-        """Open the lock's file, made if need be; tell whether it was there."""
+        """Open the lock file, created if necessary; return whether it existed."""
         while True:
             with contextlib.suppress(FileExistsError):
                 self._descriptor = open_above(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL)
@@ -88,7 +88,7 @@ class Lock:
                 return True
 
     def _wait_for_orphans(self, campaign: str, deadline: float) -> None:
-        """Wait until no rank of the campaign before holds its lock."""
+        """Wait until no rank of the previous campaign holds its lock."""
         while not self._by_existence and not self._take(RANKS_BYTE, True):
             if time.monotonic() > deadline:
                 process = self._process_holding(RANKS_BYTE)
@@ -103,7 +103,7 @@ class Lock:
             fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, RANKS_BYTE)
 
     def _say_who(self, ranks: int) -> None:
-        """Write into the file who holds the lock."""
+        """Write the holder of the lock into the file."""
         text = json.dumps(
             {
                 "host": socket.gethostname(),
@@ -120,14 +120,14 @@ class Lock:
             raise StoreError(f"{self.path}: cannot be written: {reason(error)}") from None
 
     def join(self) -> None:
-        """Hold the lock of a rank; after `acquire`, on every rank."""
+        """Take the shared lock of a rank; on every rank, after `acquire`."""
         if self._descriptor == CLOSED:
             self._descriptor = open_above(self.path, os.O_RDWR)
         with contextlib.suppress(OSError):
             fcntl.lockf(self._descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, RANKS_BYTE)
 
     def release(self, remove: bool = False) -> None:
-        """Give up the lock; rank 0 removes the file, last of all."""
+        """Release the lock; rank 0 removes the file, last of all."""
         if remove:
             with contextlib.suppress(OSError):
                 self.path.unlink()
@@ -144,7 +144,7 @@ class Lock:
         return True
 
     def _still_there(self) -> bool:
-        """Return whether the locked file is the one under the name (not one just removed)."""
+        """Return whether the locked file is the one under the name, not one just removed."""
         try:
             return os.fstat(self._descriptor).st_ino == self.path.stat().st_ino
         except FileNotFoundError:
@@ -156,7 +156,7 @@ class Lock:
             self._descriptor = CLOSED
 
     def _process_holding(self, byte: int) -> int:
-        """Return the process of this node that holds a byte's lock, 0 if it is not known."""
+        """Return the process on this node that holds the lock of a byte, 0 if unknown."""
         if sys.platform != "linux" or struct.calcsize("l") != 8:
             return 0
         question = struct.pack(FLOCK, fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)

@@ -1,8 +1,8 @@
-"""The checksum of all that is no result: attributes, coordinates, names, units, places in the file.
+"""Checksum of everything but results: attributes, coordinates, names, units, offsets.
 
-What is in the blocks has checksums of its own (`hpcsweep.store.commit`), whose seed is the job's
-fingerprint. All else a reader sees is under this one, in the attribute ``metadata_checksum``. Files
-of before it have none: they are compared with what their job says (`hpcsweep.store.check`).
+The blocks have checksums of their own (`hpcsweep.store.commit`), whose seed is the job's
+fingerprint. This one, in the attribute ``metadata_checksum``, covers everything else that a reader
+sees. A file without it is compared with its job (`hpcsweep.store.check`).
 """
 
 import hashlib
@@ -16,14 +16,14 @@ CHECKSUM = "metadata_checksum"
 
 
 def metadata_checksum(contents: Contents, attributes: Mapping[str, object] | None = None) -> str:
-    """Hash all that a campaign file says beside its results.
+    """Hash everything in a campaign file but its results.
 
     Parameters
     ----------
     contents : Contents
-        Its datasets must have the sizes its job gives: coordinates are read whole.
+        The datasets must have the sizes of the job: coordinates are read whole.
     attributes : mapping, optional
-        In place of those of the file.
+        Replace those of the file.
     """
     digest = hashlib.blake2b(digest_size=16)
 
@@ -48,7 +48,7 @@ def metadata_checksum(contents: Contents, attributes: Mapping[str, object] | Non
 
 
 def _plain(value: object) -> object:
-    """Write an attribute so that equal ones are written equally."""
+    """Return a canonical form of an attribute."""
     if isinstance(value, float | np.floating):
         return float(value).hex()
     if isinstance(value, int | np.integer):

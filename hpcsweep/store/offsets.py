@@ -1,4 +1,4 @@
-"""Where the bytes of the file's variables are, and how rows of them are read."""
+"""Offsets of the file's variables, and readers of their rows."""
 
 import fcntl
 import os
@@ -16,9 +16,9 @@ LAST_STREAM = 2
 
 
 def open_for_reading(path: Path) -> h5py.File:
-    """Open a file that others may be writing, or that this process has open already.
+    """Open a file for reading that may be open elsewhere, even for writing.
 
-    Reading needs no lock, and HDF5 refuses a file it already has open with other lock settings.
+    Reading needs no lock, and HDF5 refuses a file that it has open with other lock settings.
     """
     try:
         return h5py.File(path, "r", locking=False)
@@ -29,9 +29,9 @@ def open_for_reading(path: Path) -> h5py.File:
 
 
 def open_above(path: Path, flags: int) -> int:
-    """Open a file under a descriptor that is none of the standard streams, were they closed.
+    """Open a file under a descriptor above those of the standard streams, even if they are closed.
 
-    What the interpreter, or MPI, writes to its streams must never reach a results file.
+    Output of the interpreter or of MPI must never reach a results file.
     """
     descriptor = os.open(path, flags, 0o666)
     if descriptor > LAST_STREAM:
@@ -58,14 +58,14 @@ class Offsets:
                 self._of[name] = (data.place, data.shape, data.dtype)
 
     def extents(self, names: Iterable[str]) -> list[tuple[int, int]]:
-        """Return the first byte of each variable and the one after its last."""
+        """Return the first byte of each variable and the one past its last."""
         return [
             (first, first + int(np.prod(shape, dtype=object)) * dtype.itemsize)
             for first, shape, dtype in map(self._of.__getitem__, names)
         ]
 
     def at(self, variable: str, start: tuple[int, ...]) -> int:
-        """Return the byte offset of index `start`, later axes at 0."""
+        """Return the byte offset of index `start`, with later axes at 0."""
         offset, shape, dtype = self._of[variable]
         padded = (*start, *(0,) * (len(shape) - len(start)))
         return offset + int(np.ravel_multi_index(padded, shape)) * dtype.itemsize
@@ -80,7 +80,7 @@ class Offsets:
 
 
 class ContiguousRows:
-    """Rows of the variables of a plain file, read past HDF5: what others write is seen at once."""
+    """Rows of a plain file, read without HDF5, so that what others write is seen at once."""
 
     def __init__(self, path: Path, offsets: Offsets | None = None):
         self._path = path
@@ -93,7 +93,7 @@ class ContiguousRows:
         Raises
         ------
         DamagedError
-            If the file ends before them.
+            If the file ends inside them.
         """
         offset, size, shape, dtype = self.offsets.extent(variable, start, n)
         data = bytearray()
@@ -112,7 +112,7 @@ class ContiguousRows:
 
 
 class PackedRows:
-    """Rows of the variables of a packed file, which nobody writes."""
+    """Rows of a packed file, which is never written."""
 
     offsets = None
 
@@ -130,7 +130,7 @@ class PackedRows:
         """
         try:
             return self._file[variable][(*start[:-1], slice(start[-1], start[-1] + n))]
-        except Exception:  # HDF5's answers to damaged bytes are of every kind
+        except Exception:  # HDF5 raises errors of any kind on damaged bytes
             raise DamagedError(
                 f"{self._path}: variable {variable} cannot be unpacked; put a whole copy in its "
                 "place",

@@ -1,8 +1,8 @@
-"""The one way into a campaign file: what it says is checked before anything of it is believed.
+"""Open campaign files: metadata are checked before anything is believed.
 
-Everybody who reads a file comes through `open_layout`. HDF5 answers a damaged byte with errors of
-any kind, or with a size that no memory has; here each becomes one line that says what is wrong and
-whether `run` can repair it (`hpcsweep.store.repair`).
+All readers use `open_layout`. HDF5 reacts to a damaged byte with errors of any kind, or with a size
+beyond any memory; here each becomes one line that says what is wrong and whether `run` can repair
+it (`hpcsweep.store.repair`).
 """
 
 import contextlib
@@ -27,23 +27,23 @@ from hpcsweep.studies.refine.variables import INFERRED
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
-"""Head of a heap of strings and references; HDF5 believes the size in it, which has no checksum."""
+"""Head of a heap of strings and references; HDF5 trusts its size, which has no checksum."""
 MOST_HEAP = 2**24
 ENDS = 2**18
-"""Bytes at both ends of a file among which all its heaps are."""
+"""Bytes at either end of a file, within which all its heaps lie."""
 LONGEST_SUFFIX = ".journal"
-"""Of the files beside a results file."""
+"""Endings of the files beside a results file."""
 REPAIR = "run its job again to repair it"
 
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[h5py.File]:
-    """Open a file; turn whatever is said of it, then or inside the ``with``, into one line.
+    """Open a file; turn any error, on opening or inside the ``with``, into one line.
 
     Raises
     ------
     StoreError
-        If it is no HDF5 file. A `DamagedError` if it is one that cannot be read.
+        If it is not an HDF5 file; a `DamagedError` if it is one but cannot be read.
     """
     _check_kind(path)
     try:
@@ -51,7 +51,7 @@ def reading(path: Path) -> Iterator[h5py.File]:
             yield file
     except StoreError:
         raise
-    except Exception as error:  # HDF5's answers to damaged bytes are of every kind
+    except Exception as error:  # HDF5 raises errors of any kind on damaged bytes
         cut = re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error))
         if cut and int(cut[2]) < 2**60 and int(cut[1]) == path.stat().st_size:
             raise DamagedError(
@@ -64,7 +64,7 @@ def reading(path: Path) -> Iterator[h5py.File]:
 
 
 def _check_kind(path: Path) -> None:
-    """Make sure that it is a file, that it can be read, and that it begins as HDF5 files do."""
+    """Check that it is a readable file with the signature of HDF5."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             kind = "a folder" if path.is_dir() else "no regular file"
@@ -88,9 +88,10 @@ def _check_kind(path: Path) -> None:
 
 
 def _is_endless(heap: bytes) -> bool:
-    """Return whether HDF5 would never come to the end of a heap: free room in it has no size.
+    """Return whether HDF5 would loop forever in a heap, because free space in it has size 0.
 
-    An object is an index, 0 of free room, and at byte 8 a size; that of free room counts its head.
+    An object begins with an index, 0 for free space, and at byte 8 a size; that of free space
+    includes its head.
     """
     at, end = 16, min(int.from_bytes(heap[8:16], "little"), len(heap))
     while at + 16 <= end:
@@ -103,12 +104,12 @@ def _is_endless(heap: bytes) -> bool:
 
 
 def check_place(path: Path) -> None:
-    """Make sure that a results file may be at a path, before anything is left there.
+    """Check that a results file may be created at a path, before anything is written.
 
     Raises
     ------
     StoreError
-        If its folder is not there, its name too long, or something else lies under it.
+        If its folder does not exist, its name is too long, or something else is there.
     """
     try:
         if not path.parent.is_dir():
@@ -134,9 +135,9 @@ def check_file(path: Path) -> dict:
     Raises
     ------
     StoreError
-        If it is not a campaign file, or of a layout this version does not know. A `DamagedError`
-        if it has been cut short: it is not lengthened again, because ``commit`` is at its end,
-        so that nothing of the rest could be believed.
+        If it is not a campaign file, or of a layout that this version does not know. A
+        `DamagedError` if it was truncated: it is not extended again, because ``commit`` is at its
+        end, and without it nothing can be verified.
     """
     with reading(path) as file:
         attributes = attributes_of(file)
@@ -169,7 +170,7 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray 
     Raises
     ------
     StoreError
-        If it is no campaign file of this layout version.
+        If it is not a campaign file of this layout version.
     """
     with reading(path) as file:
         found = {
@@ -190,12 +191,12 @@ def _equal(value: object, expected: object) -> bool:
 
 
 def read_layout(path: str | Path) -> Layout:
-    """Return the layout of the job that a campaign file says it is of, without a look at the rest.
+    """Return the layout of the job stored in a campaign file, without checking the rest.
 
     Raises
     ------
     StoreError
-        If the file is not a campaign file. A `DamagedError` if its job is not the one it says.
+        If the file is not a campaign file. A `DamagedError` if job and fingerprint disagree.
     """
     path = path_of("path", path)
     attributes = check_file(path)
@@ -210,12 +211,12 @@ def read_layout(path: str | Path) -> Layout:
 
 
 def layout_problems(path: Path, layout: Layout) -> list[str]:
-    """Compare all but the results with what the job says and with its checksum.
+    """Compare everything but the results with the job and with the checksum.
 
     Returns
     -------
     list of str
-        What is not as promised, one line each; empty for a sound file.
+        One line for each difference; empty for a sound file.
     """
     with reading(path) as file:
         contents = Contents(file)
@@ -228,12 +229,12 @@ def layout_problems(path: Path, layout: Layout) -> list[str]:
 
 
 def open_layout(path: str | Path) -> Layout:
-    """Check all of a campaign file but its results; return the layout that everything else needs.
+    """Check everything in a campaign file but its results; return its layout.
 
     Raises
     ------
     StoreError
-        If it is not a campaign file. A `DamagedError` if it is one, but not as its job says.
+        If it is not a campaign file. A `DamagedError` if it differs from its job.
     """
     path = path_of("path", path)
     layout = read_layout(path)

@@ -1,4 +1,4 @@
-"""Pack a campaign file: the same datasets, chunked and compressed, verified equal before use."""
+"""Pack a campaign file: the same datasets, chunked and compressed, verified equal."""
 
 import contextlib
 import math
@@ -25,11 +25,11 @@ from hpcsweep.store.parts import chunk_shape, parts_of
 COMPRESSION = 4
 """Level of gzip, which every HDF5 library can read."""
 LIBRARY = ("v110", "v110")
-"""Oldest HDF5 that can read a packed file: its chunk indices take less room than those before."""
+"""Oldest version of HDF5 that can read a packed file: its chunk indices are smaller than before."""
 
 
 def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
-    """Write a packed copy of a campaign file, verify it, and only then put it in its place.
+    """Write a packed copy of a campaign file, verify it, and only then move it into place.
 
     Every dataset is read back and compared byte by byte, every attribute is compared, and the
     checksums of all committed blocks are computed again from the copy.
@@ -38,8 +38,8 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     ----------
     path : str or Path
     output : str or Path, optional
-        Must not exist. Without it the packed file takes the place of `path`, whose job must be
-        complete, because a packed file cannot be resumed.
+        Must not exist. By default the packed file replaces `path`, whose job must be complete,
+        because a packed file cannot be resumed.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
     Raises
     ------
     StoreError
-        If there is nothing sound to pack or no place to write to; `path` is as before.
+        If there is nothing sound to pack, or the copy cannot be written; `path` is unchanged.
     """
     path = followed(path_of("path", path))
     target = path if output is None else path_of("output", output)
@@ -110,7 +110,7 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
 
 
 def _copy(path: Path, temporary: Path) -> None:
-    """Write the packed copy and bring it to disk."""
+    """Write the packed copy and flush it to disk."""
     with (
         reading(path) as source,
         h5py.File(temporary, "w", libver=LIBRARY) as copy,
@@ -137,7 +137,7 @@ def _copy(path: Path, temporary: Path) -> None:
                 packed[part] = data[part]
         for key, value in source.attrs.items():
             copy.attrs[key] = value
-        # it covers the places of the datasets, which are others here
+        # it covers the offsets of the datasets, which differ here
         copy.attrs[CHECKSUM] = metadata_checksum(Contents(copy))
     _sync(temporary)
 
@@ -194,7 +194,7 @@ def _bytes(values: np.ndarray) -> bytes:
 
 
 def _sync(path: Path) -> None:
-    """Bring a file or a folder to disk."""
+    """Flush a file or a folder to disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

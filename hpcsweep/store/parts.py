@@ -1,4 +1,4 @@
-"""Datasets in parts: the chunks of packed files, and what is read or copied at once."""
+"""Split datasets: into the chunks of packed files, and for reading and copying."""
 
 from collections.abc import Iterator
 
@@ -6,9 +6,9 @@ import h5py
 import numpy as np
 
 CHUNK_BYTES = 2**18
-"""Size of a chunk before compression: whole rows, then amplitudes, then frames are gathered."""
+"""Size (bytes) of a chunk before compression: whole rows, then amplitudes, then frames."""
 COPY_BYTES = 2**25
-"""Most that is read or copied at once: some hundredths of a second."""
+"""Most bytes read or copied at once: some hundredths of a second."""
 
 
 def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
@@ -22,7 +22,7 @@ def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
 
 
 def parts_of(data: h5py.Dataset) -> Iterator[tuple[slice, ...]]:
-    """Cut a dataset into parts of about `COPY_BYTES`, of whole chunks if it is packed."""
+    """Split a dataset into parts of about `COPY_BYTES`, of whole chunks if it is packed."""
     axes = data.ndim
     size = [*(data.chunks or chunk_shape(data.shape, data.dtype.itemsize))[:axes]]
     room = COPY_BYTES // CHUNK_BYTES

@@ -1,4 +1,4 @@
-"""Open the results for people: the job they are of, and an xarray.Dataset."""
+"""Open results: their job, and an xarray.Dataset."""
 
 from pathlib import Path
 
@@ -17,18 +17,18 @@ from hpcsweep.studies.refine.variables import AUDIT
 
 
 def job_of(path: str | Path) -> Job:
-    """Return the job a campaign file was made for.
+    """Return the job of a campaign file.
 
     Raises
     ------
     StoreError
-        If the file is not a campaign file. A `DamagedError` if it is not as its job says.
+        If the file is not a campaign file. A `DamagedError` if it differs from its job.
     """
     return open_layout(path).job
 
 
 def open_results(path: str | Path):
-    """Read a campaign file, believing only what is committed and whose checksum holds.
+    """Read a campaign file: only committed results whose checksum holds.
 
     Parameters
     ----------
@@ -77,23 +77,23 @@ def open_results(path: str | Path):
 
 
 def meanings(variable):
-    """Return in words what numbers of results mean: a motion, an outcome, a set of contacts.
+    """Return the meanings of numbers of results as words: a motion, an outcome, a set of contacts.
 
     Parameters
     ----------
     variable : xarray.DataArray
-        Of `open_results`, whole or a part: `motion`, `outcome`, `skip_rule`, `contact`, say.
+        From `open_results`, whole or a part: `motion`, `outcome`, `skip_rule`, `contact`, e.g.
 
     Returns
     -------
     xarray.DataArray
-        Of str, with the same dimensions and coordinates: "chaotic"; of a set of contacts the names
-        of its members, "A2-B2,A3-B3", "none" if it is empty.
+        Of str, with the same dimensions and coordinates, e.g. "chaotic"; for a set of contacts the
+        names of its members, "A2-B2,A3-B3", or "none".
 
     Raises
     ------
     ValueError
-        If its numbers are no flags (the attribute ``flag_meanings`` of the CF conventions).
+        If its numbers are not flags (the attribute ``flag_meanings`` of the CF conventions).
     """
     notes = variable.attrs
     if "flag_meanings" not in notes:
@@ -113,7 +113,7 @@ def meanings(variable):
 
 
 def _read(data) -> np.ndarray:
-    """Read a dataset, in parts: inside a long read of HDF5 no Ctrl-C would be heard."""
+    """Read a dataset in parts, since HDF5 ignores Ctrl-C within a read."""
     if data.dtype == object:
         return np.array(data.asstr()[...], dtype=str)
     values = np.empty(data.shape, data.dtype)

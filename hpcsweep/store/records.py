@@ -1,4 +1,4 @@
-"""The journal's records as values: the only place that knows their keys.
+"""Records of the journal: the only module that knows their keys.
 
 =========  ======================================================================================
 kind       values
@@ -21,7 +21,7 @@ from hpcsweep.store.journal import Journal
 
 
 class BlockCost(NamedTuple):
-    """What a block cost: its index in ``commit``, its runs, seconds, and when it was said."""
+    """Cost of a block: its index in ``commit``, its runs, seconds, and the time of the record."""
 
     place: tuple[int, ...]
     runs: int
@@ -30,7 +30,7 @@ class BlockCost(NamedTuple):
 
 
 class PilotCost(NamedTuple):
-    """What runs cost that were timed: frame, place along it (0 to 1), runs, seconds."""
+    """Cost of timed runs: frame, place along it (0 to 1), runs, seconds."""
 
     frame: int
     along: float
@@ -40,17 +40,17 @@ class PilotCost(NamedTuple):
 
 @dataclass
 class Session:
-    """One call of `hpcsweep run`, as far as the journal tells it.
+    """One call of `hpcsweep run`, as recorded in the journal.
 
     Attributes
     ----------
     started, last : float
         Times (s since the epoch) of its first and its last record.
     ended : str or None
-        Why it ended; None if it runs, or was killed.
+        Why it ended; None if it is running or was killed.
     costs : list of BlockCost
     load : Traffic or None
-        As of its last record; `load_time` tells when.
+        As of its last record, written at `load_time`.
     """
 
     started: float
@@ -70,13 +70,13 @@ class Session:
 
 @dataclass
 class History:
-    """All that a journal tells.
+    """History of a campaign, from its journal.
 
     Attributes
     ----------
     sessions : list of Session
     costs : list of BlockCost
-        Of all sessions, and of journals whose beginning is lost.
+        Of all sessions, also where the beginning of the journal is lost.
     samples : list of PilotCost
     last : float or None
         Time of the last record.
@@ -89,12 +89,12 @@ class History:
 
     @property
     def latest(self) -> dict[tuple[int, ...], BlockCost]:
-        """What each block cost when it was computed last."""
+        """Latest cost of each block."""
         return {cost.place: cost for cost in self.costs}
 
 
 def block_record(cost: BlockCost) -> dict:
-    """Write the values of a record of a block."""
+    """Return the values of a block's record."""
     return {
         "place": [int(at) for at in cost.place],
         "runs": cost.runs,
@@ -103,7 +103,7 @@ def block_record(cost: BlockCost) -> dict:
 
 
 def load_record(load: Traffic) -> dict:
-    """Write the values of a record of the master's load."""
+    """Return the values of a record of the master's load."""
     return {
         "messages": load.messages,
         "message_seconds": round(load.message_seconds, 6),
@@ -126,7 +126,7 @@ def read_history(path: Path) -> History:
 
 
 def _check(record: dict) -> None:
-    """Refuse a record with a value that is not of its kind.
+    """Refuse a record with a value of the wrong kind.
 
     Raises
     ------
@@ -164,11 +164,11 @@ _KINDS = {
     ),
     **dict.fromkeys(("hosts", "transport", "reason"), _is_word),
 }
-"""What the values of records must be."""
+"""Checks of the values of records."""
 
 
 def _pass(history: History, record: dict) -> None:
-    """Pass over a record of a later version."""
+    """Ignore a record of a later version."""
 
 
 def _start(history: History, record: dict) -> None:
@@ -193,7 +193,7 @@ def _block(history: History, record: dict) -> None:
 
 
 def _pilot(history: History, record: dict) -> None:
-    if "along" in record:  # not in journals of early versions, which told it otherwise
+    if "along" in record:  # not in journals of early versions
         history.samples.append(PilotCost(*(record[key] for key in PilotCost._fields)))
 
 

@@ -1,9 +1,9 @@
-"""Repair what the job can tell: names, coordinates and attributes of a damaged campaign file.
+"""Repair what follows from the job: names, coordinates, attributes of a damaged campaign file.
 
-Everything but the blocks follows from the job, so that it is made anew, in a file without blocks,
-and its bytes are written over those of the damaged file. The blocks are where they were: their
-checksums, whose seed is the job's fingerprint, prove that the file is of this job and that the
-places are right. No byte of a block is touched; a repair that is interrupted is done again.
+Everything but the blocks follows from the job: it is written to a new file without blocks, and its
+bytes are copied over those of the damaged file. The blocks stay where they are: their checksums,
+whose seed is the job's fingerprint, show that the file belongs to this job and that the offsets are
+right. No byte of a block is touched; an interrupted repair is repeated.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ from hpcsweep.store.opening import layout_problems, refuse_problems
 
 
 def repair(path: Path, layout: Layout, provenance: dict[str, str | int]) -> str:
-    """Write the metadata of a damaged file anew, under its lock.
+    """Rewrite the metadata of a damaged file, under its lock.
 
     Parameters
     ----------
@@ -31,17 +31,17 @@ def repair(path: Path, layout: Layout, provenance: dict[str, str | int]) -> str:
     layout : Layout
         Of the job that is run.
     provenance : dict
-        Attributes that take the place of those of the file, if theirs are damaged too.
+        Attributes that replace those of the file, if they are damaged too.
 
     Returns
     -------
     str
-        What was done, for people.
+        A message that says what was done.
 
     Raises
     ------
     StoreError
-        If no block in it proves that it is a file of this job; it is left as it is.
+        If no block in it shows that it belongs to this job; the file is unchanged.
     """
     model = path.with_name(path.name + ".new")
     try:
@@ -71,20 +71,20 @@ def repair(path: Path, layout: Layout, provenance: dict[str, str | int]) -> str:
 
 
 def _sound_attributes(path: Path, model: Path) -> dict | None:
-    """Return the attributes of a damaged file if their checksum proves them right, else None."""
+    """Return the attributes of a damaged file if their checksum holds, else None."""
     try:
         with open_for_reading(path) as file:
             found = dict(file.attrs)
         with open_for_reading(model) as file:
             if metadata_checksum(Contents(file), found) == found[CHECKSUM]:
                 return {key: value for key, value in found.items() if key != CHECKSUM}
-    except Exception:  # of any kind, from damaged bytes: then they are not sound
+    except Exception:  # of any kind, from damaged bytes
         return None
     return None
 
 
 def _believed(path: Path, layout: Layout, offsets: Offsets) -> bool:
-    """Return whether a block of the file, at the places of the model, has a checksum that holds."""
+    """Return whether any block, at the offsets of the model, has a checksum that holds."""
     with Blocks(path, layout, ContiguousRows(path, offsets)) as blocks:
         try:
             return any(
@@ -95,7 +95,7 @@ def _believed(path: Path, layout: Layout, offsets: Offsets) -> bool:
 
 
 def _copy_metadata(model: Path, path: Path, extents: list[tuple[int, int]]) -> None:
-    """Copy all bytes of the model that belong to no variable, and its length."""
+    """Copy the model's bytes outside its variables, and its length."""
     with model.open("rb") as source, path.open("r+b") as target:
         size = os.fstat(source.fileno()).st_size
         for first, last in _gaps(extents, size):

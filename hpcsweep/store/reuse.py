@@ -1,18 +1,18 @@
-"""Results of earlier files that a job takes over, to the last bit.
+"""Reuse results of earlier files, equal to the last bit.
 
-What a run gives is a function of its structure, its settings, its frequency and amplitude, and the
-state that it starts from. So a block of a job is taken from another file where all of these are the
+The result of a run is a function of its structure, its settings, its frequency and amplitude, and
+the state that it starts from. So a block is taken from another file where all of these are the
 same, bit for bit, and the checksums of the other file hold:
 
-- where everything but the grid is the same: every other field that the fingerprints are made of;
+- where everything but the grid is the same: every other field of the fingerprints;
 - where the other file has, at the same frequency, direction and values of the varied keys, the
-  amplitudes of the block, one after the other and in this order;
-- where the run before the first of them ended, in the other file, in the very state that the
-  block starts from. A sweep is a path: with other amplitudes before them the same amplitudes may
-  be on another branch, and then the states differ. Where the paths have met again they do not.
+  amplitudes of the block, consecutively and in this order;
+- where the run before the first of them ended, in the other file, in exactly the state that the
+  block starts from. A sweep is a path: after other amplitudes the same amplitudes may be on
+  another branch, and then the states differ. Where the paths have met again they do not.
 
-A block is taken whole or not at all. What is taken enters the file as if it had been computed: with
-the checksum of the new job.
+A block is taken whole or not at all. It enters the file as if it had been computed: with the
+checksum of the new job.
 """
 
 from collections import Counter
@@ -28,17 +28,17 @@ from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.study import Block, Place
 
 KEPT = 16
-"""Blocks of an earlier file that are kept: neighbours in a new grid come from the same one."""
+"""Blocks of an earlier file to cache: neighbours in a new grid come from the same one."""
 NOT_THE_SAME = "of another structure or setting"
 NOT_IN_GRID = "not in its grid"
 NOT_COMMITTED = "not computed there"
 OTHER_STATE = "from another state: paths differ"
-"""Why a run is not taken, from what fits least to what fits most."""
+"""Reasons why a run is not taken, from the worst match to the best."""
 REASONS = (NOT_THE_SAME, NOT_IN_GRID, NOT_COMMITTED, OTHER_STATE)
 
 
 class Earlier:
-    """What an earlier file has of a job.
+    """An earlier file as a source of a job's results.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Earlier:
     Raises
     ------
     StoreError
-        If it is no campaign file, or nothing but the grid is the same.
+        If it is not a campaign file, or more than the grid differs.
     """
 
     def __init__(self, path: Path, layout: Layout):
@@ -111,7 +111,7 @@ class Earlier:
         return self._of_part[own]
 
     def _find(self, place: Place, part, block: Block) -> tuple[int, int, int] | None:
-        """Find the direction, the frame and the lowest amplitude of a block in the other grid."""
+        """Return the direction, the frame and the lowest amplitude of a block in the other grid."""
         old = self.layout.study.part(place)
         direction, frame, low = block.first
         name = part.directions[direction]
@@ -144,7 +144,7 @@ class Earlier:
 
 
 class Reuse:
-    """What earlier files have of a job; the first that has a block gives it.
+    """Earlier files as sources of a job's results; the first that has a block provides it.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ class Reuse:
     Attributes
     ----------
     runs : Counter
-        Runs taken, by file, and those not taken, by reason.
+        Runs taken, by file, and runs not taken, by reason.
     """
 
     def __init__(self, layout: Layout, paths: Sequence[Path]):
@@ -181,8 +181,8 @@ class Reuse:
         return None
 
 
-def told(runs: Counter[str]) -> str:
-    """Say how many runs were taken, and of the others why not."""
+def as_text(runs: Counter[str]) -> str:
+    """Format how many runs were taken, and why the others were not."""
     taken = {name: count for name, count in runs.items() if name not in REASONS}
     others = [f"{runs[reason]} {reason}" for reason in REASONS if runs[reason]]
     each = ", ".join(f"{count} {name}" for name, count in sorted(taken.items()))
@@ -197,7 +197,7 @@ def _key(study) -> str:
 
 
 def _difference(old, new) -> str:
-    """Say in what two jobs differ, apart from their grids: of the first part of each."""
+    """Return in what the first parts of two jobs differ, apart from their grids."""
     place = (0,) * len(old.axes), (0,) * len(new.axes)
     there, here = meaning_but_grid(old.part(place[0])), meaning_but_grid(new.part(place[1]))
     part, name = next(key for key in [*there, *here] if there.get(key) != here.get(key))

@@ -1,4 +1,4 @@
-"""A motion in continuous time as a dataset: displacements, velocities, accelerations, forces."""
+"""Sample a motion in continuous time: displacements, velocities, accelerations, forces."""
 
 from typing import Any
 
@@ -25,8 +25,8 @@ def trajectory(
 ):
     """Follow a motion and sample it evenly in time.
 
-    Each forcing period starts from the exact stroboscopic point, so that errors do not add up, and
-    is integrated by scipy's DOP853 to 1e-9: for inspection and pictures, not for sweeps.
+    Each forcing period starts from the exact stroboscopic point, so that errors do not accumulate,
+    and is integrated by scipy's DOP853 to 1e-9: for inspection and pictures, not for sweeps.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def trajectory(
     n_periods : int
         Forcing periods.
     samples : int
-        Of each period, at least 2.
+        Samples of each period, at least 2.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Two ways for every rank to write into the shared file; the bytes are the same.
+"""Write into the shared file from every rank, in one of two ways with the same bytes.
 
 ``offset`` writes at the datasets' byte offsets through MPI-IO (through plain ``pwrite`` where there
 is one rank), which needs no parallel HDF5. ``mpio`` writes through h5py's driver of that name,
@@ -24,7 +24,7 @@ DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
 def _reason(error: Exception) -> str:
-    """Say in the system's words why a write failed; MPI hides them in an error stack."""
+    """Return the system's reason of a failed write; MPI hides it in an error stack."""
     text = " ".join(str(error).split())
     causes = [os.strerror(code) for code in DISK_ERRORS]
     return next((cause for cause in causes if cause in text), text)
@@ -32,7 +32,7 @@ def _reason(error: Exception) -> str:
 
 @contextlib.contextmanager
 def _failures_named(path: Path) -> Iterator[None]:
-    """Turn what the system says of a failed write (MPI's errors are RuntimeErrors) into one line.
+    """Turn the error of a failed write (MPI's are RuntimeErrors) into one line.
 
     Raises
     ------
@@ -48,12 +48,12 @@ def _failures_named(path: Path) -> Iterator[None]:
 
 
 class Transport(Protocol):
-    """What the commit protocol needs; `WriteError` is raised where the disk does not take it."""
+    """Interface for the commit protocol; a failed write raises `WriteError`."""
 
     name: str
 
     def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
-        """Write `rows` at index `start` of a variable; all later axes are whole."""
+        """Write `rows` at index `start` of a variable, with all later axes whole."""
         ...
 
     def sync(self) -> None:
@@ -143,7 +143,7 @@ class MpioTransport:
                 data[(*start[:-1], slice(start[-1], start[-1] + rows.shape[0]))] = rows
 
     def sync(self) -> None:
-        """Flush to disk: all of the file's pages of this node."""
+        """Flush all pages of the file on this node to disk."""
         with _failures_named(self._path):
             os.fsync(self._descriptor)
 
@@ -154,12 +154,12 @@ class MpioTransport:
 
 
 def check_transport() -> str:
-    """Return the transport that ``HPCSWEEP_TRANSPORT`` asks for, '' if none.
+    """Return the transport that ``HPCSWEEP_TRANSPORT`` requests, '' if none.
 
     Raises
     ------
     StoreError
-        If it is not to be had.
+        If it is not available.
     """
     asked = os.environ.get(ENVIRONMENT, "")
     if asked not in ("", "offset", "mpio"):
@@ -172,13 +172,13 @@ def check_transport() -> str:
 def open_transport(path: Path, comm) -> Transport:
     """Open the file for writing on every rank.
 
-    ``HPCSWEEP_TRANSPORT`` may ask for ``offset`` or ``mpio``; otherwise ``mpio`` is taken where
-    h5py has MPI and there is more than one rank.
+    ``HPCSWEEP_TRANSPORT`` may request ``offset`` or ``mpio``; otherwise ``mpio`` is used where h5py
+    has MPI and there is more than one rank.
 
     Raises
     ------
     StoreError
-        If what was requested is not to be had.
+        If the requested transport is not available.
     """
     asked, able = check_transport(), h5py.get_config().mpi
     if comm.size == 1:

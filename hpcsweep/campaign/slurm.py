@@ -1,4 +1,4 @@
-"""What to ask Slurm for, from a prediction of the makespan and of the memory of a rank.
+"""Choose a Slurm request from a prediction of the makespan and of the memory of a rank.
 
 A guess is costly: on 64 ranks the 48 frames of `jobs/paper/gaps.toml` would leave 71 % of the
 ranks' time unused, on 16 ranks 2 %.

@@ -1,8 +1,8 @@
 """Replay a job's costs on real ranks with tasks that sleep, to check a prediction.
 
-Sleeping ranks need no core, so more ranks than cores behave as they would with a core each. It
-keeps the simulation honest: 48 frames of `jobs/paper/gaps.toml` on 8 ranks and two busy cores took
-1.006 of the predicted makespan.
+Sleeping ranks need no core: more ranks than cores behave as if each had its own. This verifies the
+simulation: 48 frames of `jobs/paper/gaps.toml` on 8 ranks and two busy cores took 1.006 of the
+predicted makespan.
 """
 
 import time

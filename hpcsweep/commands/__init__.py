@@ -1,7 +1,7 @@
 """The commands of `hpcsweep.commands.cli`, one module each.
 
-Every module has ``add_to(commands)``, which adds its parser, and a function that does the work and
-returns the exit code. What is slow to import is imported when it is used.
+Every module has ``add_to(commands)``, which adds its parser, and a function that runs the command
+and returns the exit code. Slow modules are imported when they are used.
 """
 
 import argparse
@@ -12,7 +12,7 @@ RAW = argparse.RawDescriptionHelpFormatter
 
 
 def complain(message: str, rank: int | None = None) -> None:
-    """Say on one line, from one rank, what was wrong."""
+    """Print an error on one line, from one rank."""
     from hpcsweep.campaign.progress import say_line
     from hpcsweep.parallel.mpi import launched_rank
 
@@ -21,10 +21,10 @@ def complain(message: str, rank: int | None = None) -> None:
 
 
 class AtAction(argparse.Action):
-    """Collects ``KEY=VALUE`` of ``--at`` in a dict: numbers as numbers, words as words."""
+    """Collect ``KEY=VALUE`` of ``--at`` in a dict: numbers as numbers, words as words."""
 
     def __call__(self, parser, namespace, values, option_string=None):
-        """Add one."""
+        """Add one pair."""
         name, equals, text = str(values).partition("=")
         if not (name.strip() and equals and text.strip()):
             parser.error(f"{option_string} {values}: must be KEY=VALUE")

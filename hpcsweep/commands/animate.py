@@ -57,14 +57,14 @@ def _animate(options) -> int:
         print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
         comm.abort(FAILURE)
         return FAILURE
-    # out here: whoever reads this may have gone
+    # outside the call: the reader of this output may have gone
     if text and comm.rank == 0:
         print(text)
     return code
 
 
 def _make(options, comm) -> tuple[int, str]:
-    """Make the film; return the exit code, and what is to be said of the film."""
+    """Make the film; return the exit code and a message."""
     from hpcsweep.campaign.progress import make_progress
     from hpcsweep.figures.film import film
     from hpcsweep.figures.style import PlotError

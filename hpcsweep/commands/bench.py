@@ -101,8 +101,8 @@ def _tolerance(options) -> int:
     return 0
 
 
-def _asked(options) -> list[str]:
-    """Return the parts to be measured, in their order."""
+def _requested(options) -> list[str]:
+    """Return the parts to measure, in order."""
     from hpcsweep.bench import PARTS
 
     asked = set(options.only or [])
@@ -121,7 +121,7 @@ def _bench(options) -> int:
             return USER_ERROR
     if options.tolerance:
         return _tolerance(options)
-    parts = _asked(options)
+    parts = _requested(options)
     if options.plot and "work-precision" not in parts:
         complain("--plot: draws work-precision, which is not among the parts that are measured")
         return USER_ERROR

@@ -1,4 +1,4 @@
-"""The command line: `hpcsweep.commands` put together."""
+"""The command line: all commands of `hpcsweep.commands`."""
 
 import argparse
 import errno
@@ -82,12 +82,12 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose mistakes take one line, from one rank.
+    """Argument parser that reports an error on one line, from one rank.
 
     Parameters
     ----------
     complete : callable, optional
-        Adds to the parser what is slow to find out, once its command is the one that is wanted.
+        Adds slow parts to the parser, once its command is chosen.
     """
 
     def __init__(self, *arguments, complete: Callable | None = None, **options):
@@ -128,7 +128,7 @@ def main(arguments: list[str] | None = None) -> int:
         code = _version() if options.version else options.function(options)
         sys.stdout.flush()
     except BrokenPipeError:
-        # whoever read has enough (``| head``); nothing more is to be said, at exit neither
+        # the reader has gone (``| head``); print nothing more, not even at exit
         silence(sys.stdout)
         return CLOSED_PIPE
     except OSError as error:

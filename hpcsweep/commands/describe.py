@@ -1,4 +1,4 @@
-"""`hpcsweep describe`: what a job computes, before it is run."""
+"""`hpcsweep describe`: describe what a job computes, before it is run."""
 
 from pathlib import Path
 

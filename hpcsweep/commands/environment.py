@@ -1,7 +1,7 @@
-"""What a command finds around it: standard streams that are closed or full, folders it may not use.
+"""Prepare the environment of a command: closed or full standard streams, unusable folders.
 
-`prepare` comes first of all. A closed stream would leave its descriptor to the next file that is
-opened, and what is printed would then be written into the results.
+`prepare` is called first. A closed stream would leave its descriptor to the next opened file, and
+printed text would then be written into the results.
 """
 
 import contextlib
@@ -16,28 +16,28 @@ from hpcsweep.parallel.mpi import launched_rank
 
 
 def prepare() -> None:
-    """Make the streams such that they can be used; look at the cache of compiled kernels."""
+    """Make the standard streams usable, and check the cache of compiled kernels."""
     _open_streams()
     _look_at_cache()
 
 
 def _open_streams() -> None:
-    """Open what is closed of the standard streams on the null device."""
+    """Open closed standard streams on the null device."""
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest that is free: this one
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free descriptor: this one
     for descriptor, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(descriptor, "w", closefd=False))
-        # names of files need not be text
+        # file names need not be valid text
         with contextlib.suppress(AttributeError, OSError):
             getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
 def _look_at_cache() -> None:
-    """Say where kernels will be kept if it is not the usual folder; that is read all the same."""
+    """Report where kernels will be cached if not in the usual folder, which is still read."""
     folders.say_by(note if launched_rank() == 0 else folders.say_nothing)
     usual = folders.cache_root()
     if not _can_write(usual):

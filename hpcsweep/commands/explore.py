@@ -1,4 +1,4 @@
-"""`hpcsweep explore`: make a page on which a whole study is explored in a browser."""
+"""`hpcsweep explore`: make a page that shows a whole study in a browser."""
 
 import sys
 from pathlib import Path
@@ -69,7 +69,7 @@ def _progress(done: int, total: int) -> None:
 
 
 def _describe(study, sizes: dict[str, int]) -> str:
-    """Say how large the page is and what is in it."""
+    """Format the size and the contents of the page."""
     kept, stored = study.thinned["points"], study.thinned["of_points"]
     return (
         f"{sum(sizes.values()) / 1e6:.3g} MB, {count(study.omega.size, 'frame')} x "

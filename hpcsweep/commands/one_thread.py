@@ -1,8 +1,8 @@
-"""One thread of linear algebra a process: import this before numpy.
+"""Limit linear algebra to one thread a process: import this before numpy.
 
-Every rank has a core. BLAS would start a thread on each core for each of them, and products of
-small matrices then wait for threads that wait for a core: with 50 floors and two busy cores the
-tables of `flow` took 5 to 20 times as long. Who sets the variables is not overruled.
+Every rank has one core. BLAS would start a thread on each core for every rank, and products of
+small matrices would wait for threads that wait for a core: with 50 floors and two busy cores the
+tables of `flow` took 5 to 20 times as long. Variables that the user has set are kept.
 """
 
 import os

@@ -1,8 +1,8 @@
-"""What a command may write over: nothing, or a file of the kind that it writes.
+"""Protect files: a command overwrites only a file of the kind that it writes.
 
 Results, jobs and journals are hours of work, and a slip of the keyboard (``explore a.h5 -o b.h5``)
-must not cost them. The kind of a file is told by its first bytes; a name that is no regular file,
-such as ``/dev/null``, is written to as it is.
+must not cost them. The first bytes of a file show its kind; a name that is not a regular file, such
+as ``/dev/null``, is simply written to.
 """
 
 import re
@@ -12,7 +12,7 @@ from pathlib import Path
 from hpcsweep.commands import USER_ERROR, complain
 
 HEAD = 512
-"""Bytes by which a kind is told."""
+"""First bytes of each kind of file."""
 PICTURE, PAGE, FILM = "picture", "page", "film"
 KINDS = {
     "results file": rb"\x89HDF",
@@ -25,9 +25,9 @@ KINDS = {
 
 
 def kind_of(path: Path) -> str:
-    """Return what kind of file there is: a key of `KINDS`, ``job file`` or ``file``.
+    """Return the kind of a file: a key of `KINDS`, ``job file`` or ``file``.
 
-    It is empty where there is nothing to be lost: no regular file, or one without a byte.
+    Empty where there is nothing to lose: not a regular file, or an empty one.
 
     Raises
     ------
@@ -59,14 +59,14 @@ def overwriting(path: Path, kind: str) -> str | None:
 
 
 def write_job(path: Path, text: str, *options: str) -> int:
-    """Write a job file that is not there yet, say how it is run, and return the exit code.
+    """Write a new job file, print how to run it, and return the exit code.
 
     Parameters
     ----------
     path : Path
     text : str
     *options : str
-        Of ``hpcsweep run`` with it.
+        Options of ``hpcsweep run`` for it.
     """
     from hpcsweep.parallel.mpi import launched_rank
 
@@ -84,7 +84,7 @@ def write_job(path: Path, text: str, *options: str) -> int:
     except OSError as error:
         complain(f"{path}: cannot be written: {error.strerror or error}")
         return USER_ERROR
-    # as the shell takes it: a name may have spaces, or begin with a dash
+    # quoted for the shell: a name may have spaces, or begin with a dash
     named = f"./{path}" if str(path).startswith("-") else str(path)
     print(f"{path}: written; run it with: {shlex.join(['hpcsweep', 'run', named, *options])}")
     return 0

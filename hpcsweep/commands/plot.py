@@ -27,7 +27,7 @@ def add_to(commands) -> None:
 
 
 def _complete(plot: argparse.ArgumentParser) -> None:
-    """Add the description and the options, once it is known that this command is wanted."""
+    """Add the description and the options, once this command is chosen."""
     known = figures()
     default = _defaults(known)
     plot.description = "\n".join(
@@ -54,12 +54,12 @@ def _complete(plot: argparse.ArgumentParser) -> None:
 
 
 def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
-    """Return the default figure for what runs hold: the first that draws it."""
+    """Return the default figure for each kind of results: the first that draws it."""
     return {figure.DRAWS: name for name, figure in reversed(known.items())}
 
 
 def _describe(figure, default: dict[str, str]) -> str:
-    """Write a figure's lines of the command's help."""
+    """Return a figure's lines in the command's help."""
     is_default = default[figure.DRAWS] == figure.NAME
     lines = (figure.HELP + (" (default)" if is_default else "")).splitlines()
     indent = " " * (NAME_WIDTH + 3)

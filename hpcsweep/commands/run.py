@@ -83,8 +83,8 @@ def _run(options) -> int:
     from hpcsweep.parallel.mpi import LauncherError, launched_size, world
     from hpcsweep.parallel.stopping import StopFlag
 
-    # heard from here to the end of the process: a signal while a library is loaded is not lost,
-    # and one that comes when all is done does no harm
+    # listens from here to the end of the process: a signal while a library is loading is not lost,
+    # and one after the last run does no harm
     flag = StopFlag(launched=launched_size() > 1)
     if not options.dry_run:
         flag.listen()
@@ -124,7 +124,7 @@ def _run(options) -> int:
                 )
                 flag.ignore()
                 if comm.rank == 0:
-                    _tell(endings)
+                    _print_endings(endings)
                 return comm.leave(_worst(endings))
             except StoreError as error:
                 problem = str(error)
@@ -143,12 +143,12 @@ def _run(options) -> int:
 
 
 def _read(options) -> list:
-    """Read the jobs, each with the file of its results.
+    """Read the jobs, each with its results file.
 
     Raises
     ------
     JobError
-        If one is no valid job, or cannot be run beside the others.
+        If one is not a valid job, or cannot be run beside the others.
     """
     from hpcsweep.job import JobError, load_job
 
@@ -170,8 +170,8 @@ def _read(options) -> list:
     return list(zip(jobs, outputs, strict=True))
 
 
-def _tell(endings) -> None:
-    """Say how each job ended, and what is left."""
+def _print_endings(endings) -> None:
+    """Print how each job ended, and what is left."""
     from hpcsweep.campaign.run import COMPLETE, STOPPED
 
     words = {COMPLETE: "complete", STOPPED: "stopped in good order; run again to resume"}
@@ -194,7 +194,7 @@ def _worst(endings) -> int:
 
 
 def _dry_run(options) -> int:
-    """Print what each job will cost."""
+    """Print the forecast cost of each job."""
     from hpcsweep.campaign.forecast import estimate
     from hpcsweep.job import JobError
     from hpcsweep.store import StoreError

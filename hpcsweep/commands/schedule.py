@@ -37,7 +37,7 @@ def add_to(commands) -> None:
 
 
 def _counts(text: str) -> tuple[int, ...]:
-    """Convert a list of numbers of ranks."""
+    """Parse a list of numbers of ranks."""
     try:
         counts = tuple(int(part) for part in text.split(","))
     except ValueError:
@@ -68,7 +68,7 @@ def _schedule(options) -> int:
 
 
 def _costs(source: Path) -> tuple:
-    """Return (job, forecast) and None, or None and what is wrong."""
+    """Return (job, forecast) and None, or None and an error message."""
     from hpcsweep.campaign import forecast as estimate
     from hpcsweep.job import JobError, load_job
     from hpcsweep.store import StoreError

@@ -68,7 +68,7 @@ def _status(options) -> int:
 
 
 def _overview(options) -> int:
-    """Tell of several files, a line each."""
+    """Print the progress of several files, a line each."""
     from hpcsweep.campaign.overview import as_table, overview
 
     rows = [overview(path) for path in options.files]
@@ -77,7 +77,7 @@ def _overview(options) -> int:
 
 
 def _keep_page(files: list[Path], page: Path) -> int:
-    """Write the page of several files as long as anything runs."""
+    """Rewrite the page of several files as long as anything is running."""
     from hpcsweep.campaign.overview import REFRESH, as_page, finished, overview
     from hpcsweep.figures.explorer.page import write_page
 
@@ -151,7 +151,7 @@ def inferred_text(count: int, audit: dict | None) -> str:
 
 
 def _describe_motions(state: dict) -> list[str]:
-    """Periods integrated, and what only one kind of study knows of its runs."""
+    """List the periods integrated, and what only one kind of study reports."""
     lines = []
     if "runs_spared" in state:
         if state["periods_per_run"] is not None:
@@ -185,7 +185,7 @@ def _frame(frames: dict, which: str) -> str:
 
 
 def _describe_work(state: dict) -> list[str]:
-    """Write rate, remaining time, cost by frame and the master's load."""
+    """List rate, remaining time, cost by frame and the master's load."""
     lines = []
     if state["runs_per_second"] is not None:
         line = (

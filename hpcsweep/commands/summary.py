@@ -70,7 +70,7 @@ def _markdown(summaries: list[dict]) -> str:
 
 
 def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
-    """Name and value of every line of a table, for summaries that are shown together."""
+    """Return name and value of every line of a table, for summaries shown together."""
     vary = [f"{key} {_values(values)}" for key, values in summary["vary"].items()]
     rows = {
         "structure": summary["structure"] + (" (the first)" if vary else ""),
@@ -152,14 +152,14 @@ def _inferred_rows(summary: dict) -> dict[str, str]:
 
 
 def _noun(summary: dict) -> str:
-    """Return what a run of a study is called."""
+    """Return the noun for a run of a study."""
     if "basins" in summary:
         return "row"
     return "point" if "attractors" in summary else "run"
 
 
 def _grid(summary: dict) -> str:
-    """Say over which frames and amplitudes the runs are, those of a slice at one point."""
+    """Format the frames and amplitudes of the runs, or the point of a slice."""
     if "basins" in summary:
         return ""
     if "measure" in summary:
@@ -224,7 +224,7 @@ def _cost_rows(summary: dict) -> dict[str, str]:
 
 
 def _listed(key: str, together: list[dict]) -> list:
-    """Choose the most frequent names of all summaries: periods in order, sets by frequency."""
+    """Return the most frequent names of all summaries: periods in order, sets by frequency."""
     total: dict = {}
     for summary in together:
         for name, entry in summary[key].items():
@@ -234,14 +234,16 @@ def _listed(key: str, together: list[dict]) -> list:
 
 
 def count(number: int, noun: str) -> str:
-    """Write how many there are."""
+    """Format a count."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _values(values: list) -> str:
-    """Write the values of a key, of many the ends."""
-    told = [f"{one:.6g}" if isinstance(one, int | float) else one for one in values]
-    return ", ".join(told) if len(told) <= 3 else f"{told[0]} to {told[-1]} ({len(told)} values)"
+    """Format the values of a key; only the ends of many."""
+    words = [f"{one:.6g}" if isinstance(one, int | float) else one for one in values]
+    if len(words) <= 3:
+        return ", ".join(words)
+    return f"{words[0]} to {words[-1]} ({len(words)} values)"
 
 
 def _share(entry: dict) -> str:

@@ -1,4 +1,4 @@
-"""`hpcsweep validate`: tell whether a results file is sound."""
+"""`hpcsweep validate`: check whether a results file is sound."""
 
 import dataclasses
 import json
@@ -66,7 +66,7 @@ def _validate(options) -> int:
 
 
 def _describe(report) -> str:
-    """Write a report as a person reads it."""
+    """Format a report for people."""
     lines = [
         f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}",
         f"  blocks    {report.committed} of {report.blocks} committed"

@@ -1,4 +1,4 @@
-"""Job files: what a user wrote, validated."""
+"""Read and validate job files."""
 
 from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.reading import load_job, parse_job, part_of

@@ -1,8 +1,8 @@
 """The fingerprint of a job: a hash of what it means.
 
-It tells the file of one job from that of another, and is the seed of all checksums in it. Every
-field of the study, its structure and its settings counts where it differs from its default, so that
-a new field changes the jobs that use it and no other.
+It distinguishes the files of different jobs, and is the seed of all checksums in them. Every field
+of the study, its structure and its settings counts where it differs from its default, so that a new
+field changes only the jobs that use it.
 """
 
 import hashlib
@@ -35,19 +35,19 @@ def fingerprint(study) -> str:
 
 
 def meaning_but_grid(study) -> dict[tuple[str, str], object]:
-    """Return what a study without axes means apart from its grid, by part and field.
+    """Return the meaning of a study without axes, apart from its grid, by part and field.
 
-    Its grid are the fields `grid_fields`, which say which runs there are and nothing of what one of
-    them computes; a study without such fields is all meaning. Two studies for which the rest is
-    equal compute the same run at the same place of their grids, from the same state.
+    The fields `grid_fields` define the grid: which runs there are, not what a run computes. Two
+    studies whose other fields are equal compute the same run at the same place of their grids, from
+    the same state.
     """
-    told: dict[tuple[str, str], object] = {("study", "kind"): study.kind}
-    told |= {(part, name): value for part, name, value in _entries(study, study.grid_fields)}
-    return told
+    meaning: dict[tuple[str, str], object] = {("study", "kind"): study.kind}
+    meaning |= {(part, name): value for part, name, value in _entries(study, study.grid_fields)}
+    return meaning
 
 
 def _entries(study, without: tuple[str, ...] = ()) -> Iterator[tuple[str, str, object]]:
-    """Go through the fields that are not their defaults: part, name, value."""
+    """Iterate over the fields that differ from their defaults: part, name, value."""
     for kind, part in (("structure", study.structure), ("settings", study.settings)):
         yield from _fields_of(kind, part, TOLD_OTHERWISE)
     yield from _fields_of("study", study, (*TOLD_OTHERWISE, *without))
@@ -77,12 +77,12 @@ def _is_later(field: Field, value: object) -> bool:
 
 
 def _canonical(value: object) -> object:
-    """Write a value so that equal ones are written equally, to the last bit.
+    """Return a canonical form of a value: equal to the last bit for equal values.
 
     Raises
     ------
     TypeError
-        If it is of a kind that has no such form: a field must not be left out silently.
+        If its type has no such form: a field must not be left out silently.
     """
     if value is None or isinstance(value, bool | int | str):
         return value
@@ -98,6 +98,6 @@ def _canonical(value: object) -> object:
     if isinstance(value, Mapping):
         return sorted((key, _canonical(item)) for key, item in value.items())
     if is_dataclass(value):
-        told = [(f, getattr(value, f.name)) for f in fields(value)]
-        return [(f.name, _canonical(v)) for f, v in told if not _is_later(f, v)]
+        pairs = [(f, getattr(value, f.name)) for f in fields(value)]
+        return [(f.name, _canonical(v)) for f, v in pairs if not _is_later(f, v)]
     raise TypeError(f"a {type(value).__name__} has no place in a job's fingerprint")

@@ -1,4 +1,4 @@
-"""A job: what a user wrote, validated."""
+"""A validated job."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,7 +8,7 @@ from hpcsweep.job.fingerprint import fingerprint
 
 
 class JobError(ValueError):
-    """A job that cannot be run; the message is one line for the user."""
+    """Raised for a job that cannot be run; the message is one line for the user."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,9 +22,9 @@ class Job:
     text : str
         The TOML text.
     study : Study
-        What it computes.
+        Study that the job computes.
     notes : tuple of str
-        What was done with the text that a user should know, a line each.
+        Messages for the user about changes made to the text, a line each.
     """
 
     name: str
@@ -34,15 +34,15 @@ class Job:
 
     @property
     def structure(self) -> Any:
-        """The structure of the study."""
+        """Structure of the study."""
         return self.study.structure
 
     @property
     def settings(self) -> Any:
-        """The settings of the study's runs."""
+        """Settings of the study's runs."""
         return self.study.settings
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of what the job means, whatever its text looks like and its name is."""
+        """Hash of the meaning of the job, independent of its name and the form of its text."""
         return fingerprint(self.study)

@@ -1,4 +1,4 @@
-"""Names of files that a caller hands over; see `hpcsweep.model.arguments`."""
+"""Check file names given as arguments; see `hpcsweep.model.arguments`."""
 
 import os
 from collections.abc import Sequence
@@ -8,12 +8,12 @@ from hpcsweep.model.arguments import refused
 
 
 def path_of(name: str, value: object) -> Path:
-    """Take the name of a file.
+    """Return the path of a file name.
 
     Raises
     ------
     ValueError
-        If it is none; one line names the argument.
+        If it is not a file name; one line names the argument.
     """
     text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
     if not isinstance(text, str) or not text:
@@ -22,18 +22,18 @@ def path_of(name: str, value: object) -> Path:
 
 
 def followed(path: Path) -> Path:
-    """Return the file that a name stands for: of a link that leads to one, the name at its end."""
+    """Return the file that a name stands for, following a link to a file."""
     return path.resolve() if path.is_symlink() and path.exists() else path
 
 
 def beside(path: Path, suffix: str) -> Path:
-    """Return the name of a file that belongs to another one, under whatever name that is given."""
+    """Return the name of a file that belongs to another one, after following links."""
     path = followed(path)
     return path.with_name(path.name + suffix)
 
 
 def paths_of(name: str, value: object) -> list[Path]:
-    """Take a sequence of names of files; one name is none.
+    """Return the paths of a sequence of file names; a single name is refused.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Job files: TOML in, a validated `Job` out. The only place that checks what a user wrote.
+"""Read job files: TOML in, a validated `Job` out. The only place that checks user input.
 
-Every error is one line that names the file, the key, the value and the limit. The keys that only
-one kind of study knows are read by that study, with the same `Values`.
+Every error is one line that names the file, the key, the value and the limit. Keys of only one kind
+of study are read by that study, with the same `Values`.
 """
 
 import math
@@ -73,14 +73,14 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     Parameters
     ----------
     path : str or Path
-        The file; what it extends is read too.
+        The file; the files that it extends are read too.
     settings : sequence of str
-        ``TABLE.KEY=VALUE`` each, the value in TOML: replace what the files give.
+        ``TABLE.KEY=VALUE`` each, the value in TOML: replace the values of the files.
 
     Raises
     ------
     JobError
-        If a file cannot be read or all together is not a valid job.
+        If a file cannot be read, or all together is not a valid job.
     """
     path = path_of("path", path)
     settings = arguments.words("settings", settings)
@@ -101,9 +101,9 @@ INSTEAD = {
 
 
 def _drop_inherited(whole: dict, own: set[str]) -> list[str]:
-    """Take away what was inherited and has no use beside the job's own keys; say what.
+    """Remove inherited keys that have no use beside the job's own; return messages.
 
-    That is what another key stands in place of, and keys that only other kinds of study know.
+    These are keys that another key replaces, and keys of other kinds of study only.
     """
     kind = whole.get("study", {}).get("kind", DEFAULT_KIND)
     if not isinstance(kind, str) or kind not in KINDS:
@@ -151,7 +151,7 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
 
 
 def read_study(source: str, tree: Mapping):
-    """Make the study of a job that varies no key; `source` is named in errors."""
+    """Read the study of a job that varies no key; `source` is named in errors."""
     values = Values(source, tree)
     study = _kind(values)
     values.check_tables(keys_of(study), _keys_of_others(study))
@@ -167,7 +167,7 @@ def read_study(source: str, tree: Mapping):
 
 
 def part_of(job: Job, place: Place) -> Job:
-    """Return the job of one part of a job that varies keys; a job without is its only part."""
+    """Return the job of one part; a job that varies no keys is its only part."""
     if not job.study.axes:
         return job
     text = write(job.study.make.tree_at(place), every_key())
@@ -175,13 +175,13 @@ def part_of(job: Job, place: Place) -> Job:
 
 
 def _default_block(values: Values, study) -> int:
-    """Return how many runs are committed together: of a slow solver one, which takes seconds."""
+    """Return the number of runs committed together: 1 with a slow solver (seconds a run)."""
     slow = [name for name, kind in SOLVERS.items() if not kind.follows_orbits]
     return 1 if values.get("solver.method", "flow") in slow else study.default_block
 
 
 def _check_extent(values: Values, study) -> None:
-    """Refuse a study whose blocks no memory can list."""
+    """Refuse a study with too many runs or blocks for memory."""
     if study.n_runs > MAX_RUNS:
         raise JobError(f"{values.source}: gives {study.n_runs} runs, the most are {MAX_RUNS}")
     n_blocks = math.prod(study.dimensions[dim] for dim in study.commit.dims)
@@ -210,7 +210,7 @@ def every_key() -> dict[str, tuple[str, ...]]:
 
 
 def _keys_of_others(study) -> dict[str, str]:
-    """Return the keys that only other kinds of study know, and which."""
+    """Return the keys of other kinds of study only, with these kinds."""
     own = keys_of(study)
     homes: dict[str, list[str]] = {}
     for other in KINDS.values():
@@ -222,7 +222,7 @@ def _keys_of_others(study) -> dict[str, str]:
 
 
 def _kind(values: Values):
-    """Read which study it is."""
+    """Read the kind of study."""
     table = values.top("study", {})
     if not isinstance(table, dict):
         raise values.error("study", table, "must be a table")

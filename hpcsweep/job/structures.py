@@ -1,7 +1,7 @@
-"""The structure of a job: the short form of a building, or matrices with contacts, and the forcing.
+"""Read the structure of a job: a building, several, or matrices with contacts; and the forcing.
 
-Every error is one line that names the file, the key, the value and the limit; what the values must
-be `hpcsweep.model.structure` says.
+Every error is one line that names the file, the key, the value and the limit;
+`hpcsweep.model.structure` defines the limits.
 """
 
 import math
@@ -50,7 +50,7 @@ def read_structure(values: Values) -> Structure:
     Raises
     ------
     JobError
-        If they give no structure.
+        If they do not define a structure.
     """
     given = dict(values.table("structure"))
     harmonics = read_forcing(values)
@@ -88,7 +88,7 @@ def refuse_dashpots(values: Values, structure: Structure) -> None:
 
 
 def _unit_names(values: Values, structure: Structure) -> UnitNames:
-    """Read the table ``units``: names, which label what is in units of one's own."""
+    """Read the table ``units``: names that label quantities in the user's own units."""
     table = values.table("units")
     for key, name in table.items():
         if not isinstance(name, str) or not UNIT_NAME.fullmatch(name):
@@ -141,7 +141,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
 
 
 def read_forcing(values: Values) -> Harmonics:
-    """Read the table ``forcing``: one key, of which each is a forcing of its own."""
+    """Read the table ``forcing``: one key, each a kind of forcing."""
     table = values.table("forcing")
     if len(table) > 1:
         first, second = list(table)[:2]
@@ -170,7 +170,7 @@ FORCINGS: dict[str, Callable[[Values, Any], Harmonics]] = {"harmonics": _harmoni
 
 
 def _check_table(values: Values, key: str, table, known, needed) -> None:
-    """Refuse what is no table of the known keys, or has not all that are needed."""
+    """Refuse a value that is not a table of known keys, or lacks a required one."""
     if not isinstance(table, Mapping):
         raise values.error(key, table, f"must be a table of {', '.join(known)}")
     values.check_keys(key, table, known)

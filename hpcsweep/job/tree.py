@@ -1,9 +1,9 @@
-"""Job files as trees: what a file extends, what the command line sets, and back to TOML text.
+"""Merge job files as trees: with what they extend and the command line sets, back into TOML.
 
-A tree is what ``tomllib`` makes of a job file: keys at the top, and tables of keys. Trees are laid
-over each other key by key; the value of a key, a range table among them, is one thing and is
-replaced whole. This module knows neither the keys of a job nor their limits: it hands on a text,
-and whoever validates that text validates all that was put together.
+A tree is what ``tomllib`` makes of a job file: keys at the top, and tables of keys. Trees are
+merged key by key; the value of a key, even a range table, is replaced whole. This module knows
+neither the keys of a job nor their limits: it returns a text, and validating that text validates
+the merged job.
 """
 
 import datetime
@@ -38,7 +38,7 @@ Order = Mapping[str, Sequence[str]]
 
 
 class TreeError(ValueError):
-    """A tree that cannot be put together; the message is one line for the user."""
+    """Raised for trees that cannot be merged; the message is one line for the user."""
 
 
 def resolve(
@@ -47,7 +47,7 @@ def resolve(
     order: Order,
     inherit: Callable[[dict, set[str]], list[str]] | None = None,
 ) -> tuple[str, str, list[str]]:
-    """Read a job file with all it extends and all that is set on the command line.
+    """Read a job file with all that it extends and all that the command line sets.
 
     Parameters
     ----------
@@ -57,24 +57,23 @@ def resolve(
     order : mapping
         Order in which the keys are written.
     inherit : callable, optional
-        Takes away what was inherited and has no use, of the whole tree and the names of the keys
-        that are the job's own; returns what it has to say.
+        Called with the whole tree and the names of the job's own keys; removes inherited keys that
+        have no use, and returns messages.
 
     Returns
     -------
     text : str
-        The whole job. The file's own text, to the last byte, where it extends nothing and nothing
-        is set.
+        The whole job; exactly the file's own text where it extends nothing and nothing is set.
     source : str
-        What the text was made of, to be named in errors.
+        Origin of the text, named in errors.
     notes : list of str
-        Of `inherit`.
+        Messages of `inherit`.
 
     Raises
     ------
     TreeError
-        If a file cannot be read or is no TOML, if the files go in a circle or are too many, or if
-        a setting is not of the form above.
+        If a file cannot be read or is not TOML, if the files are circular or too many, or if a
+        setting is not of the form above.
     """
     text, tree = _read(path)
     bases = _read_bases(path, tree)
@@ -104,14 +103,14 @@ def resolve(
     notes = inherit(whole, own) if inherit else []
     try:
         text = write(whole, order)
-    except (ValueError, RecursionError) as error:  # numbers too long, brackets too deep
+    except (ValueError, RecursionError) as error:  # numbers too long, brackets nested too deeply
         raise TreeError(f"{source}: cannot be written as TOML: {error}") from None
     made_of += notes
     return "".join(f"# {_printable(line)}\n" for line in made_of) + text, source, notes
 
 
 def _without_unset(tree: Mapping) -> dict:
-    """Return a tree without the keys that are said to be unset, and without tables left empty."""
+    """Return a tree without unset keys, and without tables left empty."""
     kept = {
         key: _without_unset(value) if isinstance(value, Mapping) else value
         for key, value in tree.items()
@@ -121,7 +120,7 @@ def _without_unset(tree: Mapping) -> dict:
 
 
 def _set_indexed(whole: dict, setting: str) -> dict:
-    """Return a tree in which a key of one of several tables is set."""
+    """Return a tree with a key of one of several tables set."""
     key, _, value = (part.strip() for part in setting.partition("="))
     inner = key.rpartition(".")[2]
     given = parse_toml(f"{inner} = {value}", _option(setting))
@@ -129,12 +128,12 @@ def _set_indexed(whole: dict, setting: str) -> dict:
 
 
 def with_indexed(whole: Mapping, key: str, value: object, said: str) -> dict:
-    """Return a tree with another value of a key of one of several tables.
+    """Return a tree with a new value of a key of one of several tables.
 
     Raises
     ------
     TreeError
-        If there is no such table; the message begins with what was `said`.
+        If there is no such table; the message begins with `said`.
     """
     match = INDEXED.fullmatch(key)
     assert match is not None, "it was recognised before"
@@ -149,7 +148,7 @@ def with_indexed(whole: Mapping, key: str, value: object, said: str) -> dict:
 
 
 def merge(base: Mapping, given: Mapping) -> dict:
-    """Lay a tree over another: tables key by key, the value of a key whole."""
+    """Merge a tree over another: tables key by key, the value of a key whole."""
     merged = dict(base)
     for key, value in given.items():
         below = merged.get(key)
@@ -160,11 +159,11 @@ def merge(base: Mapping, given: Mapping) -> dict:
 
 
 def write(tree: Mapping, order: Order) -> str:
-    """Write a tree as TOML; ``tomllib`` reads an equal tree out of it.
+    """Return a tree as TOML; ``tomllib`` reads an equal tree from it.
 
-    Keys at the top come first, then each table under its header, each in the given order; keys
-    that have no place in it follow as they are. Floats are written with the fewest digits that
-    give the same number, tables within a table inline.
+    Keys at the top come first, then each table under its header, each in the given order; other
+    keys follow in their own order. Floats are written with the fewest digits that round-trip,
+    tables within a table inline.
     """
     keys = _ordered(tree, order.get("", ()))
     parts = [_write_pairs(tree, (key for key in keys if not isinstance(tree[key], Mapping)))]
@@ -176,10 +175,10 @@ def write(tree: Mapping, order: Order) -> str:
 
 
 def _read(path: Path) -> tuple[str, dict]:
-    """Read text and tree of one file."""
+    """Read the text and the tree of a file."""
     try:
         if path.exists() and not stat.S_ISREG(path.stat().st_mode):
-            # a folder, a pipe that nobody fills, a device without end
+            # a folder, a pipe without a writer, an endless device
             raise TreeError(f"{path}: cannot be read: it is no regular file")
         with path.open("rb") as file:
             raw = file.read(MAX_TEXT + 1)
@@ -195,12 +194,12 @@ def _read(path: Path) -> tuple[str, dict]:
 
 
 def parse_toml(text: str, source: str) -> dict:
-    """Parse a text of a size, and with a depth and with names, that a job may have.
+    """Parse a text within the limits of size, depth and names of a job.
 
     Raises
     ------
     TreeError
-        If it is no TOML or beyond the limits; `source` is named.
+        If it is not TOML or exceeds the limits; `source` is named.
     """
     if len(text) > MAX_TEXT:
         raise TreeError(f"{source}: has more than {MAX_TEXT} characters, the most a job may have")
@@ -208,14 +207,14 @@ def parse_toml(text: str, source: str) -> dict:
         raise TreeError(f"{source}: a key has more than {MAX_DEPTH} parts")
     try:
         tree = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # the second: brackets too deep
+    except (ValueError, RecursionError) as error:  # RecursionError: brackets nested too deeply
         raise TreeError(f"{source}: not valid TOML: {str(error)[:200]}") from None
     _check_size(tree, source)
     return tree
 
 
 def _check_size(tree: dict, source: str) -> None:
-    """Refuse keys, words and whole numbers that are too long, and brackets that are too deep."""
+    """Refuse keys, words and whole numbers that are too long, and brackets nested too deeply."""
     waiting: list[tuple[object, int]] = [(tree, 0)]
     while waiting:
         value, depth = waiting.pop()
@@ -242,9 +241,9 @@ def _check_size(tree: dict, source: str) -> None:
 
 
 def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
-    """Read the files that a tree is built on, nearest first; take `extends` out of all trees.
+    """Read the files that a tree extends, nearest first; remove `extends` from all trees.
 
-    A base's name is its own and goes no further.
+    The name of a base is not inherited.
     """
     bases: list[tuple[Path, dict]] = []
     met = [path.resolve()]
@@ -272,7 +271,7 @@ def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
 
 
 def _refuse_misspelt(path: Path, tree: Mapping) -> None:
-    """Refuse a key that can only mean `extends`, which no validation after this one knows."""
+    """Refuse a misspelt `extends`, which later validation does not know."""
     for key in tree:
         if key != EXTENDS and difflib.get_close_matches(key, [EXTENDS], cutoff=0.8):
             raise TreeError(f"{path}: unknown key {key!r}; did you mean {EXTENDS!r}?")
@@ -303,13 +302,13 @@ def _parse_setting(setting: str) -> dict:
 
 
 def _option(setting: str) -> str:
-    """Show a setting as it was given, on one line, a long one cut."""
+    """Format a setting as given, on one line, truncated if long."""
     shown = setting if len(setting) <= MAX_SHOWN else f"{setting[: MAX_SHOWN - 3]}..."
     return f"--set {shown if shown.isprintable() else repr(shown)}"
 
 
 def _ordered(keys: Iterable[str], order: Sequence[str]) -> list[str]:
-    """Sort keys as in `order`; those that are not in it stay as they are, at the end."""
+    """Sort keys as in `order`; others keep their order, at the end."""
     place = {key: index for index, key in enumerate(order)}
     return sorted(keys, key=lambda key: place.get(key, len(order)))
 
@@ -323,12 +322,12 @@ def _write_key(key: str) -> str:
 
 
 def _write_string(text: str) -> str:
-    # a basic string of TOML has the escapes of JSON, and one more character that needs them
+    # a basic string of TOML has the escapes of JSON, and must escape one more character
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _write_value(value: object) -> str:
-    """Write a value of any kind that ``tomllib`` gives."""
+    """Return the TOML of any value that ``tomllib`` returns."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
@@ -346,5 +345,5 @@ def _write_value(value: object) -> str:
 
 
 def _printable(text: str) -> str:
-    """Make a text fit for one line of comment."""
+    """Return a text that fits into one line of comment."""
     return "".join(char if char.isprintable() else "?" for char in text)

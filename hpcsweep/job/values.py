@@ -1,4 +1,4 @@
-"""Values of a job file, one kind a method; every error names file, key, value and limit."""
+"""Read values of a job file, one type a method; errors name file, key, value and limit."""
 
 import difflib
 import math
@@ -15,7 +15,7 @@ MAX_VALUES = 10_000_000
 
 MIN_OMEGA, MAX_OMEGA = 1e-4, 1e6
 MAX_AMPLITUDE = 1e250
-"""Beyond these a run leaves double precision, or one forcing period takes longer than a minute."""
+"""Beyond these limits a run leaves double precision, or one forcing period takes over a minute."""
 
 
 MEANT = {
@@ -33,18 +33,18 @@ MEANT = {
     "direction": "directions",
     "periods": "sampling_cycles",
 }
-"""By names that people give them, the keys that are meant."""
+"""Keys by other names that people give them."""
 
 
 class Values:
-    """Reads the values of one job.
+    """Reader of the values of one job.
 
     Parameters
     ----------
     source : str
         Named in errors.
     tree : mapping
-        The job file as TOML gives it: tables by their names, and keys outside tables.
+        The parsed job file: tables by name, and keys outside tables.
     """
 
     def __init__(self, source: str, tree: Mapping):
@@ -52,21 +52,21 @@ class Values:
         self._tree = tree
 
     def error(self, key: str, value: object, limit: str) -> JobError:
-        """Make the error of a value that is not allowed."""
+        """Return the error for a value that is not allowed."""
         shown = repr(float(value)) if isinstance(value, np.floating) else repr(value)
         if len(shown) > 60:
             shown = shown[:57] + "..."
         return JobError(f"{self.source}: {key} = {shown}: {limit}")
 
     def check_tables(self, keys: Mapping[str, Sequence[str]], elsewhere: Mapping[str, str]) -> None:
-        """Refuse keys that are not known.
+        """Refuse unknown keys.
 
         Parameters
         ----------
         keys : mapping of str to sequence of str
-            Keys of each table; of '' those outside tables, tables among them.
+            Keys of each table; under '' those outside tables, including tables.
         elsewhere : mapping of str to str
-            Full names of keys that are known otherwise, and when.
+            Full names of keys that are known in other cases, and these cases.
         """
         self.check_keys("", self._tree, keys[""], keys, elsewhere)
         for table in keys:
@@ -78,7 +78,7 @@ class Values:
             self.check_keys(table, given, keys[table], keys, elsewhere)
 
     def check_keys(self, table, tree, known, keys=None, elsewhere=None) -> None:
-        """Refuse keys of a table that are not known; see `check_tables`."""
+        """Refuse unknown keys of a table; see `check_tables`."""
         for key in tree:
             if key in known:
                 continue
@@ -99,7 +99,7 @@ class Values:
         return name in self._tree.get(table, {})
 
     def table(self, name: str) -> Mapping:
-        """Return a whole table, empty if it is not there."""
+        """Return a whole table, empty if it is absent."""
         return self._tree.get(name, {})
 
     def top(self, key: str, default: object) -> object:
@@ -107,7 +107,7 @@ class Values:
         return self._tree.get(key, default)
 
     def get(self, key: str, default: object = None) -> object:
-        """Return the value of a key; one without a default must be there."""
+        """Return the value of a key; one without a default is required."""
         table, name = key.split(".", 1)
         value = self._tree.get(table, {}).get(name, default)
         if value is None:
@@ -115,7 +115,7 @@ class Values:
         return value
 
     def number(self, key: str, value: object) -> float:
-        """Convert a value that must be a number."""
+        """Return a value that must be a number as a float."""
         if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
             raise self.error(key, value, "must be a number")
         return float(value)  # whole numbers have 64 bits

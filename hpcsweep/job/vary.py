@@ -1,6 +1,6 @@
-"""The table ``vary`` of a job: keys that take several values, each an axis of the study.
+"""Read the table ``vary`` of a job: keys with several values, each an axis of the study.
 
-A part of the job is the job without the table, with one value of every key in it. It is a job of
+A part of the job is the job without the table, with one value of each of its keys. It is a job of
 its own: it is validated like any other, and has a text from which it can be run alone.
 """
 
@@ -19,9 +19,9 @@ from hpcsweep.studies.study import Axis, Place
 from hpcsweep.studies.vary import Varied
 
 MOST_PARTS = 100_000
-"""Parts of a job: each is validated before anything is computed."""
+"""Most parts of a job: each is validated before anything is computed."""
 TABLES = ("study", "structure", "pounding", "sweep", "solver")
-"""Whose keys may be varied: what is stored must be the same of all runs."""
+"""Tables whose keys may be varied: all runs must store the same variables."""
 NEVER = {
     "study.kind": "must be one and the same of all runs",
     "sweep.omega": "is an axis of every study; give sweep.omega its values",
@@ -35,7 +35,7 @@ UNITS = dict.fromkeys(
 
 @dataclass(frozen=True)
 class Parts:
-    """Makes the parts of a job; what it holds can be sent to other processes.
+    """Factory of the parts of a job; can be sent to other processes.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Parts:
         The job without the table ``vary``.
     axes : tuple of Axis
     read : callable
-        Makes the study of a job without that table: (source, tree).
+        Return the study of a job without that table: (source, tree).
     """
 
     source: str
@@ -54,7 +54,7 @@ class Parts:
     read: Callable[[str, Mapping], RunGrid]
 
     def __call__(self, place: Place) -> RunGrid:
-        """Make the study of a part."""
+        """Return the study of a part."""
         return self.read(self.source, self.tree_at(place))
 
     def tree_at(self, place: Place) -> dict:
@@ -72,7 +72,7 @@ class Parts:
 def read_varied(
     values: Values, tree: Mapping, read: Callable[[str, Mapping], RunGrid]
 ) -> RunGrid | Varied:
-    """Read the study of a job, at all values of the keys that it varies.
+    """Read the study of a job at all values of its varied keys.
 
     Raises
     ------
@@ -132,16 +132,16 @@ def _axis(values: Values, key: str, given: object) -> Axis:
 
 
 def _check_shape(values: Values, study: Varied, place: Place) -> None:
-    """Refuse a part that does not fit into one file with the first."""
+    """Refuse a part that cannot share a file with the first."""
     base, part = study.base, study.part(place)
     other = _difference(base, part)
     if other is not None:
-        told = study.describe_part(place)
-        raise JobError(f"{values.source}: vary: {told}: all parts must be of one shape, it {other}")
+        part = study.describe_part(place)
+        raise JobError(f"{values.source}: vary: {part}: all parts must be of one shape, it {other}")
 
 
 def _difference(base: RunGrid, part: RunGrid) -> str | None:
-    """Return why two parts do not fit into one file; None where they do."""
+    """Return why two parts cannot share a file; None where they can."""
     if part.structure.contact_labels != base.structure.contact_labels:
         return "has other contacts than the first"
     if part.variables != base.variables or part.dimensions != base.dimensions:

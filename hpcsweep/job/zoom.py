@@ -1,7 +1,7 @@
-"""A job of a finer grid over a part of another job's, which holds the points of the old grid there.
+"""Write the job of a finer grid over a part of another job's, which contains its old points.
 
-Between two neighbours of the old grid lie `factor` - 1 new values, evenly. What is written is a
-range where that gives the old values back to the last bit, else the list of all values.
+Between two neighbours of the old grid lie `factor` - 1 new values, evenly spaced. They are written
+as a range where that reproduces the old values to the last bit, else as a list.
 """
 
 import copy
@@ -30,10 +30,10 @@ def zoom(
     ----------
     job : Job
     factor : int
-        Steps in place of one, at least 1.
+        Number of steps that replace one, at least 1.
     omega, amplitude : (float, float), optional
-        Ends of the part; that of the grid is the smallest that has both between its ends. Omega as
-        the job gives it: as ``sweep.frequency``, say. An axis without is left as it is.
+        Ends of the part, widened to the nearest points of the grid. Omega is in the job's own form,
+        e.g. ``sweep.frequency``. By default an axis is unchanged.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def zoom(
     Raises
     ------
     JobError
-        If the job has no such grid, or none of it lies there.
+        If the job has no grid, or no part of it lies there.
     """
     tree = copy.deepcopy(parse_toml(job.text, job.name))
     tree.pop("name", None)

@@ -1,11 +1,11 @@
-"""What `hpcsweep bench` measures, one module a question.
+"""Benchmarks of `hpcsweep bench`, one module a question.
 
 `work_precision`
     Run time against error, of our solvers and their `peers`.
 `ratios`
     `flow` against the specified solver and a compiled peer, on the same motions.
 `profile`
-    What the runs of frames ask of the solver, and how long it takes.
+    Solver calls of the runs of frames, their counts and times.
 `scaling`
     Run time against ranks and against floors.
 `startup`
@@ -13,9 +13,9 @@
 `skips`
     The rules that spare periods, against the window procedure.
 
-Every figure is paired: what is compared is measured on the same machine in one run, in turn, and
-the turns are repeated. Solvers are timed by the process's own CPU time, which other programs on
-the machine disturb least.
+Every number is paired: alternatives are measured on the same machine in one run, in turn, and the
+turns are repeated. Solvers are timed by the process's own CPU time, which other programs on the
+machine disturb least.
 """
 
 import time
@@ -26,7 +26,7 @@ PARTS = ("work-precision", "ratio", "profile", "floors", "ranks", "startup", "sk
 
 
 def cpu_seconds(function: Callable, least: float = 2e-3) -> float:
-    """Time one call, or many where one is too short for the clock, in CPU seconds a call."""
+    """Return the CPU seconds a call, over many calls where one is too short for the clock."""
     begun = time.process_time()
     function()
     once = time.process_time() - begun

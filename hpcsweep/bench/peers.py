@@ -1,4 +1,4 @@
-"""The solvers that `hpcsweep bench` compares, each as a function from a state to points."""
+"""Solvers that `hpcsweep bench` compares, each as a function from a state to points."""
 
 import importlib.util
 from collections.abc import Callable, Iterator
@@ -27,14 +27,14 @@ MAX_STEPS = 1_000_000
 
 @dataclass(frozen=True)
 class Package:
-    """A package that brings peers, taken where it is installed.
+    """A package that provides peers, used where it is installed.
 
     Attributes
     ----------
     module, name : str
-        What is imported, and what is installed.
+        Import name and distribution name.
     install : str
-        How it is installed.
+        Arguments of the installer.
     """
 
     module: str
@@ -71,12 +71,12 @@ class Stretch:
 
 
 def absent() -> list[str]:
-    """Name the packages with peers that are not installed."""
+    """Return the names of packages with peers that are not installed."""
     return [package.name for package in _absent()]
 
 
 def absent_text() -> list[str]:
-    """Write a line for each package with peers that is not installed."""
+    """Format a line for each package with peers that is not installed."""
     return [
         f"  not measured: {package.name} is not installed ({package.install})"
         for package in _absent()
@@ -120,7 +120,7 @@ def _ours(name: str, rtol: float) -> Callable:
 
 
 class Problem(NamedTuple):
-    """A regime as the equations want it."""
+    """A regime in the form that the equations need."""
 
     model: Model
     """Kept: its packed form holds the addresses of its arrays."""

@@ -1,8 +1,8 @@
-"""Where the time of a study goes: CPU time of histories by what they ask of the solver, and counts.
+"""Profile a study: CPU time of histories by solver call, and counts.
 
-Of each frame short stretches of its upward path are run, spread over the amplitudes. A stretch
-starts from rest; its first run, a long transient, is not counted. The counts do not depend on the
-machine; times are the least of several turns.
+Short stretches of each frame's upward path are run, spread over the amplitudes. A stretch starts
+from rest; its first run, a long transient, is not counted. The counts do not depend on the machine;
+times are the least of several turns.
 """
 
 import time
@@ -41,20 +41,20 @@ COUNTS = ("linear steps", "passages", "layer steps", "layer visits")
 
 @dataclass
 class FrameProfile:
-    """What the runs of a frame ask of the solver, a run.
+    """Solver calls of the runs of a frame; all numbers are a run.
 
     Attributes
     ----------
     omega : float
     n_runs : int
     microseconds : float
-        A run, all together.
+        Total of a run.
     spent : dict of str to float
-        Microseconds in each call of the solver; the rest is what lies around them.
+        Microseconds in each call of the solver; the rest is outside of them.
     periods : dict of str to float
-        Forcing periods in each call, those of Newton's method among them.
+        Forcing periods in each call, including those of Newton's method.
     counts : dict of str to float
-        Of `flow.state.shared.Shared`, all calls together.
+        Counts of `flow.state.shared.Shared`, over all calls.
     specialised : bool
         Whether the kernels are specialised to the structure.
     """
@@ -93,11 +93,11 @@ class Watched:
         return timed
 
     def done(self, name: str, result, arguments) -> None:
-        """Take note of a call that was timed."""
+        """Record a timed call."""
 
 
 def periods_of(name: str, result, arguments) -> int:
-    """Count the forcing periods that a call has integrated."""
+    """Return the number of forcing periods that a call has integrated."""
     if name == "monodromy":
         return arguments[2]
     if name == "points":
@@ -111,7 +111,7 @@ def periods_of(name: str, result, arguments) -> int:
 
 
 def _counts(solver) -> np.ndarray:
-    """Return the counts of `flow`; 0 of a solver that has none."""
+    """Return the counts of `flow`; 0 for a solver without counts."""
     return getattr(solver, "counts", np.zeros(len(COUNTS)))
 
 
@@ -173,12 +173,12 @@ def profile(job: Job | None = None, turns: int = 3) -> list[FrameProfile]:
 
 
 def as_json(rows: list[FrameProfile]) -> list[dict]:
-    """Put the profile into plain types."""
+    """Convert the profile to plain types."""
     return [asdict(row) for row in rows]
 
 
 def as_text(rows: list[FrameProfile]) -> str:
-    """Write the profile, a line a frame."""
+    """Format the profile, a line a frame."""
     kernels = "specialised to the structure" if rows[0].specialised else "for any structure"
     lines = [
         f"a run on its path, CPU time in us, {rows[0].n_runs} runs a frame (in brackets: forcing "

@@ -1,6 +1,6 @@
-"""How much faster `flow` is than the solver the study was specified with, and than compiled peers.
+"""Measure how much faster `flow` is than the specified solver and compiled peers.
 
-The ratios are of CPU seconds for the same periods from the same states, taken in turn.
+Ratios are of CPU seconds for the same periods from the same states, measured in turn.
 """
 
 import time
@@ -48,7 +48,7 @@ class Ratio:
     microseconds, flow_microseconds : float
         CPU time of a forcing period, the least over all turns.
     ratio : float
-        Of these two.
+        Ratio of these two.
     quartiles : list of float
         25, 50 and 75 per cent of the ratios within each turn.
     error, flow_error : float
@@ -71,7 +71,7 @@ class Ratio:
 
 
 def pounding() -> Structure:
-    """Make the two buildings of jobs/structures/pounding.toml, of which three floors pound."""
+    """Return the two buildings of jobs/structures/pounding.toml, three floors of which pound."""
     sizes = (3, 5)
     n = sum(sizes)
     stiffness, drift = np.zeros((2, n, n))
@@ -92,8 +92,8 @@ def pounding() -> Structure:
 def motions() -> list[Stretch]:
     """Return the motions that are compared.
 
-    Of the paper's building one with one contact a period, and one with two floors in contact; of
-    two buildings that pound one with two, and one with three floors in contact.
+    For the paper's building, one with one contact a period and one with two floors in contact; for
+    two pounding buildings, one with two and one with three floors in contact.
     """
     paper, two = Structure(), pounding()
     return [
@@ -196,7 +196,7 @@ def sweep_ratio(job: Job, n_samples: int = 12, repeats: int = 3) -> dict:
 
 
 def as_json(motions: list[Ratio], sweep: dict) -> dict:
-    """Put all ratios into plain types."""
+    """Convert all ratios to plain types."""
     return {
         "motions": [asdict(row) for row in motions],
         "sweep": sweep,
@@ -205,7 +205,7 @@ def as_json(motions: list[Ratio], sweep: dict) -> dict:
 
 
 def as_text(motions: list[Ratio], sweep: dict) -> str:
-    """Write all ratios, a line each."""
+    """Format all ratios, a line each."""
     lines = [
         "flow against others on the attractor, CPU time a period (building: beta = 1000, Omega = "
         "0.445; pounding: jobs/structures/pounding.toml, Omega = 0.4):"

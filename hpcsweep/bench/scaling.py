@@ -1,4 +1,4 @@
-"""Run time against the number of ranks, and against the number of floors."""
+"""Measure run time against the number of ranks and the number of floors."""
 
 import os
 import shutil
@@ -34,14 +34,14 @@ LIMIT = 600
 
 
 def cores() -> int:
-    """Count the cores this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def mpirun() -> str | None:
-    """Find the launcher: ``$HPCSWEEP_MPIRUN``, else beside this Python, else on the path."""
+    """Return the launcher: ``$HPCSWEEP_MPIRUN``, else beside this Python, else on the path."""
     own = Path(sys.executable).parent / "mpirun"
     return os.environ.get("HPCSWEEP_MPIRUN") or (
         str(own) if own.exists() else shutil.which("mpirun")
@@ -64,9 +64,9 @@ def ranks(
     Parameters
     ----------
     numbers : list of int, optional
-        Of ranks, the first one the base; default: 1, 2, 4, ... up to all cores.
+        Numbers of ranks, the first as the base; default: 1, 2, 4, ... up to all cores.
     turns : int
-        Times that all numbers are taken in turn; the least time of each is kept.
+        Number of turns over all numbers; the least time of each is kept.
     n_frames : int
         Frames of the job, 40 runs each.
 
@@ -75,8 +75,8 @@ def ranks(
     dict
         ``rows``: for each number of ranks ``seconds`` of the campaign without its start, their
         ``speedup`` and ``efficiency`` against the base, and ``command_seconds`` of the whole
-        command; ``load``: processes that were running before. Or ``skipped``: why nothing was
-        measured; or ``failed``: what a campaign said.
+        command; ``load``: processes that were already running. Or ``skipped``: why nothing was
+        measured; or ``failed``: the message of a campaign.
     """
     launcher = mpirun()
     if launcher is None:
@@ -121,7 +121,7 @@ def ranks(
 
 
 def _campaign(command: list, output: Path) -> tuple[float, float]:
-    """Run a campaign: seconds by the clock without and with its start."""
+    """Run a campaign; return its wall time (s) without and with its start."""
     whole = run_command(command)
     end = next(record for record in Journal(output).read()[::-1] if record["kind"] == "end")
     start = next(record for record in Journal(output).read() if record["kind"] == "start")
@@ -129,7 +129,7 @@ def _campaign(command: list, output: Path) -> tuple[float, float]:
 
 
 def run_command(command: list, **environment: str) -> float:
-    """Run a command to its end and return the seconds it took by the clock.
+    """Run a command and return its wall time (s).
 
     Raises
     ------
@@ -151,7 +151,7 @@ def run_command(command: list, **environment: str) -> float:
 
 
 def reason(error: subprocess.SubprocessError) -> str:
-    """Write the last line that a command left on its way out."""
+    """Return the last line of a failed command's output."""
     said = getattr(error, "stderr", None) or ""
     lines = (said if isinstance(said, str) else said.decode(errors="replace")).strip().splitlines()
     return lines[-1] if lines else str(error)
@@ -179,7 +179,7 @@ def floors(numbers=(1, 3, 10, 20, 30, 64), repeats: int = 3, n_periods: int = 10
 
 
 def ranks_as_text(result: dict) -> str:
-    """Write the scaling over ranks as a table, or why there is none."""
+    """Format the scaling over ranks as a table, or why there is none."""
     for kind in ("skipped", "failed"):
         if kind in result:
             return f"ranks: not measured: {result[kind]}"
@@ -202,7 +202,7 @@ def ranks_as_text(result: dict) -> str:
 
 
 def floors_as_text(rows: list[dict]) -> str:
-    """Write the scaling over floors as a table."""
+    """Format the scaling over floors as a table."""
     lines = ["flow against the number of floors (first resonance, 3 x grazing amplitude):"]
     lines += [
         f"  n = {row['n_floors']:3d}: {row['microseconds_per_period']:9.4g} us a period, "

@@ -1,10 +1,10 @@
-"""The rules that spare periods, against the window procedure, on random points of a map.
+"""Compare the skip rules with the window procedure on random points of a map.
 
-Points lie on short paths at random frequencies: the first run of a path starts from rest, the next
-ones from where the plain run of the amplitude before ended, as in a sweep. At every point a run
-with the rules and a plain one start from the same state. Where they differ, the plain run goes on
-from where it ended: if it then comes to what the run with the rules gave, it had not settled in
-the periods it had, and is called undecided; if not, a rule is wrong.
+Points lie on short paths at random frequencies: the first run of a path starts from rest, each next
+one from the end of the previous plain run, as in a sweep. At every point a run with the rules and a
+plain one start from the same state. Where they differ, the plain run is continued: if it then
+reaches the result of the run with the rules, it had not converged in its window, and counts as
+undecided; if not, a rule is wrong.
 """
 
 import math
@@ -43,23 +43,23 @@ LONGER = (2_000, 20_000)
 
 @dataclass(frozen=True)
 class Difference:
-    """One point at which the run with the rules and the plain run differ.
+    """A point at which the run with the rules and the plain run differ.
 
     Attributes
     ----------
     omega, amplitude : float
     state : list of 2n floats
-        From which both started.
+        State from which both started.
     skip_rule : str
         Rule that was used.
     what : list of str
         Results that differ.
     plain, skipped : str
-        Both results in short.
+        Short forms of both results.
     agrees_after : int
-        Periods more after which the plain run came to the same result; 0: it did not.
+        Additional periods after which the plain run reached the same result; 0: it did not.
     closer : float
-        Factor by which the plain run's distance from that result fell meanwhile.
+        Factor by which the plain run's distance from that result fell in these periods.
     """
 
     omega: float
@@ -74,7 +74,7 @@ class Difference:
 
 
 def random_path(index: int, seed: int) -> tuple[float, np.ndarray]:
-    """Draw the frequency and the amplitudes of a path; each index has its own stream."""
+    """Draw the frequency and the amplitudes of a path; each index has its own random stream."""
     rng = np.random.default_rng((seed, index))
     omega = float(rng.uniform(*OMEGA))
     length = (PATH - 1) * STEP
@@ -86,17 +86,17 @@ def distances(plain: dict, skipped: dict) -> dict[str, float]:
     """Measure how far apart the results of two runs are.
 
     Modal norms are means over the window. They are compared where the plain window holds whole
-    orbits: over what is left of another orbit its mean differs from the orbit's.
+    orbits: otherwise the mean over the incomplete one differs.
 
     Parameters
     ----------
     plain, skipped : dict
-        Of `sweep.sweep_block`, one run each.
+        Results of `sweep.sweep_block`, one run each.
 
     Returns
     -------
     dict
-        Drift relative, points as sets, the rest as arrays; NaN where a run failed.
+        Relative for drift, as sets for points, as arrays for the rest; NaN where a run failed.
     """
     whole = len(plain["poincare"]) % max(int(skipped["orbit_period"]), 1) == 0
     return {
@@ -108,14 +108,14 @@ def distances(plain: dict, skipped: dict) -> dict[str, float]:
 
 
 def _apart(left, right) -> float:
-    """Largest difference; 0 where both are NaN (floors that always touch have no modal norm)."""
+    """Return the largest difference; 0 where both are NaN (always in contact: no modal norm)."""
     left, right = np.atleast_1d(left), np.atleast_1d(right)
     apart = np.abs(left - right)
     return float(np.where(np.isnan(left) & np.isnan(right), 0.0, apart).max())
 
 
 def differences(plain: dict, skipped: dict, far: dict[str, float]) -> list[str]:
-    """Name the results in which two runs differ, `far` being their `distances`."""
+    """Return the names of results in which two runs differ, given their `distances`."""
     if plain["outcome"] != skipped["outcome"]:
         return ["outcome"]
     found = [name for name in ("orbit_period", "contact") if plain[name] != skipped[name]]
@@ -131,9 +131,9 @@ def _points(run: dict) -> np.ndarray:
 
 
 def set_distance(left: np.ndarray, right: np.ndarray) -> float:
-    """Hausdorff distance (maximum norm) of two sets of points, shapes (k, 2n) and (m, 2n).
+    """Return the Hausdorff distance (maximum norm) of two sets of points, (k, 2n) and (m, 2n).
 
-    Of two empty sets it is 0, of one infinite.
+    It is 0 for two empty sets, infinite for one.
     """
     if not len(left) or not len(right):
         return 0.0 if len(left) == len(right) else math.inf
@@ -149,7 +149,7 @@ class Comparison:
     structure : Structure
     omega : float
     settings : SweepSettings
-        With the rules that are tried.
+        Settings with the rules to compare.
     """
 
     def __init__(self, structure: Structure, omega: float, settings: SweepSettings):
@@ -163,7 +163,7 @@ class Comparison:
         """Largest distances of results that agree, in the units of `AGREE`."""
 
     def compare(self, amplitude: float, state: np.ndarray) -> tuple[dict, dict, Difference | None]:
-        """Do both runs from a state.
+        """Compute both runs from a state.
 
         Returns
         -------
@@ -197,7 +197,7 @@ class Comparison:
         return plain, skipped, difference
 
     def _go_on(self, amplitude, plain, skipped) -> tuple[int, float]:
-        """Go on with the plain run until it agrees: (periods, fall of the distance)."""
+        """Continue the plain run until it agrees; return (periods, fall of the distance)."""
         if SkipRule(skipped["skip_rule"]) is SkipRule.NONE:
             return 0, 1.0
         first = last = set_distance(_points(plain), _points(skipped))
@@ -218,7 +218,7 @@ def _run(frame: FrameRuns, amplitude: float, state: np.ndarray) -> dict:
 
 
 def describe(run: dict) -> str:
-    """Write a result in short, e.g. ``P2 contact 110 drift 1.234``."""
+    """Format a result briefly, e.g. ``P2 contact 110 drift 1.234``."""
     if run["outcome"] != Outcome.COMPLETE:
         return Outcome(run["outcome"]).name
     return f"P{run['orbit_period']} contact {int(run['contact']):b} drift {run['drift']:.9g}"
@@ -314,7 +314,7 @@ def _all_paths(paths: list[tuple], processes: int) -> Iterator[dict]:
 
 
 def as_text(result: dict) -> str:
-    """Write a result of `compare` as a report, one line for each difference."""
+    """Format a result of `compare` as a report, one line for each difference."""
     n = result["points"]
     share = {name: f"{name} {count}" for name, count in result["skip_rules"].items()}
     followed = result["periods_per_followed_point"]

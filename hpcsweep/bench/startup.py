@@ -1,4 +1,4 @@
-"""Seconds from the command to the end of a tiny job: with nothing compiled yet, and after."""
+"""Measure the wall time of a tiny job: with nothing compiled, and afterwards."""
 
 import subprocess
 import sys
@@ -24,10 +24,10 @@ def startup(repeats: int = 3, say: Callable = lambda text: None) -> dict:
     Returns
     -------
     dict
-        Seconds by the clock: ``cold`` (once, kernels are compiled into an empty cache) and
-        ``warm`` (median of the repeats, from that cache); ``libraries`` is Python with its
-        imports of numba, scipy and h5py alone, which no program that uses them gets below. Or
-        ``failed``: what the command said.
+        Seconds by the clock: ``cold`` (once, kernels are compiled into an empty cache) and ``warm``
+        (median of the repeats, from that cache); ``libraries`` is Python with its imports of numba,
+        scipy and h5py alone, the lower bound of any program that uses them. Or ``failed``: the
+        message of the command.
     """
     with tempfile.TemporaryDirectory() as folder:
         job, cache = Path(folder) / "tiny.toml", Path(folder) / "cache"
@@ -50,7 +50,7 @@ def startup(repeats: int = 3, say: Callable = lambda text: None) -> dict:
 
 
 def as_text(result: dict) -> str:
-    """Write the seconds on one line."""
+    """Format the seconds on one line."""
     if "failed" in result:
         return f"start-up: not measured: {result['failed']}"
     return (

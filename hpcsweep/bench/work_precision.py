@@ -1,7 +1,7 @@
-"""Run time against error: the solvers of this package and their peers on the same periods.
+"""Measure run time against error: the solvers of this package and their peers.
 
-All methods take the same periods from the same states, in turn, and the turns are repeated; the
-median and the spread (half the range between quartiles) are told. Errors are against
+All methods integrate the same periods from the same states, in turn, and the turns are repeated;
+the median and the spread (half the interquartile range) are reported. Errors are against
 `hpcsweep.solvers.reference`, which shares no code with any of them.
 """
 
@@ -90,12 +90,12 @@ def work_precision(
 
 
 def as_json(rows: list[Row]) -> dict:
-    """Put the rows into plain types."""
+    """Convert the rows to plain types."""
     return {"rows": [asdict(row) for row in rows], "not_installed": absent()}
 
 
 def as_text(rows: list[Row]) -> str:
-    """Write one table a regime."""
+    """Format one table a regime."""
     lines = ["run time against error: CPU us a forcing period (median +- half the quartile"]
     lines.append("range), and error at the end of the stretch (max norm, gaps and gaps omega_0):")
     methods_told = list(dict.fromkeys((row.method, row.rtol) for row in rows))

@@ -1,1 +1,1 @@
-"""Whether results and solvers are right: files, invariants, runs computed again, extremes."""
+"""Verify results and solvers: files, invariants, recomputed runs, extremes."""

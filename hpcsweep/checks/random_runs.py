@@ -1,4 +1,4 @@
-"""Random runs of one period, from all that the model defines, ends included."""
+"""Draw random runs of one period, over all that the model defines, including its limits."""
 
 import math
 
@@ -33,7 +33,7 @@ def _frequency(rng) -> float:
 
 
 def random_state(rng, structure: Structure) -> np.ndarray:
-    """Draw a state: anywhere, resting, or with floors at the stop at 1; at times a huge one."""
+    """Draw a state: anywhere, at rest, or with floors at the stop at 1; sometimes huge."""
     n = structure.n_floors
     z = rng.normal(0.0, 0.7, 2 * n)
     if rng.random() < NEAR_STOP:
@@ -66,13 +66,13 @@ def any_structure(rng) -> tuple[Structure, float]:
     structure = random_structure(rng, rho, HALF)
     omega = _frequency(rng) * structure.frequency_unit
     if rng.random() < 0.9:
-        # else most of the periods have more steps than the cap
+        # otherwise most periods exceed the step limit
         omega = max(omega, highest_frequency(structure) / FASTEST)
     return structure, omega
 
 
 def any_run(rng, structure: Structure) -> tuple[float, np.ndarray]:
-    """Draw an amplitude and a state, in the units of the structure; contacts near their stops."""
+    """Draw an amplitude and a state, in the structure's units, with contacts near their stops."""
     units = structure.state_units
     z = rng.normal(0.0, 0.7, units.size) * units
     if structure.contacts and rng.random() < NEAR_STOP:

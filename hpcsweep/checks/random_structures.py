@@ -1,4 +1,4 @@
-"""Random structures of any kind, and states at their stops."""
+"""Draw random structures of any kind, and states at their stops."""
 
 import math
 from typing import Any
@@ -10,7 +10,7 @@ from hpcsweep.model.structure import Structure
 
 
 def log_uniform(rng, low: float, high: float) -> float:
-    """Draw a number from `low` to `high`, its logarithm evenly."""
+    """Draw a number from `low` to `high`, log-uniformly."""
     return float(10 ** rng.uniform(math.log10(low), math.log10(high)))
 
 
@@ -20,7 +20,7 @@ def _decades(rng, number, half):
 
 
 def _full(rng, diagonal):
-    """Draw a full symmetric definite matrix whose diagonal is of the size of that given."""
+    """Draw a full symmetric definite matrix with a diagonal of the given magnitude."""
     n = len(diagonal)
     part = rng.normal(size=(n, n)) / math.sqrt(n)
     root = np.sqrt(diagonal)
@@ -29,7 +29,7 @@ def _full(rng, diagonal):
 
 
 def _gap(rng):
-    """Draw a gap, in units that are chosen later."""
+    """Draw a gap, before units are chosen."""
     kind = rng.random()
     if kind < 0.2:
         return 0.0
@@ -62,7 +62,7 @@ def random_structure(rng, sharpness: float, half: float = 2.0) -> Structure:
     sharpness : float
         Of a gap of 1.
     half : float
-        Masses, storeys and contacts are spread over 2 `half` decades each.
+        Masses, storeys and contacts each spread over 2 `half` decades.
     """
     unit = log_uniform(rng, 1e-3, 1e3)
     rate = log_uniform(rng, 1e-1, 1e1)
@@ -124,14 +124,14 @@ def highest_frequency(structure: Structure) -> float:
 
 
 def put(structure: Structure, z: np.ndarray, wanted: list[tuple[int, float, float]]) -> np.ndarray:
-    """Change z, as little as the masses allow, so that contacts have a distance and a speed.
+    """Change z, least in the norm of the masses, so that contacts have given distances and speeds.
 
     Parameters
     ----------
     structure : Structure
     z : ndarray, shape (2n,)
     wanted : list of (int, float, float)
-        Place of a contact, how far past its stop, how fast.
+        Index of a contact, its distance past the stop, its speed.
     """
     n = structure.n_floors
     inverse = np.linalg.inv(structure.mass_matrix)

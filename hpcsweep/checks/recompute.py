@@ -1,21 +1,21 @@
-"""One stored run computed again, with the other solver and as it was.
+"""Recompute a stored run, with the other solver and as it was.
 
 With the other solver, at a tight tolerance:
 
 periodic run (period p)
-    From the stored last point, p forcing periods: every point on the way must be the stored one, so
-    that the orbit closes; where the run ended on the orbit (it was cut short by a rule), contact
-    set, drift and modal norms must be those of the orbit, otherwise they must not exceed the
-    stored ones.
+    From the stored last point, p forcing periods: every point on the way must equal the stored one,
+    so that the orbit closes. Where the run ended on the orbit (by a skip rule), contact set, drift
+    and modal norms must be those of the orbit; otherwise they must not exceed the stored ones.
 aperiodic run
-    From a few stored points, one forcing period each: the next stored point must come out, with
-    contact and drift within the stored ones. A longer comparison would measure chaos, not errors.
+    From a few stored points, one forcing period each: the result must be the next stored point,
+    with contact and drift within the stored ones. A longer comparison would measure chaos, not
+    errors.
 
-The difference allowed is what the two tolerances promise, times the growth of the tangent map on
-the way.
+The allowed difference is that of the two tolerances, times the growth of the tangent map on the
+way.
 
-As it was: the whole run from the stored state of the run before it, by ``flow``. This proves the
-path: if the run was periodic and the file's solver is ``flow``, the same points must come out.
+As it was: the whole run from the stored state of the previous run, by ``flow``. This verifies the
+path: if the run was periodic and the file's solver is ``flow``, the points must be the same.
 """
 
 from dataclasses import dataclass, replace
@@ -41,7 +41,7 @@ LEAST_ALLOWED = 1e-7
 
 @dataclass
 class RunAgain:
-    """One run computed again.
+    """Result of recomputing one run.
 
     Attributes
     ----------
@@ -56,13 +56,13 @@ class RunAgain:
     compared : str
         What was compared with it.
     difference, allowed : float or None
-        Largest difference of a point (in units of the state), and what is allowed; None if nothing
+        Largest difference of a point (in units of the state), and the allowed one; None if nothing
         could be compared.
     whole_run : str
         Outcome of the whole run by ``flow``: ``equal`` to the last bit, ``same`` within the
         allowed difference, ``other`` points.
     problem : str
-        '' if all is well.
+        '' if there is none.
     """
 
     at: str
@@ -78,7 +78,7 @@ class RunAgain:
 
 
 def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
-    """Compute one complete run again.
+    """Recompute one complete run.
 
     Parameters
     ----------
@@ -115,14 +115,14 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
 
 
 def _badness(again: RunAgain) -> tuple[bool, float]:
-    """Order the motions of a run: those with a problem last, then by their difference."""
+    """Sort key of the motions of a run: those with a problem last, then by difference."""
     if again.difference is None or not again.allowed:
         return bool(again.problem), -1.0
     return bool(again.problem), again.difference / again.allowed
 
 
 def _compare_motion(study, again: RunAgain, solver, tangent, run: dict) -> None:
-    """Compute a motion again with the other solver."""
+    """Recompute a motion with the other solver."""
     try:
         if again.orbit_period:
             _compare_orbit(study, again, solver, tangent, run)
@@ -143,7 +143,7 @@ def _allowed(study, other: str, growth: float) -> float:
 
 
 def _norm(tangent: np.ndarray, units: np.ndarray) -> float:
-    """Return the growth of a tangent map; 1 if it is not known, which allows the least."""
+    """Return the growth of a tangent map; 1, the strictest value, if it is unknown."""
     scaled = tangent * units / units[:, None]
     return float(np.linalg.norm(scaled, 2)) if np.all(np.isfinite(scaled)) else 1.0
 
@@ -161,7 +161,7 @@ def _observe(solver, z, amplitude: float, n_periods: int, name: str):
 
 
 def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
-    """Carry the last point of a periodic run once round its orbit."""
+    """Integrate from the last point of a periodic run once around its orbit."""
     period, amplitude = again.orbit_period, again.amplitude
     off_path = int(run.get("classification_cycles", 0)) > 0
     if off_path and "poincare" not in run:
@@ -180,14 +180,14 @@ def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     again.allowed = _allowed(study, again.solver, growth)
     on_orbit = int(run["skip_rule"]) != SkipRule.NONE or off_path
     if not on_orbit:
-        # all that is promised is that the points repeat within this
+        # the points are only known to repeat within this
         again.allowed += study.settings.period_tolerance * growth
     _judge_points(again)
     _judge_metrics(study, again, seen, run, on_orbit)
 
 
 def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
-    """Carry a few points of an aperiodic run to the next ones."""
+    """Integrate from a few points of an aperiodic run to the next ones."""
     points = run["poincare"][: int(run["n_points"])]
     places: list[int] = []
     if len(points) > 1:
@@ -208,7 +208,7 @@ def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
 
 
 def _judge_points(again: RunAgain) -> None:
-    """Judge the largest difference of a point, which has been found."""
+    """Judge the largest difference of a point."""
     assert again.difference is not None
     assert again.allowed is not None
     if not again.difference <= again.allowed:
@@ -250,7 +250,7 @@ def _short(values: np.ndarray) -> str:
 def _compare_whole(
     study, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
 ) -> None:
-    """Do the whole run again by `flow`, from where the run before it ended."""
+    """Recompute the whole run by `flow`, from the end of the previous run."""
     own = study.settings.solver == "flow"
     by_flow = study if own else study.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
     result = by_flow.compute_run(block, row, start)

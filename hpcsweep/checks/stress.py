@@ -1,9 +1,9 @@
-"""Numerical stability: the solvers at, and beyond, the ends of what anyone would ask of them.
+"""Test numerical stability: the solvers at, and beyond, the limits of any reasonable use.
 
 Every case passes if the run ends with COMPLETE and finite, consistent results, or with a named
-outcome (non-finite, step limit, solver failed: data for whoever asked). It fails on a NaN that is
-called complete, on an error above its limit, on a missed cap, on an exception, and if it does not
-answer in `Case.seconds`.
+outcome (non-finite, step limit, solver failed). It fails on a NaN reported as complete, on an error
+above its limit, on a missed step limit, on an exception, and if it takes longer than
+`Case.seconds`.
 """
 
 import math
@@ -46,7 +46,7 @@ DRAWN = {"random": (uniform_building, random_run), "random, any": (any_structure
 
 @dataclass(frozen=True)
 class Answer:
-    """What happened: an outcome by name (or several), a remark, and whether that is well."""
+    """Answer to a case: outcomes by name, a remark, and whether it passed."""
 
     outcome: str
     remark: str
@@ -54,7 +54,7 @@ class Answer:
 
 
 def energy(structure: Structure, z: np.ndarray) -> float:
-    """Energy of an undamped structure and its stops.
+    """Compute the energy of an undamped structure and its stops.
 
     A contact at the distance x past its stop pushes with kappa S(rho x) x, which has the potential
     kappa (max(x, 0)^2 / 2 - P(x)), with P(x) = int_-inf^x |s| / (1 + exp(rho |s|)) ds by the
@@ -77,7 +77,7 @@ def energy(structure: Structure, z: np.ndarray) -> float:
 
 
 def answer(case: Case | None) -> Answer | None:
-    """Run one case; None compiles what all of them need."""
+    """Run one case; None compiles the kernels that all of them need."""
     if case is None:
         make_solver("flow", Structure(1), 1.0, 1e-9).observe(np.array([0.9, 1.0]), 0.1, 1, True)
         reference_points(Structure(1), 0.1, 1.0, np.array([0.9, 1.0]), 1)
@@ -103,7 +103,7 @@ def answer(case: Case | None) -> Answer | None:
 
 
 def _inconsistent(structure, seen, n_periods):
-    """Name what a run may never do, or give an empty text."""
+    """Describe an inconsistency of a run; '' if there is none."""
     if not np.all(np.isfinite(seen.points)):
         return "points that are not finite are handed out"
     if seen.outcome is not Outcome.COMPLETE:
@@ -190,18 +190,18 @@ def _random_runs(case: Case) -> Answer:
 
 
 def stress(quick: bool, seed: int, say: Callable = lambda text: None) -> list[dict]:
-    """Put all cases to the solvers, in a process that is ended if it hangs.
+    """Run all cases, in a process that is killed if it hangs.
 
     Returns
     -------
     list of dict
-        One a case: what was asked, ``outcome``, ``remark``, ``passed``, ``seconds``.
+        The fields of `Case` and `Answer`, and ``took`` (s), for each case.
     """
     rows = []
     begun = time.perf_counter()
-    for case, told in each(answer, cases(quick, seed), lambda case: case.seconds):
+    for case, result in each(answer, cases(quick, seed), lambda case: case.seconds):
         now = time.perf_counter()
-        got = Answer("LOST", told.reason, False) if isinstance(told, Lost) else told
+        got = Answer("LOST", result.reason, False) if isinstance(result, Lost) else result
         rows.append({**asdict(case), **asdict(got), "took": now - begun})
         begun = now
         say(row_text(rows[-1]))
@@ -209,7 +209,7 @@ def stress(quick: bool, seed: int, say: Callable = lambda text: None) -> list[di
 
 
 def merged(rows: list[dict]) -> list[dict]:
-    """Put all batches of random runs of a kind that passed into one row."""
+    """Merge all passed batches of random runs of a kind into one row."""
     for kind in DRAWN:
         random = [row for row in rows if row["kind"] == kind and row["passed"]]
         if len(random) < 2:
@@ -231,14 +231,14 @@ def merged(rows: list[dict]) -> list[dict]:
 
 
 def row_text(row: dict) -> str:
-    """Write one case on one line."""
+    """Format one case on one line."""
     verdict = "pass" if row["passed"] else "FAIL"
     head = f"{verdict}  {row['group']:14s} {row['asked']:48s}"
     return f"{head} {row['took']:7.2f} s  {row['outcome']}  {row['remark']}".rstrip()
 
 
 def as_text(rows: list[dict]) -> str:
-    """Write the table."""
+    """Format all cases as a table."""
     failed = sum(not row["passed"] for row in rows)
     lines = [row_text(row) for row in merged(rows)]
     seconds = sum(row["took"] for row in rows)
@@ -247,7 +247,7 @@ def as_text(rows: list[dict]) -> str:
 
 
 def as_json(rows: list[dict]) -> dict:
-    """Put everything into plain types; infinite numbers become text."""
+    """Convert to plain types; infinite numbers become text."""
 
     def plain(value):
         if isinstance(value, float) and not math.isfinite(value):

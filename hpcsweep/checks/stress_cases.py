@@ -1,4 +1,4 @@
-"""The questions that `stress` puts to the solvers."""
+"""Cases of `stress`."""
 
 import math
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ floors."""
 
 @dataclass(frozen=True)
 class Case:
-    """One question to a solver.
+    """One case for a solver.
 
     Attributes
     ----------
@@ -30,15 +30,15 @@ class Case:
         ``"run"``, ``"reference"``, ``"energy"``, ``"linear"``, ``"random"`` or ``"random, any"``;
         see `answer`.
     group, asked : str
-        For the reader.
+        Descriptions for the reader.
     structure : dict
         Arguments of `made`.
     state : tuple of 2n floats
         Empty: at rest.
     n_periods : int
-        For random runs their number.
+        Forcing periods; for random runs their number.
     seconds : float
-        Time in which it must answer.
+        Time limit.
     complete : bool
         Whether any outcome but COMPLETE is a failure.
     """
@@ -66,7 +66,7 @@ def cases(quick: bool, seed: int) -> Iterator[Case]:
     yield from _energy(long)
     yield from _any_structure(long)
     for k in range(3 if quick else 1000):
-        # the last of three has structures of any kind
+        # every third batch has structures of any kind
         kind, group = ("random, any", "any structure") if k % 3 == 2 else ("random", "random runs")
         yield Case(
             kind, group, f"{BATCH} runs, seed {seed}.{k}", n_periods=BATCH,

@@ -1,4 +1,4 @@
-"""Structures of any kind that are hard, for `stress`: by name, as arguments of `made`."""
+"""Hard structures of any kind for `stress`: by name, as arguments of `made`."""
 
 import math
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ OBLIQUE = ((0.6, -0.3, 0.2), (-0.2, 0.9, 0.4), (0.5, 0.5, -0.7), (0.1, -0.8, 0.6
 
 
 def made(given: dict) -> Structure:
-    """Make the structure of a case: a building, or with ``contacts`` one of matrices."""
+    """Return the structure of a case: a building, or with ``contacts`` one of matrices."""
     if "contacts" not in given:
         return Structure(**given)
     contacts = [Contact(*contact) for contact in given["contacts"]]
@@ -22,7 +22,7 @@ def made(given: dict) -> Structure:
 
 
 def _three(rho: float, contacts: list, **more) -> dict:
-    """Three masses in a row, with contacts (direction, gap, stiffness)."""
+    """Return three masses in a row, with contacts (direction, gap, stiffness)."""
     given = {"mass": [1.0, 2.0, 1.0], "stiffness": CHAIN, "contacts": contacts, "sharpness": rho}
     if "damping" not in more:
         given["damping_ratio"] = 0.05
@@ -34,7 +34,7 @@ def _turned(direction: tuple) -> tuple:
 
 
 def hard_structures(rho: float) -> Iterator[tuple[str, dict]]:
-    """Return the structures whose contacts have that sharpness (of a gap of 1)."""
+    """Return the structures whose contacts have a sharpness (of a gap of 1)."""
     yield from _decades(rho)
     yield from _contacts(rho)
     yield from _places(rho)
@@ -51,7 +51,7 @@ def hard_structures(rho: float) -> Iterator[tuple[str, dict]]:
 
 
 def _decades(rho):
-    """Masses, storeys, contacts and units far from 1."""
+    """Return structures with masses, storeys, contacts and units far from 1."""
     for half in (2, 4, 6):
         spread = (10.0 ** np.linspace(-half, half, 4)).tolist()
         name = f"from 1e-{half} to 1e{half}"
@@ -73,7 +73,7 @@ def _decades(rho):
 
 
 def _contacts(rho):
-    """Contacts in oblique directions."""
+    """Return structures with contacts in oblique directions."""
     oblique = [(d, 0.1 * k, 10.0 ** (1 + k % 3)) for k, d in enumerate(OBLIQUE)]
     yield "four oblique contacts", _three(rho, oblique)
     both = [*oblique, *((_turned(d), g, kappa) for d, g, kappa in oblique)]
@@ -88,7 +88,7 @@ def _contacts(rho):
 
 
 def _places(rho):
-    """Return stops at one place, on one row, at rest, and beyond it."""
+    """Return structures with coincident stops, stops in a row, at rest, and beyond it."""
     yield "gaps of 0 on both sides", {"gap": 0.0, "gap_left": 0.0, "sharpness": rho}
     some = {"gap": (1.0, math.inf, 0.0), "gap_left": (math.inf, math.inf, 0.0)}
     yield "gaps of 0 on both sides of one floor", {**some, "sharpness": rho}

@@ -1,4 +1,4 @@
-"""Measured error against the tolerance that was requested."""
+"""Measure errors against the requested tolerance."""
 
 import itertools
 from collections.abc import Callable
@@ -22,7 +22,7 @@ FLOOR = {"flow": 1e-10, "bdf": 2e-11}
 
 @dataclass(frozen=True)
 class Regime:
-    """One motion whose next period is measured from several states of its path."""
+    """One motion, measured over one period from several states of its path."""
 
     name: str
     structure: Structure
@@ -51,7 +51,7 @@ class Row:
 
 
 def regimes() -> list[Regime]:
-    """Return the motions: free, slow and fast contact, soft and sharp stops, one floor and six."""
+    """Return the motions: free, slow and fast contact, soft and sharp stops, one and six floors."""
     printed = Structure()
     return [
         Regime("no contact", printed, 0.012),
@@ -73,8 +73,8 @@ def measure(
 ) -> list[Row]:
     """Measure both solvers at every tolerance against the Taylor reference.
 
-    The states are stroboscopic points. Each period starts on the reference's path,
-    so that errors are those of one period.
+    The states are stroboscopic points. Each period starts on the reference's path, so errors are
+    those of one period.
     """
     rows = []
     for regime in regimes() if chosen is None else chosen:
@@ -97,12 +97,12 @@ def measure(
 
 
 def as_json(rows: list[Row]) -> list[dict]:
-    """Put the rows into plain types."""
+    """Convert the rows to plain types."""
     return [asdict(row) for row in rows]
 
 
 def as_text(rows: list[Row]) -> str:
-    """Write a table: error by regime and solver, a column for each tolerance."""
+    """Format a table: error by regime and solver, a column for each tolerance."""
     requested = sorted({row.rtol for row in rows}, reverse=True)
     lines = ["error of one period by requested tolerance"]
     lines.append(f"{'':27s}{'':5s}" + "".join(f"{rtol:8.0e}" for rtol in requested))

@@ -1,12 +1,12 @@
-"""Whether a results file is sound: checksums, promises, and runs computed again.
+"""Validate a results file: checksums, invariants, and recomputed runs.
 
 Three kinds of evidence, from cheap to costly:
 
-1. the layout and every committed block: its checksum, which covers the state it starts from, so
-   that a task's blocks form one path, and the invariants of its numbers (`Study.check`);
-2. where a checksum fails, the block is computed again: if that fits the checksum, the bytes that
+1. the layout and every committed block: its checksum, which covers its start state, so that a
+   task's blocks form one path, and the invariants of its numbers (`Study.check`);
+2. where a checksum fails, the block is recomputed: if that fits the checksum, the bytes that
    differ are exactly the damaged ones;
-3. a random sample of runs is computed again, with the other solver among them (`recompute`).
+3. a random sample of runs is recomputed, also with the other solver (`recompute`).
 """
 
 import math
@@ -38,12 +38,12 @@ LOCATING_SECONDS = 60.0
 
 @dataclass
 class Report:
-    """What was found; `sound` is the verdict.
+    """Findings of a validation; `sound` is the verdict.
 
     Attributes
     ----------
     blocks, committed : int
-        Blocks of the job, and those that have a checksum; the others are not there yet.
+        Blocks of the job, and those that have a checksum; the others are not computed yet.
     problems : list of str
         At most `LISTED`; `n_problems` counts all.
     sample : list of RunAgain
@@ -60,30 +60,30 @@ class Report:
 
     @property
     def sound(self) -> bool:
-        """Whether nothing is wrong with what is in the file."""
+        """Whether no problem was found in the file."""
         return self.n_problems == 0
 
     def add(self, problem: str) -> None:
-        """Count a problem, and describe it if it is among the first."""
+        """Count a problem, and list it if it is among the first."""
         self.n_problems += 1
         if len(self.problems) < LISTED:
             self.problems.append(problem)
 
 
 class _OutOfTime(Exception):
-    """Raised out of a block that takes too long to compute again."""
+    """Raised where a block takes too long to recompute."""
 
 
 def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
-    """Examine a results file, live or not, without disturbing its writers.
+    """Validate a results file, live or not, without disturbing its writers.
 
     Parameters
     ----------
     path : str or Path
     samples : int
-        Runs to compute again; 0 for none.
+        Number of runs to recompute; 0 for none.
     seed : int
-        Of the choice of these runs.
+        Seed of the choice of these runs.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def _row(study, block: Block, row: int) -> str:
 
 
 class _Checker:
-    """Verifies the committed blocks of a file."""
+    """Checker of the committed blocks of a file."""
 
     def __init__(self, blocks: Blocks, report: Report):
         self._blocks, self._report = blocks, report
@@ -196,7 +196,7 @@ class _Checker:
         return rows, good
 
     def _describe_damage(self, block: Block, start: np.ndarray, rows: dict, deadline: float):
-        """Say which bytes of a damaged block are wrong; return its true rows if they are known."""
+        """Report the wrong bytes of a damaged block; return its true rows if they are known."""
         blocks, report = self._blocks, self._report
         first, last = (_along(self._study, block, k) for k in (0, block.n_runs - 1))
         what = (
@@ -231,7 +231,7 @@ class _Checker:
         return true
 
     def _compute(self, block: Block, start: np.ndarray, deadline: float) -> dict | None:
-        """Compute a block as `run` did; None if it takes too long."""
+        """Recompute a block as `run` did; return None if it takes too long."""
 
         def poll() -> None:
             if time.monotonic() > deadline:

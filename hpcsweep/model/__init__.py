@@ -1,1 +1,1 @@
-"""The structure, its contact law and its equations of motion."""
+"""Structures, their contact law and their equations of motion."""

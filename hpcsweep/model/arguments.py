@@ -1,7 +1,7 @@
-"""Checks of what a caller hands over: the value in the form the callee works with, or one line.
+"""Check arguments: return the value in the form that the callee needs, or raise one line.
 
-A `ValueError` says the argument's name, its limit and its value, which is shortened. Numbers that
-come out of files and arrays are numbers: those of numpy, and arrays without dimensions.
+A `ValueError` states the argument's name, its limit and its shortened value. Numbers from files and
+arrays are accepted: those of numpy, and arrays without dimensions.
 """
 
 import math
@@ -23,25 +23,25 @@ LONGEST = 60
 
 
 def refused(name: str, limit: str, value: object) -> ValueError:
-    """Make the error of an argument: what it must be, and what it is."""
+    """Return the error for an argument: what it must be, and what it is."""
     return ValueError(f"{name} must be {limit}, is {shown(value)}")
 
 
 def shown(value: object) -> str:
-    """Write a value on one line, shortened; numbers too long to be written by their digits."""
+    """Format a value on one line, shortened; very long numbers by their number of digits."""
     if isinstance(value, int) and value.bit_length() > 8 * LONGEST:
         return f"a whole number of {value.bit_length()} bits"
     if isinstance(value, np.ndarray) and value.ndim:
         return f"an array of {value.dtype}, shape {value.shape}"
     try:
         text = " ".join(reprlib.repr(value).split())
-    except Exception:  # of a foreign class, or of digits that Python does not write
+    except Exception:  # of a foreign class, or with more digits than Python prints
         text = f"a {type(value).__name__}"
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
 def real(name: str, value: object) -> float:
-    """Take a real number in double precision, or NaN.
+    """Return a real number in double precision, or NaN.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def number(
     least: float = -math.inf,
     most: float = math.inf,
 ) -> float:
-    """Take a real number that is no NaN, from `least` to `most`.
+    """Return a real number other than NaN, from `least` to `most`.
 
     Raises
     ------
@@ -82,12 +82,12 @@ def number(
 
 
 def finite(name: str, value: object) -> float:
-    """Take a finite real number."""
+    """Return a finite real number."""
     return number(name, value, "finite", -LARGEST, LARGEST)
 
 
 def positive(name: str, value: object) -> float:
-    """Take a finite real number above 0."""
+    """Return a finite real number above 0."""
     found = finite(name, value)
     if found <= 0:
         raise refused(name, "finite and positive", found)
@@ -95,7 +95,7 @@ def positive(name: str, value: object) -> float:
 
 
 def count(name: str, value: object, least: int = 0, most: int = MAX_COUNT) -> int:
-    """Take a whole number from `least` to `most`; no fraction, though it be whole.
+    """Return an integer from `least` to `most`; floats are refused, even integral ones.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def count(name: str, value: object, least: int = 0, most: int = MAX_COUNT) -> in
 
 
 def vector(name: str, value: object, size: int) -> np.ndarray:
-    """Copy a sequence of `size` real numbers, NaN and inf among them; shape (size,).
+    """Return a copy of `size` real numbers, possibly NaN or inf; shape (size,).
 
     Raises
     ------
@@ -127,7 +127,7 @@ def vector(name: str, value: object, size: int) -> np.ndarray:
 
 
 def finite_vector(name: str, value: object, size: int) -> np.ndarray:
-    """Copy a sequence of `size` finite numbers.
+    """Return a copy of `size` finite numbers, shape (size,).
 
     Raises
     ------
@@ -140,14 +140,14 @@ def finite_vector(name: str, value: object, size: int) -> np.ndarray:
 
 
 def finite_vectors(name: str, value: Any, size: int) -> np.ndarray:
-    """Take vectors of `size` finite numbers, shape (m, size)."""
+    """Return vectors of `size` finite numbers, shape (m, size)."""
     if isinstance(value, str | bytes) or not isinstance(value, Sequence | np.ndarray):
         raise refused(name, f"an array of shape (m, {size})", value)
     return np.array([finite_vector(name, one, size) for one in value]).reshape(-1, size)
 
 
 def array(name: str, value: object) -> np.ndarray:
-    """Copy an array of real numbers of any shape.
+    """Return a copy of an array of real numbers of any shape.
 
     Raises
     ------
@@ -155,9 +155,9 @@ def array(name: str, value: object) -> np.ndarray:
     """
     try:
         found = np.array(value)
-    except Exception:  # rows of different lengths, and what foreign classes raise
+    except Exception:  # rows of different lengths, and errors of foreign classes
         raise refused(name, "an array of numbers", value) from None
-    if found.dtype.kind == "O" and found.ndim:  # fractions, whole numbers of any size
+    if found.dtype.kind == "O" and found.ndim:  # fractions, integers of any size
         found = np.array([real(name, one) for one in found.flat]).reshape(found.shape)
     if found.dtype.kind not in "iuf":
         raise refused(name, "an array of numbers", value)
@@ -165,7 +165,7 @@ def array(name: str, value: object) -> np.ndarray:
 
 
 def rows(name: str, value: object) -> np.ndarray:
-    """Take an array of real numbers of two dimensions; one in double precision is not copied.
+    """Return a two-dimensional array of real numbers; one in double precision is not copied.
 
     Raises
     ------
@@ -180,7 +180,7 @@ def rows(name: str, value: object) -> np.ndarray:
 
 
 def words(name: str, value: object) -> tuple[str, ...]:
-    """Take a sequence of texts; one text is none.
+    """Return a sequence of strings; a single string is refused.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def words(name: str, value: object) -> tuple[str, ...]:
 
 
 def choice(name: str, value: object, known: Collection[str]) -> str:
-    """Take one of some words.
+    """Return one of the known words.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def choice(name: str, value: object, known: Collection[str]) -> str:
 
 
 def instance(name: str, value: object, kind: type[Kind]) -> Kind:
-    """Take an object of a class.
+    """Return an instance of a class.
 
     Raises
     ------
@@ -218,5 +218,5 @@ def instance(name: str, value: object, kind: type[Kind]) -> Kind:
 
 
 def plain(value: Any) -> Any:
-    """Return what an array without dimensions holds; anything else as it is."""
+    """Return the value of an array without dimensions; anything else unchanged."""
     return value.item() if getattr(value, "shape", None) == () else value

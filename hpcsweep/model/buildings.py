@@ -1,4 +1,4 @@
-"""Buildings side by side, as an engineer writes them: masses, storeys, gaps between floors."""
+"""Buildings side by side, in an engineer's terms: masses, storeys, gaps between floors."""
 
 import math
 from collections.abc import Sequence
@@ -27,11 +27,11 @@ class Building:
         Of each floor, from the lowest on.
     storey_stiffness : float or sequence of n floats
     storey_height : float or sequence of n floats, optional
-        From which follow the floors that face each other.
+        Heights determine the floors that face each other.
     damping_ratio : float or sequence of n floats
         Of the building's own modes.
     rayleigh : (float, float), optional
-        (alpha, beta) of its damping matrix alpha M + beta K, in place of that.
+        (alpha, beta) of its damping matrix alpha M + beta K, in place of `damping_ratio`.
     name : str
     """
 
@@ -54,7 +54,7 @@ class Building:
             object.__setattr__(self, "storey_height", heights)
 
     def _each(self, name: str, given: Any) -> tuple[float, ...]:
-        """Read one number for all floors, or one for each."""
+        """Return a value for each floor, from one number or one for each."""
         given = plain(given)
         if hasattr(given, "__len__"):
             return vector(name, given, len(self.mass), "numbers, one per floor")
@@ -62,7 +62,7 @@ class Building:
 
     @property
     def structure(self) -> Structure:
-        """The building alone, without a stop."""
+        """Structure of the building alone, without stops."""
         return Structure(
             n_floors=len(self.mass),
             stiffness_ratio=0.0,
@@ -75,7 +75,7 @@ class Building:
 
     @property
     def heights(self) -> tuple[float, ...]:
-        """Height of each floor above the ground; the floors' numbers where none are given."""
+        """Height of each floor above the ground; by default the number of the floor."""
         if self.storey_height is None:
             return tuple(float(i) for i in range(1, len(self.mass) + 1))
         return tuple(np.cumsum(self.storey_height).tolist())
@@ -92,9 +92,9 @@ def adjacent(
     tension: bool = False,
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC,
 ) -> Structure:
-    """Make the structure of buildings that pound each other, from left to right.
+    """Return the structure of buildings that pound each other, from left to right.
 
-    Floors at equal heights touch, where no `storey_height` is given those of equal number.
+    Floors at equal heights touch; without `storey_height`, floors of equal number.
 
     Parameters
     ----------
@@ -105,10 +105,10 @@ def adjacent(
     sharpness : float
         See `Structure`.
     restitution : float or sequence of float, optional
-        Coefficient of restitution of the contacts, above 0 and at most 1: of two floors that
-        collide as if they were alone.
+        Coefficient of restitution of the contacts, above 0 and at most 1, for two floors that
+        collide as if alone.
     damping : float or sequence of float, optional
-        Coefficient of their dashpots, in place of it.
+        Coefficient of their dashpots, in place of `restitution`.
     tension : bool
         Whether the dashpots may pull, see `Contact`.
     harmonics : sequence of (order, amplitude, phase)
@@ -117,12 +117,12 @@ def adjacent(
     Returns
     -------
     Structure
-        Its `names` say building and floor.
+        Its `names` identify building and floor.
 
     Raises
     ------
     ValueError
-        If a value is outside its range, or a floor faces a column; one line says which.
+        If a value is outside its range, or a floor faces a column; the message is one line.
     """
     if len(buildings) < 2:
         raise ValueError(f"building must be given twice or more, is given {len(buildings)} times")
@@ -198,7 +198,7 @@ def _levels(name: str, given: Any, count: int) -> tuple[float, ...]:
 
 
 def _block(matrices: Sequence[np.ndarray]) -> np.ndarray:
-    """Put matrices on the diagonal of one."""
+    """Return a block-diagonal matrix."""
     rows, columns = (sum(m.shape[axis] for m in matrices) for axis in (0, 1))
     whole = np.zeros((rows, columns))
     at = np.zeros(2, int)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class ContactNames:
-    """What the contacts of a structure are called."""
+    """Names of the contacts of a structure."""
 
     n_floors: int
     matrices: "Matrices | None"
@@ -23,18 +23,18 @@ class ContactNames:
 
     @property
     def all_contact_numbers(self) -> tuple[int, ...]:
-        """As `contact_numbers`, with those that are left out."""
+        """As `contact_numbers`, including contacts out of reach."""
         raise NotImplementedError
 
     def contact_bits(self, key: int) -> int:
-        """Return the contact set of a file, bit k - 1 for contact number k, from bits in a row."""
+        """Return the contact set as in files, bit k - 1 for contact number k, from a key."""
         if self.contact_numbers == tuple(range(1, len(self.contact_numbers) + 1)):
             return key
         return sum(1 << (k - 1) for i, k in enumerate(self.contact_numbers) if key >> i & 1)
 
     @cached_property
     def contact_labels(self) -> tuple[str, ...]:
-        """Label of every number a contact can have, e.g. 2 or 2L (left); empty: no such contact."""
+        """Label of every contact number, e.g. 2 or 2L (left); '' where there is no such contact."""
         own = {k: self._label(k) for k in self.contact_numbers}
         return tuple(own.get(k, "") for k in range(1, max(own, default=0) + 1))
 
@@ -44,6 +44,6 @@ class ContactNames:
 
     @property
     def contact_names(self) -> dict[int, str]:
-        """Name of each of `all_contact_numbers`: as given, A3-B3 say, or its label."""
+        """Name of each of `all_contact_numbers`: as given, e.g. A3-B3, or its label."""
         names = self.names.contacts or tuple(map(self._label, self.all_contact_numbers))
         return dict(zip(self.all_contact_numbers, names, strict=True))

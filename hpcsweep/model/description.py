@@ -1,4 +1,4 @@
-"""A structure told in plain values, for files that are read without their job, and in words."""
+"""Describe a structure in plain values, for files read without their job, and in words."""
 
 import json
 import math
@@ -15,7 +15,7 @@ MOST_LISTED = 4
 
 
 def describe(structure: Structure) -> dict:
-    """Return all that the equations of `hpcsweep.model.matrices` need, but A and Omega."""
+    """Return all that the equations of `hpcsweep.model.matrices` need except A and Omega."""
     return {
         "n_floors": structure.n_floors,
         "mass": structure.mass_matrix.tolist(),
@@ -39,21 +39,21 @@ def describe(structure: Structure) -> dict:
 
 
 def _dashpot(contact: Contact) -> dict:
-    """Return what is told of a dashpot, nothing where there is none."""
+    """Return the entries of a dashpot; none without one."""
     if not contact.damping:
         return {}
     return {"damping": contact.damping, "tension": contact.tension}
 
 
 def as_text(structure: Structure) -> str:
-    """Write `describe` as JSON (an infinite sharpness as Infinity)."""
+    """Return `describe` as JSON (an infinite sharpness as Infinity)."""
     return json.dumps(describe(structure))
 
 
 def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
-    """Return the displacements of a floor (from 0) at its own stops, on the right and on the left.
+    """Return the displacements of a floor (from 0) at its own right and left stops.
 
-    Of contacts of that floor alone: where several move, there is no such displacement.
+    Only contacts of that floor alone count: where several floors move, no displacement is defined.
     """
     right: list[float] = []
     left: list[float] = []
@@ -65,7 +65,7 @@ def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
 
 
 def in_words(structure: Structure) -> list[tuple[str, str]]:
-    """Describe what differs from structure to structure: (symbol, value); without symbol in words.
+    """Describe the parameters of a structure: (symbol, value); with an empty symbol in words.
 
     The symbols are those of the equations: n, beta, m, k, g (gap), g_L (on the left), rho, e
     (restitution), c (dashpots), zeta.
@@ -111,7 +111,7 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
 
 
 def few(value: float | Sequence[float]) -> str:
-    """Write a number, or several: up to four one by one, more by their range."""
+    """Format a number, or several: up to four individually, more by their range."""
     numbers = value if isinstance(value, Sequence) else (value,)
     if len(set(numbers)) == 1:
         return f"{numbers[0]:g}"

@@ -1,12 +1,11 @@
 r"""The forcing G(tau) that shakes a structure, as the output of a linear system of its own.
 
-A forcing is what a vector s of a few numbers gives, G = A c . s, that obeys s' = B s between the
+A forcing is the output G = A c . s of a small state vector s, which obeys s' = B s between the
 times at which it changes. Together with the structure, M u'' + C u' + K u + ... = b G, that is one
-linear system, whose propagators are exact whatever B is. A solver asks four things of it: the
-generator B, the output row c, the state s at a time, and the period, if there is one.
+linear system, whose propagators are exact whatever B is. A solver needs four things: the generator
+B, the output row c, the state s at a time, and the period, if there is one.
 
-Harmonics, G = A sum_h a_h sin(h Omega tau + phi_h), have a pair of sine and cosine each, which
-turns with its frequency::
+Harmonics, G = A sum_h a_h sin(h Omega tau + phi_h), have a rotating pair of sine and cosine each::
 
     s_h = a_h (sin(h Omega tau + phi_h), cos(h Omega tau + phi_h)),  B_h = h Omega [[0, 1], [-1, 0]]
 """
@@ -28,10 +27,10 @@ ONE_HARMONIC = ((1, 1.0, 0.0),)
 
 
 class Forcing(Protocol):
-    """What is asked of a forcing at a frequency Omega; see the module."""
+    """Interface of a forcing at a frequency Omega; see the module."""
 
     def period(self, omega: float, n_periods: int = 1) -> float | None:
-        """Return the time after which it has repeated so often; None if it does not repeat."""
+        """Return the duration of `n_periods` periods; None if the forcing is not periodic."""
         ...
 
     def generator(self, omega: float) -> np.ndarray:
@@ -47,13 +46,13 @@ class Forcing(Protocol):
         ...
 
     def changes(self, omega: float) -> np.ndarray:
-        """Return the times within a period at which s jumps or B changes, ascending."""
+        """Return the times within a period, ascending, at which s jumps or B changes."""
         ...
 
 
 @dataclass(frozen=True)
 class Harmonics:
-    """A sum of harmonics, a `Forcing`; made of anything `read_harmonics` reads.
+    """A sum of harmonics, a `Forcing`, from anything that `read_harmonics` accepts.
 
     Attributes
     ----------
@@ -65,11 +64,11 @@ class Harmonics:
 
     @property
     def size(self) -> float:
-        """Bound of |G| at A = 1."""
+        """Upper bound of |G| at A = 1."""
         return sum(abs(amplitude) for _, amplitude, _ in self.terms)
 
     def period(self, omega: float, n_periods: int = 1) -> float:
-        """Return the time of so many periods of order 1, whatever orders there are."""
+        """Return the duration of `n_periods` periods of order 1, whatever the orders."""
         return n_periods * 2 * math.pi / omega
 
     def generator(self, omega: float) -> np.ndarray:
@@ -93,13 +92,13 @@ class Harmonics:
         return np.array(found)
 
     def changes(self, omega: float) -> np.ndarray:
-        """Return that it is smooth."""
+        """Return no times: harmonics are smooth."""
         del omega
         return np.empty(0)
 
 
 def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
-    """Validate the harmonics (order, amplitude, phase) of the forcing, one row each."""
+    """Validate the harmonics (order, amplitude, phase) of the forcing, a row each."""
     if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
         raise ValueError(
             f"harmonics must be a list of (order, amplitude, phase), is {shown(given)}"

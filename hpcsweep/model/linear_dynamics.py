@@ -1,4 +1,4 @@
-"""Linear dynamics of a structure, and the units in which its numbers are of ordinary size."""
+"""Linear dynamics of a structure, and the units that bring its numbers near 1."""
 
 import math
 from collections.abc import Sequence
@@ -26,13 +26,13 @@ MAX_OMEGA = 1e150
 
 
 def frozen(array: np.ndarray) -> np.ndarray:
-    """Make an array that nobody can change."""
+    """Return the array, read-only."""
     array.setflags(write=False)
     return array
 
 
 class LinearDynamics:
-    """What follows from the matrices, the contacts and the forcing of a structure."""
+    """Linear dynamics from the matrices, the contacts and the forcing of a structure."""
 
     n_floors: int
     sharpness: float
@@ -43,7 +43,7 @@ class LinearDynamics:
 
     @cached_property
     def forcing(self) -> Harmonics:
-        """What shakes the structure."""
+        """Forcing of the structure."""
         return Harmonics(tuple(self.harmonics))
 
     @property
@@ -78,12 +78,12 @@ class LinearDynamics:
 
     @property
     def motion_length(self) -> float:
-        """Length by which a motion is measured, see `measured_at`; 0: by the smallest gap."""
+        """Length by which a motion is measured, see `measured_at`; 0: the smallest gap."""
         return 0.0
 
     @cached_property
     def length_unit(self) -> float:
-        """Length that results are measured by where a tolerance is meant, a power of two.
+        """Length to which tolerances are relative, a power of two.
 
         That is `motion_length`, or else the smallest gap that is not 0, up to a factor.
         """
@@ -92,7 +92,7 @@ class LinearDynamics:
 
     @cached_property
     def frequency_unit(self) -> float:
-        """Likewise of frequencies."""
+        """Unit of frequency, a power of two, likewise."""
         if self.is_uniform:
             return 1.0
         ratio = np.trace(self.stiffness_matrix) / np.trace(self.mass_matrix)
@@ -106,7 +106,7 @@ class LinearDynamics:
 
     @property
     def damping_ratios(self) -> np.ndarray:
-        """zeta_i of every mode, shape (n,); of a damping matrix its diagonal part."""
+        """zeta_i of every mode, shape (n,); the diagonal part of a damping matrix."""
         if self.rayleigh is not None:
             alpha, beta = self.rayleigh
             return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
@@ -155,7 +155,7 @@ class LinearDynamics:
 
     @cached_property
     def contact_softness(self) -> np.ndarray:
-        """d_k . M^-1 d_k of every contact: what a unit of force adds to x_k'', shape (m,)."""
+        """d_k . M^-1 d_k of every contact: the change of x_k'' per unit force, shape (m,)."""
         mass = self.mass_matrix
         return frozen(np.array([d @ per_mass(mass, d) for d in self.directions], float))
 
@@ -168,7 +168,7 @@ class LinearDynamics:
     @cached_property
     def layer_half_width(self) -> float:
         """Half-width of the contact layer, a length; see `contact.layer_half_width`."""
-        # with the law come its kernels, and numba: who only reads results waits for neither
+        # the law imports kernels and numba, which reading results does not need
         from hpcsweep.model.contact import layer_half_width
 
         rho = self.sharpness * self.length_unit
@@ -256,7 +256,7 @@ class LinearDynamics:
     def grazing_amplitude(self, omega: float) -> float:
         """Return the amplitude at which the linear steady state first touches a stop.
 
-        For stops without layer; 0 if the structure rests at one, inf if there is none.
+        For stops without layer; 0 if the structure rests at a stop, inf if there is none.
         """
         reach = trigonometric_maxima(*self.steady_harmonics(omega), self.directions)
         lowest = math.inf

@@ -1,4 +1,4 @@
-"""A structure given by its matrices, and the contacts of any structure, validated.
+"""Validate matrices that define a structure, and the contacts of any structure.
 
     M u'' + C u' + K u + sum_k d_k kappa_k S(rho x_k) x_k = A b sum_h a_h sin(h Omega tau + phi_h)
 
@@ -36,7 +36,7 @@ Matrix = tuple[Vector, ...]
 
 
 def vector(name: str, given: Any, size: int | None, what: str = "entries") -> Vector:
-    """Read a sequence of numbers, of a given size if there is one."""
+    """Read a sequence of numbers, of a given size if not None."""
     listed = _listed(given)
     if listed is None:
         raise ValueError(f"{name} must be a list of numbers, is {shown(given)}")
@@ -73,7 +73,7 @@ def check_symmetric(name: str, array: np.ndarray) -> None:
 
 
 def _listed(given: Any) -> list | None:
-    """Return the items of a sequence, or None if it is none; a set has no order."""
+    """Return the items of a sequence, or None if it is not one; a set has no order."""
     if isinstance(given, np.ndarray):
         return list(given) if given.ndim else None
     return list(given) if isinstance(given, list | tuple) else None
@@ -88,11 +88,11 @@ class Contact:
     direction : sequence of n floats
         d: the displacement towards the stop, not 0.
     gap : float
-        g: of any sign; with 0 the structure rests at the stop, with less it is pushed by it.
+        g: of any sign; at 0 the structure rests at the stop, below 0 the stop pushes it.
     stiffness : float
         kappa >= 0.
     damping : float
-        c >= 0 of a dashpot beside the spring: kappa x + c x'. It needs a sharp stop.
+        c >= 0 of a dashpot beside the spring: kappa x + c x'. Requires a sharp stop.
     tension : bool
         Whether the dashpot may pull, until x = 0; without it the contact never pulls, and lets go
         where kappa x + c x' falls to 0. See `hpcsweep.model.dashpot`.
@@ -134,7 +134,7 @@ class Contact:
         mass: Any,
         tension: bool = False,
     ) -> "Contact":
-        """Make a contact whose dashpot gives a collision the coefficient of restitution.
+        """Return a contact whose dashpot gives a collision the coefficient of restitution.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Matrices:
-    """What `Structure.from_matrices` was given, validated; tuples, so that it can be a key."""
+    """Validated arguments of `Structure.from_matrices`; hashable tuples."""
 
     mass: Matrix
     stiffness: Matrix
@@ -167,7 +167,7 @@ def read_matrices(
     mass: Any, stiffness: Any, contacts: Any, damping: Any, forcing: Any, drift: Any
 ) -> Matrices:
     """Validate matrices; see `Structure.from_matrices`."""
-    # one mass a coordinate stands for a diagonal matrix
+    # a vector of masses stands for a diagonal matrix
     listed = _listed(mass)
     if listed and all(isinstance(value, Real) for value in listed):
         masses = vector("matrices.mass", listed, None)

@@ -1,4 +1,4 @@
-"""By which lengths the motions of a structure are measured, and which contacts they can reach."""
+"""Lengths to which motions of a structure are relative, and the contacts within their reach."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -20,12 +20,12 @@ LEAST_DAMPING = 0.05
 
 
 class MeasuredDynamics(LinearDynamics):
-    """Linear dynamics of a structure whose motions are measured by a length."""
+    """Linear dynamics of a structure with motions measured by a length."""
 
     unreached: tuple[int, ...]
 
     def __repr__(self) -> str:
-        """Show what differs from the building of the paper, and how much matrices hold."""
+        """Show the differences from the paper's building, and the sizes of matrices."""
         given: Any = {f.name: getattr(self, f.name) for f in fields(cast("Any", self)) if f.init}
         hidden = {f.name for f in fields(cast("Any", self)) if not f.repr}
         defaults = {f.name: f.default for f in fields(cast("Any", self))}
@@ -52,16 +52,16 @@ class MeasuredDynamics(LinearDynamics):
     def lengths(self, omega: float, amplitudes) -> np.ndarray:
         """Return the lengths, powers of two, by which motions are measured at each amplitude.
 
-        A tolerance is meant relative to the motion, and to the gaps that it can close. Without
-        contact a coordinate u_i moves by L_i = A sum_h |U_hi| at most, with modes damped by
-        `LEAST_DAMPING` at least, so that a resonance, where contacts limit the motion, says little.
-        The length is the largest gap, of either sign, of the contacts with
+        Tolerances are relative to the motion, and to the gaps that it can close. Without contact a
+        coordinate u_i moves by L_i = A sum_h |U_hi| at most, with modes damped by `LEAST_DAMPING`
+        at least, since at a resonance contacts limit the motion. The length is the largest gap, of
+        either sign, of the contacts with
 
             |g_k| <= REACH sum_i |d_ki| L_i ;
 
-        a contact farther off is not reached, and changes nothing. Where there is none (gaps of 0
-        too: a bilinear oscillator, whose motions are proportional to A) it is the largest L_i. At
-        A = 0 it is that of the structure.
+        a contact farther off is not reached, and changes nothing. Without such a contact (also with
+        gaps of 0: a bilinear oscillator, whose motions are proportional to A) it is the largest
+        L_i. At A = 0 it is that of the structure.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class MeasuredDynamics(LinearDynamics):
         return np.where(known, np.exp2(exponents), self.length_unit)
 
     def units_at(self, omega: float, amplitudes) -> np.ndarray:
-        """Return the units of states, as `state_units`, of motions at k amplitudes, (k, 2n)."""
+        """Return the units of states, like `state_units`, of motions at k amplitudes, (k, 2n)."""
         speeds = self.state_units / self.length_unit
         return self.lengths(omega, amplitudes)[..., None] * speeds
 
@@ -100,29 +100,29 @@ class MeasuredDynamics(LinearDynamics):
         return bound
 
     def measured_by(self, length: float) -> Self:
-        """Return the same structure whose motions are measured by a length, a power of two.
+        """Return the same structure with motions measured by a length, a power of two.
 
-        Tolerances are then meant in this length, see `lengths`; states, amplitudes and results stay
-        in the units in which the structure is given.
+        Tolerances are then relative to this length, see `lengths`; states, amplitudes and results
+        stay in the units of the structure.
         """
         return self if length == self.length_unit else self._changed(motion_length=length)
 
     def measured_at(self, omega: float, amplitude: float) -> Self:
-        """Return the structure as motions at a frequency and an amplitude are measured."""
+        """Return the structure with motions measured at a frequency and an amplitude."""
         return self.measured_by(float(self.lengths(omega, amplitude)))
 
     def within_reach(self, amplitude: float, states: np.ndarray) -> Self:
         """Return the structure without the contacts that no motion can reach.
 
-        Contacts keep their numbers. What is left out changes no bit of any result: no unit, layer
-        or bound knows of it.
+        Contacts keep their numbers. Those left out change no bit of any result: no unit, layer or
+        bound depends on them.
 
         Parameters
         ----------
         amplitude : float
-            The largest, of either sign.
+            Largest amplitude, of either sign.
         states : ndarray, shape (m, 2n)
-            From which motions start.
+            Initial states of motions.
         """
         bound = reach_of_motions(self, amplitude, states)
         pairs = zip(self.contact_numbers, self.contacts, bound.tolist(), strict=True)

@@ -9,7 +9,7 @@ SAMPLES = 64
 
 
 def power_of_two(value: float) -> float:
-    """Round to a power of two: a unit by which numbers are scaled without rounding."""
+    """Round to a power of two: a unit that scales numbers without rounding."""
     return 2.0 ** round(math.log2(value))
 
 
@@ -30,7 +30,7 @@ def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, 
     shapes : ndarray, shape (n, n)
         One a column; the first entry that is not negligible is positive.
     """
-    # who only reads results does not wait for scipy
+    # reading results does not need scipy
     from scipy.linalg import eigh
 
     squares, shapes = eigh(stiffness, mass)
@@ -56,7 +56,7 @@ def damped_response(mass, damping, stiffness, forcing, w: float) -> np.ndarray:
 
 
 def trigonometric_maximum(orders: np.ndarray, amplitudes: np.ndarray) -> float:
-    """Find the largest value of sum_h Im(a_h exp(i h theta)) over theta, of one harmonic |a|.
+    """Return the maximum of sum_h Im(a_h exp(i h theta)) over theta; |a| for one harmonic.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def trigonometric_maximum(orders: np.ndarray, amplitudes: np.ndarray) -> float:
 
 
 def trigonometric_maxima(orders: np.ndarray, responses: np.ndarray, rows) -> np.ndarray:
-    """Find `trigonometric_maximum` of row . u for each of some rows, u of responses (H, n)."""
+    """Return `trigonometric_maximum` of row . u for each row, with responses (H, n) of u."""
     return np.array([trigonometric_maximum(orders, responses @ row) for row in rows])
 
 

@@ -1,11 +1,11 @@
-r"""How far the motions of a structure can go: a bound that energy gives, contacts included.
+r"""Bound the motions of a structure by their energy, including contacts.
 
 With |.| the norm of the masses, |w|^2 = w . M w, U^2 = u . K u and the potentials W_k of the
 contacts, the energy is
 
     H = |u'|^2 / 2 + U^2 / 2 + sum_k kappa_k W_k,    W_k(x) = int_(-inf)^x S(rho s) s ds + e >= 0,
 
-e = pi^2 / (12 rho^2), which is no more than that of a contact that is open. Let c_1 and c_2 be the
+e = pi^2 / (12 rho^2), at most that of an open contact. Let c_1 and c_2 be the
 least and the largest eigenvalue of M^-1 C, omega_1 the lowest frequency, p = |M^-1 b| and G the
 sum of |a_h|. Of V = H + eps u' . M u, with eps <= omega_1 / 4,
 
@@ -21,9 +21,8 @@ so that with eps = c_1 / (2 + (c_2 / omega_1)^2) at most
     P = sum_k kappa_k (e + 0.28 g_k / rho).
 
 Where sqrt(H) is above a / eps + sqrt(P), V falls: H stays below 5/3 of the square of that, or of
-the energy at the start, whatever the amplitude does below A. A row d then moves no farther than
-|d . u| <= sqrt(d . K^-1 d) sqrt(2 H). Without damping, or where a gap is negative, nothing is
-known.
+the initial energy, however the amplitude varies below A. A row d then moves no farther than |d . u|
+<= sqrt(d . K^-1 d) sqrt(2 H). Without damping, or with a negative gap, there is no bound.
 """
 
 import math
@@ -38,14 +37,14 @@ def reach_of_motions(structure, amplitude: float, states: np.ndarray) -> np.ndar
     ----------
     structure : Structure
     amplitude : float
-        The largest, of either sign, that drives the motions.
+        Largest amplitude, of either sign, that drives the motions.
     states : ndarray, shape (m, 2n)
-        From which they start, or others with no component nearer to 0.
+        Initial states, or others with no component nearer to 0.
 
     Returns
     -------
     ndarray, shape (C,)
-        inf where nothing is known.
+        inf where there is no bound.
     """
     directions = structure.directions
     gaps = np.array([contact.gap for contact in structure.contacts])

@@ -1,8 +1,8 @@
 """A ground-motion record: the acceleration of the ground, sampled at equal steps.
 
-Between its samples the acceleration a(t) is linear, as everybody reads it; before the first sample,
-at t = 0, and after the last one it is 0. Units are those of the structure that it shakes: length
-per time squared, and time.
+The acceleration a(t) is linear between its samples, as is customary, and 0 before the first sample,
+at t = 0, and after the last one. Units are those of the structure that it shakes: length per time
+squared, and time.
 """
 
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ MAX_SAMPLES = 500_000
 class Record:
     """A ground-motion record, a(t) linear between the samples at t_j = j dt.
 
-    Two records are equal if their samples, steps and names are.
+    Two records are equal if their samples, steps and names are equal.
 
     Parameters
     ----------
     acceleration : array_like, shape (m,)
-        Of the ground, in the structure's units; finite, from 2 to 500,000 samples. It is copied,
-        and read-only afterwards.
+        Acceleration of the ground, in the structure's units; finite, from 2 to 500,000 samples.
+        Copied, and read-only afterwards.
     dt : float
         Time between two samples, finite and above 0.
     name : str
-        By which it is told from others.
+        Name that distinguishes the record from others.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class Record:
             raise ValueError(f"acceleration must be finite, is {samples[j]} at sample {j + 1}")
         if not isinstance(self.name, str):
             raise refused("name", "a text", self.name)
-        # adding 0 makes -0 and 0, which are equal, the same bits
+        # adding 0 gives -0 and 0, which are equal, the same bits
         object.__setattr__(self, "acceleration", frozen(samples + 0.0))
         object.__setattr__(self, "dt", positive("dt", self.dt))
 
@@ -94,7 +94,7 @@ class Record:
 
     @property
     def peak(self) -> float:
-        """Largest |a(t)|, which a sample attains: the peak ground acceleration."""
+        """Largest |a(t)|, attained at a sample: the peak ground acceleration."""
         return float(np.abs(self.acceleration).max())
 
     def scaled(self, factor: float) -> "Record":

@@ -1,11 +1,11 @@
 """The structure: storeys on a fixed base beside rigid stops, or any matrices with contacts.
 
-Units, used throughout the package: the short form is the uniform building of the paper, whose
-lengths are measured in gaps (the distance from the floors at rest to the stop, so that the stop is
-at 1) and time in 1/omega_0 with omega_0 = sqrt(k/m) of one storey. Whoever gives masses,
-stiffnesses and gaps gives them in units of one's own, and gets results in these. Equation numbers
-are those of Christopher, Dobson and Alexander, "Exploring the Dynamics of Base-Excited Structures
-Impacting a Rigid Stop".
+Units, used throughout the package: the short form is the uniform building of the paper, with
+lengths in gaps (the distance from the floors at rest to the stop, so that the stop is at 1) and
+time in 1/omega_0 with omega_0 = sqrt(k/m) of one storey. Masses, stiffnesses and gaps may be given
+in any consistent units, which are also those of the results. Equation numbers are those of
+Christopher, Dobson and Alexander, "Exploring the Dynamics of Base-Excited Structures Impacting a
+Rigid Stop".
 """
 
 import math
@@ -66,7 +66,7 @@ class Structure(MeasuredDynamics, ContactNames):
         Damping ratio zeta_i >= 0 of every mode of the free structure, or one per mode, lowest
         frequency first (12).
     mass, storey_stiffness : float or sequence of n floats, optional
-        Of each floor, and of each storey from the lowest on. Default: 1.
+        Mass of each floor, and stiffness of each storey from the lowest on. Default: 1.
     gap, gap_left : float or sequence of n floats
         Distance of each floor at rest from the stop on its right, and on its left; of any sign.
         ``math.inf``: no stop there.
@@ -80,9 +80,9 @@ class Structure(MeasuredDynamics, ContactNames):
     harmonics : sequence of (order, amplitude, phase)
         Of the forcing: A sum_h a_h sin(h Omega tau + phi_h). Default: A sin(Omega tau).
     matrices, motion_length, unreached
-        See `from_matrices`, `measured_by` and `within_reach`, which set them.
+        Set by `from_matrices`, `measured_by` and `within_reach`.
     unit_names : UnitNames
-        Of the units in which all this is given; `names` of floors and contacts. Labels alone.
+        Names of the units of all this; `names` of floors and contacts. Labels only.
 
     Raises
     ------
@@ -168,7 +168,7 @@ class Structure(MeasuredDynamics, ContactNames):
         drift: Any = None,
         rayleigh: tuple[float, float] | None = None,
     ) -> "Structure":
-        """Make a structure from its matrices and contacts.
+        """Return a structure from its matrices and contacts.
 
         Parameters
         ----------
@@ -177,7 +177,8 @@ class Structure(MeasuredDynamics, ContactNames):
         contacts : sequence of Contact
             64 at most.
         damping_ratio : float or sequence of n floats, optional
-            Of every mode of the free structure. Default: none, if there is no `damping`.
+            Damping ratio of every mode of the free structure. Default: none, unless `damping` is
+            given.
         damping : array_like, shape (n, n), optional
             C, symmetric and positive semidefinite, in place of it.
         forcing : array_like, shape (n,), optional
@@ -253,7 +254,7 @@ class Structure(MeasuredDynamics, ContactNames):
                 raise ValueError(f"damping_ratio must be finite and at least 0, is {value!r}")
         return ratios
 
-    # what the parameters mean
+    # quantities that follow from the parameters
 
     @property
     def is_uniform(self) -> bool:
@@ -278,7 +279,7 @@ class Structure(MeasuredDynamics, ContactNames):
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
-        """Stops of the floors, right ones first, or those of the matrices; bit k of a set each."""
+        """Stops of the floors, right ones first, or contacts of the matrices; one bit each."""
         return tuple(
             contact
             for number, contact in zip(self.all_contact_numbers, self._all_contacts, strict=True)
@@ -287,7 +288,7 @@ class Structure(MeasuredDynamics, ContactNames):
 
     @cached_property
     def contact_numbers(self) -> tuple[int, ...]:
-        """Number of each contact, from 1: of a floor's stop on the right, n + floor on the left."""
+        """Number of each contact from 1: floor for a right stop, n + floor for a left one."""
         return tuple(number for number in self.all_contact_numbers if number not in self.unreached)
 
     @cached_property
@@ -315,7 +316,7 @@ class Structure(MeasuredDynamics, ContactNames):
         return tuple(i for i, gap in enumerate((*right, *left), 1) if gap < math.inf)
 
     def without_contacts(self) -> "Structure":
-        """Return the same structure, free."""
+        """Return the same structure without contacts."""
         if self.matrices is None:
             return replace(self, gap=math.inf, gap_left=math.inf)
         return replace(self, matrices=replace(self.matrices, contacts=()))
@@ -337,9 +338,10 @@ class Structure(MeasuredDynamics, ContactNames):
 
     @property
     def foreign(self) -> dict[str, Any]:
-        """What makes it another structure than the paper's, by name.
+        """Parameters in which the structure differs from the paper's, by name.
 
-        That is uniform, with one stop a floor at gap 1, one stiffness ratio and one harmonic.
+        The paper's is uniform, with one stop a floor at gap 1, one stiffness ratio and one
+        harmonic.
         """
         usual = {part.name: part.default for part in fields(self)}
         if not isinstance(self.stiffness_ratio, tuple):  # the paper varies it

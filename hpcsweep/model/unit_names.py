@@ -1,8 +1,8 @@
-"""Names of the units in which a structure is given, for labels: nothing is ever converted.
+"""Names of the units of a structure, for labels: nothing is ever converted.
 
-Quantities are told by their dimension (`length`, `velocity`, ...). The building of the paper has
-units of its own: lengths in gaps, time in 1/omega_0. A structure that is given otherwise is in
-consistent units of its owner, whose names may be given with it.
+Quantities are identified by their dimension (`length`, `velocity`, ...). The building of the paper
+has units of its own: lengths in gaps, time in 1/omega_0. Any other structure is in consistent units
+of the user, who may name them.
 """
 
 from typing import NamedTuple
@@ -24,21 +24,21 @@ NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
 
 
 class Names(NamedTuple):
-    """Names of floors and of contacts, in their order; empty where they have numbers alone."""
+    """Names of floors and of contacts, in order; empty where they only have numbers."""
 
     floors: tuple[str, ...] = ()
     contacts: tuple[str, ...] = ()
 
 
 class UnitNames(NamedTuple):
-    """Names of the units of length, mass and time; empty where they are not given."""
+    """Names of the units of length, mass and time; empty where not given."""
 
     length: str = ""
     mass: str = ""
     time: str = ""
 
     def of(self, quantity: str) -> str:
-        """Name the unit of a quantity, of units of one's own."""
+        """Return the unit of a quantity, in the user's units."""
         length, mass, time = self.length or "length", self.mass or "mass", self.time or "time"
         force = NEWTONS.get((length, mass, time), f"{mass} {length}/{time}^2")
         return {
@@ -56,9 +56,9 @@ class UnitNames(NamedTuple):
 
 
 def unit_of(structure, quantity: str) -> str:
-    """Name the unit of a quantity of a structure, or of several, as in "length; velocity".
+    """Return the unit of a quantity of a structure, or of several, as in "length; velocity".
 
-    What is no quantity (``1``, ``forcing periods``) is returned as it is.
+    Anything but a quantity (``1``, ``forcing periods``) is returned unchanged.
     """
     return "; ".join(_unit_of(structure, part) for part in quantity.split("; "))
 

@@ -1,4 +1,4 @@
-"""States of a structure as the kernels hold them."""
+"""Convert states of a structure to those of the kernels."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from hpcsweep.model.structure import Structure
 
 
 class Units:
-    """Takes states of a structure to those of the kernels and back.
+    """Conversion of states of a structure to those of the kernels and back.
 
     Parameters
     ----------
@@ -24,11 +24,11 @@ class Units:
 
     @property
     def size(self) -> int:
-        """Of the state of the kernels: 2 R."""
+        """Size of the state of the kernels: 2 R."""
         return 2 * (self._n + len(self._rows))
 
     def into(self, states: np.ndarray) -> np.ndarray:
-        """Return states of the kernels, (..., 2R), a new array, from those of shape (..., 2n)."""
+        """Return states of the kernels, a new array (..., 2R), from states (..., 2n)."""
         z = np.array(states, dtype=float)
         if self._is_plain:
             return z
@@ -44,9 +44,9 @@ class Units:
         return np.concatenate((z[..., : self._n], z[..., half : half + self._n]), -1) * self._units
 
     def tangent_into(self, columns: np.ndarray) -> np.ndarray:
-        """Take tangent vectors, columns of shape (2n, m), to those of the kernels, (2R, m)."""
+        """Return tangent vectors of the kernels, (2R, m), from columns of shape (2n, m)."""
         return np.ascontiguousarray(self.into(columns.T).T)
 
     def tangent_out_of(self, columns: np.ndarray) -> np.ndarray:
-        """Take tangent vectors back."""
+        """Return tangent vectors from those of the kernels."""
         return np.ascontiguousarray(self.out_of(columns.T).T)

@@ -1,1 +1,1 @@
-"""What kind of motion it is: orbit period, stability, class."""
+"""Classify motions: orbit period, stability, class."""

@@ -20,12 +20,12 @@ class Attractor:
     kind : MotionClass
         PERIODIC, QUASI_PERIODIC or CHAOTIC.
     points : ndarray, shape (k, 2n)
-        Stroboscopic points (gaps, gaps omega_0): of an orbit its p points in order, else those of
-        a long record.
+        Stroboscopic points (gaps, gaps omega_0): the p points of an orbit in order, otherwise those
+        of a long record.
     orbit_period : int
-        p in forcing periods; 0 if it is no orbit.
+        p in forcing periods; 0 if the attractor is not an orbit.
     multiplier : float
-        Modulus of the orbit's largest Floquet multiplier, else NaN.
+        Modulus of the orbit's largest Floquet multiplier, otherwise NaN.
     lyapunov, lyapunov_low, lyapunov_high : float
         Largest Lyapunov exponent (omega_0), and its confidence interval.
     contact : int
@@ -35,11 +35,11 @@ class Attractor:
     modal_norm : ndarray, shape (n,)
         Mean modal norms free of contact (17).
     hits : int
-        Starts that reached it.
+        Number of starts that reached it.
     share, share_low, share_high : float
         Share of all starts, and its Clopper-Pearson interval.
     measures : ndarray, shape (D + n + 5 m,)
-        As in `hpcsweep.solvers.records.Observation`; empty unless asked for.
+        As in `hpcsweep.solvers.records.Observation`; empty unless requested.
     """
 
     kind: MotionClass
@@ -61,18 +61,18 @@ class Attractor:
 
 @dataclass(frozen=True)
 class Portrait:
-    """What is found at one point.
+    """Attractors found at one point.
 
     Attributes
     ----------
     attractors : list of Attractor
         In the order in which they were found.
     labels : ndarray of int, shape (starts,)
-        Place in `attractors` of what each start reached, or `UNDECIDED` or `FAILED`.
+        Index in `attractors` that each start reached, or `UNDECIDED` or `FAILED`.
     cycles : int
         Forcing periods integrated for starts and seeds, without the tests of neighbourhoods.
     outcome : Outcome
-        COMPLETE if any start ended well, else how most of them failed.
+        COMPLETE if any start succeeded, otherwise the most frequent failure.
     """
 
     attractors: list[Attractor]
@@ -82,10 +82,10 @@ class Portrait:
 
     @property
     def n_undecided(self) -> int:
-        """Starts that were not classified."""
+        """Number of starts that were not classified."""
         return int((self.labels == UNDECIDED).sum())
 
     @property
     def n_failed(self) -> int:
-        """Starts whose integration failed."""
+        """Number of starts whose integration failed."""
         return int((self.labels == FAILED).sum())

@@ -1,17 +1,17 @@
-"""All attractors at one point (structure, A, Omega), with their shares of a box of states.
+"""Find all attractors at one point (structure, A, Omega), and which starts reach them.
 
-Starts are classified in groups that double in size, so that what the first ones find is known to
-the later ones. A start is integrated `STRIDE` forcing periods at a time. Where it comes into the
+Starts are classified in groups that double in size, so that later ones use the attractors found by
+earlier ones. A start is integrated `STRIDE` forcing periods at a time. Once it enters the
 neighbourhood of a known orbit (`hpcsweep.dynamics.neighbourhood`) it counts as a start of that
-orbit. What is still outside all of them when the transient is over is compared, by its last
-`WINDOW` points, with the known motions that are no orbit (`hpcsweep.dynamics.resemblance`), and
-only what resembles none is classified on its own (`hpcsweep.dynamics.classify_motion`).
+orbit. A start still outside all of them after the transient is compared, by its last `WINDOW`
+points, with the known motions that are not orbits (`hpcsweep.dynamics.resemblance`), and only one
+that resembles none is classified on its own (`hpcsweep.dynamics.classify_motion`).
 
-Chaos may be a long transient. A motion that is classified to be no orbit, and is none of the known
-ones, is therefore followed until `max_cycles` forcing periods have passed; if it settles on an
-orbit on the way, that is its attractor. A transient with mean lifetime L passes this with
-probability exp(-max_cycles / L). A motion that is left undecided is remembered in the same way, so
-that the starts that resemble it are counted as undecided at the cost of a window.
+Chaos may be a long transient. A new motion that is classified as no orbit is therefore followed for
+`max_cycles` forcing periods; if it converges to an orbit on the way, that is its attractor. A
+transient with mean lifetime L passes this test with probability exp(-max_cycles / L). An undecided
+motion is remembered likewise, so that starts that resemble it count as undecided at the cost of a
+window.
 """
 
 from collections import Counter
@@ -50,12 +50,12 @@ MOST_WATCHED = 100
 
 
 class AttractorSearch:
-    """The attractors that are known so far at one point.
+    """Attractors known so far at one point.
 
     Parameters
     ----------
     solver, amplitude, settings, max_cycles, poll
-        Of `portrait`.
+        As in `portrait`.
     """
 
     def __init__(self, solver, amplitude: float, settings, max_cycles: int, poll):
@@ -70,7 +70,7 @@ class AttractorSearch:
         self.cycles = 0
 
     def fork(self, poll: Callable[[], None] | None = None) -> "AttractorSearch":
-        """Return a search that knows what this one knows; what it finds this one does not learn."""
+        """Return a copy of the search, independent of this one."""
         own = copy(self)
         own._poll, own._rng = poll, np.random.default_rng(0)
         own._neighbourhoods, own._signatures = list(self._neighbourhoods), list(self._signatures)
@@ -78,13 +78,13 @@ class AttractorSearch:
         return own
 
     def labels(self, starts: np.ndarray, first_group: int = FIRST_GROUP) -> np.ndarray:
-        """Return what each start reaches: its place in `attractors`, `UNDECIDED` or `FAILED`.
+        """Classify starts: return their indices in `attractors`, `UNDECIDED` or `FAILED`.
 
         Parameters
         ----------
         starts : ndarray, shape (N, 2n)
         first_group : int
-            Starts of the first group; the others double in size, up to `LARGEST_GROUP`.
+            Size of the first group; the others double in size, up to `LARGEST_GROUP`.
 
         Returns
         -------
@@ -98,17 +98,17 @@ class AttractorSearch:
         return labels
 
     def confirmed(self, labels: np.ndarray) -> np.ndarray:
-        """Follow for longer what is no orbit and few starts have reached: it may be a transient.
+        """Follow non-orbits that few starts reached for longer: they may be transients.
 
         Parameters
         ----------
         labels : ndarray of int
-            Of `labels`. What turns out to end in an orbit is no longer one of `attractors`.
+            From `labels`. A motion that turns out to end in an orbit is removed from `attractors`.
 
         Returns
         -------
         ndarray of int
-            The labels with the places that attractors have now.
+            Labels with the new indices of the attractors.
         """
         place_of = np.arange(len(self.attractors))
         for place, one in enumerate(self.attractors[:]):
@@ -134,7 +134,7 @@ class AttractorSearch:
         return np.array([moved[label] if label >= 0 else label for label in labels], int)
 
     def _follow(self, starts: np.ndarray) -> np.ndarray:
-        """Return what each start of a group reaches."""
+        """Return the labels of a group of starts."""
         labels = np.full(len(starts), UNDECIDED)
         left, gone = np.arange(len(starts)), 0
         longest = max(min(self._settings.transient_cycles, self._max_cycles), PATIENCE, WINDOW)
@@ -153,7 +153,7 @@ class AttractorSearch:
         return labels
 
     def classify(self, state: np.ndarray) -> int:
-        """Classify a motion; return its place in `attractors`, `UNDECIDED` or `FAILED`."""
+        """Classify a motion; return its index in `attractors`, `UNDECIDED` or `FAILED`."""
         motion = self._classified(state)
         if motion.outcome is not Outcome.COMPLETE or motion.kind is MotionClass.FAILED:
             return self._failed(motion.outcome)
@@ -169,7 +169,7 @@ class AttractorSearch:
         return motion
 
     def _advance(self, trail: np.ndarray, gone: int, labels: np.ndarray, k: int) -> bool:
-        """Carry a start on; tell whether it has not failed."""
+        """Integrate a start further; return whether it succeeded."""
         if self._poll is not None:
             self._poll()
         points, outcome = self._solver.points(trail[gone], self._amplitude, STRIDE)
@@ -181,7 +181,7 @@ class AttractorSearch:
         return False
 
     def _place(self, window: np.ndarray) -> int:
-        """Place a start by its last points, near no known orbit."""
+        """Classify a start by its last points, away from all known orbits."""
         there = self._resembling(window)
         if there is not None:
             return there
@@ -210,12 +210,12 @@ class AttractorSearch:
 
     @property
     def _longest(self) -> int:
-        """Longest period that is known or looked for."""
+        """Longest period that is known or sought."""
         known = (one.orbit_period for one in self.attractors)
         return max(self._settings.max_orbit_period, min(max(known, default=0), MOST_WATCHED))
 
     def _near(self, state: np.ndarray) -> int | None:
-        """Find the place of the orbit in whose neighbourhood, or on which, a state is."""
+        """Return the index of the orbit in whose neighbourhood, or on which, a state lies."""
         there = int(inside(state[None], self._neighbourhoods)[0])
         if there >= 0:
             return there
@@ -226,7 +226,7 @@ class AttractorSearch:
         return None
 
     def _settle(self, state: np.ndarray, cycles: int) -> Approach:
-        """Follow a motion until it settles on an orbit, for a number of forcing periods at most."""
+        """Follow a motion until it reaches an orbit, for at most `cycles` forcing periods."""
         settings = self._settings
         end = self._solver.settle(
             state,
@@ -246,12 +246,12 @@ class AttractorSearch:
         return FAILED
 
     def _resembling(self, points: np.ndarray) -> int | None:
-        """Find the place of the known motion, no orbit, that points belong to."""
+        """Return the index of the known motion, not an orbit, to which points belong."""
         scaled = points / self._units
         return next((place for own, _, place in self._signatures if own.holds(scaled)), None)
 
     def _place_orbit(self, motion: Motion) -> int:
-        """Place what is classified to be an orbit."""
+        """Return the index of a motion classified as an orbit."""
         scaled, same = motion.points / self._units, self._settings.period_tolerance
         for place, known in enumerate(self.attractors):
             if known.orbit_period and same_orbit(scaled, known.points / self._units, same):
@@ -270,7 +270,7 @@ class AttractorSearch:
         return self._add(motion, motion.points, seen, near)
 
     def _place_aperiodic(self, motion: Motion) -> int:
-        """Place what is classified to be no orbit, or not at all, if it stays so."""
+        """Return the index of a motion that is not an orbit, or undecided, if it stays so."""
         there = self._resembling(motion.points)
         if there is not None:
             self._remember(motion.points, there)
@@ -288,7 +288,7 @@ class AttractorSearch:
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
         if motion.kind is MotionClass.CHAOTIC:
-            # the record itself may have come to an orbit
+            # the record itself may have reached an orbit
             end = self._settle(seen.points[-1], 2 * MOST_WATCHED)
             settled = self._classified(end.state) if end.period else motion
             if settled.kind is MotionClass.PERIODIC:
@@ -313,13 +313,13 @@ class AttractorSearch:
         return place >= 0 and self.attractors[place].kind is MotionClass.QUASI_PERIODIC
 
     def _remember(self, points: np.ndarray, place: int) -> None:
-        """Keep a further record of a known motion: one that its record alone did not tell."""
+        """Keep a further record of a known motion, which its first record failed to recognise."""
         if len(points) >= 2 * WINDOW and len(self._signatures) < MOST_RECORDS:
             scaled = points / self._units
             self._signatures.append((Signature(scaled), scaled, place))
 
     def _add(self, motion: Motion, points: np.ndarray, seen, near: Neighbourhood | None) -> int:
-        """Note a new attractor; return its place."""
+        """Add an attractor; return its index."""
         drift = normalised_drift(seen.peak_drift, self._amplitude, self._solver.omega)
         self.attractors.append(
             Attractor(

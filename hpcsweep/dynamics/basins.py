@@ -1,9 +1,9 @@
-"""Basins of attraction at one point (structure, A, Omega): to which attractor a state goes.
+"""Basins of attraction at one point (structure, A, Omega): the attractor that a state reaches.
 
-The attractors are found once, from starts that are given, and ordered by how many reach each. Then
-any number of states is told by them, group by group. What a group finds besides is forgotten after
-it: the label of a state depends on the attractors and on its group alone, so that groups can be
-told in any order, on any number of processes.
+The attractors are found once, from given starts, and ordered by how many starts reach each. Then
+any number of states are classified by them, group by group. Further motions found in a group are
+dropped after it: the label of a state depends only on the attractors and its group, so that groups
+can be classified in any order, on any number of processes.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ ELSEWHERE = -3
 
 
 class Basins:
-    """The attractors of a point, and what states go to.
+    """Attractors of a point, and classification of states by them.
 
     Parameters
     ----------
@@ -27,19 +27,19 @@ class Basins:
         Of the structure and the frequency.
     amplitude : float
     starts : ndarray, shape (N, 2n)
-        Of which the attractors are found.
+        Starts from which the attractors are found.
     settings : SweepSettings
     max_cycles : int
         Forcing periods after which a motion is left undecided.
     most : int
-        Attractors that are listed, those that most of `starts` reach.
+        Number of listed attractors, those that most of `starts` reach.
     poll : callable, optional
         Called before each start and within long ones; may raise to leave.
 
     Attributes
     ----------
     attractors : list of Attractor
-        By falling `hits`.
+        In order of decreasing `hits`.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Basins:
         Returns
         -------
         labels : ndarray of int, shape (k,)
-            Place in `attractors`, or `attractor.UNDECIDED`, `FAILED`, or `ELSEWHERE`.
+            Index in `attractors`, or `attractor.UNDECIDED`, `FAILED`, or `ELSEWHERE`.
         cycles : int
             Forcing periods integrated.
         """

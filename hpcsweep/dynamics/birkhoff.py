@@ -1,20 +1,20 @@
-"""Whether averages over a motion settle: fast on a torus, slowly in chaos.
+"""Test how fast averages over a motion converge: fast on a torus, slowly in chaos.
 
-The mean of a function along a motion over N periods comes near its limit as 1/N on a torus and as
-1/sqrt(N) in chaos. Weighted by a bump that vanishes with all its derivatives at both ends,
+The mean of a function along a motion over N periods converges as 1/N on a torus and as 1/sqrt(N) in
+chaos. Weighted by a bump that vanishes with all its derivatives at both ends,
 
     w_k ~ exp(-1 / (t (1 - t))),   t = k / (N + 1),   k = 1 ... N,
 
-it comes near faster than any power of 1/N on a torus whose rotation numbers are Diophantine and
-whose functions are smooth, and in chaos no faster than before (Das, Saiki, Sander, Yorke,
-Nonlinearity 30 (2017) 4111; Sander, Meiss, Physica D 411 (2020) 132569). The means over the two
-halves of a stretch then agree to many digits, or to a few. They do not agree on an approach: it is
-another motion in the second half.
+it converges faster than any power of 1/N on a torus with Diophantine rotation numbers and smooth
+functions, and in chaos no faster than before (Das, Saiki, Sander, Yorke, Nonlinearity 30 (2017)
+4111; Sander, Meiss, Physica D 411 (2020) 132569). The means over the two halves of a stretch then
+agree to many digits, or to a few. They do not agree during an approach, where the second half
+differs from the first.
 
-The logarithm of a tangent vector's growth in a period is such a function, too: on a torus the
-vector turns into a direction that belongs to the point. Its plain sum over a stretch swings by the
-logarithm of how much the vector differs at both ends, by 1 and more on a torus that is nearly
-locked, for stretches of any length; weighted it falls to 0 on a torus, and to the exponent of the
+The logarithm of a tangent vector's growth in a period is also such a function: on a torus the
+vector turns into a direction that depends on the point alone. Its plain sum over a stretch varies
+by the logarithm of the ratio of the vector's lengths at its ends, by 1 and more on a nearly locked
+torus, for stretches of any length; weighted, it tends to 0 on a torus, and to the exponent of the
 orbit on a locked one.
 """
 
@@ -44,14 +44,14 @@ class WeightedGrowth(NamedTuple):
     whole: float
 
     def vanishes(self, size: int) -> bool:
-        """Return whether there is none over so many periods, as on a torus."""
+        """Return whether the growth over `size` periods vanishes, as on a torus."""
         swings = max(NEUTRAL_GROWTH, 3 * TORUS_RATE * size)
         halves = abs(self.first) <= swings and abs(self.second) <= swings
         return halves and abs(self.whole) <= max(TORUS_GROWTH, TORUS_RATE * size)
 
 
 def agreeing_digits(points: np.ndarray) -> float:
-    """Return the decimal digits to which the weighted means over both halves of a stretch agree.
+    """Return the number of digits to which weighted means over both halves of a stretch agree.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def agreeing_digits(points: np.ndarray) -> float:
     half = len(points) // 2
     if half < 2:
         raise ValueError(f"points must be at least 4, are {len(points)}")
-    # a row a coordinate: maxima over few long rows are ten times faster
+    # one row a coordinate: maxima over few long rows are ten times faster
     coordinates = np.ascontiguousarray(points.T)
     centred = coordinates[:, : 2 * half] - coordinates.mean(axis=1, keepdims=True)
     size = np.abs(centred).max(axis=1, keepdims=True)
@@ -104,7 +104,7 @@ def weighted_growth(logarithms: np.ndarray) -> WeightedGrowth:
     Parameters
     ----------
     logarithms : ndarray, shape (k,)
-        Of its growth in each forcing period, k >= 4.
+        Logarithms of its growth in each forcing period, k >= 4.
     """
     logarithms = array("logarithms", logarithms)
     size, half = len(logarithms), len(logarithms) // 2

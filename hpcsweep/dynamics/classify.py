@@ -1,19 +1,19 @@
-"""What kind of motion each run of a campaign ended in.
+"""Classify the motion in which each run of a campaign ended.
 
-A run whose orbit period was found is periodic; "no period found" is not yet chaos. The rest is
-told apart by the largest Lyapunov exponent lambda of the steady window, of exact tangent maps,
-and by the stroboscopic points. With N forcing periods T in the window, the window's growth is
-G = lambda N T, the logarithm of the factor by which a small difference grew over the window:
+A run whose orbit period was found is periodic; "no period found" is not yet chaos. Other runs are
+classified by the largest Lyapunov exponent lambda of the steady window, from exact tangent maps,
+and by the stroboscopic points. With N forcing periods T in the window, the window's growth is G =
+lambda N T, the logarithm of the factor by which a small difference grew over the window:
 
 - chaotic: G > `CHAOS_GROWTH`;
 - quasi-periodic: G within `NEUTRAL_GROWTH` of 0, and the points lie on one closed curve, or a
-  few, that they go round without approaching anything (`on_closed_curve`);
-- long period: the points repeat after more periods than the job looked for, at most N / 2;
+  few, along which they go round without approaching anything (`on_closed_curve`);
+- long period: the points repeat after more periods than the job sought, at most N / 2;
 - undecided: everything else. G well below 0 is a motion that contracts to an orbit: a transient
-  slower than the window, or a period above N / 2. G between the bounds is not told from either
-  side by a window of this length; a longer one (``sweep.sampling_cycles``) decides.
+  slower than the window, or a period above N / 2. A window of this length cannot decide a G between
+  the bounds; a longer one (``sweep.sampling_cycles``) can.
 
-What is said is said of the window: chaos may be a transient that would end later.
+The class is that of the window: chaos may be a transient that would end later.
 """
 
 import math
@@ -63,7 +63,7 @@ PEAK_WIDTH = 0.12
 
 
 class MotionClass(IntEnum):
-    """Kind of motion of one run."""
+    """Class of the motion of a run."""
 
     NOT_COMPUTED = 0
     """No committed result."""
@@ -94,7 +94,7 @@ CLASS_NAMES = {
 
 
 def tells_chaos(names) -> bool:
-    """Return whether variables of these names tell chaos: classified motions, or exponents."""
+    """Return whether these variables identify chaos: classified motions, or exponents."""
     return MOTION in names or "lyapunov" in names
 
 
@@ -104,14 +104,14 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
     Parameters
     ----------
     results : xarray.Dataset
-        Of `hpcsweep.open_results`. Without ``lyapunov`` nothing is chaotic or quasi-periodic;
+        From `hpcsweep.open_results`. Without ``lyapunov`` nothing is chaotic or quasi-periodic;
         without ``poincare`` nothing has a long period or is quasi-periodic; without ``contact``
-        nothing is free of contact. What cannot be told is undecided. With a variable `MOTION`,
-        of classes told before, those are returned.
+        nothing is free of contact. Otherwise a run is undecided. If there is a variable `MOTION`,
+        its classes are returned.
     settings : SweepSettings
-        Of the runs: their ``sampling_cycles`` and ``period_tolerance``.
+        Settings of the runs: ``sampling_cycles`` and ``period_tolerance`` are used.
     units_at : callable (omega, amplitude), optional
-        Units of the states in which the tolerance is meant: `Structure.units_at`. Default: 1.
+        Units of states to which the tolerance is relative: `Structure.units_at`. Default: 1.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
     Raises
     ------
     ValueError
-        If the results are no dataset of a campaign, or the settings none of its runs.
+        If the results are not a dataset of a campaign, or the settings not those of its runs.
     """
     if "outcome" not in getattr(results, "variables", ()) or not hasattr(results, "sizes"):
         raise refused("results", "a dataset of open_results", results)
@@ -177,9 +177,9 @@ def classify_points(points: np.ndarray, growth: float, tolerance: float) -> Moti
     points : ndarray, shape (N, 2n)
         Stroboscopic points of the window.
     growth : float
-        G of the window, NaN if not known.
+        G of the window, NaN if unknown.
     tolerance : float
-        Points closer than this are the same.
+        Points closer than this count as equal.
     """
     points, growth = rows("points", points), real("growth", growth)
     tolerance = number("tolerance", tolerance)
@@ -193,16 +193,17 @@ def classify_points(points: np.ndarray, growth: float, tolerance: float) -> Moti
 
 
 def on_closed_curve(points: np.ndarray) -> bool:
-    """Return whether the points go round one closed curve, or every m-th point round one of m.
+    """Return whether the points lie on one closed curve, or every m-th point on one of m.
 
-    On such a curve z_j = f(j theta mod 1) with a smooth f: in the order of j theta mod 1 they are
-    a closed polygon of short steps for the right rotation number theta, and for no theta if they
-    scatter. The curve must also stay: its radius is compared between the halves of the window.
+    On such a curve z_j = f(j theta mod 1) with a smooth f: in the order of j theta mod 1 they are a
+    closed polygon of short steps for the right rotation number theta, and for no theta if they
+    scatter. The curve must also be stationary: its radius is compared between the halves of the
+    window.
 
     Parameters
     ----------
     points : ndarray, shape (N, 2n)
-        Consecutive.
+        Consecutive stroboscopic points.
     """
     points = rows("points", points)
     return any(
@@ -240,7 +241,7 @@ def _one_curve(points: np.ndarray) -> bool:
 def _rotation_numbers(points: np.ndarray) -> np.ndarray:
     """Return rotation numbers near the largest peaks of the points' spectrum, shape (k,).
 
-    There are none if it only rises towards 0 or 1/2: the points go one way, or to and fro.
+    There are none if it only rises towards 0 or 1/2: the points drift, or alternate.
     """
     count = len(points)
     window = np.hanning(count)[:, None]
@@ -259,12 +260,12 @@ def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
     Parameters
     ----------
     classes : ndarray of int
-        Of `classify`.
+        From `classify`.
 
     Returns
     -------
     dict of MotionClass to float
-        All classes but NOT_COMPUTED; the shares add up to 1, or are all 0 if nothing was computed.
+        All classes but NOT_COMPUTED; the shares sum to 1, or are all 0 if nothing was computed.
     """
     classes = array("classes", classes)
     computed = max(int((classes != MotionClass.NOT_COMPUTED).sum()), 1)
@@ -276,19 +277,19 @@ def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
 
 
 def contact_name(contact: int, labels: int | Sequence[str], room: int | None = None) -> str:
-    """Write a contact set as C with its members; 'none' if it is empty.
+    """Return the name of a contact set, C with its members; 'none' if it is empty.
 
-    C23: floors 2 and 3 at their stops on the right; C23L: at those on the left; C2,3L: one of
-    each. Where there are more than nine, C7-12,15; contacts of matrices by their numbers.
+    C23: floors 2 and 3 at their stops on the right; C23L: at those on the left; C2,3L: one of each.
+    With more than nine, C7-12,15; contacts of matrices by their numbers.
 
     Parameters
     ----------
     contact : int
         Bit k - 1 is contact k.
     labels : int or sequence of str
-        `Structure.contact_labels`, or the number of floors with a stop on the right each.
+        `Structure.contact_labels`, or the number of floors, each with a stop on the right.
     room : int, optional
-        Letters of the name: what is longer ends in ",...".
+        Most letters of the name: a longer one ends in ",...".
     """
     contact = count("contact", contact, 0, 2**64 - 1)
     if isinstance(labels, list | tuple):
@@ -315,7 +316,7 @@ def contact_name(contact: int, labels: int | Sequence[str], room: int | None = N
 
 
 def _ranges(numbers: Sequence[int]) -> list[str]:
-    """Write ascending numbers, three and more in a row as a range."""
+    """Format ascending numbers, three and more in a row as a range."""
     parts: list[str] = []
     start = 0
     for end in range(1, len(numbers) + 1):

@@ -1,14 +1,14 @@
-"""What motion a state goes to: integrated on until it is known, or a cap is reached.
+"""Classify the motion that a state goes to: integrate until it is known, or a limit is reached.
 
-The motion is watched for an orbit that is near, unless small differences grow, and then observed
-with a tangent vector. This stretch is carried on, to twice its length up to `LEAST_TORUS` periods
-and by a part of it from then on, and judged each time by its later part. A motion is
+The motion is first watched for an orbit nearby, unless small differences grow, and then observed
+with a tangent vector. This stretch is extended, to twice its length up to `LEAST_TORUS` periods and
+by a part of it from then on, and classified each time by its later part. A motion is
 
 - periodic if Newton's method has verified the orbit it goes to (`flow.orbit.transient`,
   `shooting`), or its points have closed and stay closed (`orbit.closed_period`), and the orbit does
   not repel;
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
-  (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
+(`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it `CONFIRMED` periods later;
 - quasi-periodic if over `LEAST_TORUS` periods or more weighted means over both halves agree to
   `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
@@ -97,7 +97,7 @@ def classify_motion(
     poll: Callable[[], None] | None = None,
     window: Observation | None = None,
 ) -> Motion:
-    """Find out which motion a state goes to.
+    """Classify the motion that a state goes to.
 
     Parameters
     ----------
@@ -106,13 +106,13 @@ def classify_motion(
         At tau = 0.
     amplitude : float
     settings : SweepSettings
-        Of the runs: their ``max_orbit_period`` and ``period_tolerance``.
+        Settings of the runs: ``max_orbit_period`` and ``period_tolerance`` are used.
     max_cycles : int
-        Forcing periods after which it is given up as undecided; the last part may be cut short.
+        Forcing periods after which the motion is undecided; the last part may be cut short.
     poll : callable, optional
         Called within long work; may raise to leave.
     window : Observation, optional
-        Of a window that has ended in `state`, with the growth of a tangent vector: judged first.
+        A window that ended in `state`, with the growth of a tangent vector: tried first.
     """
     search = _Classifier(solver, amplitude, settings, poll, count("max_cycles", max_cycles))
     z, motion = np.array(state, dtype=float), None
@@ -127,7 +127,7 @@ def classify_motion(
 
 
 class _Classifier:
-    """The means by which one motion is found out."""
+    """Classifier of one motion."""
 
     def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int):
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
@@ -144,26 +144,26 @@ class _Classifier:
 
     @property
     def left(self) -> int:
-        """Forcing periods that may still be integrated."""
+        """Forcing periods still allowed."""
         return max(self._max_cycles - self.cycles, 0)
 
     @property
     def may_be_near_orbit(self) -> bool:
-        """Whether to watch for an orbit before a stretch is begun."""
+        """Whether to watch for an orbit before beginning a stretch."""
         return self._stretch is None and not (self._growing or self._likely_torus)
 
     @property
     def growth(self) -> Interval:
-        """Growth a period over all that was observed."""
+        """Growth a period over everything observed."""
         return growth_interval(self._logarithms)
 
     def undecided(self, z: np.ndarray) -> Motion:
-        """Give up: return the motion as undecided."""
+        """Return the motion as undecided."""
         last = self._last if len(self._last) else z[None]
         return self.motion(MotionClass.UNDECIDED, last, growth=self.growth)
 
     def watch(self, z: np.ndarray, n_periods: int) -> Step:
-        """Integrate until the motion has reached an orbit or is verified to."""
+        """Integrate until the motion has reached an orbit, or is verified to go to one."""
         most = min(n_periods, self.left)
         end = self._solver.settle(
             z, self._amplitude, most, LONGEST, SETTLED, self._same, NEAR, self._poll
@@ -183,7 +183,7 @@ class _Classifier:
         return seen
 
     def judge_window(self, z: np.ndarray, seen: Observation) -> Step:
-        """Classify a motion by a window; return where it goes on."""
+        """Classify a motion by a window; return the state from which to continue."""
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         self._logarithms = aligned(seen.logarithms)
@@ -191,7 +191,7 @@ class _Classifier:
         return end, self._confirmed(motion, end)
 
     def carry_on(self, z: np.ndarray) -> Step:
-        """Observe the motion for longer, and judge it by the end of all that follows on."""
+        """Observe the motion for longer, and classify it by the end of the continuous stretch."""
         before = self._stretch
         seen = self.observe(z, self._more(), None if before is None else before.direction)
         if seen.outcome is not Outcome.COMPLETE:
@@ -204,29 +204,29 @@ class _Classifier:
         if motion is None and np.array_equal(end, start):
             judged = max(LEAST_TORUS, int(JUDGED * len(stretch.points)))
             end, motion = self._judge(stretch.last(judged))
-        if not np.array_equal(end, start):  # an orbit that repels was left
+        if not np.array_equal(end, start):  # a repelling orbit was left
             self._stretch = None
             self._tried.clear()
         return end, self._confirmed(motion, end)
 
     def _more(self) -> int:
-        """Return the periods by which the stretch is carried on."""
+        """Return the number of periods by which to extend the stretch."""
         size = 0 if self._stretch is None else len(self._stretch.points)
         if size >= LEAST_TORUS:
             return size // CARRIED
         return LEAST_TORUS - size if self._likely_torus else max(size, FIRST_STRETCH)
 
     def _confirmed(self, motion: Motion | None, z: np.ndarray) -> Motion | None:
-        """Watch chaos for an orbit that ends it; return what it turns out to be."""
+        """Watch chaos for an orbit that ends it; return the resulting motion."""
         if motion is None or motion.kind is not MotionClass.CHAOTIC:
             return motion
         _, ended = self.watch(z, CONFIRMED)
         return ended or replace(motion, cycles=self.cycles)
 
     def _closing(self, stretch: np.ndarray) -> Step:
-        """Look for an orbit of long period to which a stretch closes, and jump to it.
+        """Look for an orbit of long period on which a stretch closes, and jump to it.
 
-        It is claimed, too, where the last two turns have closed to the turn before each.
+        It is also claimed where each of the last two turns has closed on the previous one.
         """
         points, size, end = stretch / self._units, len(stretch), stretch[-1]
         found = closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
@@ -246,9 +246,9 @@ class _Classifier:
         return end, None
 
     def _judge(self, seen: Observation | Growth, longest: int = 0) -> Step:
-        """Classify a motion by what was observed, if that suffices; return where it goes on.
+        """Classify a motion by its observation, if that suffices; return where to continue.
 
-        `longest` is the longest period to which all of it may have closed.
+        `longest` is the longest period on which all of it may have closed.
         """
         points, size, end = seen.points / self._units, len(seen.points), seen.points[-1]
         whole = seen if isinstance(seen, Observation) else None
@@ -259,7 +259,7 @@ class _Classifier:
         if period:
             return self._orbit(end, period)
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
-            # beside an orbit that repels it is that orbit's growth
+            # near a repelling orbit it is that orbit's growth
             third = size // 3
             beside = stays_near_orbit(points[:third], LONGEST, NEAR)
             if not beside or seen.logarithms[:third].sum() > DRIVEN_AWAY:
@@ -272,7 +272,7 @@ class _Classifier:
         return end, self._torus(points, seen, whole)
 
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
-        """Recognise a torus, or the orbit that it is locked to, by points in units of the state."""
+        """Recognise a torus, or the orbit that it is locked to, by points in state units."""
         size = len(points)
         neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= LEAST_TORUS
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
@@ -294,7 +294,7 @@ class _Classifier:
         return closed_period(points, max_period, self._same)
 
     def _orbit(self, z, period: int, multiplier: float = math.nan, points=None) -> Step:
-        """Make the motion of an orbit that was reached; where it repels, leave it.
+        """Return the motion of an orbit that was reached; leave a repelling one.
 
         `multiplier` is NaN if the orbit was not verified by Newton's method.
         """
@@ -313,7 +313,7 @@ class _Classifier:
         if multiplier > 1 + REPELS:
             if np.abs((start - z) / self._units).max() > PUSH:
                 return start, None  # on its way already
-            # into no direction that a structure prefers
+            # in no direction that a structure prefers
             return z + PUSH * self._units * np.cos(np.arange(z.size)), None
         smallest = smallest_period(points / self._units, self._same)
         multiplier **= smallest / period
@@ -322,9 +322,9 @@ class _Classifier:
         return z, self.motion(MotionClass.PERIODIC, last, smallest, multiplier, exponent)
 
     def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None) -> Motion | None:
-        """Solve for the orbit that is approached; return it if the motion is verified to go there.
+        """Solve for the approached orbit; return it if the motion is verified to go there.
 
-        `limit` is where the points, in units of the state, extrapolate to, if they do.
+        `limit` is the limit of the points, in units of the state, by extrapolation, if it exists.
         """
         z, nearer = points[-1], None
         if limit is not None:
@@ -345,6 +345,6 @@ class _Classifier:
         outcome: Outcome = Outcome.COMPLETE,
         seen: Observation | None = None,
     ) -> Motion:
-        """Make the result; `growth` a forcing period."""
+        """Return the result; `growth` is a forcing period's."""
         interval = growth.times(1.0 / self._time)
         return Motion(kind, points, period, multiplier, *interval, self.cycles, outcome, seen)

@@ -1,4 +1,4 @@
-"""How well a stretch of a motion tells its largest Lyapunov exponent.
+"""Confidence interval of the largest Lyapunov exponent of a stretch of a motion.
 
 The logarithms l_1, ..., l_k of the factor by which a tangent vector grows in each forcing period
 are correlated: an impact that stretches it is followed by others. Means over batches of k / B of
@@ -31,11 +31,11 @@ class Interval(NamedTuple):
 
     @classmethod
     def exact(cls, mean: float) -> "Interval":
-        """Make the one of a mean that is known."""
+        """Return the interval of an exactly known mean."""
         return cls(mean, mean, mean)
 
     def times(self, factor: float) -> "Interval":
-        """Return it in another unit; `factor` > 0."""
+        """Return the interval in another unit; `factor` > 0."""
         return Interval(self.mean * factor, self.low * factor, self.high * factor)
 
 
@@ -43,7 +43,7 @@ UNKNOWN = Interval(math.nan, math.nan, math.nan)
 
 
 def aligned(logarithms: np.ndarray) -> np.ndarray:
-    """Leave out the first tenth, in which the tangent vector finds the direction of growth."""
+    """Drop the first tenth, in which the tangent vector aligns with the direction of growth."""
     logarithms = array("logarithms", logarithms)
     return logarithms[len(logarithms) // ALIGNING :]
 
@@ -56,9 +56,9 @@ def growth_interval(
     Parameters
     ----------
     logarithms : ndarray, shape (k,)
-        Of the factor in each forcing period, `aligned`.
+        Logarithms of the growth factor in each forcing period, `aligned`.
     batches : int
-        B; each must have a period at least.
+        B; each must have at least one period.
     confidence : float
         Probability with which the interval holds the true mean, between 0 and 1.
 
@@ -84,7 +84,7 @@ def growth_interval(
 
 @functools.lru_cache(maxsize=64)
 def _quantile(freedom: int, probability: float) -> float:
-    """Return that of Student's t distribution."""
-    from scipy.special import stdtrit  # who only reads results does not wait for it
+    """Return the quantile of Student's t distribution."""
+    from scipy.special import stdtrit  # reading results does not need it
 
     return float(stdtrit(freedom, probability))

@@ -19,20 +19,20 @@ class Motion:
     kind : MotionClass
         PERIODIC, QUASI_PERIODIC, CHAOTIC, UNDECIDED or FAILED.
     points : ndarray, shape (k, 2n)
-        Of an orbit its p points in their order; of other motions the last points that were seen.
+        The p points of an orbit in order; the last observed points of other motions.
     period : int
-        Orbit period p in forcing periods, 0 of other motions.
+        Orbit period p in forcing periods, 0 for other motions.
     multiplier : float
-        Modulus of the orbit's largest Floquet multiplier; NaN of other motions.
+        Modulus of the orbit's largest Floquet multiplier; NaN for other motions.
     exponent, exponent_low, exponent_high : float
-        Largest Lyapunov exponent per unit of time with its confidence interval, which of an orbit
-        is a point; NaN if not known.
+        Largest Lyapunov exponent per unit of time with its confidence interval, a point for an
+        orbit; NaN if unknown.
     cycles : int
         Forcing periods integrated.
     outcome : Outcome
-        Of the solver.
+        Outcome of the solver.
     seen : Observation, optional
-        The window, if it was told by that, and is no orbit.
+        The window, if it classified the motion, and the motion is not an orbit.
     """
 
     kind: MotionClass
@@ -48,5 +48,5 @@ class Motion:
 
     @property
     def interval(self) -> Interval:
-        """The exponent with its interval."""
+        """Exponent with its interval."""
         return Interval(self.exponent, self.exponent_low, self.exponent_high)

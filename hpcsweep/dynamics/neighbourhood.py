@@ -1,15 +1,15 @@
-"""Neighbourhoods of orbits from which the motion goes to the orbit.
+"""Neighbourhoods of orbits from which motions converge to the orbit.
 
 Let z_k be the points of an orbit of period p and T_k the tangent map of the period from z_k to
 z_(k+1). With P_k = T_k' P_(k+1) T_k + Q the quadratic form V_k(x) = x' P_k x falls by x' Q x in
-each period of the linearised motion; going once round, P_0 is the solution of the discrete Lyapunov
-equation P_0 = M' P_0 M + S, M the monodromy matrix, which exists where all multipliers are inside
-the unit circle. Q is 1 in the units of the state.
+each period of the linearised motion; over the whole orbit, P_0 is the solution of the discrete
+Lyapunov equation P_0 = M' P_0 M + S, M the monodromy matrix, which exists where all multipliers are
+inside the unit circle. Q is 1 in the units of the state.
 
 The ellipsoids V_k(z - z_k) <= c form a neighbourhood that the motion does not leave if V falls on
 their surfaces. That is tested, not proved, for the map itself: on `DIRECTIONS` pairs of opposite
 points of each surface, at the level c and at `INNER` c, from a large level down to the first that
-passes. States are taken to go to the orbit from `MARGIN` c inwards.
+passes. States within `MARGIN` c are taken to go to the orbit.
 """
 
 from dataclasses import dataclass
@@ -45,16 +45,16 @@ class Neighbourhood:
 
 
 def neighbourhood(solver, amplitude: float, points: np.ndarray, rng) -> Neighbourhood | None:
-    """Find the neighbourhood of an orbit; None if none of the levels passes.
+    """Return the neighbourhood of an orbit; None if no level passes.
 
     Parameters
     ----------
     solver : Solver
     amplitude : float
     points : ndarray, shape (p, 2n)
-        In order.
+        Points of the orbit in order.
     rng : numpy.random.Generator
-        Of the directions that are tested.
+        Source of the tested directions.
     """
     units = solver.structure.state_units
     try:
@@ -98,7 +98,7 @@ def lyapunov_forms(tangents: list[np.ndarray], form: np.ndarray) -> np.ndarray:
 
 
 def inside(states: np.ndarray, known: list[Neighbourhood | None]) -> np.ndarray:
-    """Return in which neighbourhood each state lies: its place in `known`, -1 for none.
+    """Return the index in `known` of the neighbourhood of each state, -1 for none.
 
     Parameters
     ----------

@@ -1,15 +1,15 @@
 """Orbit period from stroboscopic points.
 
 `orbit_period` is the window test of published studies: points that repeat within a tolerance. It
-takes an approach for an orbit. With multiplier mu an orbit of period 1 is approached as z_k = z + a
-mu^k, so that points q apart differ by e_k(q) = |a| |mu|^k |1 - mu^q|: with mu = -1 + s those 2
+mistakes an approach for an orbit. With multiplier mu an orbit of period 1 is approached as z_k = z
++ a mu^k, so that points q apart differ by e_k(q) = |a| |mu|^k |1 - mu^q|: with mu = -1 + s those 2
 apart are 2 / s times closer than neighbours, and are the same when those are not: an orbit of twice
 the period is claimed. `closed_period` claims an orbit of p only where
 
-- what is still to go, e r / (1 - r) with e = e_k(p) at the end and r the ratio by which it has
-  fallen over the last p periods, is within the tolerance, and it has not grown beyond it before;
+- the remaining distance, e r / (1 - r) with e = e_k(p) at the end and r the ratio by which it has
+  fallen over the last p periods, is within the tolerance, and it has not exceeded it before;
 - the distance e(q) for every q < p that divides p tends to a limit that is not 0: with e_0, e_1,
-  e_2 at the begin, the middle and the end of the points, and e_2 < e_1 < e_0, the limit of a
+  e_2 at the beginning, the middle and the end of the points, and e_2 < e_1 < e_0, the limit of a
   geometric approach (Aitken) is e_2 - (e_2 - e_1)^2 / (e_2 - 2 e_1 + e_0), and must be half of e_2
   at least. Other q need no test: where e(q) and e(p) tend to 0, so does e of their greatest common
   divisor.
@@ -36,25 +36,25 @@ displacement by which it may differ from a multiple of the one a turn before."""
 
 
 def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
-    """Find the smallest p for which the points repeat after p forcing periods.
+    """Return the smallest p for which the points repeat after p forcing periods.
 
     Parameters
     ----------
     points : ndarray, shape (k, 2n)
-        Consecutive stroboscopic points; the last 2 `max_period` of them are compared, where
-        least is left of the transient.
+        Consecutive stroboscopic points; the last 2 `max_period` of them are compared, where the
+        transient is smallest.
     max_period : int
-        Longest p that is looked for; only p <= k / 2 can be seen.
+        Longest p to look for; only p <= k / 2 can be seen.
     tolerance : float
-        The points repeat if no coordinate of z(j + p) - z(j) exceeds this for any j. It must
-        be larger than what is left of the transient and than the solver's error over p
-        periods, and smaller than the distance between the points of the orbit: two branches of
-        a period doubling closer than this count as one.
+        The points repeat if no coordinate of z(j + p) - z(j) exceeds this for any j. It must be
+        larger than the remaining transient and the solver's error over p periods, and smaller than
+        the distance between the points of the orbit: two branches of a period doubling closer than
+        this count as one.
 
     Returns
     -------
     int
-        p, or 0 if there is none (chaotic, quasi-periodic, longer, or not yet settled).
+        p, or 0 if there is none (chaotic, quasi-periodic, longer, or still transient).
     """
     points, max_period = rows("points", points), count("max_period", max_period, 1)
     tolerance = number("tolerance", tolerance)
@@ -62,9 +62,9 @@ def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
 
 
 def _repeats(coordinates: np.ndarray, max_period: int, tolerance: float) -> int:
-    """Find the smallest p for which all points repeat; see `orbit_period`."""
+    """Return the smallest p for which all points repeat; see `orbit_period`."""
     longest = min(max_period, coordinates.shape[1] // 2)
-    # p back from the last point, before all others are compared
+    # compare the last point with the one p before first
     back = np.abs(coordinates[:, -2 : -longest - 2 : -1] - coordinates[:, -1:]).max(axis=0)
     for p in (1 + np.flatnonzero(back <= tolerance)).tolist():
         if _apart(coordinates, p).max() <= tolerance:
@@ -73,17 +73,17 @@ def _repeats(coordinates: np.ndarray, max_period: int, tolerance: float) -> int:
 
 
 def closed_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
-    """Find the smallest p for which the points have closed and stay closed.
+    """Return the smallest p for which the points have closed and stay closed.
 
     Parameters
     ----------
     points, max_period, tolerance
-        As of `orbit_period`.
+        As in `orbit_period`.
 
     Returns
     -------
     int
-        p, or 0 if there is none, or the points still approach something.
+        p, or 0 if there is none, or the points are still converging.
     """
     points, max_period = rows("points", points), count("max_period", max_period, 1)
     tolerance = number("tolerance", tolerance)
@@ -105,14 +105,14 @@ def closed_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
 
 
 def approached_period(points: np.ndarray, max_period: int, near: float) -> int:
-    """Find the smallest p for which points p apart are near and come nearer.
+    """Return the smallest p for which points p apart are near and come nearer.
 
     Parameters
     ----------
     points : ndarray, shape (k, 2n)
         Consecutive stroboscopic points.
     max_period : int
-        Longest p that is looked for; only p <= k / 6 can be seen.
+        Longest p to look for; only p <= k / 6 can be seen.
     near : float
         Largest difference of a coordinate over the last third of the points.
 
@@ -133,7 +133,7 @@ def approached_period(points: np.ndarray, max_period: int, near: float) -> int:
 
 
 def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
-    """Find the p after which the last third of the points returns nearest to itself.
+    """Return the p after which the last third of the points returns nearest to itself.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
     Returns
     -------
     int
-        p, or 0 if it returns to within `near` after none.
+        p, or 0 if it never returns to within `near`.
     """
     points, max_period = rows("points", points), count("max_period", max_period, 1)
     near = number("near", near)
@@ -162,7 +162,7 @@ def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
 
 
 class Recurrence(NamedTuple):
-    """A period after which points return nearer and nearer."""
+    """A period after which points return ever nearer."""
 
     period: int
     """0 if there is none."""
@@ -173,15 +173,15 @@ class Recurrence(NamedTuple):
 def closing_period(
     points: np.ndarray, min_period: int, max_period: int, near: float, tolerance: float
 ) -> Recurrence:
-    """Find the p after which the points return nearest and come nearer over the last three turns.
+    """Return the p after which points return nearest, and nearer over the last three turns.
 
     Parameters
     ----------
     points : ndarray, shape (k, 2n)
         Consecutive stroboscopic points.
     min_period, max_period : int
-        Shortest and longest p that is tried, the latter at most k / 3; of those after which the
-        last point returns, the first `CANDIDATES`.
+        Shortest and longest p to try, the latter at most k / 3; only the first `CANDIDATES` after
+        which the last point returns.
     near : float
         Largest difference of a coordinate over the last turn.
     tolerance : float
@@ -205,13 +205,13 @@ def closing_period(
 def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:
     """Extrapolate the last point of a geometric approach along one direction to its orbit.
 
-    With the displacements a = z_(k-p) - z_(k-2p) and b = z_k - z_(k-p) it is b = r a, and the orbit
-    is at z_k + r / (1 - r) b (Aitken). r must be the same at both ends of the last turn.
+    With the displacements a = z_(k-p) - z_(k-2p) and b = z_k - z_(k-p) = r a, the orbit is at z_k +
+    r / (1 - r) b (Aitken). r must be the same at both ends of the last turn.
 
     Parameters
     ----------
     points : ndarray, shape (k, 2n)
-        Consecutive stroboscopic points; the last 3 p of them count.
+        Consecutive stroboscopic points; the last 3 p of them are used.
     period : int
         p, at most k / 3.
 
@@ -243,7 +243,7 @@ def _ratio_of_turns(points: np.ndarray, period: int) -> tuple[float, np.ndarray,
 
 
 def stays_near_orbit(points: np.ndarray, max_period: int, near: float) -> bool:
-    """Return whether points p apart are near throughout: near an orbit, attracting or not.
+    """Return whether some p exists for which points p apart are near throughout.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def smallest_period(points: np.ndarray, same: float) -> int:
     points : ndarray, shape (p, 2n)
         The whole orbit.
     same : float
-        Points that differ by no more than this are one.
+        Points that differ by no more than this count as equal.
 
     Returns
     -------

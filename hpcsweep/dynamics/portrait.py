@@ -1,4 +1,4 @@
-"""All attractors at one point (structure, A, Omega), with the shares of starts that they have."""
+"""Find all attractors at one point (structure, A, Omega), with their shares of starts."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,13 +29,13 @@ def portrait(
         Of the structure and the frequency.
     amplitude : float
     seeds : ndarray, shape (m, 2n)
-        States whose motions are classified first and count for no share.
+        States whose motions are classified first and do not count for shares.
     starts : ndarray, shape (N, 2n)
     settings : SweepSettings
     max_cycles : int
         Forcing periods after which a motion is left undecided.
     confidence : float
-        Of the intervals of the shares.
+        Confidence of the intervals of the shares.
     poll : callable, optional
         Called before each start and within long ones; may raise to leave.
     """

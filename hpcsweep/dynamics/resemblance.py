@@ -1,19 +1,19 @@
-"""Whether two motions lie on one attractor, and how far attractors lie apart.
+"""Decide whether two motions lie on one attractor, and measure distances of attractors.
 
-Orbits are the same if they have one period and, for one shift of their points, no point differs by
-more than the tolerance of points that count as one.
+Orbits are the same if they have the same period and, for one shift of their points, no point
+differs by more than the tolerance.
 
-Motions that are no orbit, chaos and tori, are told apart by two statistics of their stroboscopic
-points. Where they are: attractors are disjoint closed sets, and a motion comes arbitrarily near to
-each point of its attractor, so that all but a few (`STRAYS`) of its points must be as near to the
-other's as that one's own second half is to its first, or nearly so. And how often: the mean of its
-points must be no farther from the other's than twice as far as the means of windows of the other,
-of the same length, ever are.
+Motions other than orbits, chaos and tori, are distinguished by two statistics of their stroboscopic
+points. First, where the points are: attractors are disjoint closed sets, and a motion comes
+arbitrarily near to each point of its attractor, so that all but a few (`STRAYS`) of its points must
+be about as near to the other's as that one's own second half is to its first. Second, how often:
+the mean of its points must be no farther from the other's than twice the largest distance of means
+over windows of the other, of the same length.
 
-A torus that is nearly locked is visited in clusters of points that drift along it, which another
-motion on it need not meet in thousands of periods. But its weighted means (`birkhoff`) are known to
-many digits, and tell it: two tori are one if the means of all coordinates and of their squares
-agree within `SAFE_MEANS` times what they differ by between halves of either record.
+A nearly locked torus is visited in clusters of points that drift along it, which another motion on
+it need not meet in thousands of periods. But its weighted means (`birkhoff`) are known to many
+digits, and identify it: two tori are the same if the means of all coordinates and of their squares
+agree within `SAFE_MEANS` times their difference between the halves of either record.
 """
 
 import numpy as np
@@ -33,7 +33,7 @@ PARTS = 4
 
 
 def same_orbit(one: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
-    """Return whether orbits are the same: the smallest distance over cyclic shifts.
+    """Return whether orbits are the same, by the smallest distance over cyclic shifts.
 
     Parameters
     ----------
@@ -49,12 +49,12 @@ def same_orbit(one: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
 
 
 class Signature:
-    """What tells a motion that is no orbit.
+    """Statistics that identify a motion that is not an orbit.
 
     Parameters
     ----------
     points : ndarray, shape (k, 2n)
-        Consecutive, in units of the state; at least two.
+        Consecutive points in units of the state; at least two.
     """
 
     def __init__(self, points: np.ndarray):
@@ -72,12 +72,12 @@ class Signature:
         self._apart = float(np.abs(halves).max())
 
     def same_torus(self, other: "Signature") -> bool:
-        """Return whether two motions on tori, by records of the same length, are on one torus."""
+        """Return whether two motions, with records of the same length, are on one torus."""
         most = max(SAFE_MEANS * max(self._apart, other._apart), LEAST_MEANS)
         return bool(np.abs(self._weighted - other._weighted).max() <= most)
 
     def holds(self, points: np.ndarray) -> bool:
-        """Return whether a motion's points, in units of the state, are of the same attractor."""
+        """Return whether a motion's points, in units of the state, belong to the same attractor."""
         far, _ = self._tree.query(points)
         if np.mean(far > self._reach) > STRAYS:
             return False
@@ -97,9 +97,9 @@ class Signature:
 def distance(one: np.ndarray, other: np.ndarray) -> float:
     """Return the distance of two attractors by their points, in units of the state.
 
-    The mean distance from a point of one to the nearest of the other, that way round in which it
-    is smaller: an orbit and the one of twice the period that it doubles into are near, and so are a
-    small chaotic attractor and the larger one it grows to in a crisis.
+    The mean distance from a point of one to the nearest of the other, in the direction in which it
+    is smaller: an orbit and the one of twice the period into which it doubles are near, and so are
+    a small chaotic attractor and the larger one to which it grows in a crisis.
 
     Parameters
     ----------
@@ -119,12 +119,12 @@ def matched(
     before, now : list of ndarray, shapes (k, 2n)
         Points in units of the state.
     farthest : float
-        Distance beyond which they are not the same.
+        Distance beyond which they do not match.
 
     Returns
     -------
     list of (int, int)
-        Places in `before` and in `now`.
+        Indices in `before` and in `now`.
     """
     near = sorted(
         (distance(one, other), i, j) for i, one in enumerate(before) for j, other in enumerate(now)

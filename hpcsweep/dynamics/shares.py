@@ -7,9 +7,9 @@ s = alpha = 1 %.
 
 The interval is that of Clopper and Pearson (Biometrika 26 (1934) 404): all shares that a test at
 level (1 - confidence) / 2 on either side does not refuse. It holds the true share at least as often
-as it promises for every share and N, also for k = 0 and k = N, where an interval from the normal
-distribution has no width. The price is that it is wider than need be; low-discrepancy starts, whose
-numbers scatter less than independent ones do, make it safer still.
+as its confidence says for every share and N, also for k = 0 and k = N, where an interval from the
+normal distribution has no width. The price is that it is wider than necessary; low-discrepancy
+starts, whose numbers scatter less than independent ones, make it safer still.
 """
 
 import math
@@ -18,7 +18,7 @@ from hpcsweep.model.arguments import count, number
 
 
 def starts_needed(share: float, risk: float) -> int:
-    """Count the starts by which an attractor of a share is missed with probability `risk` at most.
+    """Return the number of starts that miss an attractor of a share with probability <= `risk`.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def share_interval(hits: int, starts: int, confidence: float) -> tuple[float, fl
     low, high : float
         (0, 1) without starts.
     """
-    from scipy.special import betaincinv  # the other commands do not wait for it
+    from scipy.special import betaincinv  # the other commands do not need it
 
     starts = count("starts", starts)
     hits = count("hits", hits, 0, starts)

@@ -1,11 +1,11 @@
-"""An orbit near a point, by Newton's method on the map of p forcing periods (single shooting).
+"""Solve for an orbit near a point by Newton's method on p forcing periods (single shooting).
 
 With F that map and M its tangent at z, a step solves (M - 1) d = z - F(z). Its length is the
 distance from the orbit to first order; a residual is not: where a multiplier is near 1 a small one
-is far away. After a step shorter than `SAME` M is kept, and F alone tells the distance, with the
-points of the orbit. The motion of z is verified to go to an orbit that attracts if the map from it
-is as good as linear: F(z) - o = M (z - o) but for `LINEAR_DEFECT` of F(z) - o, o the orbit. Where
-F(z) is known of the motion, Newton's method may start from a guess that is nearer to the orbit.
+may be far away. After a step shorter than `SAME` M is kept, and F alone gives the distance, with
+the points of the orbit. The motion of z is verified to go to an attracting orbit if the map is
+nearly linear: F(z) - o = M (z - o) up to `LINEAR_DEFECT` of F(z) - o, o the orbit. Where F(z) of
+the motion is known, Newton's method may start from a guess nearer to the orbit.
 """
 
 import math
@@ -30,7 +30,7 @@ ROUNDING = 1e-10
 
 
 class Shot(NamedTuple):
-    """What Newton's method came to; distances are in units of the state."""
+    """Result of Newton's method; distances are in units of the state."""
 
     point: np.ndarray
     """Of the orbit, shape (2n,)."""
@@ -54,7 +54,7 @@ class Shot(NamedTuple):
 
 
 class Nearer(NamedTuple):
-    """What is known of the motion of a point z besides."""
+    """Further knowledge of the motion of a point z."""
 
     image: np.ndarray
     """F(z)"""
@@ -65,7 +65,7 @@ class Nearer(NamedTuple):
 def shoot(
     solver, z: np.ndarray, amplitude: float, period: int, nearer: Nearer | None = None
 ) -> Shot:
-    """Take a point near an orbit of `period` forcing periods onto it.
+    """Solve for the orbit of `period` forcing periods near a point.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def shoot(
     amplitude : float
     period : int
     nearer : Nearer, optional
-        What is known of the motion of z.
+        Further knowledge of the motion of z.
     """
     units = solver.structure.state_units
     start, best, matrix, taken = z, z, np.eye(z.size), np.eye(z.size)

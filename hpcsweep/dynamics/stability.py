@@ -28,8 +28,8 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
 def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> float:
     """Return the largest Lyapunov exponent per unit time of a periodic orbit: ln |mu_1| / (p T).
 
-    mu_1 is the largest Floquet multiplier. Of other motions the exponent is the growth of a
-    tangent vector over a window, over its time (`hpcsweep.solvers.records`).
+    mu_1 is the largest Floquet multiplier. For other motions the exponent is the growth of a
+    tangent vector over a window, divided by its time (`hpcsweep.solvers.records`).
 
     Parameters
     ----------
@@ -57,5 +57,5 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
 
 
 def exponent_of_multiplier(multiplier: float, time: float) -> float:
-    """Turn the modulus of an orbit's largest multiplier over a time into an exponent."""
+    """Return the exponent for the modulus of an orbit's largest multiplier over a time."""
     return math.log(multiplier) / time if multiplier > 0 else -math.inf

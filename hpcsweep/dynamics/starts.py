@@ -1,10 +1,10 @@
-"""Starting states in a box: a scrambled Sobol sequence, turned anew at every point.
+"""Draw starting states in a box: a scrambled Sobol sequence, shifted at every point.
 
 The sequence fills the unit cube more evenly than independent states do (Owen, J. Complexity 14
 (1998) 466: the variance of a mean over scrambled points never exceeds that over independent ones by
 more than a constant, and falls faster where the integrand allows). It is scrambled with the seed,
-the same for all points (A, Omega), and shifted modulo 1 by a vector that the seed, Omega and A
-give: each start is uniform in the box, the starts of different points are independent, and they do
+the same for all points (A, Omega), and shifted modulo 1 by a vector determined by the seed, Omega
+and A: each start is uniform in the box, the starts of different points are independent, and they do
 not depend on what else a study computes.
 """
 
@@ -16,10 +16,10 @@ from hpcsweep.model.arguments import refused
 
 
 def usual_reach(structure) -> np.ndarray:
-    """Return how far the starts of a structure reach unless they are given, shape (2n,).
+    """Return the default reach of the starts of a structure, shape (2n,).
 
-    Displacements to the widest gap, velocities to that times omega_0; of a structure in units of
-    its owner, times its lowest natural frequency: the speed of that mode through the gap.
+    Displacements reach to the widest gap, velocities to that times omega_0; for a structure in the
+    user's units, times its lowest natural frequency: the speed of that mode through the gap.
     """
     n = structure.n_floors
     gap = max((contact.gap for contact in structure.contacts), default=structure.length_unit)
@@ -28,7 +28,7 @@ def usual_reach(structure) -> np.ndarray:
 
 
 def box_of(value: object, reach: np.ndarray) -> np.ndarray:
-    """Take a box of states: pairs (low, high), one a component of the state.
+    """Return a validated box of states: pairs (low, high), one for each component.
 
     Parameters
     ----------

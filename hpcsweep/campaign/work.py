@@ -17,7 +17,6 @@ from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Campaign, Journal
 from hpcsweep.store import reuse as reusing
 from hpcsweep.store.records import BlockCost, block_record, load_record
-from hpcsweep.store.reuse import told
 from hpcsweep.studies.run_names import run_name
 
 LISTED_FAILURES = 10

@@ -136,8 +136,8 @@ def _check_shape(values: Values, study: Varied, place: Place) -> None:
     base, part = study.base, study.part(place)
     other = _difference(base, part)
     if other is not None:
-        part = study.describe_part(place)
-        raise JobError(f"{values.source}: vary: {part}: all parts must be of one shape, it {other}")
+        where = study.describe_part(place)
+        raise JobError(f"{values.source}: vary: {where}: all parts must be of one shape, it {other}")
 
 
 def _difference(base: RunGrid, part: RunGrid) -> str | None:

@@ -1,10 +1,10 @@
 """The campaign file: the only package that knows its layout and that imports h5py.
 
-`layout` names its variables, `create` makes it, `transport` writes into it from every rank,
-`opening` is the one way in, `check` compares it with the layout, `metadata` is the checksum of all
-that is no result, `repair` mends what the job can tell, `commit` says which results are believed,
-`reader` gives them to people, `reuse` takes them over from earlier files, `frames` one frame at a
-time, `frame_grid` all of them, `packing` compresses it, `lock` keeps a second campaign out,
+`layout` names its variables, `create` creates it, `transport` writes into it from every rank,
+`opening` opens it, `check` compares it with the layout, `metadata` is the checksum of everything
+but results, `repair` restores what follows from the job, `commit` decides which results are valid,
+`reader` returns them as a dataset, `frames` one frame at a time, `frame_grid` all of them, `reuse`
+copies them from earlier files, `packing` compresses it, `lock` keeps a second campaign out,
 `journal` keeps the history beside it.
 """
 

@@ -137,7 +137,9 @@ def _check_shape(values: Values, study: Varied, place: Place) -> None:
     other = _difference(base, part)
     if other is not None:
         where = study.describe_part(place)
-        raise JobError(f"{values.source}: vary: {where}: all parts must be of one shape, it {other}")
+        raise JobError(
+            f"{values.source}: vary: {where}: all parts must be of one shape, it {other}"
+        )
 
 
 def _difference(base: RunGrid, part: RunGrid) -> str | None:

@@ -1,1 +1,1 @@
-"""What a campaign computes: its runs, their order, their results."""
+"""Studies: the runs of a campaign, their order, their results."""

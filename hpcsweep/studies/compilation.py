@@ -1,8 +1,8 @@
-"""Compiling what runs call before they begin, and what a user sees meanwhile.
+"""Compile what runs call before they begin, and show progress to the user.
 
 The kernels for any structure are compiled once. Kernels specialised to the structure of a study
-(`hpcsweep.solvers.flow.specialised`) are compiled where its histories will earn that back, or where
-a user asks for them.
+(`hpcsweep.solvers.flow.specialised`) are compiled where its histories will repay that, or where a
+user requests them.
 """
 
 import importlib
@@ -32,7 +32,7 @@ SILENCE = 10.0
 
 
 def announced(say: Callable[[str], None], kernels: str) -> Callable[[int, int], None]:
-    """Make what says how far the compilation has come: a line at its start, then now and then."""
+    """Return a callback that reports the progress of compilation, at its start and now and then."""
     last = time.monotonic()
 
     def tell(done: int, total: int) -> None:
@@ -47,7 +47,7 @@ def announced(say: Callable[[str], None], kernels: str) -> Callable[[int, int], 
 
 
 def is_compiled(settings: SweepSettings, specialised_to: Structure | None = None) -> bool:
-    """Return whether the cache is known to have what runs with these settings call.
+    """Return whether the cache is known to hold what runs with these settings call.
 
     Parameters
     ----------
@@ -65,15 +65,15 @@ def warm_up(
     jobs: int | None = None,
     specialised_to: Structure | None = None,
 ) -> None:
-    """Compile what runs with these settings call, or load it from the disk, by a few periods.
+    """Compile, or load from disk, what runs with these settings call, by running a few periods.
 
     Parameters
     ----------
     settings : SweepSettings
     say : callable, optional
-        Told how far the compilation has come, if there is anything to compile.
+        Called with the progress of compilation, if there is anything to compile.
     jobs : int, optional
-        Processes that compile; default one for each processor at hand.
+        Processes that compile; default one for each available processor.
     specialised_to : Structure, optional
         Compile the kernels specialised to it in place of those for any structure (solver `flow`).
     """
@@ -115,7 +115,7 @@ def warm_up_records(say: Callable[[str], None] | None = None) -> None:
 
 
 def worth_specialising(study: Any, n_ranks: int | None) -> Structure | None:
-    """Return the structure of a study if its histories on so many ranks pay for such kernels."""
+    """Return the structure of a study if its histories on `n_ranks` repay specialisation."""
     if n_ranks is None or study.settings.solver != "flow":
         return None
     histories = study.n_runs * study.polls_per_run
@@ -125,7 +125,7 @@ def worth_specialising(study: Any, n_ranks: int | None) -> Structure | None:
 
 
 def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
-    """Compile what runs of any settings, and responses to records, call, or load it."""
+    """Compile, or load, what runs with any settings and responses to records call."""
     importlib.import_module(RECORD_MAP)
     for name in SOLVERS:
         warm_up(SweepSettings(solver=name, metrics=frozenset(METRICS)), say, jobs)

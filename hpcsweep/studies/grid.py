@@ -1,7 +1,7 @@
-"""Runs over direction, frame (forcing frequency) and forcing amplitude: what studies of them share.
+"""Base of studies over direction, frame (forcing frequency) and forcing amplitude.
 
 A frame's runs of one direction are cut into blocks of `block_size` amplitudes, in ascending order;
-block b of a direction that descends holds as many amplitudes, counted from the top.
+block b of a descending direction holds as many amplitudes, counted from the top.
 """
 
 import time
@@ -87,14 +87,14 @@ class RunGrid:
 
     @classmethod
     def read(cls, values, **common) -> "RunGrid":
-        """Make the study a job asks for.
+        """Read the study of a job.
 
         Parameters
         ----------
         values : hpcsweep.job.values.Values
-            Of the job.
+            Values of the job.
         **common
-            What every study has: `structure`, `initial_state`, `settings`, `block_size`.
+            Fields of every study: `structure`, `initial_state`, `settings`, `block_size`.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class RunGrid:
         raise NotImplementedError
 
     def descends(self, direction: int) -> bool:
-        """Return whether the amplitudes of a direction are computed from the highest on."""
+        """Return whether the amplitudes of a direction are computed in descending order."""
         raise NotImplementedError
 
     def rows(
@@ -122,53 +122,53 @@ class RunGrid:
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
-        """Compute runs of a frame in the order given, from where its path has come."""
+        """Compute runs of a frame in the given order, from the present state of its path."""
         raise NotImplementedError
 
     @cached_property
     def moving(self) -> Structure:
-        """The structure without the contacts that no run can reach; of the same results."""
+        """The structure without the contacts that no run can reach; results are the same."""
         largest = float(np.abs(self.amplitude).max(initial=0.0))
         return self.structure.within_reach(largest, self.starting_states)
 
     @property
     def starting_states(self) -> np.ndarray:
-        """States that are at least as far out as those that runs start from, shape (m, 2n)."""
+        """States at least as far out as those from which runs start, shape (m, 2n)."""
         return self.initial_state[None]
 
     @property
     def is_list(self) -> bool:
-        """Whether every frame has one amplitude, its own: there are none in common."""
+        """Whether every frame has one amplitude of its own."""
         return False
 
     @property
     def n_frames(self) -> int:
-        """Sweeps over the last axis, of each direction."""
+        """Number of frames."""
         return self.omega.size
 
     @property
     def n_amplitudes(self) -> int:
-        """Runs of one frame and direction."""
+        """Number of runs of one frame and direction."""
         return self.amplitude.size
 
     @property
     def polls_per_run(self) -> int:
-        """Times that a run calls its `poll`, at least."""
+        """Least number of calls of `poll` in a run."""
         return 1
 
     @property
     def n_blocks(self) -> int:
-        """Blocks of one frame and direction."""
+        """Number of blocks of one frame and direction."""
         return -(-self.n_amplitudes // self.block_size)
 
     @property
     def n_tasks(self) -> int:
-        """Tasks of the study."""
+        """Number of tasks of the study."""
         return int(self.task_of(len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1)) + 1
 
     @property
     def n_runs(self) -> int:
-        """Runs of the study: directions x frames x amplitudes."""
+        """Number of runs: directions x frames x amplitudes."""
         return len(self.directions) * self.omega.size * self.n_amplitudes
 
     def amplitudes_of(self, frame: int) -> np.ndarray:
@@ -220,7 +220,7 @@ class RunGrid:
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
-        """Variables that are known beforehand, with their values."""
+        """Variables that are known in advance, with their values."""
         return []
 
     def block(self, place: tuple[int, ...]) -> Block:
@@ -250,11 +250,11 @@ class RunGrid:
         return BlockTable(task[order], n_runs[order], place[order], middle[order])
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return the index of the run whose end state a run starts from; None: `initial_state`."""
+        """Return the index of the run from whose end state a run starts; None: `initial_state`."""
         raise NotImplementedError
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return the state the run after one of the rows starts from."""
+        """Return the state from which the run after one of the rows starts."""
         return rows["final_state"][row]
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -262,7 +262,7 @@ class RunGrid:
         return [run]
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Count runs by the rules that spared periods, and those without an orbit."""
+        """Count runs by skip rule, and runs without an orbit."""
         complete, of = done & (runs["outcome"] == Outcome.COMPLETE), self.settings
         return {
             "periods_per_run_window": of.transient_cycles + of.sampling_cycles,
@@ -277,7 +277,7 @@ class RunGrid:
     def compute(
         self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
     ) -> dict[str, np.ndarray]:
-        """Compute a block from the state its path has reached; rows in the order of the file."""
+        """Compute a block from the present state of its path; rows in file order."""
         _, frame, low = block.first
         amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs][block.order]
         result = self.rows(frame, amplitudes, state, poll)
@@ -289,11 +289,11 @@ class RunGrid:
         return self.rows(frame, self.amplitudes_of(frame)[at : at + 1], state)
 
     def part_of(self, block: Block) -> tuple["RunGrid", Block]:
-        """Return the study that a block is of, and the block as it is called there."""
+        """Return the part to which a block belongs, and the block with its index there."""
         return self, block
 
     def part(self, _place: Place) -> "RunGrid":
-        """Return the study at a place of `axes`, of which there are none."""
+        """Return the study itself, as there are no `axes`."""
         return self
 
     def with_settings(self, **changes: Any) -> "RunGrid":
@@ -303,7 +303,7 @@ class RunGrid:
     def time_runs(
         self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
     ) -> tuple[tuple[int, float], int, float]:
-        """Time a few runs of a frame, after one that arrives on the attractor and is not timed."""
+        """Time a few runs of a frame, after an untimed one that reaches the attractor."""
         frame = int(share * self.omega.size)
         at = int(along * (max(self.n_amplitudes - n_runs - 1, 0) + 1))
         amplitudes = self.amplitudes_of(frame)[at : at + n_runs + 1]
@@ -317,11 +317,11 @@ class RunGrid:
         return (frame, middle), amplitudes.size, seconds
 
     def tally(self) -> Any:
-        """Make what counts the runs for ``summary``."""
+        """Return a tally of runs for ``summary``."""
         return RunTally(self)
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return what is not as every run promises: row and what is wrong there."""
+        """Return the broken invariants of runs: (row, message)."""
         _, frame, low = block.first
         amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs]
         units = self.structure.units_at(float(self.omega[frame]), amplitudes)
@@ -334,17 +334,17 @@ class RunGrid:
         return {"direction": self.directions[direction], "omega": omega, "amplitude": amplitude}
 
     def describe_task(self, task: int) -> str:
-        """Describe a task by its frequency, and what else is its own."""
+        """Describe a task by its frequency and other properties."""
         raise NotImplementedError
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
-        """Return whether the cache is known to have all that its runs call."""
+        """Return whether the cache is known to hold all that its runs call."""
         from hpcsweep.studies.compilation import is_compiled, worth_specialising
 
         return is_compiled(self.settings, worth_specialising(self, n_ranks))
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks=None) -> None:
-        """Compile all that its runs call, or load it from the disk."""
+        """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import warm_up, worth_specialising
 
         warm_up(self.settings, say, specialised_to=worth_specialising(self, n_ranks))

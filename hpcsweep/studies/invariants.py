@@ -1,4 +1,4 @@
-"""Invariants of the results: what every committed run promises about its own numbers."""
+"""Check the invariants that the numbers of every committed run satisfy."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ def broken_invariants(
     rows: dict[str, np.ndarray],
     units: np.ndarray,
 ) -> list[tuple[int, str]]:
-    """Check k runs against what `hpcsweep.studies.sweep.runs` says of its results.
+    """Check k runs against the invariants of `hpcsweep.studies.sweep.runs`.
 
     Parameters
     ----------
@@ -29,12 +29,12 @@ def broken_invariants(
     rows : dict of str to ndarray
         The file's variables, first axis the k runs.
     units : ndarray, shape (k, 2n)
-        Of the states of each run, `Structure.units_at`.
+        Units of the states of each run, `Structure.units_at`.
 
     Returns
     -------
     list of (int, str)
-        Row and what is wrong there.
+        Row and message.
     """
     broken = {**_of_the_run(settings, rows), **_of_failures(rows)}
     if "poincare" in rows:
@@ -47,7 +47,7 @@ def broken_invariants(
         good = np.where(amplitude == 0, np.isnan(drift), np.isfinite(drift) & (drift >= 0))
         broken["drift is finite and not negative"] = complete & ~good
     for name in rows.keys() & set(MEASURES):
-        # a contact with a layer also pulls, on its way in
+        # a contact with a layer also pulls as it closes
         least = -np.inf if name == "impulse" else 0.0
         most = 1 + ROUNDING if name == "contact_time" else np.finfo(float).max
         with np.errstate(invalid="ignore"):
@@ -73,7 +73,7 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
     outcome, skip_rule = rows["outcome"], rows["skip_rule"]
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
-    # whatever was classified off the path is no longer what the path's end is
+    # a motion classified off the path differs from the end of the path
     off = (
         rows["classification_cycles"] > 0
         if "classification_cycles" in rows
@@ -123,7 +123,7 @@ def _of_motion(rows: dict) -> dict[str, np.ndarray]:
 
 
 def _of_failures(rows: dict) -> dict[str, np.ndarray]:
-    """See to it that a failed run has no results but the state it reached."""
+    """Check that a failed run has no results but the state that it reached."""
     failed = rows["outcome"] != Outcome.COMPLETE
     broken = {}
     for name in ("orbit_period", "n_points", "contact"):

@@ -1,4 +1,4 @@
-"""The studies there are, by the name a job gives them."""
+"""All kinds of study, by their names in jobs."""
 
 from typing import Any
 

@@ -1,8 +1,8 @@
-"""Single points (A, Omega), each from the job's initial state: no path, every point on its own.
+"""Study of single points (A, Omega), each from the job's initial state, without a path.
 
-The points are a grid, or a list of pairs. A list has one frame a point, and one amplitude a frame:
-`forcing_amplitude` tells it. Each block of points is a task, one point unless the job asks for
-larger blocks, so that a study scales to as many ranks as it has points.
+The points are a grid, or a list of pairs. A list has one frame a point, and one amplitude a frame,
+held by `forcing_amplitude`. Each block of points is a task, one point unless the job sets larger
+blocks, so that a study scales to as many ranks as it has points.
 """
 
 from collections.abc import Callable, Sequence
@@ -57,7 +57,7 @@ class Points(RunGrid):
 
     @classmethod
     def read(cls, values, **common) -> "Points":
-        """Read the grid, or the list, of points a job asks for; see `RunGrid.read`."""
+        """Read the grid, or the list, of points of a job; see `RunGrid.read`."""
         refine = read_refinement(values, common["settings"], common["block_size"])
         if not values.has("study.points"):
             return cls(
@@ -88,12 +88,12 @@ class Points(RunGrid):
 
     @property
     def is_list(self) -> bool:
-        """Whether every frame has one amplitude, its own."""
+        """Whether every frame has one amplitude of its own."""
         return self.listed
 
     @property
     def n_amplitudes(self) -> int:
-        """Runs of one frame: 1 in a list."""
+        """Number of runs of one frame: 1 in a list."""
         return 1 if self.listed else self.amplitude.size
 
     def amplitudes_of(self, frame: int) -> np.ndarray:
@@ -102,7 +102,7 @@ class Points(RunGrid):
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
-        """Values of every dimension; a list has no amplitude that its frames share."""
+        """Values of every dimension; the frames of a list share no amplitudes."""
         values = super().coordinates
         if self.listed:
             values["amplitude"] = Coordinate(np.array([np.nan]), *AMPLITUDE)
@@ -110,7 +110,7 @@ class Points(RunGrid):
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
-        """Variables that are known beforehand, with their values."""
+        """Variables that are known in advance, with their values."""
         own = [(FORCING_AMPLITUDE, self.amplitude)] if self.listed else []
         return super().given + own
 
@@ -124,7 +124,7 @@ class Points(RunGrid):
         return [self.block((0, *divmod(task, self.n_blocks)))]
 
     def descends(self, direction: int) -> bool:
-        """Return False: amplitudes are computed in their order."""
+        """Return False: amplitudes are computed in ascending order."""
         del direction
         return False
 

@@ -1,4 +1,4 @@
-"""What a sweep computes at each amplitude: the settings the numerical core reads."""
+"""Settings of runs, as the numerical core reads them."""
 
 from dataclasses import dataclass
 
@@ -24,27 +24,27 @@ class SweepSettings:
     transient_cycles, sampling_cycles : int
         Forcing periods discarded, and forcing periods of the steady-state window after them.
     max_orbit_period : int
-        Longest orbit period, in forcing periods, that is looked for; at most half of
-        `sampling_cycles`, so that each period found is seen at least twice.
+        Longest orbit period to look for, in forcing periods; at most half of `sampling_cycles`, so
+        that each period found is seen at least twice.
     period_tolerance : float
         Two stroboscopic points are the same if no coordinate (u in gaps, v in gaps times
         omega_0) differs by more than this.
     solver : str
         ``"flow"`` or ``"bdf"``.
     rtol : float
-        Relative tolerance asked of the solver.
+        Relative tolerance of the solver.
     skip : frozenset of str
-        Which of `SKIP_RULES` may be used; empty for the window procedure.
+        Allowed ones of `SKIP_RULES`; empty for the window procedure.
     metrics : frozenset of str
-        Which of `METRICS` to compute.
+        The `METRICS` to compute.
     max_points : int, optional
         Most stroboscopic points stored of a run, its last ones; default the whole window.
         At least 2 `max_orbit_period`, so that an orbit is stored whole and the stored points
         show whether the run has one. Nothing else depends on it.
     classify_cycles : int, optional
-        Forcing periods for which a run is integrated on, off its path, if the window leaves its
-        motion open (`classification`). 0: no run is, but a period is claimed only of points that
-        have closed. None is the window procedure: a period is claimed of points that repeat.
+        Forcing periods for which a run is continued, off its path, if the window leaves its motion
+        open (`classification`). 0: none, but a period is claimed only of points that have closed.
+        None is the window procedure: a period is claimed of points that repeat.
     """
 
     transient_cycles: int = 100
@@ -60,13 +60,13 @@ class SweepSettings:
 
     @property
     def measures(self) -> int:
-        """Flags of the measures that are asked for, 0 for none."""
+        """Flags of the requested measures, 0 for none."""
         flags = zip(MEASURES, (*PEAK_FLAGS, *4 * (IMPACT_FLAG,)), strict=True)
         return sum({flag for name, flag in flags if name in self.metrics})
 
     @property
     def stored_points(self) -> int:
-        """Stroboscopic points there is room for in the results of one run."""
+        """Number of stroboscopic points stored of a run."""
         if self.max_points is None:
             return self.sampling_cycles
         return min(self.max_points, self.sampling_cycles)

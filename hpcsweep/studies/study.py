@@ -1,11 +1,11 @@
-"""What a study is: what differs between studies, and nothing else.
+"""Interfaces of a study: what differs between studies, and nothing else.
 
-A study is cut into tasks, which are independent of each other, and each task into blocks, which
-are computed one after the other along the task's path and committed one by one. A block is a
-stretch of runs; the state at the end of one block is what the next one starts from.
+A study is cut into independent tasks, and each task into blocks, which are computed in order along
+the task's path and committed one by one. A block is a stretch of runs; each block starts from the
+state at the end of the previous one.
 
-`store` makes the file from a study's variables and verifies its blocks, `campaign` hands its tasks
-to ranks, `checks` computes its runs again; none of them knows which study it is. A new study is a
+`store` creates the file from a study's variables and verifies its blocks, `campaign` hands its
+tasks to ranks, `checks` recomputes its runs; none of them knows which study it is. A new study is a
 module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
@@ -41,11 +41,11 @@ class Variable:
 
     @property
     def missing(self) -> float:
-        """What stands where nothing is committed: 0 in whole numbers, NaN in others."""
+        """Value where nothing is committed: 0 for integers, NaN for others."""
         return np.nan if np.dtype(self.dtype).kind == "f" else 0
 
     def along(self, names: tuple[str, ...]) -> "Variable":
-        """Return the same variable along further dimensions, which come first."""
+        """Return the same variable with further leading dimensions."""
         return replace(self, dims=(*names, *self.dims))
 
 
@@ -59,12 +59,12 @@ class Coordinate(NamedTuple):
 
 @dataclass(frozen=True)
 class Axis:
-    """Values that a key of the job takes, one after the other; a dimension of the file.
+    """Values of a varied key of the job; a dimension of the file.
 
     Attributes
     ----------
     name : str
-        Of the dimension.
+        Name of the dimension.
     key : str
         ``TABLE.KEY`` of job files.
     values : tuple of int, of float or of str
@@ -78,7 +78,7 @@ class Axis:
 
     @property
     def coordinate(self) -> Coordinate:
-        """The values as the file holds them."""
+        """The values as stored in the file."""
         types: dict[type, Any] = {int: "<i8", float: "<f8", str: object}
         return Coordinate(np.array(self.values, types[type(self.values[0])]), self.units, self.key)
 
@@ -90,15 +90,15 @@ class Block:
     Attributes
     ----------
     task : int
-        To which it belongs.
+        Task to which the block belongs.
     place : tuple of int
         Its index in ``commit``.
     first : tuple of int
         Index of its lowest run in the variables of the runs.
     n_runs : int
-        It holds that run and those after it along the last axis.
+        Number of consecutive runs along the last axis.
     descending : bool
-        Whether they are computed from the highest to the lowest.
+        Whether runs are computed from the highest to the lowest.
     """
 
     task: int
@@ -109,7 +109,7 @@ class Block:
 
     @property
     def order(self) -> slice:
-        """Rows of the file in the order of computation, and the other way round."""
+        """Permutation between rows of the file and the order of computation, either way."""
         return slice(None, None, -1) if self.descending else slice(None)
 
     @property
@@ -133,13 +133,13 @@ class Block:
 
 
 class Path(Sequence[Block]):
-    """Blocks of a task in the order of computation, each made when it is requested.
+    """Blocks of a task in the order of computation, made lazily.
 
     Parameters
     ----------
     length : int
     block : callable
-        Makes the block at a position.
+        Return the block at a position.
     """
 
     def __init__(self, length: int, block: Callable[[int], Block]):
@@ -164,7 +164,7 @@ class Path(Sequence[Block]):
 
 
 class BlockTable(NamedTuple):
-    """All blocks of a study, those of a task together and in the order of its path.
+    """All blocks of a study, grouped by task, in path order.
 
     Attributes
     ----------
@@ -172,7 +172,7 @@ class BlockTable(NamedTuple):
     place : ndarray of int, shape (n_blocks, n_axes)
         Index in ``commit``.
     middle : ndarray of float, shape (n_blocks,)
-        Place of the block's middle along the last axis of the runs, from 0 to 1.
+        Position of the block's middle along the last axis of the runs, from 0 to 1.
     """
 
     task: np.ndarray
@@ -182,10 +182,9 @@ class BlockTable(NamedTuple):
 
 
 class Work(Protocol):
-    """What is computed: tasks, each a path of blocks, in any order and on any rank.
+    """Work of a study: tasks, each a path of blocks, in any order and on any rank.
 
-    A block's results are arrays by the names of the study's variables, first axis its runs in the
-    order of the file.
+    A block's results are arrays by variable name, first axis its runs in file order.
     """
 
     n_tasks: int
@@ -210,25 +209,25 @@ class Work(Protocol):
         ...
 
     def predecessor(self, block: Block, row: int) -> Place | None:
-        """Return the index of the run whose end state a run starts from; None: `initial_state`."""
+        """Return the index of the run from whose end state a run starts; None: `initial_state`."""
         ...
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return what the run after one of the rows starts from, of its variables `carried`.
+        """Return the state from which the run after one of the rows starts.
 
-        The state it ends in, or whatever else the study carries along its path: an array of one
-        dimension, finite, all of it in the file.
+        Made of the variables `carried`: the end state, or whatever else the study carries along its path: a finite one-dimensional
+        array, stored completely in the file.
         """
         ...
 
     def compute(
         self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
     ) -> dict[str, np.ndarray]:
-        """Compute a block from the state its path has reached."""
+        """Compute a block from the present state of its path."""
         ...
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return what is not as every run promises: row and what is wrong there."""
+        """Return the broken invariants of runs: (row, message)."""
         ...
 
     def time_runs(
@@ -239,27 +238,27 @@ class Work(Protocol):
         Returns
         -------
         place : (int, float)
-            Frame, and place along the last axis of the runs, from 0 to 1.
+            Frame, and position along the last axis of the runs, from 0 to 1.
         n_runs : int
         seconds : float
         """
         ...
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
-        """Return whether the cache is known to have all that its runs call; see `warm_up`."""
+        """Return whether the cache is known to hold all that its runs call; see `warm_up`."""
         ...
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
-        """Compile all that its runs call, or load it from the disk.
+        """Compile, or load from disk, all that its runs call.
 
-        With `n_ranks` it is for all of its runs on so many ranks: if that is worth it the kernels
-        are specialised to the structure.
+        With `n_ranks`, for all of its runs on that many ranks: where it pays, kernels are
+        specialised to the structure.
         """
         ...
 
 
 class Data(Protocol):
-    """What the file holds: variables along axes, by name."""
+    """Contents of the file: variables along axes, by name."""
 
     holds: str
     """``motions``, one a run, ``attractors``, several, or ``responses`` to records."""
@@ -290,20 +289,20 @@ class Data(Protocol):
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
-        """Variables that are known beforehand, with their values."""
+        """Variables that are known in advance, with their values."""
         ...
 
     def part(self, place: Place) -> "Study":
-        """Return the study at a place of `axes`: the study itself where there are none."""
+        """Return the study at an index of `axes`: the study itself where there are none."""
         ...
 
     def part_of(self, block: Block) -> tuple["Study", Block]:
-        """Return the part that a block is of, and the block as it is called there."""
+        """Return the part to which a block belongs, and the block with its index there."""
         ...
 
 
 class Report(Protocol):
-    """What users are told of a study and its runs."""
+    """Descriptions of a study and its runs for users."""
 
     kind: str
     """Name in job files."""
@@ -321,15 +320,15 @@ class Report(Protocol):
         ...
 
     def describe_task(self, task: int) -> str:
-        """Describe a task by its frequency, and what else is its own."""
+        """Describe a task by its frequency and other properties."""
         ...
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Return the motions that a run holds, each by the variables of a run of a sweep."""
+        """Return the motions of a run, each as the variables of a run of a sweep."""
         ...
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Count, for ``status``, what only this kind of study knows of its runs.
+        """Count, for ``status``, what only this kind of study reports.
 
         Parameters
         ----------
@@ -340,9 +339,9 @@ class Report(Protocol):
         ...
 
     def tally(self) -> Any:
-        """Make what counts the runs for ``summary``; see `hpcsweep.studies.tally`."""
+        """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
         ...
 
 
 class Study(Work, Data, Report, Protocol):
-    """What `store`, `campaign` and `checks` ask of a study."""
+    """What `store`, `campaign` and `checks` need of a study."""

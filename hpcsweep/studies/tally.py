@@ -1,4 +1,4 @@
-"""Counts over the runs of a study, for its summary: cost, kinds of motion, failures."""
+"""Count over the runs of a study, for its summary: cost, kinds of motion, failures."""
 
 from collections import Counter
 
@@ -12,11 +12,11 @@ from hpcsweep.studies.settings import MEASURES
 
 
 class RunTally:
-    """Counts over the runs of frames that are shown one after the other.
+    """Tally of runs, frame by frame.
 
-    What it tells as ``window_test`` is None where motions were not classified; of ``runs`` of which
-    a whole window was integrated it counts the periods that the points of the window claim and that
-    are ``wrong``, and those ``missed``.
+    ``window_test`` is None where motions were not classified; otherwise, over the ``runs`` with a
+    completely integrated window, it counts the periods claimed by the points of the window that are
+    ``wrong``, and those ``missed``.
     """
 
     def __init__(self, study):
@@ -33,7 +33,7 @@ class RunTally:
 
     @property
     def done(self) -> int:
-        """Runs that are computed."""
+        """Number of computed runs."""
         return int(self.classes[:, MotionClass.NO_CONTACT :].sum())
 
     def add(self, frame, study) -> None:
@@ -56,7 +56,7 @@ class RunTally:
             count(self.contacts, frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
 
     def _compare(self, frame) -> None:
-        """Compare the window test with the classification, where it saw a whole window."""
+        """Compare the window test with the classification, where there is a whole window."""
         window, period = frame["window_period"].values, frame["orbit_period"].values
         tested = (window >= 0) & (frame["outcome"].values == Outcome.COMPLETE)
         self.window["runs"] += int(tested.sum())
@@ -64,7 +64,7 @@ class RunTally:
         self.window["missed"] += int((tested & (window == 0) & (period > 0)).sum())
 
     def told(self) -> dict:
-        """Return what was counted: numbers, strings, lists and dicts."""
+        """Return the counts: numbers, strings, lists and dicts."""
         done, settings = self.done, self._settings
         labels = self._study.structure.contact_labels
         return {
@@ -90,7 +90,7 @@ class RunTally:
 
 
 def add_largest(largest: dict[str, dict], frame, study) -> None:
-    """Keep the largest value of each measure of a frame of a study, by name, and where it is."""
+    """Update the largest value of each measure, by name, and its place, from a frame of a study."""
     quantities = {variable.name: variable.units for variable in study.variables}
     for name in MEASURES:
         if name not in frame or not np.isfinite(frame[name].values).any():
@@ -116,17 +116,17 @@ def count(counter: Counter[int], values: np.ndarray) -> None:
 
 
 def share(count: int, done: int) -> dict:
-    """Return a number, and its share of all that are done."""
+    """Return a number, and its share of all completed ones."""
     return {"runs": count, "share": count / done if done else None}
 
 
 def shares(counter: Counter[int], done: int, names: list[int]) -> dict[int, dict]:
-    """Return the shares of what was counted."""
+    """Return the shares of all counts."""
     return {name: share(counter[name], done) for name in names}
 
 
 def failures(outcomes: np.ndarray) -> dict[str, int]:
-    """Count how many runs ended otherwise than complete."""
+    """Count the runs that did not complete, by outcome."""
     return {
         outcome.name: int(outcomes[outcome])
         for outcome in Outcome

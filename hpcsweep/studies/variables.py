@@ -88,17 +88,17 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
 
 
 def measures_of_each(each: tuple[str, ...]) -> list[Variable]:
-    """Return the measures as variables of what has the dimensions `each`."""
+    """Return the measures as variables with leading dimensions `each`."""
     return [replace(v, dims=(*each, v.dims[-1])) for v in RUN_VARIABLES if v.name in MEASURES]
 
 
 def numbered(count: int, long_name: str, first: int = 0) -> Coordinate:
-    """Make the coordinate of a dimension whose values are numbers in a row."""
+    """Return the coordinate of a dimension with consecutive numbers."""
     return Coordinate(np.arange(first, first + count, dtype="<i4"), "1", long_name)
 
 
 def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
-    """Make the coordinate of a dimension whose values are names."""
+    """Return the coordinate of a dimension with names."""
     return Coordinate(np.array(names, object), "1", long_name)
 
 
@@ -108,7 +108,7 @@ def states(n: int) -> Coordinate:
 
 
 def measure_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
-    """Return the dimensions of the measures that are asked for: storeys, floors, contacts."""
+    """Return the dimensions of the requested measures: storeys, floors, contacts."""
     n = structure.n_floors
     floors = structure.names.floors or tuple(map(str, range(1, n + 1)))
     n_drifts = len(structure.drift_rows)

@@ -1,9 +1,9 @@
-"""A study at every value of further keys of its job: what ``[vary]`` asks for.
+"""A study at every value of further keys of its job, as ``[vary]`` requests.
 
 The axes come first in every variable of the file, each with the values of its key. A point of the
-axes is a *part*: the study that the job is with these values, made when it is needed and kept for a
-while. Its runs do not depend on other parts, so the tasks of all parts are tasks of the whole, and
-a part's results are, to the last bit, those of a job of its own.
+axes is a *part*: the study of the job with these values, made when needed and cached. Its runs do
+not depend on other parts, so the tasks of all parts are tasks of the whole, and a part's results
+are equal, to the last bit, to those of a job of its own.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ class Varied:
         The part at the first value of every axis.
     axes : tuple of Axis
     make : callable
-        Makes the part at a place.
+        Return the part at an index.
     """
 
     base: RunGrid
@@ -38,39 +38,39 @@ class Varied:
     make: Callable[[Place], RunGrid]
 
     def __getattr__(self, name: str) -> Any:
-        """Return what all parts have in common: an attribute of `SHARED`."""
+        """Return an attribute that all parts share, one of `SHARED`."""
         if name in SHARED:
             return getattr(self.base, name)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Values of each axis."""
+        """Number of values of each axis."""
         return tuple(len(axis.values) for axis in self.axes)
 
     @property
     def n_parts(self) -> int:
-        """Points of the axes."""
+        """Number of parts."""
         return int(np.prod(self.shape, dtype=object))
 
     @property
     def n_tasks(self) -> int:
-        """Tasks of all parts."""
+        """Number of tasks of all parts."""
         return self.n_parts * self.base.n_tasks
 
     @property
     def n_runs(self) -> int:
-        """Runs of all parts."""
+        """Number of runs of all parts."""
         return self.n_parts * self.base.n_runs
 
     @property
     def n_frames(self) -> int:
-        """Frames of all parts."""
+        """Number of frames of all parts."""
         return self.n_parts * self.base.n_frames
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Dimensions that the axes are."""
+        """Names of the axes' dimensions."""
         return tuple(axis.name for axis in self.axes)
 
     @property
@@ -99,15 +99,15 @@ class Varied:
         return {axis.name: axis.coordinate for axis in self.axes} | self.base.coordinates
 
     def places(self) -> Sequence[Place]:
-        """Return the places of all parts, in the order of their tasks."""
+        """Return the indices of all parts, in task order."""
         return list(np.ndindex(*self.shape))
 
     def part(self, place: Place) -> RunGrid:
-        """Return the study at a place of the axes."""
+        """Return the study at an index of the axes."""
         return _part(self, place)
 
     def part_of(self, block: Block) -> tuple[RunGrid, Block]:
-        """Return the part that a block is of, and the block as it is called there."""
+        """Return the part to which a block belongs, and the block with its index there."""
         n = len(self.axes)
         part = self.part(block.place[:n])
         return part, part.block(block.place[n:])
@@ -137,7 +137,7 @@ class Varied:
         )
 
     def predecessor(self, block: Block, row: int) -> Place | None:
-        """Return the index of the run whose end state a run starts from; None: `initial_state`."""
+        """Return the index of the run from whose end state a run starts; None: `initial_state`."""
         n = len(self.axes)
         before = self.base.predecessor(self.base.block(block.place[n:]), row)
         return None if before is None else block.place[:n] + before
@@ -145,12 +145,12 @@ class Varied:
     def compute(
         self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
     ) -> dict[str, np.ndarray]:
-        """Compute a block from the state its path has reached; rows in the order of the file."""
+        """Compute a block from the present state of its path; rows in file order."""
         part, inner = self.part_of(block)
         return part.compute(inner, state, poll)
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return what is not as every run promises: row and what is wrong there."""
+        """Return the broken invariants of runs: (row, message)."""
         part, inner = self.part_of(block)
         return part.check(inner, rows)
 
@@ -174,7 +174,7 @@ class Varied:
         return {axis.name: axis.values[at] for axis, at in zip(self.axes, place, strict=True)}
 
     def describe_task(self, task: int) -> str:
-        """Describe a task by the values of the axes and by what tells it in its part."""
+        """Describe a task by the values of the axes and its description in its part."""
         number, inner = divmod(task, self.base.n_tasks)
         return f"{self.describe_part(self._place(number))}, {self.base.describe_task(inner)}"
 
@@ -183,7 +183,7 @@ class Varied:
         return ", ".join(f"{name} = {_short(v)}" for name, v in self.values_at(place).items())
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
-        """Return whether the cache is known to have all that its runs call."""
+        """Return whether the cache is known to hold all that its runs call."""
         if self.base.holds == "responses":
             return self.base.is_compiled(n_ranks)
         from hpcsweep.studies.compilation import is_compiled, worth_specialising
@@ -192,7 +192,7 @@ class Varied:
         return all(is_compiled(part.settings, specialised_to) for part in self._parts_by_solver())
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
-        """Compile all that its runs call, or load it from the disk."""
+        """Compile, or load from disk, all that its runs call."""
         if self.base.holds == "responses":
             self.base.warm_up(say, n_ranks)
             return
@@ -202,7 +202,7 @@ class Varied:
             warm_up(part.settings, say, specialised_to=worth_specialising(self, n_ranks))
 
     def _parts_by_solver(self) -> list[RunGrid]:
-        """Return parts that call all that any part calls: one for each value of a solver's key."""
+        """Return parts that together call all kernels: one for each value of a solver key."""
         shape = [len(a.values) if a.key.startswith("solver.") else 1 for a in self.axes]
         return [self.part(place) for place in np.ndindex(*shape)]
 
@@ -210,7 +210,7 @@ class Varied:
         return tuple(int(at) for at in np.unravel_index(number, self.shape))
 
     def _outer(self, at: Place, block: Block) -> Block:
-        """Return a block of a part as the whole calls it."""
+        """Return a block of a part with its index in the whole."""
         number = int(np.ravel_multi_index(at, self.shape))
         task = number * self.base.n_tasks + block.task
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)

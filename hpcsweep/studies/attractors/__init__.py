@@ -1,1 +1,1 @@
-"""All attractors at each point, with their shares."""
+"""Find all attractors at each point, with their shares."""

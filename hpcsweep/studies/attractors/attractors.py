@@ -1,15 +1,15 @@
-"""All attractors over forcing amplitude and frequency, with their shares of a box of states.
+"""Study of all attractors over forcing amplitude and frequency, with shares of a box of states.
 
-A frame is a path of ascending amplitudes. At each amplitude the attractors of the amplitude before
-are continued: a point of each is a seed, whose motion is classified first. Then the starts are
-classified (`hpcsweep.dynamics.attractors`), and what was found is matched to the amplitude before
-by the distance of the points (`hpcsweep.dynamics.resemblance`): what is near enough keeps its
-identity, anything else gets a new one. Seeds count for no share; what only a seed reached has share
-0 with the interval of no hit in all starts.
+A frame is a path of ascending amplitudes. At each amplitude the attractors of the previous one are
+continued: a point of each is a seed, whose motion is classified first. Then the starts are
+classified (`hpcsweep.dynamics.attractors`), and the attractors are matched to those of the previous
+amplitude by the distance of their points (`hpcsweep.dynamics.resemblance`): near ones keep their
+identity, others get a new one. Seeds do not count for shares; an attractor that only a seed reached
+has share 0 with the interval of no hit in all starts.
 
-What an amplitude takes from the one before is its identities, its stored points and the largest
-identity given so far: variables of the file, so that a path resumes where it was cut. Everything
-else depends on the structure, A, Omega and the job alone.
+An amplitude inherits from the previous one its identities, its stored points and the largest
+identity so far: variables of the file, so that a path resumes where it was cut. Everything else
+depends only on the structure, A, Omega and the job.
 """
 
 from collections.abc import Callable
@@ -68,7 +68,7 @@ class Attractors(Limits, AmplitudeSweep):
 
     @classmethod
     def read(cls, values, **common) -> "Attractors":
-        """Read what a job says of starts, box and limits; see `RunGrid.read`."""
+        """Read starts, box and limits of a job; see `RunGrid.read`."""
         structure, settings = common["structure"], common["settings"]
         if values.get("output.poincare", True) is not True:
             raise values.error("output.poincare", False, "must be true: attractors are continued")
@@ -98,7 +98,7 @@ class Attractors(Limits, AmplitudeSweep):
 
     @property
     def starting_range(self) -> dict[str, tuple[int, float, float]]:
-        """Component and range of the starts; that of the first floor's, where all are the same."""
+        """Component and range of the starts; only those of the first floor where all are equal."""
         n, told = self.structure.n_floors, {}
         for kind, first in (("displacement", 0), ("velocity", n)):
             own = self.box[first : first + n]
@@ -109,12 +109,12 @@ class Attractors(Limits, AmplitudeSweep):
 
     @property
     def starting_states(self) -> np.ndarray:
-        """The corner of the box that is farthest out, and the initial state."""
+        """The farthest corner of the box, and the initial state."""
         return np.stack((np.abs(np.array(self.box)).max(axis=1), self.initial_state))
 
     @property
     def polls_per_run(self) -> int:
-        """Return the starts of a point."""
+        """Return the number of starts of a point."""
         return self.starts
 
     @cached_property
@@ -142,22 +142,22 @@ class Attractors(Limits, AmplitudeSweep):
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
-        """Find the attractors of amplitudes one after the other; `state` is an `end_state`."""
+        """Find the attractors of consecutive amplitudes; `state` is an `end_state`."""
         return _runs_of(self, float(self.omega[frame])).follow(amplitudes, state, poll)
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return the attractors of a point: what the next amplitude starts from."""
+        """Return the attractors of a point, from which the next amplitude starts."""
         points = np.nan_to_num(rows["poincare"][row])
         ids, counts = rows["attractor_id"][row], rows["n_points"][row]
         each = np.column_stack((ids, counts, points.reshape(len(points), -1)))
         return np.concatenate(([float(rows["last_id"][row])], each.ravel()))
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Return the attractors of a point as orbits, and windows, that runs ended in."""
+        """Return the attractors of a point as motions in which runs ended."""
         return attractors_as_runs(self.variables, run)
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Count attractors, and the starts that reached none of those stored."""
+        """Count attractors, and the starts that reached no stored one."""
         good = done & (runs["outcome"] == Outcome.COMPLETE)
         number = runs["n_attractors"][good]
         starts = int(done.sum()) * self.starts
@@ -173,11 +173,11 @@ class Attractors(Limits, AmplitudeSweep):
         }
 
     def tally(self) -> Any:
-        """Make what counts the points for ``summary``."""
+        """Return a tally of points for ``summary``."""
         return AttractorTally(self)
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return what is not as every point promises: row and what is wrong there."""
+        """Return the broken invariants of points: (row, message)."""
         from hpcsweep.studies.attractors.invariants import broken_invariants
 
         return broken_invariants(self, rows)
@@ -197,7 +197,7 @@ def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
 
 
 def _between(values, key: str, default: float, most: float) -> float:
-    """Read a number above 0 and below another."""
+    """Read a number above 0 and below `most`."""
     value = values.number(key, values.get(key, default))
     if not 0 < value < most:
         raise values.error(key, value, f"must lie between 0 and {most:g}")
@@ -206,8 +206,8 @@ def _between(values, key: str, default: float, most: float) -> float:
 
 @lru_cache(maxsize=2)
 def _runs_of(study: Attractors, omega: float):
-    """Return the runs of a study at a frequency; those of the last two are kept."""
-    # here, where attractors are sought: who only reads them loads no kernel
+    """Return the runs of a study at a frequency; the last two are cached."""
+    # imported here: reading results needs no kernels
     from hpcsweep.studies.attractors.runs import AttractorRuns
 
     return AttractorRuns(study.moving, omega, study.settings, study)

@@ -15,7 +15,7 @@ ROUNDING = 1e-12
 
 
 def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-    """Check k points against what `hpcsweep.studies.attractors.attractors` says of its results.
+    """Check k points against the invariants of `hpcsweep.studies.attractors.attractors`.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
     Returns
     -------
     list of (int, str)
-        Row and what is wrong there.
+        Row and message.
     """
     held = rows["attractor_id"] > 0
     broken = {
@@ -39,7 +39,7 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
 
 
 def listed(broken: dict[str, Any]) -> list[tuple[int, str]]:
-    """Return the rows where an invariant does not hold, and which."""
+    """Return the rows and names of broken invariants."""
     return sorted(
         (int(row), f"not so: {invariant}")
         for invariant, where in broken.items()
@@ -97,7 +97,7 @@ def _of_motions(study, rows: dict, held: np.ndarray) -> dict[str, Any]:
 
 
 def of_motions(study, rows: dict, held: np.ndarray) -> dict[str, Any]:
-    """Check where attractors are none: kind, period, multiplier, contact set."""
+    """Check empty slots, kind, period, multiplier and contact set of attractors."""
     kind, period, multiplier = rows["motion_class"], rows["orbit_period"], rows["multiplier"]
     orbit = held & (kind == MotionClass.PERIODIC)
     with np.errstate(invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Attractors at one forcing frequency: at each amplitude of a path, and at a single point."""
+"""Find attractors at one forcing frequency: at each amplitude of a path, or a single point."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ from hpcsweep.studies.study import Amplitudes
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """What an amplitude takes from the one before.
+    """State that an amplitude inherits from the previous one.
 
     Attributes
     ----------
     seeds : ndarray, shape (m, 2n)
     ids : tuple of int
-        Of m attractors, or none for a seed that is no attractor's.
+        Identities of m attractors; empty for a seed that is not of an attractor.
     points : list of m arrays, shapes (k, 2n)
     last_id : int
     """
@@ -66,7 +66,7 @@ class AttractorRuns:
         self._solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
 
     def _solver_at(self, amplitude: float) -> Solver:
-        """Return the solver of the structure as its motions at an amplitude are measured."""
+        """Return the solver of the structure with motions measured at an amplitude."""
         structure = self._structure.measured_at(self._omega, amplitude)
         if structure.length_unit != self._solver.structure.length_unit:
             name, rtol = self._settings.solver, self._settings.rtol
@@ -94,13 +94,13 @@ class AttractorRuns:
     def follow(
         self, amplitudes: Amplitudes, state: np.ndarray, poll: Callable[[], None] | None = None
     ) -> dict[str, np.ndarray]:
-        """Find the attractors of amplitudes one after the other.
+        """Find the attractors of consecutive amplitudes.
 
         Parameters
         ----------
         amplitudes : sequence of k floats
         state : ndarray
-            `Attractors.end_state` of the amplitude before, or the initial state of a path.
+            `Attractors.end_state` of the previous amplitude, or the initial state of a path.
         poll : callable, optional
             Called before each amplitude and each start; may raise to leave.
 
@@ -126,7 +126,7 @@ class AttractorRuns:
         return result
 
     def _store(self, result, index: int, found: Portrait, before: Carried) -> Carried:
-        """Store what was found at an amplitude; return what the next one takes from it."""
+        """Store the attractors of an amplitude; return the state that the next one inherits."""
         room = result["poincare"].shape[2]
         order = np.argsort([-one.hits for one in found.attractors], kind="stable")
         kept = [found.attractors[k] for k in order[: self._limits.max_attractors].tolist()]
@@ -149,7 +149,7 @@ class AttractorRuns:
         return Carried(seeds, tuple(ids), points, last_id)
 
     def _identities(self, points: Sequence[np.ndarray], before: Carried) -> tuple[list[int], int]:
-        """Return each attractor the identity of the one it continues, or a new one."""
+        """Return for each attractor the identity of the one that it continues, or a new one."""
         units = self._solver.structure.state_units
         pairs = matched(
             [own / units for own in before.points],
@@ -206,8 +206,8 @@ def attractors(
 ) -> list[Attractor]:
     """Find all attractors at a point, with their shares of a box of starting states.
 
-    An attractor that fills the share s of the box is missed with probability (1 - s)^starts: 1 %
-    of it with probability 1 % by 459 starts (`hpcsweep.dynamics.shares.starts_needed`).
+    An attractor whose basin fills the share s of the box is missed with probability (1 - s)^starts:
+    a share of 1 % with probability 1 % by 459 starts (`hpcsweep.dynamics.shares.starts_needed`).
 
     Parameters
     ----------
@@ -215,31 +215,31 @@ def attractors(
     amplitude, omega : float
         A and Omega of the ground acceleration A sin(Omega tau) (10).
     starts : int
-        Starting states, a low-discrepancy sequence in the box.
+        Number of starting states, a low-discrepancy sequence in the box.
     box : array_like, shape (2n, 2), optional
         Lowest and highest value of each component of (u, v), in gaps and gaps omega_0. Default:
         -1 to 1 gap, and -1 to 1 gap omega_0.
     seed : int
-        Of the sequence.
+        Seed of the sequence.
     states : array_like, shape (m, 2n)
-        Further states from which motions are followed; they count for no share.
+        Further states from which motions are followed; they do not count for shares.
     confidence : float
-        Of the Clopper-Pearson intervals of the shares.
+        Confidence of the Clopper-Pearson intervals of the shares.
     max_cycles : int
         Forcing periods after which a motion is left undecided.
     max_orbit_period : int
-        Longest orbit period that is looked for by its closing, in forcing periods.
+        Longest orbit period sought by its closing, in forcing periods.
     period_tolerance : float
-        Points closer than this, in units of the state, are the same.
+        Points closer than this, in units of the state, count as equal.
     solver : {"flow", "bdf"}
     rtol : float, optional
-        Relative tolerance asked of the solver; default the solver's.
+        Relative tolerance of the solver; default the solver's own.
 
     Returns
     -------
     list of Attractor
-        By falling share; see `hpcsweep.dynamics.attractor.Attractor`. Shares are of all starts:
-        they add up to less than 1 where starts were not classified or failed.
+        In order of decreasing share; see `hpcsweep.dynamics.attractor.Attractor`. Shares are of all
+        starts: they sum to less than 1 where starts were not classified or failed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What studies that search attractors share: reading of limits, allocation, orbits to validate."""
+"""Common parts of studies of attractors: limits, allocation, orbits to validate."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +23,7 @@ STARTS = 459
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """How attractors are sought at a point.
+    """Limits of the search of attractors at a point.
 
     Attributes
     ----------
@@ -32,13 +32,14 @@ class Limits:
     starts, seed : int
         Starts a point, and the seed of their sequence.
     max_attractors : int
-        Most attractors stored of a point: those of the largest shares.
+        Most attractors stored of a point: those with the largest shares.
     confidence : float
-        Of the intervals of the shares.
+        Confidence of the intervals of the shares.
     max_cycles : int
         Forcing periods after which a motion is left undecided.
     match_distance : float
-        Distance, in units of the state, over which an identity is carried to the next amplitude.
+        Largest distance, in units of the state, between attractors of neighbouring amplitudes that
+        share an identity.
     """
 
     box: tuple[tuple[float, float], ...]
@@ -51,16 +52,16 @@ class Limits:
 
 
 def read_limits(values, kind: type, what: str) -> dict[str, Any]:
-    """Read the limits of a search, and refuse the keys of runs that it has no use for.
+    """Read the limits of a search, and refuse keys of runs that it does not use.
 
     Parameters
     ----------
     values
-        Of the job.
+        Values of the job.
     kind : type
         The study, whose attributes are the defaults.
     what : str
-        What it searches, for messages.
+        What the study searches, for messages.
     """
     if values.get("solver.skip", "all") != "all":
         given = values.get("solver.skip")
@@ -83,7 +84,7 @@ def read_limits(values, kind: type, what: str) -> dict[str, Any]:
 def empty_results(
     variables: list[Variable], structure: Structure, n_runs: int, **sizes: int
 ) -> dict[str, np.ndarray]:
-    """Allocate the results of `n_runs` runs, as if nothing was found."""
+    """Allocate the results of `n_runs` runs without attractors."""
     n = structure.n_floors
     n_contacts = len(structure.all_contact_numbers)
     sizes = {"mode": n, "state": 2 * n, "floor": n, "stop": n_contacts, **sizes}
@@ -97,7 +98,7 @@ def empty_results(
 def store_values(
     result: dict[str, np.ndarray], at: tuple[int, int], structure: Structure, one, **values
 ) -> None:
-    """Store what is held of one attractor, and of `values`, at a run and a slot."""
+    """Store one attractor, and `values`, at a run and a slot."""
     values |= {
         "motion_class": one.kind,
         "orbit_period": one.orbit_period,
@@ -118,7 +119,7 @@ def store_values(
 def attractors_as_runs(
     variables: list[Variable], run: dict[str, np.ndarray]
 ) -> list[dict[str, np.ndarray]]:
-    """Return each attractor of a run as one that ended in it; `final_state` is its `point`."""
+    """Return each attractor of a run as a motion of a run; `final_state` is its `point`."""
     named = [v.name for v in variables if v.dims[3:4] == ("attractor",)]
     found = []
     for k in np.flatnonzero(run["attractor_id"]):

@@ -1,4 +1,4 @@
-"""Counts over studies that search attractors, for their summaries."""
+"""Count over studies of attractors, for their summaries."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -11,14 +11,14 @@ from hpcsweep.studies.tally import add_largest, failures, share, shares
 
 
 class Found(NamedTuple):
-    """What is counted of an attractor; `contact` is None where the file does not tell it."""
+    """Counted properties of an attractor; `contact` is None where the file lacks it."""
 
     motion_class: int
     orbit_period: int
     contact: int | None
 
     def named(self, labels) -> str:
-        """Name it by its period or class and its contact set."""
+        """Return its name: period or class, and contact set."""
         kind = CLASS_NAMES[MotionClass(self.motion_class)]
         name = f"P{self.orbit_period}" if self.orbit_period else kind
         return name if self.contact is None else f"{name} {contact_name(self.contact, labels)}"
@@ -36,7 +36,7 @@ def attractors_in(frame) -> tuple[list[int], list[int], list[Found]]:
 
 
 class SearchTally:
-    """Counts over the starts of a study; see `hpcsweep.studies.tally.RunTally`."""
+    """Tally of the starts of a study; see `hpcsweep.studies.tally.RunTally`."""
 
     def __init__(self, study):
         self._labels = study.structure.contact_labels
@@ -46,11 +46,11 @@ class SearchTally:
 
     @property
     def done(self) -> int:
-        """Runs that are computed."""
+        """Number of computed runs."""
         return int(self.outcomes[Outcome.COMPLETE :].sum())
 
     def add_starts(self, frame, study, starts: int) -> None:
-        """Count a frame, an xarray.Dataset, of a study whose runs have so many starts each."""
+        """Count a frame, an xarray.Dataset, of a study with `starts` starts a run."""
         add_largest(self.largest, frame, study)
         outcome = frame["outcome"].values
         there = outcome != Outcome.NOT_COMPUTED
@@ -62,7 +62,7 @@ class SearchTally:
         self.elsewhere += int(frame["n_elsewhere"].values[there].sum())
 
     def told_of(self, numbers: Counter[int], attractors: Counter[Found]) -> dict:
-        """Return what was counted; shares of the kinds of attractors are of all these."""
+        """Return the counts; shares of the kinds of attractors are of all attractors."""
         done, held = self.done, attractors.total()
         classes, periods, contacts = Counter[int](), Counter[int](), Counter[int]()
         for one, count in attractors.items():
@@ -95,7 +95,7 @@ class SearchTally:
 
 
 class AttractorTally(SearchTally):
-    """Counts over points: each attractor of each point counts."""
+    """Tally of points: each attractor of each point counts."""
 
     def __init__(self, study):
         super().__init__(study)
@@ -110,5 +110,5 @@ class AttractorTally(SearchTally):
         self.attractors.update(attractors_in(frame)[2])
 
     def told(self) -> dict:
-        """Return what was counted: numbers, strings, lists and dicts."""
+        """Return the counts: numbers, strings, lists and dicts."""
         return self.told_of(self.numbers, self.attractors)

@@ -1,11 +1,11 @@
-"""Basins of attraction at one point (A, Omega), on a slice of the initial states.
+"""Study of basins of attraction at one point (A, Omega), on a slice of the initial states.
 
 Two components of the state run over a grid; the others are those of `initial_state`. A row of the
 grid is a run and a task of its own, so that a slice scales to as many ranks as it has rows.
 
-To which attractor a start goes is told by attractors that are found before, from a low-discrepancy
-sequence of starts on the same slice (`hpcsweep.dynamics.basins`). Each process finds them for
-itself: they depend on the job alone, and so does each row.
+Starts are classified by attractors that are found first, from a low-discrepancy sequence of starts
+on the same slice (`hpcsweep.dynamics.basins`). Each process finds them itself: they depend only on
+the job, and so does each row.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,13 +38,13 @@ class Basins(RunGrid):
     Attributes
     ----------
     components : tuple of two int
-        Of the state: the one along a row, and the one from row to row.
+        Components of the state along a row, and from row to row.
     horizontal, vertical : ndarray
-        Their values, ascending; a row of each value of `vertical`.
+        Values of the components, ascending; one row for each value of `vertical`.
     starts, seed : int
-        Starts on the slice of which the attractors are found, and the seed of their sequence.
+        Starts on the slice from which the attractors are found, and the seed of their sequence.
     max_attractors : int
-        Most attractors listed: those that most starts go to.
+        Most attractors listed: those that most starts reach.
     max_cycles : int
         Forcing periods after which a motion is left undecided.
     """
@@ -128,7 +128,7 @@ class Basins(RunGrid):
 
     @property
     def starting_states(self) -> np.ndarray:
-        """A state as far out as any of the slice."""
+        """A state at least as far out as any of the slice."""
         state = np.array(self.initial_state)
         first, second = self.components
         state[first] = np.abs(self.horizontal).max()
@@ -137,7 +137,7 @@ class Basins(RunGrid):
 
     @property
     def polls_per_run(self) -> int:
-        """Return the starts of a row."""
+        """Return the number of starts of a row."""
         return self.horizontal.size
 
     @cached_property
@@ -166,11 +166,11 @@ class Basins(RunGrid):
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
-        """Variables that are known beforehand, with their values."""
+        """Variables that are known in advance, with their values."""
         return [(ROW_OMEGA, self.omega), (ORDINATE, self.vertical)]
 
     def names(self) -> tuple[str, str]:
-        """Name the components of the slice."""
+        """Names of the components of the slice."""
         names = self.coordinates["state"].values
         first, second = self.components
         return str(names[first]), str(names[second])
@@ -196,8 +196,8 @@ class Basins(RunGrid):
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
-        """Return to which attractor the starts of a row go."""
-        # here, where attractors are sought: who only reads them loads no kernel
+        """Return the attractors that the starts of a row reach."""
+        # imported here: reading results needs no kernels
         from hpcsweep.studies.basins.runs import Slice, slice_runs
 
         del amplitudes, state
@@ -216,21 +216,21 @@ class Basins(RunGrid):
         return runs.row(self.horizontal, float(self.vertical[frame]), poll)
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return None: every row is on its own."""
+        """Return None: every row is independent."""
         del block, row
         return None
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return the initial state: a row carries nothing to another."""
+        """Return the initial state: rows inherit nothing from each other."""
         del rows, row
         return self.initial_state
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Return the attractors that a row lists as orbits, and motions, that runs ended in."""
+        """Return the attractors listed by a row as motions in which runs ended."""
         return attractors_as_runs(self.variables, run)
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Count the starts, and those that reached none of the attractors listed."""
+        """Count the starts, and those that reached none of the listed attractors."""
         good = done & (runs["outcome"] > 0)
         starts = int(good.sum()) * self.horizontal.size
         return {
@@ -242,22 +242,22 @@ class Basins(RunGrid):
         }
 
     def tally(self) -> Any:
-        """Make what counts the rows for ``summary``."""
+        """Return a tally of rows for ``summary``."""
         return BasinTally(self)
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return what is not as every row promises: row and what is wrong there."""
+        """Return the broken invariants of rows: (row, message)."""
         from hpcsweep.studies.basins.invariants import broken_invariants
 
         return broken_invariants(self, rows)
 
     def describe_task(self, task: int) -> str:
-        """Describe a row by its component of the state."""
+        """Describe a row by its value of the component."""
         return f"{self.names()[1]} = {self.vertical[task]:.6g}"
 
 
 def _components(values, n: int) -> tuple[int, int]:
-    """Read which two components of the state the slice has."""
+    """Read the two components of the slice."""
     names = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
     given = values.get("study.components", ["u_1", "v_1"])
     known = isinstance(given, list) and len(given) == 2 and all(one in names for one in given)

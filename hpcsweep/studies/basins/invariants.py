@@ -11,7 +11,7 @@ from hpcsweep.studies.attractors.invariants import listed, of_motions
 
 
 def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-    """Check k rows of starts against what `hpcsweep.studies.basins.basins` says of its results.
+    """Check k rows of starts against the invariants of `hpcsweep.studies.basins.basins`.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
     Returns
     -------
     list of (int, str)
-        Row and what is wrong there.
+        Row and message.
     """
     broken = {**_of_labels(study, rows), **_of_attractors(study, rows)}
     return listed(broken)

@@ -1,4 +1,4 @@
-"""Rows of starts on a slice of the initial states, and the attractors that they go to."""
+"""Classify rows of starts on a slice of the initial states."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from hpcsweep.studies.settings import SweepSettings
 
 @dataclass(frozen=True)
 class Slice:
-    """Where starts lie, and how their attractors are sought.
+    """A slice of starts, and the limits of the search of its attractors.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Slice:
     horizontal, vertical : tuple of two float
         Least and greatest value of either component.
     state : tuple of 2n float
-        Of which the other components are those of all starts.
+        State with the other components of all starts.
     starts, seed, max_attractors, max_cycles : int
         See `hpcsweep.studies.basins.basins.Basins`.
     """
@@ -70,14 +70,14 @@ class SliceRuns:
     def row(
         self, horizontal: np.ndarray, ordinate: float, poll: Callable[[], None] | None = None
     ) -> dict[str, np.ndarray]:
-        """Return to which attractor the starts of a row go.
+        """Return the attractors that the starts of a row reach.
 
         Parameters
         ----------
         horizontal : ndarray, shape (k,)
-            Their first component of the slice.
+            First component of the slice of the starts.
         ordinate : float
-            Their second one.
+            Second component.
         poll : callable, optional
             Called before each start and within long ones; may raise to leave.
 
@@ -134,5 +134,5 @@ class SliceRuns:
 def slice_runs(
     structure: Structure, omega: float, amplitude: float, settings: SweepSettings, shape: Slice
 ) -> SliceRuns:
-    """Return the rows of a slice; the attractors of the last two slices are kept."""
+    """Return the rows of a slice; the attractors of the last two slices are cached."""
     return SliceRuns(structure, omega, amplitude, settings, shape)

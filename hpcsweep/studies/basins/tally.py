@@ -1,4 +1,4 @@
-"""Counts over the rows of a study of basins, for its summary."""
+"""Count over the rows of a study of basins, for its summary."""
 
 from collections import Counter
 
@@ -7,7 +7,7 @@ from hpcsweep.studies.tally import share
 
 
 class BasinTally(SearchTally):
-    """Counts over rows of starts: all list the same attractors, whose shares are of all starts."""
+    """Tally of rows of starts: all list the same attractors, whose shares are of all starts."""
 
     def __init__(self, study):
         super().__init__(study)
@@ -24,7 +24,7 @@ class BasinTally(SearchTally):
             self.hits[name] += hits
 
     def told(self) -> dict:
-        """Return what was counted: numbers, strings, lists and dicts."""
+        """Return the counts: numbers, strings, lists and dicts."""
         basins = {
             name: {"name": kind.named(self._labels), **share(self.hits[name], self.starts)}
             for name, kind in self.attractors.items()

@@ -1,7 +1,7 @@
-"""Amplitude sweep: path-following by the end state of one amplitude as start of the next.
+"""Amplitude sweep: path-following, each amplitude from the end state of the previous one.
 
-A frame is one path, up and then, where that is requested, down from where the way up ended. It is
-the study of the paper, and the one a job has that names none.
+A frame is one path, up and then, if requested, down from the end of the way up. It is the study of
+the paper, and the default.
 """
 
 from collections.abc import Callable
@@ -37,7 +37,7 @@ class AmplitudeSweep(RunGrid):
 
     @classmethod
     def read(cls, values, **common) -> "AmplitudeSweep":
-        """Read what a job says of its sweeps; see `RunGrid.read`."""
+        """Read the sweeps of a job; see `RunGrid.read`."""
         given = values.get("sweep.directions", [UP, DOWN])
         if given not in ([UP], [UP, DOWN]):
             raise values.error("sweep.directions", given, f'must be ["{UP}"] or ["{UP}", "{DOWN}"]')
@@ -63,7 +63,7 @@ class AmplitudeSweep(RunGrid):
         return Path(len(self.directions) * self.n_blocks, block)
 
     def descends(self, direction: int) -> bool:
-        """Return whether the amplitudes of a direction are computed from the highest on."""
+        """Return whether the amplitudes of a direction are computed in descending order."""
         return self.directions[direction] == DOWN
 
     def rows(
@@ -73,12 +73,12 @@ class AmplitudeSweep(RunGrid):
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
-        """Compute runs one after the other, each from where the one before ended."""
+        """Compute consecutive runs, each from the end of the previous one."""
         omega = float(self.omega[frame])
         return sweep_block(self.moving, omega, amplitudes, state, self.settings, poll)
 
     def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return the index of the run before one on the path; None for the first."""
+        """Return the index of the previous run on the path; None for the first."""
         if row != block.begin:
             return block.run(row + 1 if block.descending else row - 1)
         path = self.path(block.task)

@@ -1,4 +1,4 @@
-"""Runs that skip rules finish, many in one call, and their results; see `runs` for the rules."""
+"""Compute runs that skip rules finish, many in one compiled call; see `runs` for the rules."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ AT_ONCE = 256
 
 
 class Batch:
-    """Does runs at one frequency as long as skip rules finish them.
+    """Runs at one frequency, computed as long as skip rules finish them.
 
     Parameters
     ----------
@@ -43,20 +43,20 @@ class Batch:
         follow: bool,
         poll: Callable[[], None] | None,
     ) -> Followed:
-        """Do `AT_ONCE` runs from number `first` on, or fewer, up to one that is left open.
+        """Compute at most `AT_ONCE` runs from number `first` on, up to one that is left open.
 
         Parameters
         ----------
         result : dict of str to ndarray
-            Of `rows.empty_rows`.
+            Arrays of `rows.empty_rows`.
         first : int
         amplitudes : ndarray, shape (k,)
         state : ndarray, shape (2n,)
-            From which the first of them starts.
+            State from which the first of them starts.
         follow : bool
-            Whether the others start from where the one before ended.
+            Whether each other one starts from the end of the previous one.
         poll : callable, optional
-            Called before each piece of work; may raise to leave.
+            Called before each compiled call; may raise to leave.
         """
         settings = self._settings
         rules = Rules(
@@ -86,7 +86,7 @@ class Batch:
         return followed
 
     def _result(self, followed: Followed, amplitudes: np.ndarray) -> Result:
-        """Return what is stored of the orbits; of motions without contact, in closed form."""
+        """Return the results of the orbits; those of motions without contact in closed form."""
         orbits, measures = followed.orbits, followed.measures
         exponents = np.full(len(orbits.rule), np.nan)
         if "lyapunov" in self._settings.metrics:
@@ -117,9 +117,9 @@ class Batch:
         )
 
     def _exponents(self, orbits: Orbits, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the largest Lyapunov exponent of each orbit; not of free motions."""
+        """Return the largest Lyapunov exponent of each orbit, except of free motions."""
         times = orbits.length * self._solver.structure.forcing.period(self._solver.omega)
-        # not by numpy, whose logarithm may differ in the last bit from machine to machine
+        # numpy's logarithm may differ in the last bit between machines
         exponents = np.array(
             [
                 exponent_of_multiplier(multiplier, time)

@@ -1,9 +1,9 @@
-"""The classification of a run: the motion of its window, or the one that follows it.
+"""Classify runs: by the motion of their windows, or by continuing them.
 
-The window procedure takes a window for the motion. What the window leaves open is integrated on
-from its end, off the path, for at most `classify_cycles` forcing periods
+The window procedure takes a window for the motion. A motion that the window leaves open is
+continued from its end, off the path, for at most `classify_cycles` forcing periods
 (`dynamics.classify_motion`). Points, contact set, drift, modal norms and exponent are then those of
-the motion found. The next run starts from the end of the window all the same.
+the motion found. The next run starts from the end of the window nevertheless.
 """
 
 import math
@@ -26,19 +26,19 @@ from hpcsweep.studies.sweep.rows import NOT_TESTED
 
 @dataclass(frozen=True)
 class Classification:
-    """What is stored of the motion that a run ended in.
+    """Classified motion of a run, as stored.
 
     Attributes
     ----------
     seen : Observation
-        Of an orbit that is not longer than the job looks for once round it; else of a window.
+        Over one orbit, if it is not longer than the job looks for; otherwise over a window.
     period : int
         Orbit period, 0 if there is none, or it is longer than the job looks for.
     exponent : Interval
         Largest Lyapunov exponent per unit of time.
     kind : MotionClass
     window_period : int
-        What the window test finds in the window; `NOT_TESTED` if there is none.
+        Period that the window test finds; `NOT_TESTED` if there is no window.
     cycles : int
         Forcing periods integrated to classify.
     """
@@ -58,7 +58,7 @@ def classify_window(
     settings: SweepSettings,
     poll: Callable[[], None] | None = None,
 ) -> Classification:
-    """Classify the motion of a window, or of what follows it.
+    """Classify the motion of a window, or of its continuation.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def classify_window(
     amplitude : float
     seen : Observation
         Of the window; with the growth of a tangent vector if exponents are requested or motions
-        decided.
+        classified.
     settings : SweepSettings
     poll : callable, optional
         Called within long work; may raise to leave.

@@ -1,4 +1,4 @@
-"""Measures of storeys, floors and contacts over a window, as variables of the results."""
+"""Store measures of storeys, floors and contacts over a window in the results."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from hpcsweep.studies.settings import MEASURES, SweepSettings
 def empty_measures(
     structure: Structure, n_runs: int, settings: SweepSettings
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Allocate those that are asked for, as of runs that failed."""
+    """Allocate the requested measures, as for failed runs."""
     n_contacts = len(structure.all_contact_numbers)
     sizes = (len(structure.drift_rows), structure.n_floors, *5 * (n_contacts,))
     for name, size in zip(MEASURES, sizes, strict=True):
@@ -20,7 +20,7 @@ def empty_measures(
 
 
 def store_measures(rows: dict[str, np.ndarray], structure: Structure, measures: np.ndarray) -> None:
-    """Write measures, shape (k, D + n + 5 m) as of an `Observation`, into rows of results.
+    """Store measures, shape (k, D + n + 5 m) as in an `Observation`, in rows of results.
 
     The force of a contact is largest where its floors are farthest past it: beyond the stop it
     grows with the distance. Contacts that no motion reaches exert none.

@@ -1,4 +1,4 @@
-"""Rows of the results of runs: how they are allocated, and what is written into them."""
+"""Allocate and fill rows of the results of runs."""
 
 import math
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ NOT_TESTED = -1
 
 
 class Result(NamedTuple):
-    """What is stored of a run, or of k of them: then every array has one axis more, the first.
+    """Results of a run, or of k runs: then every array has an additional first axis.
 
     Attributes
     ----------
@@ -28,14 +28,14 @@ class Result(NamedTuple):
     end : ndarray, shape (2n,)
         Last point of the run.
     points : ndarray, shape (m, 2n)
-        Stroboscopic points to be stored, the first `n_points` of them, others NaN.
+        Stroboscopic points to store: the first `n_points`, the others NaN.
     n_points, contact, peak_drift, modal_norm, measures
         As in an `Observation`.
     lyapunov, lyapunov_low, lyapunov_high : float
         Largest Lyapunov exponent per unit of time, and its confidence interval.
     motion : MotionClass
     window_period : int
-        What the window test finds in the window; `NOT_TESTED` if there is none.
+        Period that the window test finds; `NOT_TESTED` if there is no window.
     classification_cycles : int
         Forcing periods integrated to classify.
     """
@@ -58,12 +58,12 @@ class Result(NamedTuple):
 
 
 def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:
-    """Allocate the results of `n_runs` runs, as for runs that all failed.
+    """Allocate the results of `n_runs` runs, as for failed runs.
 
     Returns
     -------
     dict of str to ndarray
-        The variables that `settings.metrics` asks for, first axis the run.
+        The variables requested by `settings.metrics`, first axis the run.
     """
     nan, n = math.nan, structure.n_floors
     arrays = {
@@ -103,7 +103,7 @@ def store(
     amplitudes: np.ndarray | float,
     result: Result,
 ) -> None:
-    """Write results of k complete runs into `rows`, k rows of what `empty_rows` allocates."""
+    """Write results of k complete runs into `rows`, k rows as allocated by `empty_rows`."""
     values = {
         "orbit_period": result.period,
         "final_state": result.end,
@@ -134,7 +134,7 @@ def store(
 def store_failure(
     rows: dict[str, np.ndarray], end: np.ndarray, cycles: int, outcome: Outcome
 ) -> None:
-    """Write why a run failed, and the last state that it reached, into its row."""
+    """Write the outcome of a failed run and its last state into its row."""
     rows["cycles"][:] = cycles
     rows["outcome"][:] = outcome
     rows["final_state"][:] = end

@@ -1,23 +1,23 @@
-"""Runs at one forcing frequency: what is computed at each amplitude, whatever study asks for it.
+"""Compute runs at one forcing frequency, for any study.
 
 In one run `transient_cycles` forcing periods are discarded, `sampling_cycles` more are the
 steady-state window. Rules that spare periods whose result is known (`skip`):
 
 ``linear``
-    If no floor can reach the stop from the present state (`linear.LinearOrbit`, proved), the
-    motion is the free linear one; once its transient has decayed, all results are closed form.
+    If no floor can reach the stop from the present state (`linear.LinearOrbit`, proved), the motion
+    is the free linear one; once its transient has decayed, all results are in closed form.
 ``converged``
     The transient ends when the orbit has closed on itself (`FlowMap.settle`): with p the period,
-    e_k the distance between points p periods apart and r = e_k / e_(k-p) their ratio, the
-    distance still to go is e r / (1 - r), which must be below `SETTLED` over two orbits in a
-    row. The window is then one orbit, p forcing periods, which is all it holds.
+    e_k the distance between points p periods apart and r = e_k / e_(k-p) their ratio, the remaining
+    distance is e r / (1 - r), which must be below `SETTLED` over two orbits in a row. The window is
+    then one orbit, p forcing periods.
 ``newton``
     While the orbit is still approached, from `NEAR` on, Newton's method with the exact tangent map
     jumps to it, if it is verified that the present state goes there (`flow.orbit.transient`).
     Orbits whose multipliers are close to the unit circle, which the window procedure leaves
     open, are then verified.
 
-What the window leaves open may be classified after it (`classification`).
+A motion that the window leaves open may be classified after it (`classification`).
 
 A run that fails is data: its results are NaN, its outcome says why, and its final state is the
 last one that was reached.
@@ -56,7 +56,7 @@ class FrameRuns:
     omega : float
     settings : SweepSettings
     solver : Solver, optional
-        In place of one made by the settings.
+        Replaces the solver of the settings.
     """
 
     def __init__(self, structure, omega: float, settings: SweepSettings, solver=None):
@@ -67,7 +67,7 @@ class FrameRuns:
         self.solver: Solver = solver or make_solver(*made)
         self._free = None
         if "linear" in settings.skip:
-            # here, where runs are computed: who only reads them loads no kernel
+            # imported here: reading results needs no kernels
             from hpcsweep.solvers.free_motion import FreeMotion
 
             self._free = FreeMotion(
@@ -89,7 +89,7 @@ class FrameRuns:
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
-        """Run amplitudes one after the other, each from where the one before ended.
+        """Compute runs at consecutive amplitudes, each from the end of the previous one.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class FrameRuns:
         -------
         dict of str to ndarray
             The variables of `empty_rows`, first axis the k runs. The next stretch starts from
-            ``final_state[-1]``, and gives exactly what one long stretch would have given.
+            ``final_state[-1]``, with exactly the results of one long stretch.
         """
         return self._rows(amplitudes, state, poll, follow=True)
 
@@ -114,11 +114,11 @@ class FrameRuns:
         state: np.ndarray,
         poll: Callable[[], None] | None = None,
     ) -> dict[str, np.ndarray]:
-        """Run amplitudes, each from the same state; otherwise as `follow`."""
+        """Compute runs, each from the same state; otherwise like `follow`."""
         return self._rows(amplitudes, state, poll, follow=False)
 
     def _rows(self, amplitudes, state, poll, follow: bool) -> dict[str, np.ndarray]:
-        """Run amplitudes, each measured by its own length (`Structure.lengths`)."""
+        """Compute runs, each measured by its own length (`Structure.lengths`)."""
         amplitudes = np.array(amplitudes, dtype=float)
         if self._given or not amplitudes.size:
             return self._stretch(amplitudes, state, poll, follow)
@@ -133,7 +133,7 @@ class FrameRuns:
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     def _measured_by(self, length: float) -> "FrameRuns":
-        """Return the runs of the structure measured by a length; the last two are kept."""
+        """Return the runs of the structure measured by a length; the last two are cached."""
         if length == self.structure.length_unit:
             return self
         if length not in self._measured:
@@ -144,7 +144,7 @@ class FrameRuns:
         return self._measured[length]
 
     def _stretch(self, amplitudes, state, poll, follow: bool) -> dict[str, np.ndarray]:
-        """Run amplitudes from a state, or from where the one before ended."""
+        """Compute runs from a state, or from the end of the previous one."""
         result = empty_rows(self.structure, len(amplitudes), self.settings)
         start = np.array(state, dtype=float)
         index = 0
@@ -165,7 +165,7 @@ class FrameRuns:
         return result
 
     def _transient(self, result, index, amplitude: float, z, poll) -> Approach | None:
-        """Integrate the transient of a run; None if it is proved to be linear, and stored."""
+        """Integrate the transient of a run; return None if it is proved linear, and stored."""
         closed = self._free.window(z, amplitude) if self._free is not None else None
         if self._free is None or closed is None:
             done = self.solver.advance(z, amplitude, self.settings.transient_cycles, poll=poll)
@@ -235,5 +235,5 @@ def _row(result: dict[str, np.ndarray], index: int) -> dict[str, np.ndarray]:
 
 @lru_cache(maxsize=4)
 def frame_runs(structure: Structure, omega: float, settings: SweepSettings) -> FrameRuns:
-    """Return the runs of a frame; the tables of the last few frames are kept."""
+    """Return the runs of a frame; the tables of the last few frames are cached."""
     return FrameRuns(structure, omega, settings)

@@ -1,7 +1,7 @@
-"""Colours by what is seen: CIE L*a*b* and sRGB, white point D65.
+"""Colours as perceived: CIE L*a*b* and sRGB, white point D65.
 
-L* is lightness, 0 black to 100 white: what is left of a colour in grey print. Chroma is how far a
-colour is from grey, hue the angle in the plane of a* (red) and b* (yellow).
+L* is lightness, 0 black to 100 white: what remains of a colour in grey print. Chroma is the
+distance of a colour from grey, hue the angle in the plane of a* (red) and b* (yellow).
 """
 
 import math
@@ -36,14 +36,14 @@ def lightness(colour: str) -> float:
 
 
 def to_hex(lightness: float, chroma: float, hue: float) -> str:
-    """Return the sRGB colour of a lightness, chroma and hue, less chroma where no screen has it.
+    """Return the sRGB colour of a lightness, chroma and hue, with less chroma where necessary.
 
     Parameters
     ----------
     lightness : float
         L*, 0 to 100.
     chroma : float
-        Reduced until the colour is one that a screen can show.
+        Reduced until a screen can show the colour.
     hue : float
         In degrees.
     """

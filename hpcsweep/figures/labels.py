@@ -1,4 +1,4 @@
-"""Labels of axes in the structure's own units, and the floors a figure shows."""
+"""Label axes in the structure's own units, and choose the floors of a figure."""
 
 from collections.abc import Sequence
 
@@ -45,7 +45,7 @@ def exponent(structure) -> str:
 
 
 def unit(structure, quantity: str) -> str:
-    """Write the unit of a quantity behind its label; nothing where it has no name."""
+    """Format the unit that follows a label; empty where it has no name."""
     is_length = quantity in ("length", "velocity", "acceleration")
     has_name = any(structure.unit_names) or (
         is_in_gaps(structure) if is_length else structure.is_uniform
@@ -57,19 +57,20 @@ def unit(structure, quantity: str) -> str:
 
 
 def choose_floors(n: int, asked: Sequence[int] | None = None) -> list[int]:
-    """Choose the floors to be shown, ascending, from 0.
+    """Return the floors to show, ascending, from 0.
 
     Parameters
     ----------
     n : int
         Floors of the structure.
     asked : sequence of int, optional
-        Those requested, from 1. Default: all of a few, else the first, the middle and the top.
+        Requested floors, from 1. Default: all of a few, otherwise the first, the middle and the
+        top.
 
     Raises
     ------
     PlotError
-        If one requested is not there.
+        If a requested floor does not exist.
     """
     if asked:
         for floor in asked:

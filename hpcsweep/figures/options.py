@@ -1,8 +1,8 @@
-"""Options of figures, and what figures there are: pictures, the film and the explorer alike.
+"""All figures (pictures, the film and the explorer) and their options.
 
-A figure is a module that says its name, what it draws, its help and its options (`Figure`), and is
-listed in `FIGURES`. Every command that makes one takes its options from it. Nothing here takes time
-to import.
+A figure is a module with a name, the results it draws, its help and its options (`Figure`), listed
+in `FIGURES`. Every command that makes one takes its options from it. Nothing here is slow to
+import.
 """
 
 import argparse
@@ -41,9 +41,9 @@ class Option:
     Attributes
     ----------
     flag : str
-        Such as ``--omega``. Figures that know an option of the same flag say the same of it.
+        Such as ``--omega``. Figures that share a flag share the whole option.
     help : str
-        What it chooses, and its default; the figures that know it are named by the command.
+        Meaning and default; the command adds the figures that know it.
     keyword : str
         Name under which the figure takes the value.
     arguments : dict
@@ -79,7 +79,7 @@ def options_of(known: Iterable[Any]) -> list[Option]:
 
 
 def whole_number(least: int, most: int | None = None):
-    """Make the conversion of an argument that must be a whole number from `least` to `most`."""
+    """Return a converter of an argument to a whole number from `least` to `most`."""
 
     def convert(text: str) -> int:
         value = int(text)
@@ -93,14 +93,14 @@ def whole_number(least: int, most: int | None = None):
 
 
 def file_name(text: str) -> Path:
-    """Convert an argument that must name a file."""
+    """Convert an argument to the name of a file."""
     if not text:
         raise argparse.ArgumentTypeError("must not be empty")
     return Path(text)
 
 
 def positive(text: str) -> float:
-    """Convert an argument that must be a finite number greater than 0."""
+    """Convert an argument to a finite number greater than 0."""
     value = float(text)
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"must be greater than 0, is {text}")

@@ -8,11 +8,11 @@ Five languages, each with a legend of its own; no colour depends on what else is
 - numbers (`NUMBERS`, `RATIOS`): ordered, dark to light or side against side;
 - series (`series_colour`, `mode_colour`): lines that a legend beside them names.
 
-White is where nothing is known. The colours are those of points on white and of areas alike, so
-that none is lighter than L* = 83. They were chosen by search for the largest least distance
-(CIEDE2000) between any two motions, for normal vision and as protanopes, deuteranopes and
-tritanopes see them (Machado, Oliveira and Fernandes 2009); the tests hold the distances. Lightness
-falls from motion to motion by 5 of 100 or more (failed apart), so that they stay apart in grey.
+White means unknown. The colours serve points on white and areas alike, so that none is lighter than
+L* = 83. They were chosen by search for the largest least distance (CIEDE2000) between any two
+motions, for normal vision and for protanopes, deuteranopes and tritanopes (Machado,
+Oliveira and Fernandes 2009); the tests hold the distances. Lightness falls from motion to motion by
+5 of 100 or more (failed apart), so that they stay apart in grey.
 """
 
 from functools import lru_cache
@@ -92,12 +92,12 @@ _MODE_RANGE = 0.0, 0.8
 
 
 def motion_index(classes: np.ndarray, period: np.ndarray) -> np.ndarray:
-    """Return the place in `MOTIONS` of every run, -1 where nothing is computed.
+    """Return the index in `MOTIONS` of every run, -1 where nothing is computed.
 
     Parameters
     ----------
     classes, period : ndarray of int, same shape
-        Of `hpcsweep.dynamics.classify` and the variable ``orbit_period``.
+        From `hpcsweep.dynamics.classify` and the variable ``orbit_period``.
 
     Returns
     -------
@@ -113,18 +113,18 @@ def motion_index(classes: np.ndarray, period: np.ndarray) -> np.ndarray:
 
 
 def motion_place(kind: MotionClass, period: int) -> int:
-    """Return the place in `MOTIONS` of one run, -1 if it is not computed."""
+    """Return the index in `MOTIONS` of one run, -1 if it is not computed."""
     return int(motion_index(np.array([kind]), np.array([period]))[0])
 
 
 @lru_cache(maxsize=4096)
 def contact_colour(contact: int, labels: int | tuple[str, ...]) -> str:
-    """Return the colour of a contact set, told by the set alone.
+    """Return the colour of a contact set, which depends on the set alone.
 
-    The more contacts, the darker; among sets of as many contacts the hue goes round once, from
-    the first to the last ones, and the lightness falls a little. All sets of up to three contacts
-    are apart to all eyes, those of four to normal ones; of more neighbours in this order look
-    alike.
+    The more contacts, the darker; among sets of equally many contacts the hue goes round once, from
+    the first to the last, and the lightness falls a little. All sets of up to three contacts are
+    distinct to all eyes, those of four to normal ones; among larger sets neighbours in this order
+    look alike.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def contact_colour(contact: int, labels: int | tuple[str, ...]) -> str:
     members = [place for place, k in enumerate(there) if contact >> k & 1]
     if not members:
         return NO_CONTACT
-    # place among the sets of as many contacts, ascending: the combinatorial number system
+    # rank among the sets of equally many contacts: the combinatorial number system
     place = sum(comb(member, count) for count, member in enumerate(members, 1))
     share = place / comb(total, len(members)), (place + 0.5) / comb(total, len(members))
     top, bottom = _CONTACT_LIGHTNESS
@@ -181,5 +181,5 @@ def count_colour(place: int, n_places: int) -> str:
 
 
 def ink(colour: str) -> str:
-    """Return the colour of text set on a colour: of the two the one with more contrast."""
+    """Return the colour of text on a colour: the one of two with more contrast."""
     return DARK_INK if lightness(colour) > INK_CHANGE else LIGHT_INK

@@ -1,4 +1,4 @@
-"""Labels, panels and legends the figures share; their colours are `hpcsweep.figures.palette`."""
+"""Labels, panels and legends of all figures; colours are in `hpcsweep.figures.palette`."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -25,11 +25,11 @@ SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "zeta_i": r"\zeta
 
 
 class PlotError(ValueError):
-    """What was asked cannot be drawn; the message is one line for the user."""
+    """Raised where a request cannot be drawn; the message is one line for the user."""
 
 
 def set_name(contact: int, labels: int | Sequence[str], room: int | None = LEGEND_ROOM) -> str:
-    """Write a contact set for a legend, 'no contact' if it is empty."""
+    """Return the name of a contact set in a legend, 'no contact' if it is empty."""
     return contact_name(contact, labels, room) if contact else "no contact"
 
 
@@ -104,7 +104,7 @@ def save(figure, path: Path) -> None:
 
 
 def head(figure, text: str, fontsize: float = 10) -> None:
-    """Write the head of a figure, broken between its parts where it is wider than the figure."""
+    """Write the head of a figure, broken between its parts where it is too wide."""
     title = figure.suptitle(text, fontsize=fontsize)
     renderer = figure.canvas.get_renderer()
 
@@ -127,7 +127,7 @@ def head(figure, text: str, fontsize: float = 10) -> None:
 
 
 def roman(number: int) -> str:
-    """Write a positive number in lower-case Roman numerals."""
+    """Return a positive number in lower-case Roman numerals."""
     digits = ((100, "c"), (90, "xc"), (50, "l"), (40, "xl"), (10, "x"), (9, "ix"), (5, "v"))
     text = ""
     for value, letters in (*digits, (4, "iv"), (1, "i")):
@@ -157,12 +157,12 @@ def nearest_frame(omegas: np.ndarray, omega: float | None) -> int:
 
 
 def need(results, *names: str) -> None:
-    """Refuse results that do not hold what is to be drawn.
+    """Refuse results that lack a variable to draw.
 
     Raises
     ------
     PlotError
-        Naming the first variable that is missing and the job's key for it.
+        The message names the first missing variable and its key.
     """
     for name in names:
         if name not in results:
@@ -170,7 +170,7 @@ def need(results, *names: str) -> None:
 
 
 def need_amplitudes(study) -> None:
-    """Refuse a list of points, which have no amplitudes in common to be drawn over.
+    """Refuse a list of points, which share no amplitudes to draw over.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def need_amplitudes(study) -> None:
 
 
 def direction_index(results, direction: str | None) -> int:
-    """Return the place of a sweep direction, of the first one if none is requested."""
+    """Return the index of a sweep direction, the first if none is requested."""
     there = [str(name) for name in results["direction"].values]
     if direction is None:
         return 0
@@ -191,7 +191,7 @@ def direction_index(results, direction: str | None) -> int:
 
 
 def job_of(results):
-    """Read the job the results were made for; where it varies keys, of the part they are."""
+    """Return the job of results; where it varies keys, the job of their part."""
     from hpcsweep.job import parse_job, part_of
 
     job = parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
@@ -204,13 +204,13 @@ def job_of(results):
 
 
 def words_of(results, direction: str | None = None) -> str:
-    """Write a direction of the results, default their first, in the words of their study."""
+    """Return a direction of the results, default their first, in the words of their study."""
     name = str(results["direction"].values[0]) if direction is None else direction
     return str(job_of(results).study.words[name])
 
 
 def structure_of(results):
-    """Read the structure the results were made for."""
+    """Return the structure of results."""
     return job_of(results).structure
 
 
@@ -223,14 +223,14 @@ def classes_of(results) -> np.ndarray:
 
 
 def caption(results, omega: float | None = None) -> str:
-    """Write the parameters of a campaign, of one frame if `omega` is given."""
+    """Format the parameters of a campaign, or of one frame if `omega` is given."""
     told = parameters(job_of(results).structure, omega)
     part = results.attrs.get("part")
     return f"{part}\n{told}" if part else told
 
 
 def parameters(structure, omega: float | None = None, room: int | None = CAPTION_ROOM) -> str:
-    """Write the parameters of a structure, and a frequency if it is given, on a line or two."""
+    """Format the parameters of a structure, and a frequency if given, on a line or two."""
     from hpcsweep.model.description import in_words
 
     told = in_words(structure)
@@ -248,7 +248,7 @@ def parameters(structure, omega: float | None = None, room: int | None = CAPTION
 
 
 def percent(share: float) -> str:
-    """Write a share with two significant digits where it is small, never as a false 0 or 100 %."""
+    """Format a share with two significant digits where it is small, never as a false 0 or 100 %."""
     value = 100 * share
     if value == 0 or value == 100:
         return f"{value:.0f} %"
@@ -260,7 +260,7 @@ def percent(share: float) -> str:
 
 
 def shares_text(results, classes: np.ndarray) -> str:
-    """Write the shares of the motion classes on one line, always with the undecided ones."""
+    """Format the shares of the motion classes on one line, always with the undecided ones."""
     from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares, tells_chaos
 
     parts = [
@@ -280,7 +280,7 @@ def foot(
     n_columns: int | None = None,
     note: str = "",
 ) -> None:
-    """Put the shares of the motion classes, a note and a legend below the panels."""
+    """Add the shares of the motion classes, a note and a legend below the panels."""
     shares = shares_text(results, classes)
     figure.legend(
         handles=handles,

@@ -215,8 +215,8 @@ class Work(Protocol):
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
         """Return the state from which the run after one of the rows starts.
 
-        Made of the variables `carried`: the end state, or whatever else the study carries along its path: a finite one-dimensional
-        array, stored completely in the file.
+        Made of the variables `carried`: the end state, or whatever else the study carries along its
+        path; a finite one-dimensional array, stored completely in the file.
         """
         ...
 

@@ -35,7 +35,7 @@ MOST_COLUMNS = 6
 
 
 def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] = ()) -> None:
-    """Draw one frame and write it to `path`; the colours tell the motion.
+    """Draw one frame and write it to `path`; colours show the motion.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
     Raises
     ------
     PlotError
-        If nothing is there to be drawn.
+        If there is nothing to draw.
     """
     frame, index, structure = opened(results, omega)
     shown = choose_floors(structure.n_floors, floors)
@@ -71,7 +71,7 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
 
 
 def opened(results, omega: float | None):
-    """Choose the frame nearest to a frequency; refuse it if nothing is computed.
+    """Return the frame nearest to a frequency; refuse it if nothing is computed.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def opened(results, omega: float | None):
 
 
 def motions_of(frame) -> np.ndarray:
-    """Return the place in `palette.MOTIONS` of each attractor, -1 where there is none.
+    """Return the index in `palette.MOTIONS` of each attractor, -1 where there is none.
 
     Returns
     -------
@@ -102,13 +102,13 @@ def motions_of(frame) -> np.ndarray:
 
 
 def limit_amplitudes(axis, frame) -> None:
-    """Let the horizontal axis end at the first and the last amplitude."""
+    """Limit the horizontal axis to the first and the last amplitude."""
     span = frame["amplitude"].values
     axis.set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
 
 
 def starts_text(results, frame) -> str:
-    """Write how many starts there are, and the share of them that reached no drawn attractor."""
+    """Format the number of starts, and the share of them that reached no drawn attractor."""
     study = job_of(results).study
     done = max(int((frame["outcome"].values > 0).sum()), 1) * study.starts
     parts = [f"{study.starts:,} starts a point"]
@@ -145,7 +145,7 @@ def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=(
 
 
 def _scatter(axis, frame, index: np.ndarray, floor: int) -> None:
-    """Draw the points of all attractors: those of orbits large, those of other motions fine."""
+    """Draw the points of all attractors: large ones for orbits, fine ones for other motions."""
     amplitudes, counts = frame["amplitude"].values, frame["n_points"].values
     size = float(np.clip(14000 / max(amplitudes.size, 1), 0.4, 7.0))
     displacements = frame["poincare"].values[..., floor]

@@ -1,4 +1,4 @@
-"""Map over amplitude and frequency of the number of attractors, and of those a sweep misses."""
+"""Map of the number of attractors over amplitude and frequency, and of those a sweep misses."""
 
 from pathlib import Path
 
@@ -59,7 +59,7 @@ def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = No
     Raises
     ------
     PlotError
-        If it is no map.
+        If the points do not form a map.
     """
     del sweep
     results = by_frequency(results)

@@ -1,4 +1,4 @@
-"""Basins of attraction on a slice of the initial states: which attractor each start goes to."""
+"""Basins of attraction on a slice of the initial states: the attractor of each start."""
 
 from pathlib import Path
 
@@ -48,13 +48,13 @@ SIZE = 6.4, 6.9
 
 
 def load(frames):
-    """Read the labels, and what the attractors are."""
+    """Read the labels and the attractors."""
     names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point")
     return frames.gather((*names, "outcome"))
 
 
 def draw(results, path: Path) -> None:
-    """Draw what `load` returned and write it to `path`; the colours tell the motion.
+    """Draw what `load` returned and write it to `path`; colours show the motion.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def _legend(figure, study, keys: list, index: np.ndarray) -> None:
 
 
 def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
-    """Name the attractors of a slice: by number, name, colour and a point.
+    """Return number, name, colour and a point of each attractor of a slice.
 
     The first of a motion has the motion's colour, further ones have shades of it.
     """
@@ -171,7 +171,7 @@ def _label(structure, component: int) -> str:
 
 
 def _rest(study) -> str:
-    """Name the components that all starts have in common."""
+    """Format the components that all starts share."""
     names = study.coordinates["state"].values
     state = study.initial_state
     others = [k for k in range(state.size) if k not in study.components]

@@ -1,4 +1,4 @@
-"""Map of where impact lowers the drift and where it raises it, for chaos and for period 1."""
+"""Map of where impact lowers and where it raises the drift, for chaos and for period 1."""
 
 from pathlib import Path
 
@@ -58,7 +58,7 @@ def draw(results, path: Path, direction: str | None = None) -> None:
     Raises
     ------
     PlotError
-        If the file does not hold what is to be drawn.
+        If the file does not hold the variables to draw.
     """
     need(results, "drift", "contact")
     if not tells_chaos(results):

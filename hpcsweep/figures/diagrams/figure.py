@@ -1,4 +1,4 @@
-"""What a figure of `hpcsweep plot` is: a module that says its name, options, data and drawing.
+"""Interface of a figure of `hpcsweep plot`: a module with a name, options, `load` and `draw`.
 
 A new figure is one module of this form and one line in `hpcsweep.figures.options.FIGURES`. It takes
 its colours from `hpcsweep.figures.palette`, so that a motion, a contact set or a direction looks
@@ -20,15 +20,15 @@ class Figure(Protocol):
     Attributes
     ----------
     NAME : str
-        Of ``--kind``.
+        Name for ``--kind``.
     DRAWS : str
         What a file must hold (`Study.holds`).
     HELP : str
         What it shows: one or more lines of the command's help.
     OPTIONS : tuple of Option
-        What can be chosen.
+        Options of the figure.
     WRITES : tuple of str
-        Endings of what it writes; without it a picture (`PICTURE`), which is made by `load` and
+        Endings of the files that it writes; by default a picture (`PICTURE`), made by `load` and
         `draw`. The film and the explorer have commands of their own.
     """
 
@@ -39,24 +39,24 @@ class Figure(Protocol):
     WRITES: tuple[str, ...] = PICTURE
 
     def load(self, frames: "Frames", **options):
-        """Read what is drawn, of a file that may be larger than the memory.
+        """Read what to draw from a file that may be larger than the memory.
 
         Parameters
         ----------
         frames : hpcsweep.store.Frames
             Of a results file; where keys are varied, of one part of it.
         **options
-            Those of `OPTIONS` that were given.
+            Given ones of `OPTIONS`.
 
         Returns
         -------
         xarray.Dataset
-            Or what else `draw` takes.
+            Or anything else that `draw` accepts.
 
         Raises
         ------
         StoreError
-            If the file does not hold what is needed.
+            If the file lacks what is needed.
         PlotError
             If what was requested cannot be drawn; one line for the user.
         """

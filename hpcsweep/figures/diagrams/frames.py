@@ -43,7 +43,7 @@ OPTIONS = (
 
 
 def load(reader, frames: int | None = None, **_options):
-    """Read the frames that are drawn."""
+    """Read the frames to draw."""
     return reader.gather([*reader], choose(reader.study.omega, frames).tolist())
 
 
@@ -54,7 +54,7 @@ def draw(
     frames: int | None = None,
     floors: Sequence[int] = (),
 ) -> None:
-    """Draw frames spread evenly over the frequencies and write them to `path`.
+    """Draw frames spread evenly over frequency and write them to `path`.
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def draw(
     direction : {"up", "down"}, optional
         Default the first.
     frames : int, optional
-        How many; default all, at most `MOST_FRAMES`.
+        Number of frames; default all, at most `MOST_FRAMES`.
     floors : sequence of int, optional
-        Whose displacement is drawn, from 1: one; default the top one.
+        The one floor whose displacement is drawn, from 1; default the top one.
 
     Raises
     ------
     PlotError
-        If the file does not hold what is to be drawn.
+        If the file does not hold the variables to draw.
     """
     need(results, "poincare")
     need_amplitudes(job_of(results).study)
@@ -102,12 +102,12 @@ def draw(
 
 
 def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
-    """Choose frames spread evenly over the frequencies, in their order.
+    """Return frames spread evenly over frequency, in order.
 
     Raises
     ------
     PlotError
-        If there are not so many.
+        If there are fewer frames.
     """
     there = omegas.size
     count = min(there, MOST_FRAMES) if frames is None else frames

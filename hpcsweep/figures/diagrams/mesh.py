@@ -1,4 +1,4 @@
-"""Panels over amplitude and frequency: one cell a run, or one point where runs are scattered."""
+"""Draw panels over amplitude and frequency: one cell a run, or one point for scattered runs."""
 
 import functools
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ SCATTERED = FORCING_AMPLITUDE.name
 
 
 def open_map(frames, value: str | None = None, direction: str | None = None):
-    """Read what maps are drawn of, one frame at a time: not the points, of which classes are told.
+    """Read the variables of maps, one frame at a time, without the points behind the classes.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
 
 
 def least_cells(amplitudes: int) -> None:
-    """Refuse what is no map, nor one row of one.
+    """Refuse results that form neither a map nor one row of a map.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def least_cells(amplitudes: int) -> None:
 
 
 def by_frequency(results):
-    """Sort the frames by frequency and refuse what is no map.
+    """Sort the frames by frequency and refuse results that do not form a map.
 
     Raises
     ------
@@ -78,15 +78,15 @@ def by_frequency(results):
 
 
 def amplitudes(results) -> np.ndarray:
-    """Return the amplitudes: those all frames share, or in a list of points one a frame."""
+    """Return the amplitudes shared by all frames, or for a list of points one a frame."""
     return results[SCATTERED if SCATTERED in results else "amplitude"].values
 
 
 def draw_mesh(axis, results, values: np.ndarray, **options):
     """Draw values of shape (n_frames, n_amplitudes); where they are masked the panel is hatched.
 
-    Of cells smaller than the picture's pixels, only so many are drawn as there are pixels. A list
-    of points is drawn as points, and what is masked is left out.
+    If cells are smaller than pixels, only as many are drawn as there are pixels. A list of points
+    is drawn as points, without the masked ones.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
 
 
 def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> None:
-    """Draw the places in a list of colours, shape (n_frames, n_amplitudes); hatched below 0."""
+    """Draw indices of colours, shape (n_frames, n_amplitudes); hatched where negative."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     draw_mesh(
@@ -129,7 +129,7 @@ def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> No
 
 
 def _thinned(cells: int, most: float) -> np.ndarray:
-    """Choose cells spread evenly, the first and the last among them, as many as pixels at most."""
+    """Return evenly spread cells, including the first and the last, at most one a pixel."""
     count = min(cells, max(int(most), 2))
     return np.linspace(0, cells - 1, count).round().astype(int)
 
@@ -144,7 +144,7 @@ def draw_grazing(axis, results, structure) -> None:
 
 
 def grazing_keys(results) -> list:
-    """Make the legend's key of that curve; none where it does not cross the map."""
+    """Return the legend key of the grazing curve; none where it does not cross the map."""
     omega, across = results["omega"].values, amplitudes(results)
     reached, _ = _curve(structure_of(results), omega.min(), omega.max())
     if not ((across.min() <= reached) & (reached <= across.max())).any():
@@ -153,7 +153,7 @@ def grazing_keys(results) -> list:
 
 
 def grazing_key():
-    """Make the legend's key of the curve of grazing."""
+    """Return the legend key of the grazing curve."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")
@@ -167,7 +167,7 @@ def legend_of_shares(
     more: Sequence = (),
     of: str = "runs",
 ) -> None:
-    """Name colours beside the panels, and the share of the runs that each has.
+    """Add a legend of colours beside the panels, with the share of runs of each.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def legend_of_shares(
     more : sequence of matplotlib artists
         Further keys.
     of : str
-        What the shares are of.
+        Noun for the runs of the shares.
     """
     from matplotlib.patches import Patch
 
@@ -210,7 +210,7 @@ def legend_of_shares(
 
 @functools.lru_cache(maxsize=8)
 def _curve(structure, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    # panels and pages of one study share it, and its closed form takes longer than to draw it
+    # cached for the panels and pages of a study: computing it takes longer than drawing it
     omega = np.linspace(low, high, 800)
     with np.errstate(divide="ignore"):
         return np.array([_grazing(structure, value) for value in omega]), omega
@@ -224,7 +224,7 @@ def _grazing(structure, omega: float) -> float:
 
 
 def map_height(results, height: float) -> float:
-    """Choose the height of a map: that of one frequency is a strip."""
+    """Return the height of a map: a strip for one frequency."""
     return height if results.sizes["omega"] > 1 else 0.5 * height
 
 

@@ -43,7 +43,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     Raises
     ------
     PlotError
-        If the file does not hold what is to be drawn.
+        If the file does not hold the variables to draw.
     """
     need(results, "drift", "modal_norm")
     need_amplitudes(job_of(results).study)
@@ -73,7 +73,7 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
 
     They do not depend on the amplitude; NaN at an undamped resonance.
     """
-    # loads scipy.linalg, which no other figure needs
+    # imports scipy.linalg, which no other figure needs
     from hpcsweep.solvers.linear import LinearOrbit
 
     orbit = LinearOrbit(structure.without_contacts(), omega)

@@ -74,9 +74,9 @@ class Group:
     ----------
     colour : str
     label : str
-        In the legend; empty for what it leaves out.
+        Label in the legend; empty to leave the group out.
     runs : ndarray of bool, shape (n_directions, n_amplitudes)
-        Whose points they are.
+        Runs of the points.
     """
 
     colour: str
@@ -96,20 +96,20 @@ def draw(
     Parameters
     ----------
     results : xarray.Dataset
-        Of `hpcsweep.open_results`.
+        From `hpcsweep.open_results`.
     path : Path
         Its ending chooses the format.
     omega : float, optional
         The frame nearest to this frequency; default the first.
     color : {"direction", "contact", "period"}
-        What the colours tell; period: the period of orbits, the class of other motions.
+        Meaning of the colours; period: the period of orbits, the class of other motions.
     floors : sequence of int, optional
         Shown, from 1; see `labels.choose_floors`.
 
     Raises
     ------
     PlotError
-        If the file does not hold what is to be drawn.
+        If the file does not hold the variables to draw.
     """
     need(results, "poincare", *(("contact",) if color == "contact" else ()))
     need_amplitudes(job_of(results).study)
@@ -143,7 +143,7 @@ def draw(
 
 
 def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) -> list[Group]:
-    """Divide the complete runs of one frame by colour, in the order of the legend."""
+    """Group the complete runs of one frame by colour, in legend order."""
     frame = results.isel(omega=0)
     if color == "direction":
         own = np.eye(len(done), dtype=bool)[:, :, None]
@@ -175,8 +175,8 @@ def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) 
 def _scatter(axis, frame, group: Group, floor: int) -> None:
     """Draw a group's points.
 
-    Those of orbits are large, filled on the way up, hollow on the way down; those of motions that
-    do not repeat are fine, so that it shows where they gather.
+    Points of orbits are large, filled on the way up, hollow on the way down; those of aperiodic
+    motions are fine, so that their density shows.
     """
     amplitude, counts = frame["amplitude"].values, frame["n_points"].values
     size = float(np.clip(14000 / max(amplitude.size, 1), 0.4, 7.0))
@@ -206,7 +206,7 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
 
 
 def _mark_stops(axis, structure, floor: int) -> None:
-    """Draw the floor's stops that lie within the panel, as it is."""
+    """Draw the floor's stops that lie within the panel."""
     limits = axis.get_ylim()
     for place in (place for side in stops(structure, floor) for place in side):
         if limits[0] < place < limits[1]:
@@ -215,7 +215,7 @@ def _mark_stops(axis, structure, floor: int) -> None:
 
 
 def _mark_regions(axes, frame, done, labels, coexisting) -> str:
-    """Mark the contact regions along the top, as in Figure 3 of the paper; say what they are."""
+    """Mark the contact regions along the top, as in Figure 3 of the paper, with a legend."""
     amplitude = frame["amplitude"].values
     least = max(3, amplitude.size // 100)
     regions = contact_regions(frame["contact"].values, done, least, coexisting)

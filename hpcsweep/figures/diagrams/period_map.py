@@ -92,7 +92,7 @@ def draw(
     results : xarray.Dataset
     path : Path
     value : {"period", "drift", "contact", "modal_norm", "lyapunov"}
-        What the colours tell; period: the motion classes.
+        Meaning of the colours; period: the motion classes.
     direction : {"up", "down"}, optional
         Default the first.
     cells : bool, optional
@@ -101,7 +101,7 @@ def draw(
     Raises
     ------
     PlotError
-        If the file does not hold what is to be drawn.
+        If the file does not hold the variables to draw.
     """
     if value != "period":
         need(results, value)

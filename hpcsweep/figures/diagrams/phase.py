@@ -71,7 +71,7 @@ MOST_CYCLES = 60
 
 @dataclass(frozen=True)
 class Motion:
-    """One run that is drawn: its place in the frame."""
+    """A run to draw: its index in the frame."""
 
     direction: int
     amplitude: int
@@ -97,16 +97,16 @@ def draw(
     amplitudes : sequence of float
         The nearest amplitudes of the sweep are drawn.
     periods : sequence of int
-        For each a motion of that orbit period is found; see `find_period`.
+        Orbit periods, for each of which a motion is drawn; see `find_period`.
     direction : {"up", "down"}, optional
-        Of the amplitudes: default the first; of the periods: default any.
+        For amplitudes default the first; for periods default any.
     floors : sequence of int, optional
         Shown, from 1; see `labels.choose_floors`.
 
     Raises
     ------
     PlotError
-        If there is no such motion, or the file does not hold what is to be drawn.
+        If there is no such motion, or the file does not hold the variables to draw.
     """
     need(results, "poincare")
     need_amplitudes(job_of(results).study)
@@ -137,9 +137,9 @@ def draw(
 
 
 def find_period(frame, classes: np.ndarray, period: int, direction: str | None = None) -> Motion:
-    """Find a motion of an orbit period: the middle of its longest stretch of amplitudes.
+    """Return a motion of an orbit period: the middle of its longest stretch of amplitudes.
 
-    Motions with impact come before those without; of equal stretches the first direction's.
+    Motions with impact are preferred; of equal stretches, the first direction's.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     Raises
     ------
     PlotError
-        If there is none, naming the periods that occur.
+        If there is none; the message lists the periods that occur.
     """
     found = frame["orbit_period"].values
     kinds = (MotionClass.PERIODIC, MotionClass.NO_CONTACT)
@@ -200,7 +200,7 @@ def _at_amplitude(frame, value: float, direction: str | None) -> Motion:
 def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarray]:
     """Integrate a motion again from each of its stroboscopic points.
 
-    Restarting from every point keeps a chaotic curve on the motion that was computed.
+    Restarting from every point keeps a chaotic curve on the computed motion.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarr
     """
     at = motion.direction, motion.amplitude
     count = min(int(frame["n_points"].values[at]), MOST_CYCLES)
-    from hpcsweep.solvers.trajectory import trajectory  # loads the compiler
+    from hpcsweep.solvers.trajectory import trajectory  # imports the compiler
 
     points = frame["poincare"].values[at][:count]
     amplitude, omega = float(frame["amplitude"].values[at[1]]), float(frame["omega"])
@@ -262,7 +262,7 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
 
 
 def _stops(axis, structure, floor: int) -> None:
-    """Draw the nearest stops of one floor, and hatch what lies beyond."""
+    """Draw the nearest stops of one floor, hatched beyond."""
     low, high = axis.get_xlim()
     width = high - low
     for side, places in zip((1, -1), stops(structure, floor), strict=True):
@@ -281,7 +281,7 @@ def _stops(axis, structure, floor: int) -> None:
 
 
 def _motion(frame, motion: Motion, classes) -> int:
-    """Return the place of a run's motion in `MOTIONS`."""
+    """Return the index of a run's motion in `MOTIONS`."""
     at = motion.direction, motion.amplitude
     return motion_place(MotionClass(int(classes[at])), int(frame["orbit_period"].values[at]))
 

@@ -1,7 +1,7 @@
 """Contact regions of an orbit diagram: ranges of amplitude with the same contact sets.
 
-As in Figure 3 of the paper a region is told by the contact sets of the sweeps up and down, and by
-whether both sweeps of one set are on one solution or on two.
+As in Figure 3 of the paper, a region is identified by the contact sets of the sweeps up and down,
+and by whether sweeps with the same set are on one solution or on two.
 """
 
 from collections.abc import Callable
@@ -49,10 +49,10 @@ def contact_regions(
     ----------
     contact : ndarray of int, shape (n_directions, n_amplitudes)
     valid : ndarray of bool, same shape
-        Runs that are there and did not fail.
+        Computed runs that did not fail.
     least : int
-        A shorter stretch (a single run in a chaotic band, say) belongs to the one before it, but
-        contacts that set in one after the other do not belong to the stretch without.
+        A shorter stretch (e.g. a single run in a chaotic band) belongs to the one before it, but
+        successive first contacts do not belong to the stretch without contact.
     coexisting : ndarray of bool, shape (n_amplitudes,), optional
         Where up and down are on different solutions; see `coexistence`.
 
@@ -83,8 +83,8 @@ def contact_regions(
 def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | None = None):
     """Join equal neighbours into (first, last, value), short stretches to the one before.
 
-    The first contact on the way from none is a region of its own, however short, unless it is lost
-    again. A short stretch at the beginning counts as `start`, if that is given.
+    The first contact after none is a region of its own, however short, unless it is lost again. A
+    short stretch at the beginning counts as `start`, if given.
     """
     groups: list[list] = []
     for index, value in enumerate(seen):
@@ -98,7 +98,7 @@ def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | Non
     for place, (first, last, value) in enumerate(groups):
         short = last - first + 1 < least
         if merged and merged[-1][2] == FREE and value and 0 not in value:
-            # a row of short stretches with contact is not free of it
+            # consecutive short stretches with contact are not free of it
             short &= place + 1 == len(groups) or 0 in groups[place + 1][2]
         if merged and (short or merged[-1][2] == value):
             merged[-1] = (merged[-1][0], last, merged[-1][2])
@@ -108,11 +108,11 @@ def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | Non
 
 
 def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) -> np.ndarray:
-    """Find the amplitudes at which the sweeps up and down of one frame are on different solutions.
+    """Return the amplitudes at which the sweeps up and down of a frame are on different solutions.
 
     Two periodic motions differ if their periods do or if a point of one is farther than `APART`
     from all points of the other; a periodic motion and a chaotic one differ. Two chaotic motions
-    are not told apart, and what is undecided differs from nothing.
+    are not distinguished, and undecided ones differ from nothing.
 
     Parameters
     ----------

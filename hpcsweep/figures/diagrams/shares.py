@@ -1,4 +1,4 @@
-"""Shares of the box of starts that go to each attractor, against the forcing amplitude."""
+"""Shares of the box of starts that reach each attractor, against the forcing amplitude."""
 
 from pathlib import Path
 
@@ -29,12 +29,12 @@ load = load_frame
 
 
 def draw(results, path: Path, omega: float | None = None) -> None:
-    """Draw one frame and write it to `path`; the colours tell the motion.
+    """Draw one frame and write it to `path`; colours show the motion.
 
     Raises
     ------
     PlotError
-        If nothing is there to be drawn.
+        If there is nothing to draw.
     """
     from matplotlib.patches import Patch
 
@@ -72,7 +72,7 @@ def _layers(frame, starts: int) -> dict[int, np.ndarray]:
     Returns
     -------
     dict of int to ndarray, shape (n_amplitudes, 3)
-        Lower edge, upper edge and slot of each identity; slot -1 where it is not there.
+        Lower edge, upper edge and slot of each identity; slot -1 where it is absent.
     """
     ids, hits = frame["attractor_id"].values, frame["hits"].values
     layers = {}
@@ -106,7 +106,7 @@ def _stack(axis, edges: np.ndarray, layers: dict, index: np.ndarray) -> None:
 
 
 def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
-    """Write the identity and its contact set wherever one motion has room for it."""
+    """Label the identity and its contact set wherever there is room within one motion."""
     total = edges[-1] - edges[0]
     for number, layer in layers.items():
         slot = layer[:, 2].astype(int)

@@ -1,4 +1,4 @@
-"""Error that was measured against tolerance that was requested, one panel a solver."""
+"""Measured error against requested tolerance, one panel a solver."""
 
 from pathlib import Path
 

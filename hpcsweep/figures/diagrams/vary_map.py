@@ -44,14 +44,14 @@ WIDE = 30.0
 
 
 class Panels(NamedTuple):
-    """One frame of every part that is drawn, and what tells them apart.
+    """One frame of every part to draw, with titles.
 
     Attributes
     ----------
     motion : ndarray of int, shape (n_panels, n_keys, n_amplitudes)
         Places in `hpcsweep.figures.palette.MOTIONS`, -1 where nothing is computed.
     grazing : ndarray, shape (n_panels, n_keys)
-        Amplitude at which the free steady state of a part touches a stop.
+        Grazing amplitude of the free steady state of a part.
     titles : tuple of str
     key : str
         Name of the key on the vertical axis; its values are `values`.
@@ -79,7 +79,7 @@ class Panels(NamedTuple):
 
 
 def load(frames, omega: float | None = None, direction: str | None = None, over: str | None = None):
-    """Read one frame of every part that is drawn.
+    """Read one frame of every part to draw.
 
     Returns
     -------
@@ -172,7 +172,7 @@ def draw(
 
 
 def _panel(axis, results: Panels, panel: int) -> None:
-    """Draw the motions of one panel, and the amplitude from which on contact is possible."""
+    """Draw the motions of one panel, and its grazing amplitude."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     cells, grazing, keys = results.motion[panel], results.grazing[panel], np.array(results.values)

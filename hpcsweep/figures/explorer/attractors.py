@@ -1,4 +1,4 @@
-"""Attractors in the place of directions: what the explorer shows of a study of attractors."""
+"""Show a study of attractors in the explorer, with attractors in place of directions."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ def as_runs(frame):
     Parameters
     ----------
     frame : xarray.Dataset
-        Of a study of attractors, one frame.
+        One frame of a study of attractors.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def as_runs(frame):
 
 
 def as_study(study):
-    """Name the slots of a gathered study, and leave out those that hold nothing.
+    """Name the slots of a gathered study, and drop empty ones.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Arrays as compact text inside a page: quantised, predicted, byte planes, deflate, base64.
+"""Encode arrays as compact text in a page: quantised, predicted, byte planes, deflate, base64.
 
 The decoder is ``assets/codec.js``.
 """
@@ -14,8 +14,8 @@ MOST_BITS = 16
 def resolution(low: np.ndarray | float, high: np.ndarray | float, bits: int) -> np.ndarray:
     """Return the step between quantised values that cover [`low`, `high`].
 
-    The integers 1 to 2^bits - 1 are used, the first and the last of them exact, so a value comes
-    back within half a step.
+    The integers 1 to 2^bits - 1 are used, the first and the last exact, so a value is recovered
+    within half a step.
     """
     return (np.asarray(high, float) - np.asarray(low, float)) / (2**bits - 2)
 
@@ -62,7 +62,7 @@ def predict_points(codes: np.ndarray, counts: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     codes : ndarray of uint16, shape (n, n_points)
-        Points of all runs one after the other.
+        Points of all runs, consecutively.
     counts : ndarray of int, shape (n_sweeps, n_amplitudes)
         Points of each run.
 
@@ -81,8 +81,8 @@ def predict_points(codes: np.ndarray, counts: np.ndarray) -> np.ndarray:
 def to_text(codes: np.ndarray) -> str:
     """Write an array of unsigned integers as base64 of its deflated byte planes.
 
-    All low bytes come first, the high bytes last: smooth data make long runs of equal ones. Where
-    there are none, looking for longer matches finds nothing either and takes ten times as long.
+    All low bytes come first, the high bytes last: smooth data give long runs of equal bytes.
+    Without these, a search for longer matches finds nothing either and takes ten times as long.
     """
     deflate = zlib.compressobj(strategy=zlib.Z_RLE)
     flat = np.ascontiguousarray(codes.ravel()).astype(codes.dtype.newbyteorder("<"))

@@ -1,4 +1,4 @@
-"""Put a study into one self-contained page."""
+"""Build one self-contained page of a study."""
 
 import html
 import json
@@ -58,17 +58,17 @@ GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
 
 
 class PageTooLarge(ValueError):
-    """The page would be larger than allowed; the message is one line for the user."""
+    """Raised where the page would be larger than allowed; the message is one line for the user."""
 
 
 def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str, int]]:
-    """Write the page of a study as text.
+    """Return the page of a study as text.
 
     Parameters
     ----------
     study : PageData
     bits : int
-        Of the quantised displacements and velocities, 6 to 16.
+        Bits of the quantised displacements and velocities, 6 to 16.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str
 
 
 def write_page(page: str, path: Path) -> None:
-    """Write the page in one piece: the old file or the new one, never half of it."""
+    """Write the page atomically: the old file or the new one, never half of it."""
     temporary = path.with_name(path.name + ".new")
     try:
         temporary.write_text(page, encoding="utf-8")
@@ -123,7 +123,7 @@ def check_size(sizes: dict[str, int], limit: float) -> None:
 
 
 def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
-    """Make the page's description of the study and the text of its arrays."""
+    """Return the page's description of the study and the text of its arrays."""
     texts: dict[str, str] = {}
     arrays: dict[str, dict] = {}
 
@@ -223,7 +223,7 @@ def _quantise_frames(points: np.ndarray, per_frame: np.ndarray, bits: int):
 
 
 def _contact_index(contact: np.ndarray | None) -> tuple[list[int], np.ndarray | None]:
-    """Rank the contact sets by how often they are seen."""
+    """Rank the contact sets by frequency."""
     if contact is None:
         return [], None
     sets, index, count = np.unique(contact, return_inverse=True, return_counts=True)
@@ -234,7 +234,7 @@ def _contact_index(contact: np.ndarray | None) -> tuple[list[int], np.ndarray | 
 
 
 def _narrow(codes: np.ndarray) -> np.ndarray:
-    """Use the smallest unsigned integer type that holds all values."""
+    """Convert to the smallest unsigned integer type that holds all values."""
     return codes.astype(np.min_scalar_type(int(codes.max(initial=0))))
 
 
@@ -247,7 +247,7 @@ def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
 
 
 def _unit_name(structure, quantity: str) -> str:
-    """Name a unit as labels of figures do; empty where it has no name."""
+    """Return the name of a unit as in labels of figures; '' where it has none."""
     name = unit(structure, quantity).strip().strip("[]")
     return name.replace("$", "").replace(r"\omega_0", "ω₀").replace("^2", "²")
 
@@ -262,7 +262,7 @@ def _grazing(structure, omega: float) -> float | None:
 
 
 def _structure(structure) -> dict:
-    """Return what the page needs to integrate and to describe: all divided by the masses."""
+    """Return the structure as the page integrates and describes it: divided by the masses."""
     mass = structure.mass_matrix
 
     def entries(vector) -> list[list]:
@@ -293,7 +293,7 @@ def _structure(structure) -> dict:
 
 
 def _colours(study: PageData, sets: list[int]) -> dict[str, str | list[str]]:
-    """Return the colours of all figures for the page, which has none of its own."""
+    """Return the colours of all figures for the page."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

@@ -1,4 +1,4 @@
-"""Gather what the explorer shows from a results file, a frame at a time."""
+"""Gather the data of the explorer from a results file, one frame at a time."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ MOST_CELLS = 20_000_000
 
 @dataclass
 class PageData:
-    """What a page shows. A run has index (frame, direction, amplitude); frames ascend in Omega.
+    """Data of a page. A run has index (frame, direction, amplitude); frames ascend in Omega.
 
     Attributes
     ----------
@@ -39,17 +39,17 @@ class PageData:
     codes : dict of str to ndarray of unsigned int, shape (n_frames, n_directions, n_amplitudes)
         `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it.
     values : dict of str to ndarray of float32, same shape
-        `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MOST_MODES` modes: what of them the
-        file has.
+        `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MOST_MODES` modes, as far as the
+        file has them.
     counts : ndarray of int, same shape
         Stroboscopic points kept of each run, 0 everywhere if the file has none.
     points : ndarray of float32, shape (sum of counts, n)
         Displacements of the floors at the points kept, runs in the order of their index. Of a
         periodic run the point with the largest displacement of the top floor comes first.
     speed : ndarray of float32, shape (n_frames, n_directions, n_amplitudes, n)
-        Velocities of the floors at the first of them, NaN where there is none.
+        Velocities of the floors at the first point, NaN where there is none.
     thinned : dict of str to int
-        What was left out, for the page to say so.
+        What was left out, for the page to report.
     """
 
     name: str
@@ -84,11 +84,11 @@ def gather(
     most_points : int, optional
         Points kept of a run; by default as many as `POINT_BUDGET` allows for the whole study.
     frame_step, amplitude_step : int
-        Keep every so many-th frame and amplitude.
+        Steps between the frames and amplitudes to keep.
     at : mapping, optional
         Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
     say : callable, optional
-        Told the frames done and their number.
+        Called with the number of frames done and their total.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _points(frame, n: int, limit: int):
     n_points = frame["n_points"].values[:, 0].astype(int)
     period = frame["orbit_period"].values[:, 0]
     place = np.arange(stored.shape[2])
-    # a phase that does not jump from amplitude to amplitude: easier on the eye and to compress
+    # a phase that varies continuously with amplitude: easier on the eye and to compress
     top = np.where(place < n_points[..., None], stored[..., n - 1], -np.inf)
     whole = (period > 0) & (n_points == period)
     first = np.where(whole, np.argmax(top, axis=-1), 0)

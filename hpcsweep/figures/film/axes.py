@@ -1,4 +1,4 @@
-"""What does not change in a film, drawn once by matplotlib: axes, labels, scale and legends."""
+"""Draw the constant parts of a film once, by matplotlib: axes, labels, scale and legends."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ LOW_PANEL = 110
 
 
 def draw_axes(scene: Scene, page: Page) -> np.ndarray:
-    """Draw what does not change.
+    """Draw the constant parts.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def _legends(figure, scene: Scene, page: Page) -> None:
 
 
 def _that_fit(handles: list) -> list:
-    """Keep the first entries of a legend, as many as there is room for on one line."""
+    """Return the first entries of a legend that fit on one line."""
     widths = np.cumsum([LETTER * len(handle.get_label()) + SWATCH for handle in handles])
     return [handle for handle, end in zip(handles, widths, strict=True) if end < LEGEND]
 

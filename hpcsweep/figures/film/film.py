@@ -1,8 +1,8 @@
 """A film of orbit diagrams over the forcing frequency, made by many ranks or processes.
 
-Two passes over the frames, both shared out in pieces of `PIECE` frames: the first finds the
-ranges of the axes and the classes that occur, the second paints the pieces and encodes each as a
-segment of its own. The film's bytes do not depend on how many have worked at it.
+Two passes over the frames, both distributed in pieces of `PIECE` frames: the first finds the ranges
+of the axes and the classes that occur, the second paints the pieces and encodes each as a segment.
+The film's bytes do not depend on the number of ranks or processes.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ LEAST_WIDTH, MOST_WIDTH = 320, 3840
 
 
 def check(request: Request) -> None:
-    """Refuse what cannot be made, before any work.
+    """Check a request before any work.
 
     Raises
     ------
@@ -90,9 +90,9 @@ def make(
         Checked.
     comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
     processes : int
-        Processes that share the work where there is one rank.
+        Processes that share the work if there is one rank.
     progress : callable, optional
-        Makes what shows progress on rank 0 (`campaign.progress`): each frame counts twice, once
+        Return the progress display on rank 0 (`campaign.progress`): each frame counts twice, once
         surveyed and once painted.
 
     Returns
@@ -128,7 +128,7 @@ def make(
 
 
 def _make(request: Request, comm, processes: int, progress, folder: Path) -> int | None:
-    """Make a film by way of segments in `folder`."""
+    """Make a film from segments in `folder`."""
     film = Film(request, folder)
     found = Found()
     shown = None
@@ -140,7 +140,7 @@ def _make(request: Request, comm, processes: int, progress, folder: Path) -> int
 
 
 def _paint(film: Film, found: Found, comm, processes: int, advance) -> int | None:
-    """Survey all frames, then paint them and put them together."""
+    """Survey all frames, then paint and join them."""
     request = film.request
     with Workers(comm, processes, film, advance) as workers:
         if not workers.run("survey", _pieces(film.order), None, found.add):
@@ -169,7 +169,7 @@ def _pieces(frames: list[int]) -> list[list[int]]:
 
 
 def _scene(film: Film, found: Found) -> Scene:
-    """Choose what all frames have in common."""
+    """Return the scene, common to all frames."""
     request, job = film.request, film.frames.job
     assert found.low is not None, "no run is complete"
     assert found.high is not None, "no run is complete"

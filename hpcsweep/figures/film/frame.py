@@ -1,6 +1,6 @@
-"""Pictures of a film: orbit diagrams painted as pixels over axes that are drawn once.
+"""Paint the pictures of a film: orbit diagrams as pixels over axes that are drawn once.
 
-Into a copy of the axes every frame sets its points, its contact bands and its frequency.
+Every frame paints its points, contact bands and frequency onto a copy of the axes.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ LETTER = 0.62
 
 
 class Painter:
-    """Paints the frames of one scene.
+    """Painter of the frames of one scene.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Painter:
         frame : mapping
             ``poincare`` (direction, amplitude, point, floors shown), NaN where there is no point;
             ``orbit_period``, ``outcome`` and, where the colours need them, ``contact`` and
-            ``motion`` (place in `palette.MOTIONS`), all (direction, amplitude).
+            ``motion`` (index in `palette.MOTIONS`), all (direction, amplitude).
 
         Returns
         -------
@@ -105,7 +105,7 @@ class Painter:
         return look_up(frame["contact"], of)
 
     def _paint_bands(self, canvas: np.ndarray, frame: Mapping[str, np.ndarray]) -> None:
-        """Paint which floors touch, a band for each direction, named where there is room."""
+        """Paint the contact sets, a band for each direction, labelled where there is room."""
         if not self.page.bands:
             return
         colours = self._contact_colours(frame)
@@ -115,7 +115,7 @@ class Painter:
             own = np.where(done, colours[d], np.uint32(WHITE))
             chosen = np.append(own, np.uint32(WHITE))[self._nearest]
             canvas[top:bottom, self.page.left : self.page.right] = chosen
-            # runs without a set are told by a place of their own, as sets may use all 64 bits
+            # runs without a set have an index of their own, as sets may use all 64 bits
             sets, index = np.unique(frame["contact"][d], return_inverse=True)
             at = np.append(np.where(done, index, -1), -1)[self._nearest]
             starts = np.flatnonzero(np.diff(at, prepend=at[0] - 1))

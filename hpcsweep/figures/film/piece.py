@@ -1,4 +1,4 @@
-"""Polling of a film: surveyed, painted and encoded by one rank or process."""
+"""Survey, paint and encode pieces of a film on one rank or process."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -21,17 +21,17 @@ VARIABLES = ("poincare", "orbit_period", "outcome")
 
 @dataclass(frozen=True)
 class Request:
-    """What film is wanted.
+    """Request of a film.
 
     Attributes
     ----------
     file, output : Path
-        Results, and the film; its ending tells MP4 or GIF.
+        Results, and the film; its ending selects MP4 or GIF.
     poster : Path or None
         Picture of the frame with most kinds of motion.
     fps : float
     every : int
-        Every so many-th frame, in ascending frequency.
+        Step between frames, in ascending frequency.
     direction : {"up", "down", "both"}
     color : {"direction", "contact", "period"}
     width : int
@@ -56,14 +56,14 @@ class Request:
 
 @dataclass
 class Found:
-    """What the first pass finds in frames.
+    """Findings of the first pass.
 
     Attributes
     ----------
     low, high : ndarray, shape (n_panels,), or None
         Extremes of the points of the floors shown.
     motions, contacts : Counter
-        Runs of each motion (where the colours tell it) and contact set.
+        Runs of each motion (where colours show it) and contact set.
     richness : dict
         For each frame that has any complete run: number of kinds of motion (period and contact
         set), and of points.
@@ -76,7 +76,7 @@ class Found:
     richness: dict[int, tuple[int, int]] = field(default_factory=dict)
 
     def add(self, other: "Found") -> None:
-        """Take in what was found elsewhere."""
+        """Merge findings of other frames."""
         if other.low is not None and other.high is not None:
             self.low = other.low if self.low is None else np.minimum(self.low, other.low)
             self.high = other.high if self.high is None else np.maximum(self.high, other.high)
@@ -86,7 +86,7 @@ class Found:
 
 
 class Film:
-    """Reads, paints and encodes pieces of one film; the same on every rank."""
+    """Reader, painter and encoder of pieces of one film; the same on every rank."""
 
     def __init__(self, request: Request, folder: Path):
         self.request = request
@@ -147,10 +147,10 @@ class Film:
         video.encode(pictures, self.segment(number), self.request.fps, is_gif(self.request))
 
     def segment(self, number: int) -> Path:
-        """Name a segment."""
+        """Return the path of a segment."""
         return self.folder / f"{number:06d}.mp4"
 
 
 def is_gif(request: Request) -> bool:
-    """Return whether a GIF is wanted."""
+    """Return whether a GIF is requested."""
     return request.output.suffix.lower() == ".gif"

@@ -31,7 +31,7 @@ def look_up(values: np.ndarray, colours: dict[int, int]) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def disc(radius: float) -> tuple[tuple[int, int], ...]:
-    """Offsets (rows, columns) of the pixels of a disc; from radius 1 on at least 3 x 3."""
+    """Return offsets (rows, columns) of the pixels of a disc; from radius 1 on at least 3 x 3."""
     reach = int(radius)
     near = max(radius * radius, 2.0) + 0.3
     steps = range(-reach, reach + 1)
@@ -40,7 +40,7 @@ def disc(radius: float) -> tuple[tuple[int, int], ...]:
 
 @lru_cache(maxsize=32)
 def fine_point(radius: float) -> tuple[tuple[int, int], ...]:
-    """Offsets of the pixels of a point of chaos, smaller than `disc` of the same radius.
+    """Return offsets of the pixels of a point of chaos, smaller than `disc` of the same radius.
 
     Two pixels wide, as colours have half the resolution in a film.
     """
@@ -52,7 +52,7 @@ def fine_point(radius: float) -> tuple[tuple[int, int], ...]:
 
 @lru_cache(maxsize=1024)
 def text_mask(text: str, size: int) -> np.ndarray:
-    """Draw text; coverage from 0 to 1, shape (rows, columns)."""
+    """Draw text; return its coverage from 0 to 1, shape (rows, columns)."""
     from matplotlib import font_manager
     from PIL import Image, ImageDraw, ImageFont
 
@@ -64,7 +64,7 @@ def text_mask(text: str, size: int) -> np.ndarray:
 
 
 def blend(canvas: np.ndarray, mask: np.ndarray, row: int, column: int, ink: str) -> None:
-    """Set text in ink of a colour onto packed colours."""
+    """Blend text in a colour onto packed colours."""
     height, width = mask.shape
     there = canvas[row : row + height, column : column + width]
     mask = mask[: there.shape[0], : there.shape[1]]

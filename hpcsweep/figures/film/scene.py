@@ -1,4 +1,4 @@
-"""What all frames of a film have in common: its scene, the places of everything, the colours."""
+"""Common parts of all frames of a film: scene, positions, colours."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ MARGIN, AMPLITUDE_MARGIN = 0.06, 0.01
 
 @dataclass(frozen=True)
 class Scene:
-    """What all frames of a film have in common.
+    """Common parts of all frames of a film.
 
     Attributes
     ----------
@@ -28,17 +28,17 @@ class Scene:
     omega : tuple of float
         Smallest and largest frequency.
     marks : tuple of (float, str)
-        Frequencies to be marked on the scale of frequencies, and their names.
+        Frequencies to mark on the scale of frequencies, and their names.
     low, high : ndarray, shape (n_panels,)
         Range of the points of every floor shown.
     directions : tuple of str
-        Directions that are drawn, in the order of the variables' first axis.
+        Directions to draw, in the order of the variables' first axis.
     words : tuple of str
         The same in words.
     color : {"direction", "contact", "period"}
-        What the points' colours tell.
+        Meaning of the points' colours.
     motions : tuple of int
-        Places in `palette.MOTIONS` that occur, where the colours tell them.
+        Indices in `palette.MOTIONS` that occur, where colours show motions.
     contacts : tuple of int
         Contact sets that occur, commonest first; empty without contact bands.
     width : int
@@ -81,7 +81,7 @@ class Scene:
         return contact_colour(contact, self.labels or self.n_panels)
 
     def set_name(self, contact: int, room: int | None = LEGEND_ROOM) -> str:
-        """Write a contact set."""
+        """Return the name of a contact set."""
         return set_name(contact, self.labels or self.n_panels, room)
 
     def point_legend(self) -> list[tuple[str, str]]:
@@ -104,7 +104,7 @@ class Scene:
 
 
 class Page:
-    """The places of everything, in pixels from the top left.
+    """Positions on the page, in pixels from the top left.
 
     Parameters
     ----------
@@ -113,15 +113,15 @@ class Page:
     Attributes
     ----------
     scale : float
-        Pixels in place of one at `WIDTH`.
+        Scale relative to `WIDTH`.
     height, width : int
         Size of the pictures, even.
     left, right, bottom : int
-        Of all panels.
+        Edges of all panels.
     panels : list of (top, bottom, left, right)
-        Insides of the axes, first floor first.
+        Interiors of the axes, first floor first.
     bands : list of (top, bottom)
-        Of the contact bands, one for each direction.
+        Contact bands, one for each direction.
     span : tuple of float
         Amplitudes at the left and right edge.
     """

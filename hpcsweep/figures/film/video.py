@@ -1,8 +1,8 @@
 """Encode pictures as MP4 and GIF, with the ffmpeg that comes with the wheel imageio-ffmpeg.
 
-A film is encoded in segments, which can be made at the same time, and joined without encoding
-again (MP4), or from lossless segments with one palette (GIF). One thread encodes a segment, so
-that its bytes do not depend on the machine's cores.
+A film is encoded in segments, which can be made in parallel, and joined without re-encoding (MP4),
+or from lossless segments with one palette (GIF). One thread encodes a segment, so that its bytes do
+not depend on the machine's cores.
 """
 
 import contextlib
@@ -67,7 +67,7 @@ def encode(pictures: Iterable[np.ndarray], path: Path, fps: float, lossless: boo
     Raises
     ------
     RuntimeError
-        If ffmpeg fails; with what it said.
+        If ffmpeg fails; with its message.
     """
     process = None
     with tempfile.TemporaryFile() as said:
@@ -98,14 +98,14 @@ def encode(pictures: Iterable[np.ndarray], path: Path, fps: float, lossless: boo
 
 
 def join(segments: list[Path], path: Path, palette: np.ndarray | None = None) -> None:
-    """Join segments, in order, to one film that starts to play before it is loaded whole.
+    """Join segments, in order, to one film that plays before it is completely loaded.
 
     Parameters
     ----------
     segments : list of Path
-        In one folder, in which a list of them is written.
+        In one folder, where a list of them is written.
     path : Path
-        Its ending tells MP4 or GIF.
+        Its ending selects MP4 or GIF.
     palette : ndarray of uint8, shape (k, 3)
         Colours of the GIF, at most `GIF_COLOURS`.
     """
@@ -131,7 +131,7 @@ def join(segments: list[Path], path: Path, palette: np.ndarray | None = None) ->
 
 
 def palette_of(pictures: Iterable[np.ndarray], wanted: Iterable[tuple[int, int, int]]):
-    """Choose the colours of a GIF: those wanted, then the commonest of some pictures.
+    """Return the colours of a GIF: the given ones, then the commonest of some pictures.
 
     Returns
     -------

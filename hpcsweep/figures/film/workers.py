@@ -1,4 +1,4 @@
-"""Shares the pieces of a film out over ranks or processes."""
+"""Distribute the pieces of a film over ranks or processes."""
 
 import multiprocessing
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from hpcsweep.parallel.stopping import StopFlag
 
 
 class Workers:
-    """Shares pieces out over ranks, or over processes where there is one rank."""
+    """Distributor of pieces over ranks, or over processes if there is one rank."""
 
     def __init__(self, comm, processes: int, film: Film, advance: Callable[[int], None]):
         self._comm, self._film, self._advance = comm, film, advance
@@ -33,7 +33,7 @@ class Workers:
             self._pool.shutdown(cancel_futures=True)
 
     def run(self, task: str, pieces: list[list[int]], scene: Scene | None, collect) -> bool:
-        """Do a task for all pieces; tell whether it was done to the end."""
+        """Run a task for all pieces; return whether it was completed."""
 
         def on_report(_rank, value) -> None:
             count, result = value

@@ -1,1 +1,1 @@
-"""What numba is requested: compilation and its cache, vectors, packed arguments."""
+"""Compiled kernels with numba: compilation and its cache, vectors, arenas."""

@@ -1,8 +1,8 @@
-"""Values of the kernels, tuples of arrays too, written into an array of bytes and read from it.
+"""Write values of the kernels, even tuples of arrays, into an array of bytes, and read them.
 
-numba looks into every array of a call; what is read from one buffer costs nothing to hand over.
-The arrays lie in it too (`places`). Where kernels are not compiled (`fallback`) a tuple is handed
-over as it is.
+numba unpacks every array argument of a call; values read from one buffer cost nothing to pass. The
+arrays themselves lie in it too (`places`). Where kernels are not compiled (`fallback`) a tuple is
+passed unchanged.
 """
 
 from functools import cached_property
@@ -20,14 +20,14 @@ from hpcsweep.kernels.simd import fallback
 
 
 def _place_of(context, builder, signature, arguments, which: int, kind):
-    """Point at a value of type `kind` at the start of the array that is argument `which`."""
+    """Return a pointer to a value of type `kind` at the start of the array argument `which`."""
     array = context.make_array(signature.args[which])(context, builder, arguments[which])
     return builder.bitcast(array.data, context.get_value_type(kind).as_pointer())
 
 
 @intrinsic
 def write(typingctx, value, buffer):
-    """Write a value into an array of bytes, as the kernels hold it; arrays by their addresses."""
+    """Write a value into an array of bytes, in the kernels' form; arrays by their addresses."""
     del typingctx
 
     def generate(context, builder, signature, arguments):
@@ -39,7 +39,7 @@ def write(typingctx, value, buffer):
 
 
 def reader(kind):
-    """Make the function of kernels that reads a value of a type of numba from where it was written.
+    """Return a kernel function that reads a value of a numba type from where it was written.
 
     Nothing is checked, and nothing is counted: see `kernel`.
     """
@@ -93,12 +93,12 @@ class Arena:
     Parameters
     ----------
     example : tuple
-        Any value of the type.
+        A value of the type.
 
     Attributes
     ----------
     read : function of kernels
-        Reads such a tuple from the buffer it was packed into.
+        Reads such a tuple from the buffer into which it was packed.
     """
 
     def __init__(self, example: tuple):
@@ -106,34 +106,34 @@ class Arena:
         self.read = fallback.read if numba.config.DISABLE_JIT else reader(self._kind)
 
     def specialise(self, shapes: Shapes) -> specialise.Specialisation:
-        """Return what kernels are specialised to for tuples of these shapes: `shapes_of`."""
+        """Return the specialisation for tuples of these shapes: `shapes_of`."""
         return specialise.Specialisation(self._kind, shapes)
 
     @cached_property
     def _head(self) -> int:
-        """Bytes of such a tuple as the kernels hold it: its numbers, and what tells its arrays."""
+        """Bytes of such a tuple in the kernels' form: its numbers and array descriptors."""
         context = cpu_target.target_context
         return context.get_abi_sizeof(context.get_value_type(self._kind))
 
     def place(self, value: tuple) -> tuple[Any, np.ndarray]:
-        """Copy a tuple into memory from which the kernels read it (`places`).
+        """Copy a tuple into memory from which kernels read it (`places`).
 
         Parameters
         ----------
         value : tuple
-            In place of an array it may have `places.zeros`.
+            `places.zeros` may stand for an array.
 
         Returns
         -------
         value : tuple
-            The copy, whose arrays are those that the kernels work on.
+            The copy, whose arrays the kernels work on.
         packed : ndarray of bytes
-            What kernels are given.
+            Argument of the kernels.
 
         Raises
         ------
         TypeError
-            If the value is of another type: the kernels would read nonsense.
+            If the value is of another type, which kernels would misread.
         """
         if numba.config.DISABLE_JIT:
             value = packed = with_arrays(value, apart)
@@ -147,5 +147,5 @@ class Arena:
         return value, packed
 
     def pack(self, value: tuple) -> np.ndarray:
-        """Copy as `place`, and give what kernels are given."""
+        """Copy like `place`, and return only the argument of the kernels."""
         return self.place(value)[1]

@@ -1,9 +1,9 @@
-"""Folders of compiled kernels: where they are kept, and where if that cannot be written.
+"""Folders of compiled kernels, also for where the usual one cannot be written.
 
-What lies in them is executed. A file there begins with a digest of its content, and what does not
-match it (a disk that fails, a copy cut short, another program) counts as not there.
+Their contents are executed. A file there begins with a digest of its content, and one that does not
+match (a failing disk, a truncated copy, another program) counts as absent.
 
-Nothing here takes time to import: the command line looks before it does anything else.
+Nothing here is slow to import: the command line checks the folders first.
 """
 
 import functools
@@ -23,15 +23,15 @@ def cache_root() -> Path:
     try:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hpcsweep"
     except RuntimeError:
-        # a user without a home: nothing can be kept below this
+        # a user without a home: nothing can be stored below this
         return Path(os.devnull) / "hpcsweep"
 
 
 @functools.cache
 def own_folder() -> Path | None:
-    """Return a folder for what cannot be kept in `cache_root`; None if it might be another user's.
+    """Return a folder in place of `cache_root`; None if it might be another user's.
 
-    What lies in a cache is executed.
+    The contents of a cache are executed.
     """
     path = Path(tempfile.gettempdir()) / f"hpcsweep-{os.getuid()}"
     try:
@@ -60,12 +60,12 @@ def _digest(content: bytes) -> bytes:
 
 
 def write_verified(path: Path, content: bytes) -> None:
-    """Write content with its digest; raises as `write_whole`."""
+    """Write content with its digest; raise as `write_whole`."""
     write_whole(path, _digest(content) + content)
 
 
 def read_verified(path: Path) -> bytes | None:
-    """Return what `write_verified` wrote; None if it is not there, unreadable or damaged."""
+    """Return the content written by `write_verified`; None if absent, unreadable or damaged."""
     try:
         data = path.read_bytes()
     except OSError:
@@ -80,7 +80,7 @@ def write_whole(path: Path, data: bytes) -> None:
     Raises
     ------
     OSError
-        If that cannot be done.
+        If the file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f"{path.name}.{uuid.uuid4().hex}")
@@ -92,7 +92,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def is_writable() -> bool:
-    """Return whether `cache_root` can be written; say so once if it cannot."""
+    """Return whether `cache_root` can be written; report it once if not."""
     probe = cache_root() / f".{uuid.uuid4().hex}"
     try:
         write_whole(probe, b"writable")
@@ -104,30 +104,30 @@ def is_writable() -> bool:
 
 
 def where_kept(possible: bool = True) -> str:
-    """Say what becomes of kernels that cannot be kept in `cache_root`, nor elsewhere perhaps."""
+    """Return a message about where kernels go that `cache_root` cannot take, if anywhere."""
     own = own_folder() if possible else None
     return f"compiled kernels are kept in {own}" if own else "compiled kernels are not kept"
 
 
 def say_unwritable(why: str, elsewhere: bool = True) -> None:
-    """Say, once in a process, that kernels cannot be kept in `cache_root`, or anywhere."""
+    """Report, once in a process, that kernels cannot be kept in `cache_root`, or anywhere."""
     say_once(f"{cache_root()} cannot be written ({why}): {where_kept(elsewhere)}")
 
 
 def say_once(text: str) -> None:
-    """Say what is to be said of the folders, if nothing has been said of them."""
+    """Print a message about the folders, unless one has been printed before."""
     if not _said:
         _said.append(text)
         _way[0](text)
 
 
 def say_by(say: Callable[[str], None]) -> None:
-    """Say in another way what is to be said of the folders."""
+    """Replace the function that prints messages about the folders."""
     _way[0] = say
 
 
 def say_nothing(text: str) -> None:
-    """Leave it to another process to say it."""
+    """Print nothing: another process does."""
     del text
 
 

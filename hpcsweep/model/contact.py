@@ -1,14 +1,14 @@
-"""The contact law (5), (9): the stop, the spring behind it, the layer in which it is switched on.
+"""Contact law (5), (9): the stop, the spring behind it, and the layer that switches it on.
 
-At a distance x past a stop the force beta S(rho x) x pushes back, S the
-sigmoid. The law stands here in every form that is needed: as numbers, as `Lanes` of kernels, and
-with its derivative. `hpcsweep.solvers.reference` has a form of its own, to be independent.
+At a distance x past a stop the force beta S(rho x) x pushes back, S the sigmoid. The law is here in
+every form: for numbers, for `Lanes` of kernels, and with its derivative.
+`hpcsweep.solvers.reference` has a form of its own, to be independent.
 
-The force depends on the position alone (`Contacts.is_elastic`). Two fast ways of the flow map rest
-on that, and decline by themselves where it does not hold, so that every layer is collocated:
+The force depends on the position alone (`Contacts.is_elastic`). Two fast methods of the flow map
+rely on that, and decline by themselves where it does not hold, so that every layer is collocated:
 passages in closed form, fast ones by their energy and slow ones by the rule for their force
 (`flow.passage.passage.pass_layer`), and steps with one contact alone in its layer
-(`flow.layer.solitary.step`). Collocation asks for the force at a state, whatever it depends on.
+(`flow.layer.solitary.step`). Collocation evaluates the force at a state, whatever it depends on.
 """
 
 import math
@@ -28,7 +28,7 @@ FULL_POTENTIAL = math.pi**2 / 12.0
 
 
 def layer_half_width(beta: float, rho: float) -> float:
-    """Choose the half-width of the contact layer.
+    """Return the half-width of the contact layer.
 
     Outside it the neglected force r = beta/rho y exp(-y), y = rho |x|, is below
     `NEGLIGIBLE_FORCE`.

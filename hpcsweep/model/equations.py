@@ -1,4 +1,4 @@
-"""The equations of motion (19) and their Jacobian, compiled, of any structure.
+"""Compiled equations of motion (19) of any structure, and their Jacobian.
 
 State z = (y_1..y_R, y_1'..y_R'), shape (2R,); rows and units as in `hpcsweep.model.kernel_model`.
 """
@@ -81,7 +81,7 @@ def jacobian(z, packed, out):
 def derivative(tau: float, z: np.ndarray, amplitude: float, packed: Any) -> np.ndarray:
     """Return z', for integrators of Python; arguments as `right_hand_side`.
 
-    The kernel returns nothing: when numba hands over an array it loses a Ctrl-C of that moment.
+    The kernel returns nothing, because numba loses a Ctrl-C that arrives while it returns an array.
     """
     out = np.empty(z.size)
     right_hand_side(tau, z, amplitude, packed, out)
@@ -89,7 +89,7 @@ def derivative(tau: float, z: np.ndarray, amplitude: float, packed: Any) -> np.n
 
 
 def jacobian_matrix(z: np.ndarray, packed: Any) -> np.ndarray:
-    """Return dz'/dz, as `derivative` gives z'."""
+    """Return dz'/dz; arguments as `derivative`."""
     out = np.empty((z.size, z.size))
     jacobian(z, packed, out)
     return out

@@ -1,4 +1,4 @@
-r"""What the solvers know of a structure and its forcing: equations solved for the accelerations.
+r"""The solvers' model of a structure and its forcing: equations solved for the accelerations.
 
     u'' = -M^-1 K u - M^-1 C u' + f G(tau) - sum_k beta_k S(rho x_k) x_k e_k,   x_k = d_k . u - g_k
 
@@ -9,10 +9,10 @@ beta_k = kappa_k d_k . M^-1 d_k: x_k'' = ... - beta_k S x_k.
 Lengths and frequencies are measured in the structure's units, powers of two, so that tolerances
 mean the same for all and no digit is lost (1 for the building of the paper).
 
-Every contact and every drift looks at one row of a list of displacements. Its first n rows are u.
-A direction that is no coordinate gets a row of its own, y = E u, with the accelerations E u'': the
-state of the kernels has R >= n rows of displacements and as many velocities, and no force but
-that of its contact knows the rows beyond n.
+Every contact and every drift refers to one row of a list of displacements. Its first n rows are u.
+A direction that is not a coordinate gets a row of its own, y = E u, with the accelerations E u'':
+the state of the kernels has R >= n rows of displacements and as many velocities, and the rows
+beyond n enter no force but that of their contact.
 """
 
 from typing import NamedTuple
@@ -27,7 +27,7 @@ PEAK_FLAGS = (4, 8, 16)
 
 
 class Contacts(NamedTuple):
-    """The m contacts, as the kernels see them."""
+    """The m contacts in the kernels' form."""
 
     row: np.ndarray
     """(m,) int: x = sign y[row] - gap."""
@@ -125,7 +125,7 @@ class Model(NamedTuple):
 
 
 def kernel_model(structure: Structure, omega: float) -> Model:
-    """Make what the kernels know of a structure at forcing frequency Omega."""
+    """Return the kernels' model of a structure at forcing frequency Omega."""
     if np.any(structure.contact_damping):
         raise ValueError("contact.damping must be 0: no solver computes dashpots yet")
     length, rate = structure.length_unit, structure.frequency_unit
@@ -166,14 +166,14 @@ def kernel_model(structure: Structure, omega: float) -> Model:
 
 
 def forcing_size(model: Model) -> int:
-    """Return how many numbers tell the forcing: a pair for each harmonic or ramp."""
+    """Return the size of the forcing's state: a pair for each harmonic or ramp."""
     return 2 * (len(model.harmonics) + len(model.ramp))
 
 
 def record_model(structure: Structure, dt: float) -> Model:
-    """Make what the kernels know of a structure under a record: its period is a sample interval.
+    """Return the kernels' model of a structure under a record: its period is a sample interval.
 
-    Along an interval G is linear: ``ramp``, written by whoever advances, has it.
+    Along an interval G is linear, as held by ``ramp``, which the caller writes.
     """
     model = kernel_model(structure, 1.0)
     return model._replace(
@@ -194,14 +194,14 @@ def _watched(drift_rows: np.ndarray, n: int, places) -> np.ndarray:
 
 
 def _of_one_kind(value):
-    """Copy all arrays, writable and row by row: all structures share the compiled kernels."""
+    """Copy all arrays, writable and C-contiguous: all structures share the compiled kernels."""
     if isinstance(value, tuple):
         return type(value)(*(_of_one_kind(field) for field in value))
     return np.array(value, order="C") if isinstance(value, np.ndarray) else value
 
 
 class _Rows:
-    """Rows of displacements that contacts and drifts look at."""
+    """Rows of displacements to which contacts and drifts refer."""
 
     def __init__(self, n: int):
         self._n = n
@@ -220,7 +220,7 @@ class _Rows:
         return self._n + len(self.extra) - 1, 1.0
 
     def difference(self, direction: np.ndarray) -> tuple[int, int]:
-        """Return the two rows of which a drift is the difference, or one and -1."""
+        """Return the two rows whose difference is a drift, or one row and -1."""
         entries = np.flatnonzero(direction)
         if entries.size == 2 and sorted(direction[entries].tolist()) == [-1.0, 1.0]:
             upper, lower = entries if direction[entries[0]] > 0 else entries[::-1]
@@ -229,12 +229,12 @@ class _Rows:
 
 
 def _wide(vectors: np.ndarray, extra: np.ndarray) -> np.ndarray:
-    """Write vectors of n entries, (..., n), with those of the rows beyond n, (..., R)."""
+    """Extend vectors (..., n) by the rows beyond n to (..., R)."""
     return np.concatenate((vectors, vectors @ extra.T), axis=-1)
 
 
 def _extended(matrix: np.ndarray, extra: np.ndarray) -> np.ndarray:
-    """Write a matrix (n, n) as one of all rows, (R, R), whose columns beyond n are 0."""
+    """Extend a matrix (n, n) to all rows, (R, R), with columns 0 beyond n."""
     tall = _wide(matrix.T, extra).T
     return np.hstack((tall, np.zeros((len(tall), len(extra)))))
 
@@ -245,7 +245,7 @@ def _bandwidth(matrix: np.ndarray) -> int:
 
 
 def _contacts(structure: Structure, places, extra: np.ndarray, matrices, layer: float) -> Contacts:
-    """Make the contacts, from the row and the sign of each and all rows beyond n."""
+    """Return the contacts, from their rows and signs and all rows beyond n."""
     mass, softness, reach = structure.mass_matrix, structure.contact_softness, structure.directions
     stiffness, damping = matrices
     kick = per_mass(mass, reach.T).T / softness[:, None]
@@ -286,7 +286,7 @@ def _contacts(structure: Structure, places, extra: np.ndarray, matrices, layer: 
 
 
 def _shares(row: np.ndarray, pushed: list[np.ndarray], n_rows: int) -> tuple[np.ndarray, ...]:
-    """Return which contacts are alone on a row that is all they push, and which are not."""
+    """Return which contacts push only their row and are alone on it, and which do not."""
     solo = np.full(n_rows, -1, np.int64)
     others = []
     for k, (own, rows) in enumerate(zip(row, pushed, strict=True)):
@@ -322,7 +322,7 @@ def _energy(structure: Structure) -> Energy:
 
 
 def _hardest(energy: Energy) -> float:
-    """Return the largest eigenvalue of what all contacts together add to M^-1 K."""
+    """Return the largest eigenvalue of the contribution of all contacts to M^-1 K."""
     if not energy.kappa.size:
         return 0.0
     together = np.einsum("k,ki,kj->ij", energy.kappa, energy.reach, energy.reach)

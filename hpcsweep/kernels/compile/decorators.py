@@ -1,7 +1,7 @@
-"""Compilation of the numerical kernels with numba, cached on disk.
+"""Compile the numerical kernels with numba, cached on disk.
 
-A kernel that calls another takes it as a part of itself (`inline`), or through its address
-(`entry_points`). Both are compiled as `numba.njit` does, with a cache of their own (`cache`).
+A kernel calls another one inlined (`inline`), or through its address (`entry_points`). Both are
+compiled as `numba.njit` does, with a cache of their own (`cache`).
 """
 
 import functools
@@ -14,7 +14,7 @@ from hpcsweep.kernels.simd.fallback import plain
 
 
 def _compile(function=None, **options):
-    """Compile as `numba.njit` does, and keep the result in the cache of this package.
+    """Compile like `numba.njit`, and keep the result in the cache of this package.
 
     With NUMBA_DISABLE_JIT=1 the kernel stays Python: `fallback.plain`.
     """

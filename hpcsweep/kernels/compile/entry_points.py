@@ -1,16 +1,16 @@
-"""Kernels that are called through their address: compiled once, whoever calls them.
+"""Kernels called through their address: compiled once for all callers.
 
-What a kernel calls becomes a part of it (`inline`) and is optimised and compiled anew with it,
-which pays where the call would cost more than the work. A kernel that works for long between two
-calls is made an entry point: its types are declared, each has one address, and callers read that
-from a cell known to them by name. A caller can so be compiled, and kept, before what it calls has
-been.
+Called kernels are usually inlined (`inline`) and optimised and compiled again in each caller, which
+pays where the call would cost more than the work. A kernel that works for long in a call is an
+entry point: its types are declared, it has one address, and callers read that from a cell that they
+know by name. So a caller can be compiled, and cached, before its callees. A cold compile takes 82 s
+of processor time with entry points, 267 s with these inlined as well.
 
 `load_all` fills the cells: it compiles each entry point or loads it from the cache. Only one
 thread of a process does so at a time (`LOADING`), and others wait until it is done.
 
-Kernels that read a packing may be specialised to the sizes in it (`specialise`). All that are
-specialised alike are a `SpecialisedKernels`: entry points once more, with addresses of their own.
+Kernels that read an arena may be specialised to its sizes (`specialise`). All that are specialised
+alike form a `SpecialisedKernels`: the same entry points, with addresses of their own.
 """
 
 import contextlib
@@ -58,10 +58,10 @@ class EntryPoint:
     arguments
         Types of its arguments.
     inner : bool
-        Whether kernels alone call it: the wrapper that unpacks the arguments of a call by Python
-        takes up to a second to compile.
+        Whether only kernels call it: the wrapper for calls from Python takes up to a second to
+        compile.
     specialises : bool
-        Whether it can be specialised to the sizes in a packing.
+        Whether it can be specialised to the sizes in an arena.
     """
 
     def __init__(self, function: Callable, result, arguments, inner: bool, specialises: bool):
@@ -82,7 +82,7 @@ class EntryPoint:
         self._declare(arguments)
 
     def _declare(self, arguments) -> None:
-        """Let kernels call it."""
+        """Declare the entry point to kernels."""
 
         class Template(ConcreteTemplate):
             key = self
@@ -133,7 +133,7 @@ class EntryPoint:
         return self.dispatcher.signatures
 
     def load(self) -> None:
-        """Compile the kernel, or load it from the cache, and let all know its address."""
+        """Compile the kernel, or load it from the cache, and publish its address."""
         with LOADING:
             if self.is_loaded:
                 return
@@ -148,7 +148,7 @@ class EntryPoint:
         return contextlib.nullcontext()
 
     def _call(self, context, builder, sig, arguments):
-        """Generate a call of what the cell points at."""
+        """Generate a call of the function to which the cell points."""
         convention = context.call_conv
         kind = convention.get_function_type(sig.return_type, sig.args)
         address = ir.IntType(64)
@@ -169,7 +169,7 @@ ALL: list[EntryPoint] = []
 
 
 class _Specialised(EntryPoint):
-    """An entry point specialised to sizes, called by Python and by others of these sizes."""
+    """Entry point specialised to sizes, called by Python and by others of these sizes."""
 
     def __init__(self, one: EntryPoint, kernels: "SpecialisedKernels"):
         function, key = one.py_func, kernels.specialisation.key
@@ -181,14 +181,14 @@ class _Specialised(EntryPoint):
             function.__closure__,
         )
         again.__module__, again.__doc__ = function.__module__, function.__doc__
-        # names the file of the kernel, and its function of LLVM
+        # names the file of the kernel, and its LLVM function
         again.__qualname__ = specialised_name(function, key)
         self.origin, self.specialisation, self._kernels = one, kernels.specialisation, kernels
         super().__init__(again, one.result, one.arguments, one.inner, True)
         self.__name__ = one.__name__
 
     def _declare(self, arguments) -> None:
-        """Kernels ask for the one that is not specialised, see `specialise.rename_addresses`."""
+        """Do nothing: kernels refer to the unspecialised one, see `specialise.rename_addresses`."""
 
     def _load_what_is_called(self) -> None:
         self._kernels.load()
@@ -198,7 +198,7 @@ class _Specialised(EntryPoint):
 
 
 class SpecialisedKernels:
-    """The entry points specialised to the sizes of one packing.
+    """Entry points specialised to the sizes of one arena.
 
     Parameters
     ----------
@@ -207,10 +207,9 @@ class SpecialisedKernels:
     Attributes
     ----------
     all : list of EntryPoint
-        The specialised ones, and those others that cannot be specialised: all that a motion asks
-        for.
+        The specialised ones, and the others that cannot be specialised: all that a motion needs.
     renamed : dict of str to str
-        Symbols of the addresses of the specialised ones, by those in whose place they are.
+        Symbols of the addresses of specialised ones, by the symbols that they replace.
     """
 
     def __init__(self, specialisation: Specialisation):
@@ -222,12 +221,12 @@ class SpecialisedKernels:
         self.all = [self._by_origin.get(one, one) for one in ALL]
 
     def __getitem__(self, one: EntryPoint) -> EntryPoint:
-        """Return a kernel specialised."""
+        """Return a specialised kernel."""
         return self._by_origin[one]
 
     @property
     def is_kept(self) -> bool:
-        """Whether all are loaded, or the cache has them."""
+        """Whether all are loaded or cached."""
         return all(one.is_loaded or one.is_kept for one in self.all)
 
     def load(self) -> None:

@@ -1,8 +1,8 @@
-"""Where the arrays of a packing lie: in one piece of memory, behind its values.
+"""Places of the arrays of an arena: in one piece of memory, behind its values.
 
-Each begins at a place that follows from the sizes of those before it. A kernel that is specialised
-to the sizes (`specialise`) so knows all places from one address: none has to be read or kept, and
-arrays are known not to lie upon each other.
+Each place follows from the sizes of the arrays before it. So a kernel specialised to the sizes
+(`specialise`) knows all places from one address: none has to be read or stored, and arrays are
+known not to overlap.
 """
 
 import math
@@ -21,19 +21,19 @@ waits for what was written to the other (3 to 6 % of a forcing period, measured)
 
 @dataclass(frozen=True)
 class Zeros:
-    """An array of zeros to be; pages of memory are touched when they are used."""
+    """Request for an array of zeros; pages of memory are touched on first use."""
 
     shape: tuple[int, ...]
     dtype: np.dtype
 
     @property
     def nbytes(self) -> int:
-        """Bytes it will take."""
+        """Bytes of the array."""
         return math.prod(self.shape) * self.dtype.itemsize
 
 
 def zeros(*shape: int, dtype=float) -> Any:
-    """Ask for an array of zeros in a tuple that is to be packed."""
+    """Return a request for an array of zeros in a tuple to be packed."""
     return Zeros(shape, np.dtype(dtype))
 
 
@@ -50,17 +50,17 @@ def shapes_of(value) -> Shapes:
 
 
 def first_place(n_bytes: int) -> int:
-    """Return the place of the first array behind values of so many bytes."""
+    """Return the place of the first array behind `n_bytes` of values."""
     return next_place(0, n_bytes)
 
 
 def next_place(place: int, n_bytes: int) -> int:
-    """Return the place of what follows an array of so many bytes."""
+    """Return the place behind an array of `n_bytes`."""
     return place + -(-n_bytes // LINE) * LINE + LINE
 
 
 def arrays_in(value) -> Iterator[np.ndarray | Zeros]:
-    """Return the arrays in a tuple of tuples, arrays and numbers, in their order."""
+    """Return the arrays in a tuple of tuples, arrays and numbers, in order."""
     if isinstance(value, np.ndarray | Zeros):
         yield value
     elif isinstance(value, tuple):
@@ -69,7 +69,7 @@ def arrays_in(value) -> Iterator[np.ndarray | Zeros]:
 
 
 def with_arrays(value, change: Callable[[np.ndarray | Zeros], np.ndarray]):
-    """Return such a tuple with other arrays in it, changed in their order."""
+    """Return such a tuple with its arrays changed, in order."""
     if isinstance(value, np.ndarray | Zeros):
         return change(value)
     if not isinstance(value, tuple):
@@ -91,7 +91,7 @@ def in_one_piece(value, head: int) -> tuple[Any, np.ndarray]:
     value : tuple
         Its arrays are views.
     memory : ndarray of bytes
-        Begins with a line of the cache.
+        Aligned to a cache line.
     """
     size = first_place(head)
     for array in arrays_in(value):

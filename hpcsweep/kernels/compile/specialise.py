@@ -1,16 +1,16 @@
-"""Kernels specialised to the sizes of the arrays they work on, which are constants to the compiler.
+"""Specialise kernels to the sizes of their arrays, which become constants for the compiler.
 
-A kernel works on structures of any size: the lengths of its loops are read from the arrays of a
-`arena.Arena`. Where they are known when it is compiled, loops of three or six turns become straight
-code, sums stay in registers, and what no structure of these sizes needs is left out; a forcing
-period takes 0.55 to 0.8 of the time. No product or sum is taken in another order, so the results
-are the same to the last bit, and a specialised kernel can take the place of the other anywhere.
+A kernel works on structures of any size: it reads the lengths of its loops from the arrays of an
+`arena.Arena`. Where they are known at compilation, loops of three or six turns are unrolled, sums
+stay in registers, and unused code is removed; a forcing period takes 0.55 to 0.8 of the time. No
+product or sum is reordered, so results are equal to the last bit, and a specialised kernel can
+replace the other anywhere.
 
-While a kernel is specialised (`Specialisation.compiling`), what reads a packing puts the sizes of
-`Specialisation.shapes` in the place of those that it reads, and with them the places of all arrays
-behind the one address that it is given (`places`); calls of kernels that are specialised themselves
-go to these. Both happen in the kernel at hand alone: its parts are lowered once for all (`inline`),
-and know no sizes until they are linked into it.
+While a kernel is specialised (`Specialisation.compiling`), the reader of an arena substitutes the
+sizes of `Specialisation.shapes` for those that it reads, and with them the places of all arrays
+behind the one address (`places`); calls of kernels that are also specialised go to these. Both
+happen only in the kernel being compiled: its parts are lowered once for all (`inline`), and have no
+sizes until they are linked into it.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ KEY_LENGTH = 12
 
 
 class Specialisation:
-    """The sizes that kernels are specialised to.
+    """Sizes to which kernels are specialised.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Specialisation:
     Attributes
     ----------
     key : str
-        Tells specialises apart, in the names of kernels and of their files too.
+        Identifies the specialisation, also in the names of kernels and of their files.
     """
 
     def __init__(self, kind, shapes: Shapes):
@@ -47,18 +47,18 @@ class Specialisation:
         self.key = hashlib.sha256(repr(shapes).encode()).hexdigest()[:KEY_LENGTH]
 
     def compiling(self, renamed: dict[str, str]) -> contextlib.AbstractContextManager:
-        """Specialise what is compiled meanwhile.
+        """Specialise what is compiled within the context.
 
         Parameters
         ----------
         renamed : dict of str to str
-            Symbols in the place of those that hold the addresses of kernels.
+            Replacements of the symbols that hold the addresses of kernels.
         """
         return _meanwhile((self, renamed))
 
 
 def specialised_name(function, key: str) -> str:
-    """Name a specialised kernel, for its file and its function of LLVM."""
+    """Return the name of a specialised kernel, for its file and its LLVM function."""
     return f"{function.__qualname__}_{key}"
 
 
@@ -66,7 +66,7 @@ _current: tuple[Specialisation, dict[str, str]] | None = None
 
 
 def unspecialised() -> contextlib.AbstractContextManager:
-    """Compile a part of kernels that may be specialised otherwise, or not at all."""
+    """Compile an inlined part without any specialisation, as kernels share it."""
     return _meanwhile(None)
 
 
@@ -81,7 +81,7 @@ def _meanwhile(current: tuple[Specialisation, dict[str, str]] | None) -> Iterato
 
 
 def rename_addresses(module) -> None:
-    """Let a module of LLVM call the kernels that are specialised as it is."""
+    """Redirect the calls of an LLVM module to kernels with the same specialisation."""
     if _current is None:
         return
     _, renamed = _current
@@ -91,9 +91,9 @@ def rename_addresses(module) -> None:
 
 
 def with_known_sizes(context, builder, kind, value, packed):
-    """Put the sizes that are known in the place of those in a value of the kernels.
+    """Substitute the known sizes in a value of the kernels.
 
-    The arrays are then found from the address `packed`, at which the value was read.
+    The arrays are then located from the address `packed`, at which the value was read.
     """
     if _current is None or _current[0].kind != kind:
         return value
@@ -103,7 +103,7 @@ def with_known_sizes(context, builder, kind, value, packed):
 
 
 def _with_shapes(context, builder, kind, value, shapes: Shapes, start, place: int):
-    """Return the value with its sizes, and the place of what follows it."""
+    """Return the value with its sizes, and the place behind it."""
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
         word = ir.IntType(64)

@@ -1,7 +1,7 @@
-"""Compiling the entry points before they are needed: by several processes, with progress.
+"""Compile the entry points before they are needed, in several processes, with progress.
 
-numba compiles under one lock in a process, so that only processes compile side by side: two take
-22 s in place of 38 (measured). The types of entry points are declared, and so each can be compiled
+numba compiles under one lock in a process, so that only processes compile in parallel: two take 22
+s instead of 38 (measured). The types of entry points are declared, so that each can be compiled
 without the others.
 """
 
@@ -25,12 +25,12 @@ COLLECTED_AFTER = 20_000
 
 
 def processors() -> int:
-    """Count the processors that this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 def missing(specialised: SpecialisedKernels | None = None) -> list[EntryPoint]:
-    """Return the kernels, those for any structure or specialised ones, yet to be compiled."""
+    """Return the kernels, for any structure or specialised, that are not compiled yet."""
     wanted = entry_points.ALL if specialised is None else specialised.all
     return [one for one in wanted if not one.is_loaded and not one.is_kept]
 
@@ -45,17 +45,17 @@ def load_all(
     Parameters
     ----------
     tell : callable, optional
-        Told how many are compiled, and of how many: at the start and after each kernel; not at all
-        if there is nothing to compile.
+        Called with the number of compiled kernels and the total, at the start and after each
+        kernel, unless there is nothing to compile.
     jobs : int
-        Processes that compile, at most.
+        Most processes that compile.
     specialised : SpecialisedKernels, optional
-        In place of the kernels for any structure.
+        These instead of the kernels for any structure.
     """
     lost = missing(specialised)
     if lost:
         if not folders.is_writable() and folders.own_folder() is None:
-            # what another process compiles could not be handed over
+            # kernels compiled by another process could not be passed on
             jobs = 1
         if tell is not None:
             tell(0, len(lost))
@@ -69,11 +69,11 @@ def load_all(
 
 
 def _compile(lost: list[EntryPoint], jobs: int) -> Iterator[EntryPoint]:
-    """Compile kernels; yield each when it is there."""
+    """Compile kernels; yield each when it is ready."""
     groups = _groups(lost)
     left = [one for group in groups for one in group]
     if min(jobs, len(groups)) > 1:
-        # where processes cannot be had, or one is killed for want of memory, this one goes on alone
+        # without processes, or if one is killed for lack of memory, this one goes on alone
         with contextlib.suppress(BrokenProcessPool, OSError, NotImplementedError):
             for one in _compile_side_by_side(groups, min(jobs, len(groups))):
                 left.remove(one)
@@ -84,9 +84,9 @@ def _compile(lost: list[EntryPoint], jobs: int) -> Iterator[EntryPoint]:
 
 
 def _groups(lost: list[EntryPoint]) -> list[list[EntryPoint]]:
-    """Put the kernels of a module together, the largest group first, callers before their callees.
+    """Group kernels by module, the largest group first, callers before their callees.
 
-    They share most of what is inlined into them, which a process types and lowers once.
+    They share most of their inlined parts, which a process types and lowers once.
     """
     found: dict[str, list[EntryPoint]] = {}
     for one in reversed(lost):
@@ -95,7 +95,7 @@ def _groups(lost: list[EntryPoint]) -> list[list[EntryPoint]]:
 
 
 def _compile_side_by_side(groups: list[list[EntryPoint]], jobs: int) -> Iterator[EntryPoint]:
-    """Compile groups of kernels, each in one process; a process that is done takes the next."""
+    """Compile groups of kernels, each in one process; a free process takes the next."""
     context = multiprocessing.get_context("spawn")
     with contextlib.ExitStack() as stack:
         pools = [
@@ -117,7 +117,7 @@ def _compile_side_by_side(groups: list[list[EntryPoint]], jobs: int) -> Iterator
                 for text in future.result():
                     folders.say_once(text)
                 if not one.is_kept:
-                    # the disk is full: what another process compiles cannot be handed over
+                    # the disk is full: kernels compiled by another process cannot be passed on
                     for each in pools:
                         each.shutdown(cancel_futures=True)
                     return
@@ -127,7 +127,7 @@ def _compile_side_by_side(groups: list[list[EntryPoint]], jobs: int) -> Iterator
 
 
 def _start_worker() -> None:
-    """Leave Ctrl-C, and what is to be said of the cache, to the process that waits."""
+    """Leave Ctrl-C, and messages about the cache, to the waiting process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     folders.say_by(_unsaid.append)
 
@@ -136,14 +136,14 @@ _unsaid: list[str] = []
 
 
 def _compile_named(module: str, name: str, specialisation: Specialisation | None) -> list[str]:
-    """Compile a kernel into the cache; return what is to be said of the cache."""
+    """Compile a kernel into the cache; return messages about the cache."""
     one = getattr(importlib.import_module(module), name)
     _load(one if specialisation is None else SpecialisedKernels(specialisation)[one])
     return _unsaid
 
 
 def _load(one: EntryPoint) -> None:
-    """Load a kernel, looking for garbage less often: numba makes many objects and drops few."""
+    """Load a kernel with rarer garbage collection: numba creates many objects and drops few."""
     thresholds = gc.get_threshold()
     gc.set_threshold(COLLECTED_AFTER, *thresholds[1:])
     try:

@@ -1,9 +1,9 @@
-"""The operations of `vectors` and of arenas in numpy, for kernels that are not compiled.
+"""The operations of `vectors` and of arenas in numpy, for uncompiled kernels.
 
-With NUMBA_DISABLE_JIT=1 a kernel is the Python function it is written as: a debugger steps through
-it, coverage counts its lines, and an index beyond an array is an error. `Lanes` are then arrays of
-`LANES` numbers. Results are those of `instructions` to rounding: a product is rounded before it is
-added, sums are added up in another order, and the exponential is that of numpy.
+With NUMBA_DISABLE_JIT=1 a kernel is a plain Python function: a debugger steps through it, coverage
+counts its lines, and an index out of bounds is an error. `Lanes` are then arrays of `LANES`
+numbers. Results equal those of `instructions` to rounding: a product is rounded before it is added,
+sums are in another order, and the exponential is numpy's.
 """
 
 import functools
@@ -15,10 +15,10 @@ LANES = 8
 
 
 def plain(function):
-    """Let a kernel run as Python with the arithmetic of the compiled one.
+    """Run a kernel as Python with the arithmetic of the compiled one.
 
-    Numbers that are given to it, or to a kernel it calls, become those of numpy, whose quotients
-    are IEEE: 1 / 0 is infinite.
+    Its arguments, and those of kernels that it calls, become numpy numbers, whose quotients are
+    IEEE: 1 / 0 is infinite.
     """
 
     @functools.wraps(function)
@@ -31,7 +31,7 @@ def plain(function):
 
 
 def _ieee(value):
-    """Make numbers of Python numbers of numpy, in a tuple too."""
+    """Convert Python numbers to numpy numbers, also within a tuple."""
     if isinstance(value, float):
         return np.float64(value)
     if type(value) is tuple:
@@ -40,7 +40,7 @@ def _ieee(value):
 
 
 def _flat(array: np.ndarray, index: int, count: int = LANES, stride: int = 1) -> np.ndarray:
-    """View array[index], array[index + stride], ... of an array that is contiguous."""
+    """Return a view of array[index], array[index + stride], ... of a contiguous array."""
     if not array.flags.c_contiguous:
         raise IndexError("the array is not contiguous: the compiled kernel would misread it")
     last = index + stride * (count - 1)
@@ -60,22 +60,22 @@ def load(array, index):
 
 
 def store(array, index, value):
-    """Write array[index:index + LANES] as `load` reads it."""
+    """Write array[index:index + LANES] where `load` reads it."""
     _flat(array, index)[:] = value
 
 
 def root(value):
-    """Take the square roots."""
+    """Return the square roots."""
     return _lanes(np.sqrt(value))
 
 
 def modulus(value):
-    """Take the moduli."""
+    """Return the moduli."""
     return _lanes(np.abs(value))
 
 
 def greatest(a, b):
-    """Take the greater of each two, NaN if one is."""
+    """Return the greater of each two, NaN if one is."""
     return _lanes(np.maximum(a, b))
 
 
@@ -84,12 +84,12 @@ def _lanes(value):
 
 
 def total(value):
-    """Add up."""
+    """Return the sum."""
     return value.sum()
 
 
 def maximum(value):
-    """Take the greatest, NaN if one is."""
+    """Return the greatest, NaN if one is."""
     return value.max()
 
 
@@ -104,12 +104,12 @@ def first_not_negative(value):
 
 
 def lane(value, index):
-    """Read one lane."""
+    """Return one lane."""
     return value[index]
 
 
 def shifted(first, value):
-    """Put a number before the lanes; the last one falls off."""
+    """Prepend a number to the lanes; the last one is dropped."""
     return np.concatenate(([first], value[:-1]))
 
 
@@ -122,7 +122,7 @@ def combine(out, o, init, i, scale, table, t, stride, x, s, n):
 
 
 def combine_moduli(out, o, init, i, scale, table, t, stride, x, s, n):
-    """Write as `combine`, with |x[s + k]|."""
+    """Write like `combine`, with |x[s + k]|."""
     combine(out, o, init, i, scale, table, t, stride, np.abs(x), s, n)
 
 
@@ -133,14 +133,14 @@ def switches(y):
 
 
 def read(packed: tuple) -> tuple:
-    """Return a tuple that was not packed as it is, with numbers of numpy in it."""
+    """Return an unpacked tuple unchanged, with numpy numbers."""
     if isinstance(packed, tuple):
         return type(packed)(*map(read, packed))
     return _ieee(packed)
 
 
 def as_long_as(array, other):
-    """Return an array that is as long as another as it is."""
+    """Return an array that is as long as another unchanged."""
     if len(array) != len(other):
         raise IndexError(f"an array of {len(array)} is taken for one of {len(other)}")
     return array

@@ -1,6 +1,6 @@
-"""The operations of `hpcsweep.kernels.simd.vectors` as instructions of LLVM, for compiled kernels.
+"""The operations of `hpcsweep.kernels.simd.vectors` as LLVM instructions, for compiled kernels.
 
-Nothing is checked. `hpcsweep.kernels.simd.fallback` says the same in numpy.
+Nothing is checked. `hpcsweep.kernels.simd.fallback` has the same in numpy.
 """
 
 import operator
@@ -16,12 +16,12 @@ VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
 def _lanes(builder, data, index):
-    """Point at the `LANES` numbers data[index:]."""
+    """Return a pointer to the `LANES` numbers data[index:]."""
     return builder.bitcast(builder.gep(data, [index]), VECTOR.as_pointer())
 
 
 def everywhere(builder, value):
-    """Fill a vector with one number, a constant of Python or a value of the kernel."""
+    """Fill a vector with one number, a Python constant or a value of the kernel."""
     if not isinstance(value, ir.Value):
         return ir.Constant(VECTOR, [value] * LANES)
     undefined = ir.Constant(VECTOR, ir.Undefined)
@@ -37,9 +37,9 @@ def on_vectors(builder, name: str, count: int):
 
 
 class Lanes(types.Type):
-    """`LANES` doubles in one vector register: what kernels compute with where loops would be slow.
+    """`LANES` doubles in one vector register, for kernels where loops would be slow.
 
-    Sums, products and quotients of `Lanes` and numbers are written as those of numbers.
+    Sums, products and quotients of `Lanes` and numbers are written like those of numbers.
     """
 
     def __init__(self):
@@ -56,7 +56,7 @@ class _LanesModel(models.PrimitiveModel):
 
 
 def _spread(builder, signature, arguments):
-    """Make vectors of the arguments that are numbers."""
+    """Convert number arguments to vectors."""
     pairs = zip(signature.args, arguments, strict=True)
     return [value if kind == LANES_TYPE else everywhere(builder, value) for kind, value in pairs]
 
@@ -134,7 +134,7 @@ def store(typingctx, array, index, value):
 
 
 def _lanewise(name: str, count: int, doc: str):
-    """Make a function of so many `Lanes` or numbers from that of LLVM."""
+    """Return a function of `count` `Lanes` or numbers from an LLVM intrinsic."""
 
     def typed(typingctx, *kinds):
         del typingctx
@@ -159,7 +159,7 @@ greatest = _lanewise("maximum", 2, "The greater of each two, NaN if one is (kern
 
 
 def _folding(fold, doc: str):
-    """Make a function that folds the halves of `Lanes` until one number is left."""
+    """Return a function that folds the halves of `Lanes` until one number is left."""
 
     def typed(typingctx, value):
         del typingctx
@@ -247,7 +247,7 @@ def shifted(typingctx, first, value):
 
 
 def _combination(moduli: bool):
-    """Make `combine`, or the same with the moduli of x."""
+    """Return `combine`, or the same with the moduli of x."""
 
     def typed(typingctx, out, o, init, i, scale, table, t, stride, x, s, n):
         del typingctx, o, i, scale, t, stride, s, n
@@ -275,7 +275,7 @@ def _combination(moduli: bool):
             factors = everywhere(builder, builder.fmul(factor, arguments[4]))
             builder.store(builder.call(fused, [column, factors, builder.load(total)]), total)
 
-        # even and odd terms apart: a sum waits for the one before
+        # even and odd terms separately: each addition waits for the previous one
         total, odd = (cgutils.alloca_once(builder, VECTOR) for _ in range(2))
         builder.store(builder.load(_lanes(builder, data(2), arguments[3]), align=8), total)
         builder.store(everywhere(builder, 0.0), odd)

@@ -1,4 +1,4 @@
-"""The switch of a contact for eight numbers at once, as instructions of LLVM; see `vectors`."""
+"""The switch of a contact for eight numbers at once, as LLVM instructions; see `vectors`."""
 
 import functools
 import math

@@ -1,10 +1,9 @@
-"""Vectors of eight doubles as numbers of the kernels: what a register of 64 bytes holds.
+"""Vectors of eight doubles, one register of 64 bytes, as numbers of the kernels.
 
-Sums, products and quotients of them are written as those of numbers; a loop over an array is read
-from and written to by `load` and `store`. In compiled kernels these operations are instructions of
-LLVM (`instructions`, `sigmoid`). Where numba is told not to compile (NUMBA_DISABLE_JIT=1) they are
-functions of numpy (`fallback`), the kernels run as plain Python, and what reaches beyond an array
-is an error.
+Sums, products and quotients are written like those of numbers; `load` and `store` access arrays. In
+compiled kernels these operations are LLVM instructions (`instructions`, `sigmoid`). With
+NUMBA_DISABLE_JIT=1 they are numpy functions (`fallback`), the kernels run as plain Python, and an
+index out of bounds is an error.
 """
 
 from numba import config

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hpcsweep.model.matrices import Contact
     from hpcsweep.model.record import Record
     from hpcsweep.model.structure import Structure
-    from hpcsweep.solvers.response import Response, first_contact_scale, response
+    from hpcsweep.solvers.response import Response, first_contact_scale, history, response
     from hpcsweep.solvers.solver import stroboscopic_points
     from hpcsweep.store import meanings, open_results
     from hpcsweep.store.branches import branch
@@ -42,6 +42,7 @@ __all__ = [
     "first_contact_scale",
     "fractiles",
     "fragility",
+    "history",
     "intensity",
     "load_job",
     "meanings",
@@ -64,6 +65,7 @@ _HOME = {
     "Structure": "hpcsweep.model.structure",
     "Response": "hpcsweep.solvers.response",
     "first_contact_scale": "hpcsweep.solvers.response",
+    "history": "hpcsweep.solvers.response",
     "response": "hpcsweep.solvers.response",
     "stroboscopic_points": "hpcsweep.solvers.solver",
     "load_job": "hpcsweep.job",

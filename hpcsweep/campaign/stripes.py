@@ -4,11 +4,14 @@ A response is the largest of some places: of all storeys, say, of those of one b
 Drifts are ratios of the storeys' heights where the job gives these.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hpcsweep.model.unit_names import unit_of
+
+if TYPE_CHECKING:
+    from hpcsweep.earthquakes.fragility import Fragility
 
 RESPONSES = {
     "drift": ("storey_drift", "peak storey drift"),
@@ -67,14 +70,14 @@ def stripes_of(results, structure, response: str = "drift", place: str | None = 
     array = results[name]
     dim = str(array.dims[-1])
     names = [str(one) for one in array[dim].values]
-    chosen = _places(names, place)
+    chosen = places_of(names, place)
     factor, unit = 1.0, unit_of(structure, _quantity(response))
     if response == "drift" and "storey_height" in results:
         factor, unit = 100.0 / results["storey_height"].values[chosen], "%"
         label = "peak storey drift ratio"
     if place is not None:
         label += f" of {place}"
-    alone = f"{name}_alone"
+    alone, unit = f"{name}_alone", unit.replace("^2", "²")
     long_name, _, own = scale_label(results, structure)
     return Stripes(
         intensity=results["scale"].values,
@@ -88,6 +91,22 @@ def stripes_of(results, structure, response: str = "drift", place: str | None = 
     )
 
 
+def fit(stripes: Stripes, threshold: float) -> "Fragility":
+    """Fit the fragility of a threshold to the records that reach it at each stripe.
+
+    Raises
+    ------
+    ValueError
+        If the stripes bound no curve: see `hpcsweep.fragility`.
+    """
+    from hpcsweep.earthquakes.fragility import fragility  # loads scipy
+
+    known = np.isfinite(stripes.values)
+    exceeded = (known & (stripes.values >= threshold)).sum(axis=0)
+    held = known.any(axis=0)
+    return fragility(stripes.intensity[held], exceeded[held], known.sum(axis=0)[held])
+
+
 def scale_label(results, structure) -> tuple[str, str, str]:
     """Return what the scales of results are of, their unit, and the unit as a label has it."""
     from hpcsweep.job import parse_job
@@ -95,7 +114,7 @@ def scale_label(results, structure) -> tuple[str, str, str]:
     study = parse_job(results.attrs["job"], "job", "job").study
     measure = (study.base if study.axes else study).measure
     unit = unit_of(structure, measure.quantity)
-    return str(measure), unit, "" if unit == "1" else f"  [{unit}]"
+    return str(measure), unit, "" if unit == "1" else f"  [{unit.replace('^2', '²')}]"
 
 
 def _quantity(response: str) -> str:
@@ -103,7 +122,7 @@ def _quantity(response: str) -> str:
     return quantities.get(response, "length")
 
 
-def _places(names: list[str], place: str | None) -> list[int]:
+def places_of(names: list[str], place: str | None) -> list[int]:
     """Return the places of a name, or of a building's names."""
     if place is None:
         return list(range(len(names)))

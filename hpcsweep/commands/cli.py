@@ -16,6 +16,7 @@ from hpcsweep.commands import (
     describe,
     environment,
     explore,
+    fragility,
     new,
     one_thread,  # noqa: F401  before numpy is loaded
     pack,
@@ -36,6 +37,7 @@ COMMANDS = (
     run,
     status,
     summary,
+    fragility,
     zoom,
     schedule,
     validate,

@@ -13,13 +13,14 @@ from hpcsweep.commands import USER_ERROR, complain
 
 HEAD = 512
 """First bytes of each kind of file."""
-PICTURE, PAGE, FILM = "picture", "page", "film"
+PICTURE, PAGE, FILM, DEMANDS = "picture", "page", "film", "table of demands"
 KINDS = {
     "results file": rb"\x89HDF",
     "journal": rb'\{"kind": ',
     PICTURE: rb"\x89PNG|\xff\xd8\xff|RIFF....WEBP|%PDF|%!PS|II\*\0|MM\0\*|\s*<(\?xml|svg)|\x1f\x8b",
     PAGE: rb"(?i)\s*<!doctype html",
     FILM: rb"GIF8|....ftyp",
+    DEMANDS: rb",\d+-P[FI][AD]-",
 }
 """Patterns of the first bytes, by kind."""
 

@@ -10,7 +10,7 @@ contacts at s = 1: up to the least of these scales the response is s times that 
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Response
 
-__all__ = ["Response", "first_contact_scale", "linear_response", "response"]
+__all__ = ["Response", "first_contact_scale", "history", "linear_response", "response"]
 
 SOLVERS = ("flow",)
 
@@ -167,3 +167,46 @@ def _complete(found: Response, solver: str) -> Response:
     if found.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{solver}: {found.outcome.name} at {found.duration:.6g}")
     return found
+
+
+class History(NamedTuple):
+    """The motion of a structure at the p samples of a record and its tail."""
+
+    time: np.ndarray
+    """From the first sample on, shape (p,)."""
+    displacement: np.ndarray
+    """Relative to the ground, shape (p, n)."""
+    velocity: np.ndarray
+    """Shape (p, n)."""
+    force: np.ndarray
+    """Largest force of each contact since the sample before, shape (p, k)."""
+
+
+def history(structure: Structure, record: Record, scale: float = 1.0, tail: float = 0.0) -> History:
+    """Return the motion of a structure under a record from rest, sample by sample.
+
+    Parameters
+    ----------
+    structure, record, scale, tail
+        Of `response`; the tail is cut to whole intervals.
+
+    Raises
+    ------
+    ValueError, ArithmeticError
+        As `response`.
+    """
+    structure, record, tail = _arguments(structure, record, tail)
+    scale = finite("scale", scale)
+    from hpcsweep.solvers.flow.record_map import RecordMap
+
+    solver = RecordMap(structure, record.dt)
+    samples = record.acceleration
+    n, n_tail = structure.n_floors, int(tail / record.dt)
+    pairs = [samples[j : j + 2] for j in range(record.n_samples - 1)] + n_tail * [np.zeros(2)]
+    states = np.zeros((len(pairs) + 1, 2 * n))
+    force = np.zeros((len(pairs) + 1, len(structure.contacts)))
+    for j, pair in enumerate(pairs, 1):
+        found = _complete(solver.respond(pair, scale, state=states[j - 1]), "flow")
+        states[j], force[j] = found.final_state, found.force
+    time = record.dt * np.arange(len(states))
+    return History(time, states[:, :n], states[:, n:], force)

@@ -25,6 +25,31 @@ BASIN_PLOTS = {"basins": ()}
 """Those of a study of basins."""
 VARY_PLOTS = {"vary": (), "measures": ()}
 """Those of a job that varies a key."""
+RECORD_PLOTS = {
+    "ida": (),
+    "fragility": ("--threshold", "0.02"),
+    "pounding": (),
+    "profile": (),
+    "spectra": (),
+    "history": (),
+}
+"""Those of a study of records."""
+RECORDS = """
+[study]
+kind = "records"
+[[building]]
+mass = [1.0, 1.0]
+storey_stiffness = 900.0
+[[building]]
+mass = [1.0]
+storey_stiffness = 200.0
+[pounding]
+gap = 0.005
+stiffness = 1e4
+[records]
+synthetic = {count = 4, dt = 0.02, duration = 10.0}
+scale = {by = "pga", from = 0.1, to = 5.0, count = 40}
+"""
 BASINS = (
     'study.kind="basins"',
     "study.starts=8",
@@ -110,7 +135,8 @@ def check(hpcsweep: Installed) -> None:
     assert len(json.loads(hpcsweep("schedule", "study.h5", "--json"))["predictions"]) == 13
     assert hpcsweep("validate", "study.h5", "--samples", "6")
     kinds = re.search(r"--kind \{([\w,]+)\}", hpcsweep("plot", "--help"))[1].split(",")
-    assert set(kinds) == {*PLOTS, *VARY_PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS}
+    own = {*VARY_PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS, *RECORD_PLOTS}
+    assert set(kinds) == {*PLOTS, *own}
     own = [word for setting in ATTRACTORS for word in ("--set", setting)]
     hpcsweep("run", "study.toml", *given, *own, "-o", "each.h5", ranks=2, makes="each.h5")
     own = [word for setting in BASINS for word in ("--set", setting)]
@@ -120,6 +146,9 @@ def check(hpcsweep: Installed) -> None:
     hpcsweep("run", "study.toml", *given, *own, "-o", "gaps.h5", ranks=2, makes="gaps.h5")
     assert "mode 1" in hpcsweep("describe", "study.toml")
     finer = ("--omega", "0.44", "0.45", "--factor", "2")
+    Path("records.toml").write_text(RECORDS)
+    hpcsweep("run", "records.toml", makes="records.h5")
+    assert "median" in hpcsweep("fragility", "records.h5", "--threshold", "0.02")
     hpcsweep("zoom", "study.h5", *finer, "-o", "finer.toml", makes="finer.toml")
     hpcsweep("run", "finer.toml", "--reuse", "study.h5", "-o", "finer.h5", makes="finer.h5")
     drawn = (
@@ -127,6 +156,7 @@ def check(hpcsweep: Installed) -> None:
         ("gaps.h5", VARY_PLOTS),
         ("each.h5", ATTRACTOR_PLOTS),
         ("slice.h5", BASIN_PLOTS),
+        ("records.h5", RECORD_PLOTS),
     )
     for file, plots in drawn:
         for kind, more in plots.items():

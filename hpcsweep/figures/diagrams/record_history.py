@@ -1,0 +1,70 @@
+"""One record at one scale: displacements of the floors at a contact, and its force, over time."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.figures.diagrams import responses
+from hpcsweep.figures.labels import unit
+from hpcsweep.figures.palette import STOP, series_colour
+from hpcsweep.figures.style import PlotError, head, new_figure, save
+
+NAME = "history"
+DRAWS = "responses"
+HELP = """\
+ground, displacements of two facing floors with and without contacts, and the force
+between them, of one record at one intensity; needs the record"""
+OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE)
+
+
+def load(frames, **_options):
+    """Read what tells the records of one structure, and the forces."""
+    return frames.gather(["outcome", "contact_force"])
+
+
+def draw(
+    results,
+    path: Path,
+    record: str | None = None,
+    scale: float | None = None,
+    place: str | None = None,
+) -> None:
+    """Draw the history of a contact, that of the largest force, and write it to `path`."""
+    from hpcsweep.solvers.response import history
+
+    i, at = responses.record_index(results, record), responses.scale_index(results, scale)
+    samples, study = responses.samples_of(results, i)
+    structure, factor = study.structure, float(study.factor[i, at])
+    seen = history(structure, samples, factor, study.tail)
+    free = history(structure.without_contacts(), samples, factor, study.tail)
+    names = list(structure.contact_names.values())
+    if place is not None and place not in names:
+        raise PlotError(f"--place {place}: must be a contact, of {', '.join(names) or 'none'}")
+    floors = structure.names.floors or tuple(map(str, range(1, structure.n_floors + 1)))
+    figure, axes = new_figure(3 if names else 2, 6.2, 7.6)
+    ground, moving = axes[:2]
+    ground.plot(samples.times, factor * samples.acceleration / study.gravity, color="0.3", lw=0.6)
+    ground.set_ylabel("ground  [g]")
+    if names:
+        k = names.index(place) if place else int(seen.force.max(axis=0).argmax())
+        shown = np.flatnonzero(structure.directions[k]).tolist()
+        axes[2].plot(seen.time, seen.force[:, k], color=series_colour(2), linewidth=0.8)
+        axes[2].set_ylabel(f"force {names[k]}{unit(structure, 'force')}", fontsize=8)
+        for time in seen.time[seen.force[:, k] > 0]:
+            moving.axvline(time, color=series_colour(2), alpha=0.15, linewidth=0.5, zorder=0)
+    else:
+        shown = [structure.n_floors - 1]
+    for series, floor in enumerate(shown):
+        colour, name = series_colour(series), floors[floor]
+        moving.plot(seen.time, seen.displacement[:, floor], color=colour, lw=0.9, label=name)
+        looks = {"color": colour, "linewidth": 0.7, "linestyle": ":"}
+        if names:
+            moving.plot(free.time, free.displacement[:, floor], **looks)
+    if names:
+        moving.plot([], [], ":", color=STOP, label="no contact")
+    moving.set_ylabel("displacement" + unit(structure, "length"), fontsize=8)
+    moving.legend(frameon=False, fontsize=7, ncols=4, loc="upper right")
+    axes[-1].set_xlabel("time" + unit(structure, "time"))
+    axes[-1].set_xlim(0, seen.time[-1])
+    head(figure, f"{samples.name},  {responses.at_scale(results, at)}", fontsize=9)
+    save(figure, path)

@@ -1,0 +1,123 @@
+"""What the figures of responses to records share: their options, and what they are drawn of."""
+
+import numpy as np
+
+from hpcsweep.campaign.stripes import RESPONSES, Stripes, StripesError, stripes_of
+from hpcsweep.figures.options import Option
+from hpcsweep.figures.style import PlotError, job_of, structure_of
+
+RESPONSE = Option(
+    "--response",
+    "what is drawn (default: drift)",
+    "response",
+    {"choices": tuple(RESPONSES)},
+)
+PLACE = Option(
+    "--place",
+    "storey, floor or contact, or a building, of which it is (default: the largest of all)",
+    "place",
+    {"metavar": "NAME"},
+)
+SCALE = Option(
+    "--scale", "intensity; the nearest there is (default: the middle one)", "scale", {"type": float}
+)
+RECORD = Option("--record", "record drawn, by name (default: the first)", "record", {})
+THRESHOLD = Option(
+    "--threshold",
+    "response that is a failure, in the unit of the figure; needed",
+    "threshold",
+    {"type": float},
+)
+LEAST_LENGTH = 1e-12
+"""Share of the largest response below which two are the same."""
+
+
+def load(frames, **_options):
+    """Read all responses of one structure."""
+    return frames.gather([*frames])
+
+
+def opened(results, response: str | None, place: str | None) -> Stripes:
+    """Return the stripes that are to be drawn.
+
+    Raises
+    ------
+    PlotError
+    """
+    try:
+        found = stripes_of(results, structure_of(results), response or "drift", place)
+    except StripesError as error:
+        raise PlotError(str(error)) from None
+    if not np.isfinite(found.values).any():
+        raise PlotError("no run is complete yet")
+    return found
+
+
+def title(results) -> str:
+    """Write the name of the job, and the part that is drawn."""
+    part = results.attrs.get("part")
+    return f"{results.attrs['name']}:  {part}" if part else str(results.attrs["name"])
+
+
+def touches(stripes: Stripes) -> bool:
+    """Return whether contacts change any of the responses, as far as the file tells."""
+    if stripes.alone is None:
+        return False
+    apart = np.nan_to_num(np.abs(stripes.values - stripes.alone)).max()
+    return bool(apart > LEAST_LENGTH * np.nanmax(stripes.values))
+
+
+def scale_index(results, scale: float | None) -> int:
+    """Return the place of the scale nearest to one, the middle one if none is requested."""
+    scales = results["scale"].values
+    return scales.size // 2 if scale is None else int(np.argmin(np.abs(scales - scale)))
+
+
+def record_index(results, record: str | None) -> int:
+    """Return the place of a record, the first if none is requested.
+
+    Raises
+    ------
+    PlotError
+    """
+    names = [str(name) for name in results["record"].values]
+    if record is None:
+        return 0
+    if record not in names:
+        shown = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
+        raise PlotError(f"--record {record}: must be one of {shown}")
+    return names.index(record)
+
+
+def samples_of(results, i: int):
+    """Return a record that the results are of, and the study.
+
+    Raises
+    ------
+    PlotError
+        If it is not at hand.
+    """
+    study = job_of(results).study
+    try:
+        return study.record(i), study
+    except (ValueError, OSError) as error:
+        raise PlotError(f"the record is needed: {error}") from None
+
+
+def buildings(names) -> dict[str, list[int]]:
+    """Return the places of each building's storeys or floors: names that end with a number."""
+    found: dict[str, list[int]] = {}
+    for i, name in enumerate(map(str, names)):
+        found.setdefault(name.rstrip("0123456789"), []).append(i)
+    return found
+
+
+def at_scale(results, place: int) -> str:
+    """Write the intensity at one place of the scales."""
+    one = results["scale"]
+    study = job_of(results).study
+    unit = study.measure.quantity
+    from hpcsweep.figures.labels import unit as label
+
+    named = label(study.structure, unit).strip(" []") if unit != "1" else ""
+    return f"{study.measure} = {float(one[place]):.4g} {named}".strip()

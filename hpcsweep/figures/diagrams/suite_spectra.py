@@ -1,0 +1,63 @@
+"""Response spectra of the records of a suite, as they are, with fractiles."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.earthquakes.spectrum import spectrum
+from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.figures.diagrams import responses
+from hpcsweep.figures.palette import series_colour
+from hpcsweep.figures.style import head, new_figure, save
+
+NAME = "spectra"
+DRAWS = "responses"
+HELP = """\
+response spectra of the records as they are, 5 % damping, with fractiles and the
+structure's natural periods; needs the records"""
+OPTIONS = ()
+PERIODS = 60
+LONGEST = 4.0
+"""Periods drawn, in longest natural periods."""
+MOST_RECORDS = 200
+MOST_MODES = 3
+
+
+def load(frames, **_options):
+    """Read what tells the records of one structure."""
+    return frames.gather(["outcome"])
+
+
+def draw(results, path: Path) -> None:
+    """Draw Sa over the period, in g, and write it to `path`."""
+    n = min(results.sizes["record"], MOST_RECORDS)
+    first, study = responses.samples_of(results, 0)
+    natural = 2.0 * np.pi / study.structure.frequencies
+    shortest = max(2.0 * first.dt, natural[0] / 50.0)
+    periods = np.geomspace(shortest, LONGEST * natural[0], PERIODS)
+    found = [spectrum(responses.samples_of(results, i)[0], periods).acceleration for i in range(n)]
+    curves = np.array(found) / study.gravity
+    figure, (axis,) = new_figure(1, 4.2)
+    for curve in curves:
+        axis.plot(periods, curve, color="0.75", linewidth=0.6)
+    for part, style, curve in zip(PARTS, ("--", "-", "-."), fractiles(curves), strict=True):
+        label = f"{100 * part:g} % fractile"
+        axis.plot(periods, curve, style, color=series_colour(0), linewidth=2.0, label=label)
+    for k, period in enumerate(natural[:MOST_MODES]):
+        axis.axvline(period, color=series_colour(1), linewidth=0.8)
+        axis.annotate(
+            rf" $T_{k + 1}$",
+            (period, 1.0),
+            xycoords=("data", "axes fraction"),
+            va="top",
+            fontsize=8,
+        )
+    time = study.structure.unit_names.time or "time"
+    axis.set_xscale("log")
+    axis.set_xlabel(f"period  [{time}]")
+    axis.set_ylabel("pseudo-acceleration, 5 %  [g]")
+    axis.set_xlim(periods[0], periods[-1])
+    axis.set_ylim(bottom=0)
+    axis.legend(frameon=False, fontsize=8, title=f"{n} records as they are")
+    head(figure, str(results.attrs["name"]), fontsize=9)
+    save(figure, path)

@@ -1,0 +1,120 @@
+"""Figures of responses to records, and what `hpcsweep fragility` tells and writes."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from tools import RECORDS, hpcsweep
+
+import hpcsweep as package
+from hpcsweep import open_results, response, synthetic_records
+from hpcsweep.campaign.stripes import RESPONSES, StripesError, fit, stripes_of
+from hpcsweep.figures.options import figures
+from hpcsweep.job import parse_job
+from hpcsweep.solvers.response import history
+
+SCALES = '{by = "sa", period = 0.5, from = 0.5, to = 20.0, count = 20}'
+TEXT = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', SCALES).replace(
+    "count = 4, seed", "count = 8, seed"
+)
+KINDS = [name for name, figure in figures().items() if figure.DRAWS == "responses"]
+OPTIONS = {"fragility": ["--threshold", "0.5"], "profile": ["--scale", "10"]}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("figures")
+    (made / "job.toml").write_text(TEXT)
+    assert hpcsweep(0, "run", "job.toml", cwd=made).returncode == 0
+    return made
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_figure_is_drawn(folder, kind):
+    options = OPTIONS.get(kind, [])
+    done = hpcsweep(0, "plot", "job.h5", "--kind", kind, "-o", f"{kind}.png", *options, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / f"{kind}.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["plot", "job.h5", "--kind", "fragility"], "--threshold is missing"),
+        (["plot", "job.h5", "--kind", "fragility", "--threshold", "1e9"], "must not be 0"),
+        (["plot", "job.h5", "--place", "C"], "C: must be one of A1, A2, B1, B2, B3"),
+        (["plot", "job.h5", "--kind", "history", "--record", "x"], "must be one of synthetic-3-1"),
+        (["plot", "job.h5", "--kind", "profile", "--response", "force"], "no profile"),
+        (["plot", "job.h5", "--kind", "orbit"], "holds responses"),
+        (["fragility", "job.h5", "--threshold", "1e9"], "must not be 0"),
+        (["fragility", "job.h5", "--demands", "job.toml", "--scale", "1"], "job.toml"),
+        (["fragility", "job.h5", "--demands", "new.csv"], "--scale is missing"),
+    ],
+)
+def test_what_cannot_be_drawn_is_one_line(folder, arguments, said):
+    done = hpcsweep(0, *arguments, cwd=folder)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert said in done.stderr
+    assert not (folder / "new.csv").exists()
+
+
+def test_stripes_are_the_largest_of_their_places(folder):
+    results = open_results(folder / "job.h5")
+    structure = parse_job(TEXT, "job", "job").structure
+    one = stripes_of(results, structure, "drift", "B2")
+    drift = results.storey_drift.sel(storey="B2") / 3.2 * 100
+    np.testing.assert_allclose(one.values, drift, rtol=1e-14)
+    building = stripes_of(results, structure, "acceleration", "A")
+    floors = results.floor_acceleration.sel(floor=["A1", "A2"]).max("floor")
+    np.testing.assert_array_equal(building.values, floors)
+    for name in RESPONSES:
+        assert stripes_of(results, structure, name).values.shape == (8, 20)
+    with pytest.raises(StripesError, match="must be one of drift"):
+        stripes_of(results, structure, "stress")
+
+
+def test_fragility_and_capacities_are_those_of_the_stripes(folder):
+    done = hpcsweep(
+        *(0, "fragility", "job.h5", "--threshold", "0.5", "--place", "B", "--json"), cwd=folder
+    )
+    told = json.loads(done.stdout)
+    results = open_results(folder / "job.h5")
+    drift = results.storey_drift.sel(storey=["B1", "B2", "B3"]).max("storey").values / 3.2
+    exceeded = (drift >= 0.005).sum(axis=0)
+    found = package.fragility(results["scale"].values, exceeded, 8)
+    assert told["median"] == pytest.approx(found.median, rel=1e-12)
+    assert told["dispersion"] == pytest.approx(found.dispersion, rel=1e-12)
+    reached = [results["scale"].values[np.argmax(row >= 0.005)] for row in drift]
+    assert told["capacity"]["0.5"] == np.sort(reached)[3]
+    structure = parse_job(TEXT, "job", "job").structure
+    assert fit(stripes_of(results, structure, "drift", "B"), 0.5).median == found.median
+
+
+def test_demands_are_those_of_one_building_at_one_intensity(folder):
+    done = hpcsweep(
+        *(0, "fragility", "job.h5", "--demands", "d.csv", "--place", "A", "--scale", "5"),
+        cwd=folder,
+    )
+    assert done.returncode == 0, done.stderr
+    with (folder / "d.csv").open() as file:
+        rows = list(csv.reader(file))
+    names = ["", "1-PFA-0-1", "1-PFA-1-1", "1-PFA-2-1", "1-PID-1-1", "1-PID-2-1"]
+    assert rows[0] == names
+    results = open_results(folder / "job.h5").sel(scale=5, method="nearest")
+    table = np.array(rows[2:], float)[:, 1:]
+    np.testing.assert_allclose(table[:, 0], results.pga * results.factor / 9.80665)
+    np.testing.assert_allclose(table[:, 4], results.storey_drift.sel(storey="A2") / 3.2)
+
+
+def test_history_passes_through_the_peaks_of_the_response():
+    structure = parse_job(TEXT, "job", "job").structure
+    (record,) = synthetic_records(1, seed=3, dt=0.02, duration=10.0)
+    seen, found = (f(structure, record, 3.0, 1.0) for f in (history, response))
+    assert seen.time[-1] == pytest.approx(found.duration)
+    np.testing.assert_allclose(seen.displacement[-1], found.final_state[:5], atol=1e-12)
+    np.testing.assert_allclose(seen.force.max(axis=0), found.force, rtol=1e-9)
+    largest = np.abs(seen.displacement).max(axis=0)
+    assert (largest <= found.displacement * (1 + 1e-12)).all()
+    np.testing.assert_allclose(largest, found.displacement, rtol=0.05)

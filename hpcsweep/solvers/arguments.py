@@ -1,4 +1,4 @@
-"""Checks of what is handed to a solver; see `hpcsweep.model.arguments`."""
+"""Check the arguments of solvers; see `hpcsweep.model.arguments`."""
 
 import math
 
@@ -13,7 +13,7 @@ another are kept, 0.8 GB."""
 
 
 def solver_arguments(structure, omega, rtol) -> tuple[Structure, float, float]:
-    """Take what a solver is made of.
+    """Return the validated arguments of a solver.
 
     Raises
     ------
@@ -29,9 +29,9 @@ def solver_arguments(structure, omega, rtol) -> tuple[Structure, float, float]:
 
 
 def tangent_column(structure: Structure, direction) -> np.ndarray:
-    """Take a tangent vector, shape (2n,), to one column.
+    """Return a tangent vector, shape (2n,), as one column.
 
-    If it is None: (1, ..., 1), of length 1 in units of the state.
+    None stands for (1, ..., 1), of length 1 in units of the state.
     """
     size = structure.state_units.size
     if direction is None:
@@ -40,9 +40,9 @@ def tangent_column(structure: Structure, direction) -> np.ndarray:
 
 
 def motion(solver, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
-    """Take what a motion is integrated from; the state is a copy.
+    """Return the validated start of a motion; the state is a copy.
 
-    State and amplitude may be inf or NaN: the outcome of the motion says so.
+    State and amplitude may be inf or NaN: the outcome of the motion reports it.
 
     Parameters
     ----------
@@ -61,12 +61,12 @@ def motion(solver, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]
 
 
 def points_array(n_periods: int, size: int) -> np.ndarray:
-    """Make room for stroboscopic points, shape (n_periods, size).
+    """Allocate stroboscopic points, shape (n_periods, size).
 
     Raises
     ------
     ValueError
-        If there is not so much memory.
+        If memory does not suffice.
     """
     try:
         return np.empty((n_periods, size))
@@ -78,7 +78,7 @@ def points_array(n_periods: int, size: int) -> np.ndarray:
 
 
 def closing_arguments(max_period, settled, same, near) -> tuple[int, float, float, float]:
-    """Take when an orbit counts as closed; see `hpcsweep.solvers.flow.orbit.transient.Closing`.
+    """Return when an orbit counts as closed; see `hpcsweep.solvers.flow.orbit.transient.Closing`.
 
     Raises
     ------

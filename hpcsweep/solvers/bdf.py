@@ -1,19 +1,19 @@
 """The solver `bdf`: scipy's backward differentiation formulas on the compiled equations.
 
-The method of Matlab's ode15s, with which the study was specified. Each forcing period is
-integrated from tau = 0 to T by a fresh `scipy.integrate.BDF`, so that a period is a function of
-its start state alone (a sweep can be cut and resumed anywhere with the same result) and the
-phase of the forcing never loses digits. One object kept over all periods is no more accurate; the
-start at order 1 costs some 20 steps a period, which is 3 to 8 per cent once there is contact.
+The method of Matlab's ode15s, with which the study was specified. Each forcing period is integrated
+from tau = 0 to T by a fresh `scipy.integrate.BDF`, so that a period is a function of its start
+state alone (a sweep can be cut and resumed anywhere with the same result) and the phase of the
+forcing never loses digits. Keeping one object over all periods is no more accurate; the start at
+order 1 costs some 20 steps a period, 3 to 8 per cent once there is contact.
 
 A short contact inside a long step would be invisible to the error estimate, and so would a short
 release inside a contact. Before each step the step is therefore limited to the time in which the
 nearest floor could reach the stop from its side, but to no less than `BdfMap.least_limit`: a
 contact of duration d under an acceleration a gives the impulse beta a d^3 / 12, and the limit is
-the d at which that is the relative tolerance. What is shorter may be stepped over. The layer in
-which the sigmoid is neither 0 nor 1 is as invisible when it is thin: it changes v^2 / 2 by
-beta pi^2 / (6 rho^2) on the way in, and if that is more than the tolerance of v it is crossed in
-steps of its length scale 1 / rho.
+the d at which that is the relative tolerance. Shorter contacts may be stepped over. The layer in
+which the sigmoid is neither 0 nor 1 is as invisible when it is thin: it changes v^2 / 2 by beta
+pi^2 / (6 rho^2) on the way in, and if that is more than the tolerance of v it is crossed in steps
+of its length scale 1 / rho.
 """
 
 import math
@@ -102,7 +102,7 @@ class BdfMap:
     ) -> Approach:
         """Integrate the whole transient: the error of a period hides whether an orbit has closed.
 
-        The orbit stays unknown (period 0); see `hpcsweep.solvers.flow.FlowMap.settle`.
+        The orbit remains unknown (period 0); see `hpcsweep.solvers.flow.FlowMap.settle`.
         """
         del max_period, settled, same, near
         done = self.advance(state, amplitude, n_periods, poll)
@@ -130,8 +130,8 @@ class BdfMap:
     ) -> Observation:
         """Integrate `n_periods` and gather points, contact set, drift, modal norms and measures.
 
-        With `growth` also the growth of a tangent vector, (1, ..., 1) at first; for that the window
-        is integrated once more.
+        With `growth` also the growth of a tangent vector, initially (1, ..., 1), for which the
+        window is integrated again.
         """
         tally = StepTally(self._model, modal_norm, measures)
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
@@ -157,7 +157,7 @@ class BdfMap:
         poll: Callable[[], None] | None = None,
         direction: np.ndarray | None = None,
     ) -> Growth:
-        """Integrate `n_periods`, and once more with a tangent vector."""
+        """Integrate `n_periods`, and again with a tangent vector."""
         points, outcome = self.points(state, amplitude, n_periods, poll)
         logarithms, end = np.empty(0), np.empty(0)
         if outcome is Outcome.COMPLETE:
@@ -165,7 +165,7 @@ class BdfMap:
         return Growth(points, outcome, logarithms, end)
 
     def _growth(self, state, amplitude, n_periods, poll, direction=None):
-        """Logarithm of the growth of a tangent vector in each period, its end, and the outcome.
+        """Return a tangent vector's logarithmic growth in each period, its end, and the outcome.
 
         The first two are empty if the solver fails.
         """
@@ -214,7 +214,7 @@ class BdfMap:
         return self._units.out_of(points), Outcome.COMPLETE
 
     def _equations(self, amplitude, columns):
-        """Right-hand side and Jacobian for scipy, of the state with so many tangent columns."""
+        """Return right-hand side and Jacobian of the state and `columns` tangent vectors."""
         packed, size = self._packed, self._units.size
 
         def motion(tau, z):
@@ -274,7 +274,7 @@ class BdfMap:
         return z, Outcome.STEP_LIMIT
 
     def _step_limit(self, tau, z, motion):
-        """Time in which a contact could reach its layer, or cross a part of it."""
+        """Return the time in which a contact could reach its layer, or cross a part of it."""
         contacts, n = self._model.contacts, self._units.size // 2
         if not contacts.row.size:
             return math.inf

@@ -1,4 +1,4 @@
-"""The proof that a motion stays free of contact and comes to the steady state: the rule `linear`.
+"""Prove that a motion stays free of contact and tends to the steady state: the rule `linear`.
 
 From a state z the motion is the steady state of `linear.LinearOrbit` plus modal transients whose
 energy never grows, so that with q the transient part at 0
@@ -21,7 +21,7 @@ from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, ent
 
 
 class Free(NamedTuple):
-    """What the kernel knows of the motions without contact; C contacts, n modes."""
+    """Constants of the motions without contact for the kernel; C contacts, n modes."""
 
     known: bool
     """Whether there is a steady state."""
@@ -84,7 +84,7 @@ def is_free(free, state, amplitude, end):
     state : ndarray, shape (2n,)
     amplitude : float
     end : ndarray, shape (2n,)
-        Receives the state after the window, where the answer is yes.
+        Receives the state after the window, if the result is 1.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The rule `linear` for the runs of a structure: its closed form, and what its proof needs.
+"""The rule `linear` for the runs of a structure: its closed form, and the data of its proof.
 
 The proof is that of `solvers.free`.
 """
@@ -40,7 +40,7 @@ class FreeMotion:
     def window(self, state: np.ndarray, amplitude: float) -> Observation | None:
         """Return the steady window of the run from `state`, or None if it is not proved linear.
 
-        Its point is the state at the window's end.
+        The point of the window is the state at its end.
         """
         end = np.array(state, dtype=float)
         if not is_free(self.packed, end.copy(), amplitude, end):

@@ -1,10 +1,10 @@
-"""The steady state without contact, in closed form.
+"""Steady state without contact, in closed form.
 
 Free of contact the modes are uncoupled (12), or coupled by a damping matrix. The steady state is
 
     u(tau) = A sum_h Im(U_h exp(i h Omega tau)).
 
-`solvers.free` proves which motions come to it.
+`solvers.free` proves which motions tend to it.
 """
 
 import cmath
@@ -66,7 +66,7 @@ class LinearOrbit:
         return amplitude * np.concatenate((self._responses.imag.sum(axis=0), speeds))
 
     def window(self, amplitude: float) -> Observation | None:
-        """Return one period of the steady state; None if it is not known, or comes into a layer.
+        """Return one period of the steady state; None if it is unknown, or enters a layer.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ def period_map(structure: Structure, period: float) -> np.ndarray:
 
 
 def _slowest_decay(structure: Structure) -> float:
-    """Largest Re(lambda), lambda^2 + 2 zeta omega lambda + omega^2 = 0, over all modes."""
+    """Return max Re(lambda), lambda^2 + 2 zeta omega lambda + omega^2 = 0, over all modes."""
     if not structure.is_modal:
         return float(np.log(np.abs(np.linalg.eigvals(period_map(structure, 1.0)))).max())
     w, zeta = structure.frequencies, structure.damping_ratios

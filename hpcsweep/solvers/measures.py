@@ -1,4 +1,4 @@
-"""What is gathered over a window where it is asked for: peaks of rows, impacts of contacts."""
+"""Measures of a window, where requested: peaks of rows, impacts of contacts."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ time in which it is closed, that is where its distance past the stop is 0 or mor
 
 
 def measures_of(structure: Structure, model: Model, gathered: Any, n_periods) -> np.ndarray:
-    """Return the measures of an `Observation` from what has been gathered in the kernels' units.
+    """Return the measures of an `Observation` from values gathered in the kernels' units.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
-"""How one run of a sweep ended."""
+"""Outcome of a run."""
 
 from enum import IntEnum
 
 
 class Outcome(IntEnum):
-    """How one run (one amplitude of one sweep) ended; stored in the file as an integer."""
+    """Outcome of a run (one amplitude of one sweep); stored in the file as an integer."""
 
     NOT_COMPUTED = 0
     """No committed result (readers report it; no solver returns it)."""

@@ -1,8 +1,8 @@
-"""Long integrations cut into pieces of bounded time, so that they can be stopped.
+"""Cut long integrations into pieces of bounded time, between which to poll.
 
-While a kernel computes Python answers no signal and no other rank. A motion is therefore advanced
-piece by piece; since a forcing period depends on its start state alone, the results are those of
-one call, to the last bit. What one piece took tells how many periods the next may have.
+While a kernel computes, Python handles no signal and no message. A motion is therefore advanced
+piece by piece; since a forcing period depends only on its start state, results are equal to those
+of one call, to the last bit. The time of one piece determines the number of periods of the next.
 """
 
 import time
@@ -19,7 +19,7 @@ GROWTH = 8
 
 
 class Polling:
-    """Cuts the motions of one solver."""
+    """Polling within the motions of one solver."""
 
     def __init__(self) -> None:
         self._size = 1
@@ -28,7 +28,7 @@ class Polling:
     def cut(
         self, n_periods: int, poll: Callable[[], None] | None = None
     ) -> Iterator[tuple[int, int]]:
-        """Cut `n_periods` into pieces (first, last), before each of which `poll` is called."""
+        """Cut `n_periods` into pieces (first, last), and call `poll` before each."""
         if poll is not None and n_periods == 0:
             poll()
         last = 0
@@ -41,18 +41,18 @@ class Polling:
             self._learn(last - first, time.perf_counter() - begun)
 
     def begin(self, poll: Callable[[], None] | None = None) -> int:
-        """Begin a piece of work that counts its periods itself; return those it may have."""
+        """Begin a piece that counts its own periods; return its most periods."""
         if poll is not None:
             poll()
         self._begun = time.perf_counter()
         return self._size
 
     def end(self, n_periods: int) -> None:
-        """End it, after so many periods."""
+        """End the piece after `n_periods`."""
         self._learn(n_periods, time.perf_counter() - self._begun)
 
     def _learn(self, n_periods: int, seconds: float) -> None:
-        """Choose the size of the next piece from what one took."""
+        """Choose the size of the next piece from the time of one."""
         if n_periods < self._size and seconds < PIECE_SECONDS:
             return
         fitting = n_periods * PIECE_SECONDS / max(seconds, 1e-9)

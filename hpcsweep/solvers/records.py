@@ -1,4 +1,4 @@
-"""What a solver returns of a stretch of forcing periods."""
+"""Results of a solver over a stretch of forcing periods."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -16,9 +16,9 @@ class Advance:
     Attributes
     ----------
     state : ndarray, shape (2n,)
-        State at the end of the last period that was completed.
+        State at the end of the last completed period.
     n_periods : int
-        Periods really integrated.
+        Number of periods integrated.
     outcome : Outcome
         COMPLETE, or why it ended early.
     """
@@ -35,13 +35,13 @@ class Approach:
     Attributes
     ----------
     state : ndarray, shape (2n,)
-        State at its end; after a jump the point of the orbit.
+        State at the end; after a jump the point of the orbit.
     n_periods : int
         Forcing periods of the motion until then.
     n_newton : int
-        Forcing periods that were integrated besides, to jump.
+        Further forcing periods, integrated to jump.
     period : int
-        Orbit period in forcing periods, 0 if the orbit is not known.
+        Orbit period in forcing periods, 0 if the orbit is unknown.
     multiplier : float
         Modulus of the orbit's largest Floquet multiplier after a jump, else NaN.
     outcome : Outcome
@@ -57,14 +57,14 @@ class Approach:
 
 
 class Orbits(NamedTuple):
-    """Results of k runs one after the other that skip rules finish.
+    """Results of k consecutive runs that skip rules finish.
 
     Attributes
     ----------
     rule : ndarray of int, shape (k,)
         A `SkipRule`.
     length, period : ndarray of int
-        Forcing periods of the orbit that was gone round, and the smallest period of its points.
+        Forcing periods of the orbit as integrated, and the smallest period of its points.
     cycles : ndarray of int
         Forcing periods integrated.
     multiplier : ndarray
@@ -73,8 +73,8 @@ class Orbits(NamedTuple):
         The first `length` of each row are the orbit, in the order of the window procedure's last
         points; others are NaN.
     contact : ndarray of uint64
-        As in `Observation`; also `peak_drift` and `modal_norm`, shape (k, n), which of motions free
-        of contact are NaN here.
+        As in `Observation`; also `peak_drift` and `modal_norm`, shape (k, n), which are NaN here
+        for motions free of contact.
     peaks, impacts : ndarray
         As in a `Tally`; empty unless requested.
     """
@@ -94,18 +94,18 @@ class Orbits(NamedTuple):
 
 @dataclass(frozen=True)
 class Followed:
-    """What came of runs one after the other.
+    """Results of consecutive runs.
 
     Attributes
     ----------
     orbits : Orbits
-        Of those that skip rules finish, up to the first that they leave open.
+        Runs that skip rules finish, up to the first that they leave open.
     measures : ndarray, shape (k, D + n + 5 m)
         As in `Observation`; (k, 0) unless requested.
     state : ndarray, shape (2n,)
         State from which the next run starts.
     open : Approach or None
-        End of the transient of that run, if it is left open; None if there is none.
+        End of the transient of the run left open; None if there is none.
     """
 
     orbits: Orbits
@@ -121,7 +121,7 @@ class Observation:
     Attributes
     ----------
     points : ndarray, shape (k, 2n)
-        Stroboscopic points z(T), ..., z(kT); k is less than asked only after a failure.
+        Stroboscopic points z(T), ..., z(kT); k is less than requested only after a failure.
     contact : int
         Bit i - 1 is set if u_i >= 1 at any time of the window.
     peak_drift : float
@@ -156,14 +156,14 @@ class Observation:
 
 @dataclass(frozen=True)
 class Growth:
-    """Stroboscopic points and growth of a tangent vector, without what an `Observation` gathers.
+    """Stroboscopic points and growth of a tangent vector, without the rest of an `Observation`.
 
     Attributes
     ----------
     points, outcome, logarithms
         As in `Observation`.
     direction : ndarray, shape (2n,)
-        The tangent vector at the end, by which the next stretch goes on.
+        The tangent vector at the end, with which the next stretch continues.
     """
 
     points: np.ndarray
@@ -177,28 +177,28 @@ class Growth:
         return window_growth(self.logarithms)
 
     def followed_by(self, more: "Growth") -> "Growth":
-        """Put a stretch that goes on where this one ends behind it."""
+        """Append a stretch that continues this one."""
         points = np.concatenate((self.points, more.points))
         logarithms = np.concatenate((self.logarithms, more.logarithms))
         return replace(more, points=points, logarithms=logarithms)
 
     def last(self, n_periods: int) -> "Growth":
-        """Return its last periods."""
+        """Return the last `n_periods`."""
         points, logarithms = self.points[-n_periods:], self.logarithms[-n_periods:]
         return replace(self, points=points, logarithms=logarithms)
 
 
 def window_growth(logarithms: np.ndarray) -> float:
-    """Return the growth of a tangent vector over a window from that in each of its periods.
+    """Return the growth of a tangent vector over a window from its growth in each period.
 
-    The vector turns into the direction of largest growth first: the first tenth of the window does
-    not count, and the growth of the rest is taken for all of it. Over the time of the window it is
+    The vector first turns into the direction of largest growth: the first tenth of the window is
+    dropped, and the growth of the rest is taken for all of it. Over the time of the window it is
     the largest Lyapunov exponent (Benettin et al., Meccanica 15 (1980) 9), to about 1 / (k T).
 
     Parameters
     ----------
     logarithms : ndarray, shape (k,)
-        Of the factor in each forcing period; without any the growth is NaN.
+        Logarithms of the factor in each forcing period; without any the growth is NaN.
     """
     if not len(logarithms):
         return math.nan

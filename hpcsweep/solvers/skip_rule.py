@@ -1,10 +1,10 @@
-"""Which rule spared periods in one run, and when an orbit is verified to be where a motion goes.
+"""Skip rules, and when an orbit is verified to attract a motion.
 
 Newton's method finds an orbit near a motion for a skip rule (`flow.orbit.newton`, compiled) and for
 a classification (`dynamics.shooting`). Both accept it by `LINEAR_DEFECT`. They differ in the
-multiplier. A classification asks where the motion goes: anything below 1 will do. What a run jumps
-to stands for the state after its transient: an approach slower than `STABLE` has gone less than a
-fifth of its way after 2,000 periods, and there the window procedure tells another motion.
+multiplier. A classification needs the limit of a motion: any multiplier below 1 will do. A jump
+replaces the state after a transient: an approach slower than `STABLE` has covered less than a fifth
+of its way after 2,000 periods, where the window procedure would find another motion.
 """
 
 from enum import IntEnum
@@ -16,7 +16,7 @@ STABLE = 0.9999
 
 
 class SkipRule(IntEnum):
-    """Which rule spared periods in one run; stored in the file as an integer."""
+    """Skip rule that a run used; stored in the file as an integer."""
 
     NONE = 0
     """All periods of transient and window were integrated."""

@@ -1,4 +1,4 @@
-"""The two solvers behind one interface, and the function that gives stroboscopic points.
+"""Both solvers behind one interface, and a function for stroboscopic points.
 
 A solver belongs to one structure and one frequency and has the methods of `Solver`. All of them
 start at phase tau = 0 of the forcing and advance whole forcing periods T = 2 pi / Omega.
@@ -19,27 +19,26 @@ from hpcsweep.solvers.records import Advance, Approach, Growth, Observation
 
 @dataclass(frozen=True)
 class SolverKind:
-    """A solver, and what is known of it.
+    """A solver and its properties.
 
     Attributes
     ----------
     module, made : str
-        Where it is, and what makes it: callable (structure, omega, rtol).
+        Module, and its factory: callable (structure, omega, rtol).
     rtol : float
-        Relative tolerance of a job that names none.
+        Default relative tolerance of jobs.
     tight : float
-        Relative tolerance with which it computes the runs of another solver again.
+        Relative tolerance with which it recomputes the runs of another solver.
     period_error : float
         Error of one forcing period in units of the relative tolerance, at beta = 1000 and a tangent
         map of norm 1: some three times the largest measured.
     polls_each_period : bool
         Whether ``poll`` is called in each forcing period, not only between runs.
     follows_orbits : bool
-        Whether it does runs in a row that skip rules finish (`FlowMap.follow_orbits`).
+        Whether it computes batches of runs that skip rules finish (`FlowMap.follow_orbits`).
     classify_cycles : int
-        Forcing periods after which the motion of a run counts as undecided, of a job that says
-        nothing of it. A solver that takes a second for what takes `flow` a millisecond classifies
-        only where it is asked to.
+        Default number of forcing periods after which the motion of a run counts as undecided. A
+        solver that takes a second where `flow` takes a millisecond classifies only on request.
     """
 
     module: str
@@ -52,7 +51,7 @@ class SolverKind:
     classify_cycles: int = 0
 
     def load(self) -> Callable[[Structure, float, float], "Solver"]:
-        """Import it, which takes longer than most commands do that compute nothing."""
+        """Import the solver, which takes longer than most commands that compute nothing."""
         return getattr(import_module(f"hpcsweep.solvers.{self.module}"), self.made)
 
 
@@ -73,12 +72,12 @@ SOLVERS = {
 
 
 def witness_of(name: str) -> str:
-    """Name the solver that computes the runs of another one again: the first that is not it."""
+    """Return the solver that recomputes the runs of another one: the first different one."""
     return next(other for other in SOLVERS if other != name)
 
 
 class Solver(Protocol):
-    """What `sweep` asks of a solver; shapes and units in `hpcsweep.solvers.records`."""
+    """Interface of a solver; shapes and units in `hpcsweep.solvers.records`."""
 
     structure: Structure
     omega: float
@@ -106,7 +105,7 @@ class Solver(Protocol):
     ) -> Approach:
         """Integrate until the orbit is known, for at most `n_periods`; see `FlowMap.settle`.
 
-        A solver that cannot tell integrates all of them and returns period 0.
+        A solver that cannot detect orbits integrates all of them and returns period 0.
         """
         ...
 
@@ -130,7 +129,7 @@ class Solver(Protocol):
         poll: Callable[[], None] | None = None,
         measures: int = 0,
     ) -> Observation:
-        """Integrate, keeping points and what else an `Observation` has, as far as requested."""
+        """Integrate, keeping points and the rest of an `Observation`, as far as requested."""
         ...
 
     def grow(
@@ -143,7 +142,8 @@ class Solver(Protocol):
     ) -> Growth:
         """Integrate, keeping points and growth of a tangent vector.
 
-        That is `direction` at first, of a `Growth` that has ended in `state`; else (1, ..., 1).
+        The vector is initially `direction`, of a `Growth` that ended in `state`; default (1, ...,
+        1).
         """
         ...
 
@@ -155,7 +155,7 @@ class Solver(Protocol):
 
 
 def make_solver(name: str, structure: Structure, omega: float, rtol: float) -> Solver:
-    """Make the solver `name` for one structure and frequency.
+    """Return the solver `name` for one structure and frequency.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def stroboscopic_points(
     n_periods : int
     solver : {"flow", "bdf"}
     rtol : float
-        Relative tolerance asked of the solver.
+        Relative tolerance of the solver.
 
     Returns
     -------

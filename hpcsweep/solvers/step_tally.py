@@ -1,4 +1,4 @@
-"""What the solver `bdf` gathers along its steps: contact set, drift, modal norms, measures."""
+"""Gather contact set, drift, modal norms and measures along the steps of `bdf`."""
 
 import math
 
@@ -73,7 +73,7 @@ class StepTally:
             self._add_modal(interpolant, tau, -past.max(axis=0, initial=-math.inf))
 
     def _tops(self, rows, both, interpolant, tau, z) -> np.ndarray:
-        """Return the largest row . u of a step, |row . u| of those of `both` sides.
+        """Return the largest row . u of a step, |row . u| for those of `both` sides.
 
         At the nodes, and between those where a slope changes its sign.
         """
@@ -126,13 +126,13 @@ class StepTally:
         impacts[FORCE] += np.sum(half * PANEL_WEIGHTS * np.reshape(force, (len(half), -1)))
 
     def measures(self, structure: Structure, n_periods: int) -> np.ndarray:
-        """Return the measures of an `Observation` of a window; empty if none is asked for."""
+        """Return the measures of an `Observation` of a window; empty if none is requested."""
         if not self._wants_any or not n_periods:
             return np.empty(0)
         return measures_of(structure, self._model, self, n_periods)
 
     def _add_modal(self, interpolant, tau, gap):
-        """Integrate |q_j| / ||q|| over the parts of a step in which nothing touches."""
+        """Integrate |q_j| / ||q|| over the parts of a step without contact."""
         for k in range(STEP_NODES - 1):
             left, right = tau[k], tau[k + 1]
             if gap[k] <= 0 and gap[k + 1] <= 0:
@@ -150,21 +150,21 @@ class StepTally:
             self._free_time += 2 * half
 
     def modal_mean(self) -> np.ndarray:
-        """Mean modal norms, shape (n,); NaN where something always touched."""
+        """Return the mean modal norms, shape (n,); NaN if there was always contact."""
         if not self._modal_norm or self._free_time == 0:
             return np.full(self._modal.size, math.nan)
         return self._modal / self._free_time
 
 
 def _crossing(distance, left: float, right: float) -> float:
-    """Time at which a distance crosses 0 between two times, one of them perhaps that time."""
+    """Return the time at which a distance crosses 0 between two times, inclusive."""
     if distance(left) * distance(right) >= 0:
         return left if distance(left) == 0 else right
     return float(brentq(distance, left, right))
 
 
 def _extremum(value_and_slope, left: float, right: float) -> float:
-    """Value where the slope vanishes between two times with slopes of different sign."""
+    """Return the value where the slope vanishes between two times with slopes of different sign."""
     slope_left, slope_right = value_and_slope(left)[1], value_and_slope(right)[1]
     best = value_and_slope(left)[0]
     for _ in range(8):

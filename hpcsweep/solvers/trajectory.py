@@ -1,4 +1,4 @@
-"""Motion in continuous time between stroboscopic points, for portraits and for inspection."""
+"""Motion in continuous time between stroboscopic points, for portraits and inspection."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ def trajectory(
 ) -> np.ndarray:
     """Integrate one forcing period and sample it evenly in time.
 
-    With scipy's DOP853: a few milliseconds a period, so it is for pictures, not for sweeps.
+    With scipy's DOP853: a few milliseconds a period, for pictures, not for sweeps.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ class Crossing(NamedTuple):
 def crossings(
     structure: Structure, amplitude: float, omega: float, state: np.ndarray
 ) -> list[Crossing]:
-    """Return the contacts that close and open in one forcing period, in the order of time.
+    """Return the contacts that close and open in one forcing period, in order of time.
 
-    Parameters, errors and method as of `trajectory`. A contact shorter than `SHORTEST` forcing
+    Parameters, errors and method as in `trajectory`. A contact shorter than `SHORTEST` forcing
     periods may be missed.
     """
     done, units, period = _one_period(structure, amplitude, omega, state)

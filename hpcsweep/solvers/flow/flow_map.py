@@ -1,4 +1,4 @@
-"""The solver `flow`: the kernels of this package behind the interface of `solvers.solver`."""
+"""Solver `flow`: the kernels of this package behind the interface of `solvers.solver`."""
 
 import math
 from collections.abc import Callable
@@ -41,8 +41,8 @@ class FlowMap:
     omega : float
         Forcing frequency Omega.
     rtol : float
-        Relative error asked of a period; sets the tolerance inside the layers. The linear
-        motion and the fast passages are exact to about 1e-12 whatever is asked.
+        Relative error of a period; sets the tolerance inside the layers. The linear motion and the
+        fast passages are exact to about 1e-12 in any case.
 
     Attributes
     ----------
@@ -64,12 +64,12 @@ class FlowMap:
 
     @property
     def is_specialised(self) -> bool:
-        """Whether its kernels are specialised to the structure, see `specialised`."""
+        """Whether the kernels are specialised to the structure, see `specialised`."""
         return self._kernels is not FOR_ANY
 
     @property
     def n_tables(self) -> int:
-        """Contact sets for which propagators are kept now."""
+        """Number of contact sets with stored propagators."""
         return int(self._shared.tables.count[0])
 
     def advance(
@@ -118,13 +118,13 @@ class FlowMap:
         amplitude : float
             A.
         n_periods, max_period : int
-            Of the transient, and of the orbit, at most.
+            Most periods of the transient, and of the orbit.
         settled, same : float
             Distance (gaps, gaps omega_0: the units of the structure) from the orbit, and between
             points that count as one.
         near : float
-            Distance between points a period apart from which on Newton's method tries to jump to
-            the orbit; 0: never.
+            Distance between points a period apart below which Newton's method tries to jump to the
+            orbit; 0: never.
         poll : callable, optional
             Called before each piece of the work (`polling`).
         """
@@ -156,16 +156,16 @@ class FlowMap:
         measures: int = 0,
         poll: Callable[[], None] | None = None,
     ) -> Followed:
-        """Do runs one after the other, until one is left open by the rules; see `orbit.batch`.
+        """Compute consecutive runs until the rules leave one open; see `orbit.batch`.
 
         Parameters
         ----------
         amplitudes : ndarray, shape (k,)
         state : ndarray, shape (2n,)
-            From which the first of them starts.
+            State from which the first of them starts.
         rules : batch.Rules
         free : FreeMotion, optional
-            The rule by which motions without contact are known.
+            The rule for motions without contact.
         modal_norm, measures, poll
             As in `observe` and `settle`.
         """
@@ -207,7 +207,7 @@ class FlowMap:
         return Followed(orbits, measured, z, left_open)
 
     def _watch_for(self, max_period: int) -> Watch:
-        """Take what is kept of a motion's points for orbits of up to `max_period`."""
+        """Return the record of a motion's points for orbits of up to `max_period`."""
         if max_period not in self._watches:
             self._watches[max_period] = WATCH.place(new_watch(self._units.size // 2, max_period))
         self._watch, self._packed_watch = self._watches[max_period]
@@ -236,7 +236,7 @@ class FlowMap:
     ) -> Observation:
         """Integrate `n_periods` and gather points, contact set, drift, modal norms and measures.
 
-        With `growth` also the growth of a tangent vector, (1, ..., 1) at first.
+        With `growth` also the growth of a tangent vector, initially (1, ..., 1).
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         tally, wanted = self._shared.tally, _wanted(modal_norm, measures)
@@ -309,7 +309,7 @@ class FlowMap:
         return self._units.out_of(z), self._units.tangent_out_of(tangent)
 
     def _motion(self, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
-        """Take what a motion is integrated from to the units of the kernels."""
+        """Return the start of a motion in the units of the kernels."""
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
         return self._units.into(z), amplitude / self._units.amplitude_unit, n_periods
 
@@ -346,5 +346,5 @@ class FlowMap:
 
 
 def _wanted(modal_norm: bool, measures: int) -> int:
-    """Return what is to be gathered; see `tally`."""
+    """Return the flags of what to gather; see `tally`."""
     return (NORMS if modal_norm else MAXIMA) + (measures & (PEAKS | IMPACTS))

@@ -1,10 +1,10 @@
-"""The kernels that motions are computed by: specialised to a structure where that has been done.
+"""Choose the kernels of motions: specialised to a structure where these have been compiled.
 
 Kernels specialised to the number of floors, contacts and harmonics
 (`hpcsweep.kernels.compile.specialise`) take 0.55 to 0.8 of the time and give the same results to
 the last bit, but have to be compiled once more: `hpcsweep run` does so where it pays, `hpcsweep
-warmup` where it is requested. Whoever makes a solver gets them if they are loaded or the cache has
-them, else those for any structure.
+warmup` where it is requested. A new solver uses them if they are loaded or cached, otherwise those
+for any structure.
 """
 
 import functools
@@ -40,13 +40,13 @@ def kernels_for(shared: Shared) -> MotionKernels:
 
 
 def specialised_kernels(structure: Structure) -> SpecialisedKernels:
-    """Return the kernels specialised to a structure, which may be compiled or not."""
+    """Return the kernels specialised to a structure, compiled or not."""
     with LOADING:
         return _specialised(shapes_of(new_shared(kernel_model(structure, 1.0), 0.0, 0)))
 
 
 def use(kernels: SpecialisedKernels) -> None:
-    """Let solvers that are made from now on call specialised kernels, which are loaded."""
+    """Make new solvers call these specialised kernels, which are loaded."""
     _loaded.add(kernels.specialisation.key)
     _kernels_for.cache_clear()
 
@@ -62,7 +62,7 @@ def _kept_keys() -> frozenset[str]:
 
 @functools.cache
 def _specialised(shapes: Shapes) -> SpecialisedKernels:
-    # for good: machine code that was loaded once is found by its name, and holds addresses
+    # never released: loaded machine code is found by its name, and holds addresses
     return SpecialisedKernels(SHARED.specialise(shapes))
 
 

@@ -1,10 +1,10 @@
 """Motion inside a contact layer, where the equations are smooth and stiff.
 
-What a layer integrator must supply
------------------------------------
+Interface of a layer integrator
+-------------------------------
 A visit, `visit.visit_layer`, takes steps from the edge of a layer until no contact is inside its
-one. Where one contact alone is inside, they are those of `solitary`; else it asks five things of
-the scheme, which is Gauss collocation here and can be another:
+layer. With only one contact inside, they are those of `solitary`; otherwise it needs five things of
+the scheme, here Gauss collocation:
 
 - step: `scheme.collocate` takes a step of length h from a state and its accelerations and leaves
   its stages in ``work.layer``; it may decline (False), and h is halved;
@@ -14,8 +14,8 @@ the scheme, which is Gauss collocation here and can be another:
 - highest point: `observation.observe_layer_step` finds the maxima of displacements and drifts over
   the step to its own accuracy (dense output), not only at its ends, and the modal norms;
 - tangent: `variations.layer_tangent` multiplies a matrix by the derivative of the map from start to
-  end of the step, the same map that `finish` gives.
+  end of the step, the same map as that of `finish`.
 
 The length of a step is chosen by `visit.step_limit` before and `visit.shortening` after it; a
-scheme without poles to heed would bring its own. No one outside this folder knows stages.
+scheme without poles to heed would have its own. Nothing outside this folder depends on stages.
 """

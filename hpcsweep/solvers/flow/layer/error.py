@@ -3,7 +3,7 @@
 The error of the velocity is the error of the Gauss rule along the collocation polynomial, and that
 is measured by a rule of 17 points, exact to degree 16, which adds to the Gauss nodes the nodes of
 Kronrod (Laurie, Math. Comp. 66 (1997) 1133) with the start of the step in place of the first. The
-same difference with the weight 2 s - 1 tells of residuals whose mean vanishes.
+same difference with the weight 2 s - 1 detects residuals whose mean vanishes.
 """
 
 from hpcsweep.kernels.compile import inlined
@@ -24,7 +24,7 @@ from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
 
 @inlined
 def quadrature_error(h, z, model, work):
-    """Measure the velocity error of the step from z that `collocate` has left in `work`.
+    """Estimate the velocity error of the step from z that `collocate` has left in `work`.
 
     See the module. Only the forces of contacts inside their layers count: all others are
     linear, and resolved far better.

@@ -1,4 +1,4 @@
-"""Impacts over a collocation step, from its stages; see `observe.impacts`."""
+"""Gather impacts over a collocation step, from its stages; see `observe.impacts`."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from hpcsweep.solvers.measures import FORCE, TIME
 
 @kernel
 def impacts_in_layer(h, z0, z1, model, ways, tally, work):
-    """Add the impacts of a step: force by the rule of its stages, the rest by `_follow`."""
+    """Add the impacts of a step: the force by the rule of its stages, the rest by `_follow`."""
     contacts, stage = model.contacts, work.layer
     n = model.stiffness.shape[0]
     for k in range(contacts.row.shape[0]):
@@ -35,10 +35,10 @@ def impacts_in_layer(h, z0, z1, model, ways, tally, work):
 
 @kernel
 def _follow(k, h, start, end, tally, work):
-    """Add closings and the time at x >= 0 of a contact, whose x is given as of `_highest`.
+    """Add closings and the time at x >= 0 of a contact, with x given as in `_highest`.
 
-    Crossings are those of quintics through neighbours, as they are in `_highest`, and then of the
-    polynomial through distance and speed at the ends and all stages.
+    Crossings are found on quintics through neighbours, as in `_highest`, and then on the polynomial
+    through distance and speed at the ends and all stages.
     """
     left_s, left = 0.0, start
     for s in range(N_STAGES + 1):
@@ -52,7 +52,7 @@ def _follow(k, h, start, end, tally, work):
         inward = -1.0 if closed else 1.0
         begin, since = 0.0, left_s
         if inward * left[1] > 0.0 > inward * right[1] and inward * right[0] < 0.0:
-            # perhaps over to the other side and back
+            # possibly to the other side and back
             turn = turn_of(quintic, inward, left[1] / (left[1] - right[1]))
             if inward * value_of(quintic, turn) >= 0.0:
                 near = left_s + d * root_of(quintic, 0.0, turn, -inward)
@@ -69,7 +69,7 @@ def _follow(k, h, start, end, tally, work):
 
 @kernel
 def _change(k, h, s, since, start, end, tally, work):
-    """Record that a contact closes or opens about s, part of the step; return s exactly."""
+    """Record that a contact closes or opens near s, a fraction of the step; return s exactly."""
     closed = tally.closed[0] & contact_bit(k) != np.uint64(0)
     _interpolate(h, start, end, work)
     slope = 0.0
@@ -85,7 +85,7 @@ def _change(k, h, s, since, start, end, tally, work):
 
 @kernel
 def _interpolate(h, start, end, work):
-    """Write the polynomial through distance and speed at ends and stages into ``work.newton``.
+    """Write the interpolant of distance and speed at ends and stages into ``work.newton``.
 
     In Newton's form, every node twice: divided differences, and nodes.
     """

@@ -1,4 +1,4 @@
-"""What limits a step inside a layer, whatever its scheme.
+"""Limits of a step inside a layer, whatever its scheme.
 
 The sigmoid has poles at y = rho x = +-i pi (2 m + 1). A Gauss rule of N nodes on a step from 0 to L
 converges as kappa^(-2 N), kappa the parameter of the Bernstein ellipse about the step on which the
@@ -20,7 +20,7 @@ def reach(size, ahead, ellipse):
     Parameters
     ----------
     size, ahead : float
-        Distance of the pole from the start of the step, and its part along the step.
+        Distance of the pole from the start of the step, and its component along the step.
     ellipse : float
         E
     """
@@ -29,9 +29,9 @@ def reach(size, ahead, ellipse):
 
 @kernel
 def stiffness_up_to(x, beta, rho):
-    """Return the largest stiffness of a contact on its way to a distance x past its stop.
+    """Return the largest stiffness of a contact up to a distance x past its stop.
 
-    A contact that is switched on softens at first; that is negative.
+    The stiffness of a contact that is switched on is negative at first.
     """
     if rho * x >= STIFFEST:
         return MOST_STIFFNESS * beta
@@ -40,7 +40,7 @@ def stiffness_up_to(x, beta, rho):
 
 @kernel
 def allowed_error(z, tolerance):
-    """Return the error that a step may have which ends in state z."""
+    """Return the allowed error of a step that ends in state z."""
     size = 1.0
     for value in z:
         size = max(size, abs(value))

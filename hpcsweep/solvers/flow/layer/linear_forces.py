@@ -1,4 +1,4 @@
-"""The linear forces at all stages of a collocation step: products of banded matrices."""
+"""Linear forces at all stages of a collocation step: products of banded matrices."""
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import fma, load, store
@@ -14,7 +14,7 @@ def less_linear(force, i, u, v, model):
 
 @inlined
 def _less_products(force, i, matrix, bandwidth, values):
-    """Subtract from `force` what row i of a matrix makes of values."""
+    """Subtract the product of row i of a matrix with values from `force`."""
     for k in range(max(i - bandwidth, 0), min(i + bandwidth + 1, values.shape[0])):
         force = fma(-matrix[i, k], load(values, k * N_STAGES), force)
     return force
@@ -22,9 +22,9 @@ def _less_products(force, i, matrix, bandwidth, values):
 
 @inlined
 def less_linear_of_four(i, u, v, model, out):
-    """Subtract as `less_linear` from the rows i to i + 3 of `out`.
+    """Subtract like `less_linear` from the rows i to i + 3 of `out`.
 
-    Each sum has to wait for its terms one by one; four of them wait together.
+    Each sum waits for its terms one by one; four sums wait together.
     """
     row = i * N_STAGES
     forces = (
@@ -43,7 +43,7 @@ def less_linear_of_four(i, u, v, model, out):
 
 @inlined
 def _less_products_of_four(forces, i, matrix, bandwidth, values):
-    """Subtract from four Lanes what the rows i to i + 3 of a matrix make of values."""
+    """Subtract the products of the rows i to i + 3 of a matrix with values from four Lanes."""
     first, second, third, fourth = forces
     for k in range(max(i - bandwidth, 0), min(i + bandwidth + 4, values.shape[0])):
         x = load(values, k * N_STAGES)

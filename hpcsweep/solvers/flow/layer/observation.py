@@ -1,4 +1,4 @@
-"""What is gathered over a collocation step, from its stages (dense output)."""
+"""Gather maxima and means over a collocation step, from its stages (dense output)."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS, wants_norms
 
 @inlined
 def observe_layer_step(h, z0, z1, model, wanted, tally, work):
-    """Update contact, drift and what else is wanted with one step inside a layer.
+    """Update contact, drift and all else requested by one step inside a layer.
 
     Maxima are taken over the ends and the stages, and, where the velocity changes sign between
     two neighbours, at the top of the quintic Hermite interpolant through them; its error is
@@ -87,7 +87,7 @@ def observe_layer_step(h, z0, z1, model, wanted, tally, work):
 
 @kernel
 def _update_peaks(h, z0, z1, wanted, model, ways, tally, work):
-    """Update the peaks of the watched rows that are wanted."""
+    """Update the requested peaks of the watched rows."""
     n = model.stiffness.shape[0]
     for w in range(model.watched.shape[0]):
         i, below, side, flag = model.watched[w]
@@ -104,7 +104,7 @@ def _update_peaks(h, z0, z1, wanted, model, ways, tally, work):
 
 @kernel
 def _free_share(h, z0, z1, contacts):
-    """Share of a step in which nothing touches, where a contact begins or ends touching in it."""
+    """Return the share of a step without contact, where a contact closes or opens in it."""
     share = 1.0
     for k in range(contacts.row.shape[0]):
         x0, x1 = distance(k, z0, contacts), distance(k, z1, contacts)
@@ -119,7 +119,7 @@ def _free_share(h, z0, z1, contacts):
 
 @kernel
 def _crossing(x0, v0, x1, v1):
-    """Find where a distance crosses 0 on [0, 1], of its values and slopes at both ends (cubic)."""
+    """Return where a distance crosses 0 on [0, 1], from values and slopes at both ends (cubic)."""
     bend, third = 3.0 * (x1 - x0) - 2.0 * v0 - v1, 2.0 * (x0 - x1) + v0 + v1
     low, high, s = 0.0, 1.0, x0 / (x0 - x1)
     for _ in range(4):
@@ -136,7 +136,7 @@ def _crossing(x0, v0, x1, v1):
 
 @kernel
 def _highest_of(h, i, below, sign, z0, z1, n, work):
-    """Find the largest sign (y_i - y_below) over a layer step; sign y_i if `below` is -1."""
+    """Return the maximum of sign (y_i - y_below) over a layer step; sign y_i if `below` is -1."""
     stage = work.layer
     for k in range(N_STAGES):
         u, v, g = stage.u[i, k], stage.v[i, k], stage.g[i, k]
@@ -162,7 +162,7 @@ def _highest_of(h, i, below, sign, z0, z1, n, work):
 
 @kernel
 def _highest(h, start, end, stage_u, stage_v, stage_a):
-    """Find the largest value of one component over a layer step.
+    """Return the maximum of one component over a layer step.
 
     Value, velocity and acceleration are given at the ends and at the stages.
     """
@@ -182,6 +182,6 @@ def _highest(h, start, end, stage_u, stage_v, stage_a):
 
 @kernel
 def _top(d, left, right):
-    """Find the top of the quintic Hermite interpolant between two points d apart."""
+    """Return the maximum of the quintic Hermite interpolant between two points d apart."""
     c = hermite(d, left, right)
     return value_of(c, turn_of(c, 1.0, left[1] / (left[1] - right[1])))

@@ -1,11 +1,11 @@
-"""Quintics through value, slope and bend at both ends of [0, 1]."""
+"""Quintics through value, slope and second derivative at both ends of [0, 1]."""
 
 from hpcsweep.kernels.compile import inlined, kernel
 
 
 @inlined
 def hermite(d, left, right):
-    """Return the coefficients of the quintic through value, slope and bend at 0 and 1."""
+    """Return the coefficients of the quintic through value, slope and bend (u'') at 0 and 1."""
     c0, c1, c2 = left[0], d * left[1], 0.5 * d * d * left[2]
     r0 = right[0] - (c0 + c1 + c2)
     r1 = d * right[1] - (c1 + 2.0 * c2)
@@ -30,7 +30,7 @@ def slope_of(c, t):
 
 @kernel
 def turn_of(c, sign, t):
-    """Find from t on where a quintic has its top, or with the sign -1 its bottom, on [0, 1]."""
+    """Return the maximum, or with sign -1 the minimum, of a quintic on [0, 1], starting from t."""
     for _ in range(4):
         bend = 2.0 * c[2] + t * (6.0 * c[3] + t * (12.0 * c[4] + t * 20.0 * c[5]))
         if not sign * bend < 0.0:
@@ -41,7 +41,7 @@ def turn_of(c, sign, t):
 
 @kernel
 def root_of(c, a, b, sign):
-    """Find where sign times a quintic, positive at a and negative at b, vanishes."""
+    """Return the root of sign times a quintic, positive at a and negative at b."""
     t = 0.5 * (a + b)
     for _ in range(30):
         value, slope = value_of(c, t), slope_of(c, t)

@@ -45,7 +45,7 @@ def _stage_accelerations(u, v, ground, active, model, out):
     ground : ndarray, shape (N_STAGES,)
         The forcing at the stages.
     active : ndarray of int, shape (m,)
-        0 or 1 where the sigmoid of a contact is that on the whole step, 2 where it has to be
+        0 or 1 where the sigmoid of a contact has that value on the whole step, 2 where it has to be
         evaluated.
     """
     contacts = model.contacts
@@ -91,7 +91,7 @@ def accelerations_at_stages(tau, h, z, amplitude, pairs, model, work):
     Parameters
     ----------
     tau, h, z, amplitude, pairs, model
-        Those of `collocate`.
+        As in `collocate`.
     work : Workspace
     """
     stage = work.layer
@@ -108,7 +108,7 @@ def distances(k, u, contacts):
 
 @inlined
 def _forcing_at_stages(tau, h, amplitude, pairs, model, out):
-    """Write G at the stages into `out`; short steps by the addition theorem."""
+    """Write G at the stages into `out`, on short steps by the addition theorem."""
     for k in range(model.harmonics.shape[0]):
         rate = model.harmonics[k, 0] * model.omega
         angle = rate * h
@@ -129,7 +129,7 @@ def _forcing_at_stages(tau, h, amplitude, pairs, model, out):
 
 @inlined
 def _find_active(h, z, a, model, active):
-    """Return for each contact whether its sigmoid is 0, 1 or neither within twice its way."""
+    """Return for each contact whether its sigmoid is 0, 1 or neither within twice its path."""
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
         x, v = distance(k, z, contacts), approach_speed(k, z, contacts)
@@ -142,7 +142,7 @@ def _find_active(h, z, a, model, active):
 
 @kernel
 def iterations_needed(square):
-    """Count the fixed-point iterations that leave `UNCHECKED` of the first error.
+    """Return the number of iterations that reduce the error to `UNCHECKED` of the first.
 
     The error is integrated twice an iteration: after k it is at most square^k / (2 k)! of the
     first, `square` = h^2 |dG/du|.
@@ -151,7 +151,7 @@ def iterations_needed(square):
     -------
     n_iterations : int
     ratio : float
-        By which the next iteration reduces the error.
+        Factor by which the next iteration reduces the error.
     """
     error = 1.0
     k = 0
@@ -163,7 +163,7 @@ def iterations_needed(square):
 
 @inlined
 def weighted(rows, g, i):
-    """Sum the rows with the factors g[i]: even and odd ones apart, which takes half as long."""
+    """Sum the rows with the factors g[i], even and odd ones separately, which is twice as fast."""
     even, odd = load(rows, 0) * g[i, 0], load(rows, N_STAGES) * g[i, 1]
     for k in range(2, N_STAGES, 2):
         even = fma(load(rows, k * N_STAGES), g[i, k], even)
@@ -212,7 +212,7 @@ def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
     stiffness : float
         Largest |dG/du| expected.
     work : LayerWorkspace
-        Receives the stages; see there.
+        Receives the stages.
 
     Returns
     -------
@@ -250,7 +250,7 @@ def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
         rounding = CONVERGED * (size + speed / h)
         if previous < math.inf:
             ratio = change / previous
-        # the next change is smaller at least by that ratio
+        # the next change is smaller by at least that ratio
         if change <= rounding or (ratio < 0.5 and change * ratio <= rounding):
             return True
         if change >= previous and change <= 100.0 * rounding:
@@ -265,7 +265,7 @@ def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
 
 @inlined
 def integrals(g, i):
-    """Integrate row i of the accelerations g twice and once over the step, over h^2 and over h."""
+    """Integrate row i of the accelerations g twice and once over the step, divided by h^2 and h."""
     row = load(g, i * N_STAGES)
     return total(load(POSITION_WEIGHTS, 0) * row), total(load(WEIGHTS, 0) * row)
 

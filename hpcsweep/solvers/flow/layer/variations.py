@@ -24,15 +24,14 @@ CONVERGED = 1e-13
 def layer_tangent(h, model, work, tangent):
     """Multiply `tangent` by the tangent map of one collocation step, in place.
 
-    The first guess are the accelerations of the variation without acceleration, which is what the
-    iteration makes of 0. The last iteration is looked at, and its result is better than the change
-    it makes.
+    The first guess is the acceleration of the variation without acceleration, the first iterate
+    from 0. The last iteration is checked; its result is better than its change.
 
     Parameters
     ----------
     h : float
     work : LayerWorkspace
-        What `scheme.collocate` has left there; overwritten.
+        As left by `scheme.collocate`; overwritten.
     tangent : ndarray, shape (2R, m)
     """
     u, v, g, fresh, spring = work.u, work.v, work.g, work.fresh, work.spring

@@ -1,4 +1,4 @@
-"""A visit to the layer: steps until no contact is inside its one; the length of collocated ones.
+"""Visit the layer: take steps until no contact is inside its layer, and choose their lengths.
 
 A step with one contact alone in its layer is that of `solitary`, all others are collocated. These
 have two limits.
@@ -10,9 +10,9 @@ have two limits.
 - The iteration contracts as h^2 |dG/du| / 2, so h <= `CONTRACTION` / sqrt(|dG/du|), and likewise
   for damping and forcing.
 
-Both limits are for a motion as uniform as it is at the start. What a step has become is checked by
-`error.quadrature_error`. A step whose error is above the tolerance is cut, by what its order
-promises, and taken again.
+Both limits assume that the motion stays as uniform as at the start. The result of a step is checked
+by `error.quadrature_error`. A step with an error above the tolerance is shortened, according to its
+order, and repeated.
 """
 
 import math
@@ -52,7 +52,7 @@ DISTANT = 100.0
 
 
 class Interval(NamedTuple):
-    """Where a visit to the layer begins and must end."""
+    """Interval in which a visit to the layer begins and must end."""
 
     tau: float
     end: float
@@ -64,7 +64,7 @@ INTERVAL = type_of(Interval(0.0, 0.0, 0))
 
 @kernel
 def inside_layer(z, model):
-    """Return whether any contact is within its layer (never, if that has no width)."""
+    """Return whether any contact is within its layer (never, if it has no width)."""
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
         if abs(distance(k, z, contacts)) < model.layer:
@@ -74,7 +74,7 @@ def inside_layer(z, model):
 
 @kernel
 def longest_step(model):
-    """Limit the steps by damping and forcing, see the module."""
+    """Return the limit of steps by damping and forcing, see the module."""
     n = model.stiffness.shape[0]
     drag = 0.4 * model.omega
     for h in range(model.harmonics.shape[0]):
@@ -89,7 +89,7 @@ def longest_step(model):
 
 @kernel
 def step_limit(z, a, model, most):
-    """Choose the length of a step, `most` at most, from state z and accelerations a.
+    """Return the length of a step, at most `most`, from state z and accelerations a.
 
     See the module.
 
@@ -124,14 +124,15 @@ def step_limit(z, a, model, most):
         else:
             nearest = 0.0
         stiff = stiffness_up_to(nearest, contacts.beta[k], model.rho)
-        # a contact that is switched on softens at first, which must not hide what others add
+        # a contact that is switched on softens at first, which must not hide the stiffness of
+        # others
         hardest = hardest + max(stiff, 0.0) if contacts.is_oblique else max(hardest, stiff)
     return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
 
 
 @kernel
 def shortening(allowed, error):
-    """Choose by how much a step is cut whose error, of order h^(2 N_STAGES + 1), is too large."""
+    """Return the factor that shortens a step whose error, ~ h^(2 N_STAGES + 1), is too large."""
     return max(0.9 * (allowed / error) ** (1.0 / (2 * N_STAGES + 1)), 0.5)
 
 

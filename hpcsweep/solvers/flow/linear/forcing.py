@@ -1,7 +1,7 @@
-"""The forcing G(tau), by pairs: A sum_h a_h sin(h Omega tau + phi_h), or linear along a period.
+"""Forcing G(tau) by pairs: A sum_h a_h sin(h Omega tau + phi_h), or linear along a period.
 
-The pair of a harmonic is its sine and cosine, turned by a rotation; the pair of a ramp, after
-those, is (G, G'), turned by a shear.
+The pair of a harmonic is its sine and cosine, advanced by a rotation; the pair of a ramp, after
+those, is (G, G'), advanced by a shear.
 """
 
 import math
@@ -34,7 +34,7 @@ def forcing_at(tau, amplitude, model, out, first):
 
 @inlined
 def turn_forcing(x, first, tables, index):
-    """Take the pairs in x[first:] over one step of table `index`."""
+    """Advance the pairs in x[first:] over one step of table `index`."""
     rotation = tables.rotation
     for at in range(0, rotation.shape[1], 2):
         cosine = rotation[index, at]
@@ -49,7 +49,7 @@ def turn_forcing(x, first, tables, index):
 
 @inlined
 def short_turn(s):
-    """Return sine and cosine of an angle, or of Lanes of them, of `SHORT_ANGLE` at most."""
+    """Return sine and cosine of an angle, or of Lanes, of at most `SHORT_ANGLE`."""
     q = s * s
     sine = s * fma(q, fma(q, fma(q, -1.0 / 5040.0, 1.0 / 120.0), -1.0 / 6.0), 1.0)
     cosine = fma(q, fma(q, fma(q, -1.0 / 720.0, 1.0 / 24.0), -0.5), 1.0)
@@ -58,7 +58,7 @@ def short_turn(s):
 
 @inlined
 def _turn(s):
-    """Return sine and cosine of an angle of `WIDE_ANGLE` at most."""
+    """Return sine and cosine of an angle of at most `WIDE_ANGLE`."""
     q = s * s
     sine, cosine = SINE[0], COSINE[0]
     for k in range(1, len(SINE)):

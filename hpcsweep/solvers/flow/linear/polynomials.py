@@ -1,4 +1,4 @@
-"""The motion along a linear step as polynomials in sigma = 2 s / h - 1, from the tables."""
+"""Motion along a linear step as polynomials in sigma = 2 s / h - 1, from the tables."""
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma
@@ -69,7 +69,7 @@ def evaluate_rows(rows, h, s, out):
 
 @inlined
 def _cubic(rows, row, p, sigma, square):
-    """Evaluate the cubic of four coefficients in a row, and its first two derivatives."""
+    """Evaluate the cubic of four consecutive coefficients, and its first two derivatives."""
     c0, c1, c2, c3 = rows[row, p], rows[row, p + 1], rows[row, p + 2], rows[row, p + 3]
     value = fma(fma(c3, sigma, c2), square, fma(c1, sigma, c0))
     slope = fma(3.0 * c3, square, fma(2.0 * c2, sigma, c1))
@@ -106,8 +106,8 @@ def value_slope_bend(rows, row, h, s):
 def values_and_slopes(rows, row, h, s):
     """Evaluate polynomial `row` of a step and its time derivative at times s of the step, Lanes.
 
-    Its even part E and its odd part O by themselves: with q = sigma^2 it is E(q) + sigma O(q), and
-    its derivative by sigma 2 sigma E'(q) + O(q) + 2 q O'(q).
+    Even part E and odd part O are evaluated separately: with q = sigma^2 the value is E(q) + sigma
+    O(q), and its derivative by sigma 2 sigma E'(q) + O(q) + 2 q O'(q).
     """
     rate = 2.0 / h
     sigma = fma(s, rate, -1.0)
@@ -128,7 +128,7 @@ def values_and_slopes(rows, row, h, s):
 
 @kernel
 def integral(rows, row, h, s):
-    """Integrate polynomial `row` of a step over its first s, shape as of `value_slope_bend`."""
+    """Integrate polynomial `row` of a step over its first s; arguments as `value_slope_bend`."""
     sigma = s * (2.0 / h) - 1.0
     upper = lower = 0.0
     for p in range(N_COEFFICIENTS - 1, -1, -1):
@@ -140,6 +140,6 @@ def integral(rows, row, h, s):
 
 @kernel
 def value_and_slope(rows, row, h, s):
-    """Evaluate as `value_slope_bend`, without the second derivative."""
+    """Evaluate like `value_slope_bend`, without the second derivative."""
     value, slope, _ = value_slope_bend(rows, row, h, s)
     return value, slope

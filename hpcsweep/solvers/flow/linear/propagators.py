@@ -1,7 +1,7 @@
-"""Building the table of a contact set: the propagators of `tables`, from its generator M.
+"""Build the table of a contact set: the propagators of `tables`, from its generator M.
 
-All is done in loops of our own, in a workspace: a library would be called for matrices of ten rows,
-and a product by one library is not that by another to the last bit.
+All loops are our own, in a workspace: calling a library for matrices of ten rows is slow, and
+products differ between libraries in the last bit.
 """
 
 import math
@@ -49,7 +49,7 @@ def _find(key, tables):
 
 @inlined
 def table_of(key, tables, packed):
-    """Return what `lookup` gives, without a call where the table is at hand."""
+    """Return the result of `lookup`, without a call where the table exists."""
     index = _find(key, tables)
     return index if index >= 0 else lookup(key, packed)
 
@@ -65,7 +65,7 @@ def table_at_hand(key, tables, packed):
 
 @entry_point(INT, KEY, BYTES)
 def lookup(key, packed):
-    """Return the index of the table of contact set `key`, building it once.
+    """Return the index of the table of contact set `key`, building it on first use.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def _write_rows(matrix, unit, column, model, out):
 def _build_modal(model, poly, modal):
     """Fill the table of modal coordinates from the polynomials of free flight.
 
-    The modes ask for no row beyond n.
+    The modes need no row beyond n.
     """
     n = model.modal_transform.shape[0]
     for column in range(modal.shape[1]):

@@ -4,7 +4,7 @@ With x' = M x of `tables` and e the unit impulse of a contact (it moves velociti
 
     d . u(s) = sum_k s^k (d M^k / k!) x,        exp(M s) e = sum_k s^k M^k e / k!
 
-The first is the distance of a contact, the second what an impulse at time 0 has done by time s.
+The first is the distance of a contact, the second the effect at time s of an impulse at time 0.
 """
 
 from hpcsweep.kernels.compile import kernel

@@ -1,1 +1,1 @@
-"""Maxima and means over continuous time, from the exact pieces."""
+"""Maxima and means over continuous time, from the exact segments."""

@@ -1,7 +1,7 @@
 """Largest storey drift, and peaks of single rows, over continuous time, on linear segments.
 
-All components are polynomials of the step (`tables`). A maximum is looked for only where the
-Hermite bound of `search` allows more than the largest drift so far.
+All components are polynomials of the step (`tables`). A maximum is sought only where the Hermite
+bound of `search` allows more than the largest drift so far.
 """
 
 import math
@@ -90,9 +90,9 @@ def _size(value, side):
 def search_peak(rows, h, s, bound4, side, w, peaks, stack):
     """Update peak w with the extrema of one polynomial on [0, s].
 
-    A part is done with where the Hermite bound allows no more than the peak, or where the slope is
-    proved to be monotone: it has one extremum at most. Other parts are halved.
-    `stack` is workspace for right ends, as in `search.first_passage`.
+    A part is finished where the Hermite bound allows no more than the peak, or where the slope is
+    proved monotone, so that it has at most one extremum. Other parts are halved. `stack` is
+    workspace for right ends, as in `search.first_passage`.
 
     Returns
     -------
@@ -133,8 +133,8 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
 def slope_is_monotone(d, g0, slope0, g1, slope1, bound4):
     """Return whether g'' has one sign on an interval of length d; True is proved.
 
-    That of the cubic Hermite interpolant is linear and differs by no more than d^2 / 12 times
-    the bound of the fourth derivative (see `search`).
+    The second derivative of the cubic Hermite interpolant is linear and differs by at most d^2 / 12
+    times the bound of the fourth derivative (see `search`).
     """
     rise = 6.0 * (g1 - g0) / d
     bend0 = (rise - 4.0 * slope0 - 2.0 * slope1) / d
@@ -145,7 +145,7 @@ def slope_is_monotone(d, g0, slope0, g1, slope1, bound4):
 
 @kernel
 def extremum(rows, h, a, slope_a, b, slope_b):
-    """Find where the slope of polynomial 0 vanishes between a and b, where its signs differ.
+    """Return where the slope of polynomial 0 vanishes between a and b, where its signs differ.
 
     Returns
     -------

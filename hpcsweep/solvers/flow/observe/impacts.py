@@ -3,22 +3,23 @@ r"""Impacts of each contact: closings, closing speed, impulse, time in contact; 
 A contact is closed where its distance past the stop is x >= 0. Its impulse is beta int x S dt over
 all time, gathered as the integral of x S. On a linear segment x S is max(x, 0), a polynomial.
 
-A passage in closed form adds what the layer does. With r of `crossing` the true force is that of
-the spring less r, along the true path, while a segment has the motion y that is linear up to, and
-from, the time 0 of the passage. On the side beyond the stop the two differ by what r does later
-(before: did earlier), g(t) = t - c t^2 / 2 + (b - beta) t^3 / 6 + ... being the displacement by a
-unit of impulse, c = d . D e and b = d . (D^2 - K) e, so that
+A passage in closed form adds the effect of the layer. With r of `crossing` the true force is that
+of the spring less r, along the true path, while a segment has the motion y that is linear up to,
+and from, the time 0 of the passage. On the side beyond the stop the two differ by the effect of r
+after (or before) that time, g(t) = t - c t^2 / 2 + (b - beta) t^3 / 6 + ... being the displacement
+by a unit of impulse, c = d . D e and b = d . (D^2 - K) e, so that
 
     int F dt = beta int y dt - J,    J = M_0 - beta (M_2 / 2 + c M_3 / 6 + (b - beta) M_4 / 24),
 
 M_0 = int r dt of both sides and M_k = int t^k r dt of that beyond. J is what `crossing.add_kick`
 adds along e. With m_k = int s^k r ds of the arriving side alone, s from the stop, the true motion
-is at the stop at the time d of the linear one p, earlier on the way in, later on the way out, where
+is at the stop at the time d of the linear one, p, earlier on the way in, later on the way out,
+where
 
     p(d) = m_1 + c m_2 / 2 + b m_3 / 6,    with the speed    p'(d) + m_0 + c m_1 + b m_2 / 2,
 
-beta less in b if that side is the one beyond; on a slow passage by what is left of the distance
-when the force of the arriving side has acted.
+with beta less in b if that side is the one beyond; on a slow passage by the remaining distance
+after the force of the arriving side has acted.
 """
 
 import math
@@ -123,6 +124,6 @@ def _passage_at_end(segment, ending, model, tally, work):
 
 @inlined
 def _beyond(moments, beta, inner, bend):
-    """Return what the force of a slow passage does to the spring's on the side beyond the stop."""
+    """Return the effect of a slow passage on the spring's impulse beyond the stop."""
     later = -inner * moments[3] / 6.0 + bend * moments[4] / 24.0
     return beta * (0.5 * moments[2] + later)

@@ -1,8 +1,7 @@
 """Modal norms |q_j| / ||q|| integrated over linear segments free of contact.
 
-They are integrated on intervals that are halved until the interpolant of q_j / ||q|| at Gauss nodes
-resolves it, narrow where ||q|| nearly vanishes; the kinks of |q_j| are the sign changes of the
-interpolant.
+Intervals are halved until the interpolant of q_j / ||q|| at Gauss nodes resolves it, and are narrow
+where ||q|| nearly vanishes; the kinks of |q_j| are the sign changes of the interpolant.
 """
 
 import math
@@ -62,8 +61,8 @@ TINY = 1e-300
 def _between_places() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Express the interpolant between two neighbouring `PLACES` by its values at the nodes.
 
-    Between them, u in [-1, 1], it is a polynomial of degree `LANES` - 1, economised: at most 0.19
-    apart, an interpolant that is resolved has nothing above it that counts.
+    Between them, u in [-1, 1], it is a polynomial of degree `LANES` - 1, economised: over at most
+    0.19, higher terms of a resolved interpolant are negligible.
 
     Returns
     -------

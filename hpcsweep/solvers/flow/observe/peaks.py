@@ -1,7 +1,7 @@
 """Peaks of single rows over continuous time, on linear segments: storeys, floors, contacts.
 
-As the largest drift (`drift`), but each row of `Model.watched` has a peak of its own: of |y_i -
-y_below|, or, where the row has a side, of that side times y_i.
+Like the largest drift (`drift`), but each row of `Model.watched` has a peak of its own: of |y_i -
+y_below|, or, for a row with a side, of that side times y_i.
 """
 
 from hpcsweep.kernels.compile import kernel
@@ -10,7 +10,7 @@ from hpcsweep.solvers.flow.observe.drift import peak_of_row
 
 @kernel
 def peaks_on_segment(index, x, z_end, s, wanted, model, tables, tally, work):
-    """Update the peaks of the watched rows that are wanted over the first `s` of a linear step.
+    """Update the requested peaks of the watched rows over the first `s` of a linear step.
 
     Arguments as of `drift.drift_on_segment`.
     """

@@ -1,1 +1,1 @@
-"""Orbits: the end of a transient, Newton's method, runs in a batch."""
+"""Orbits: the end of a transient, Newton's method, batches of runs."""

@@ -1,11 +1,11 @@
-"""Runs along a path in one call: those that skip rules finish, one after the other.
+"""Compute consecutive runs of a path that skip rules finish, in one compiled call.
 
 Most runs of a study are without contact, or go to a periodic orbit that is known after a few
-forcing periods. The interpreter took longer over such a run than its motion. `follow_orbits` does
-them all: the rule ``linear``, the transient (`transient`), one time round the orbit with all
-that is gathered of it, and its points in the order of the window procedure. It comes back with a
-run that the rules leave open, for the caller to integrate its window, and where a stretch of work
-is done, to be called again: what it has begun is kept in `Run`.
+forcing periods; interpreting such a run took longer than its motion. `follow_orbits` computes them
+all: the rule ``linear``, the transient (`transient`), one turn round the orbit with all that is
+gathered along it, and its points in the order of the window procedure. It returns with a run that
+the rules leave open, whose window the caller integrates, and for polling, to be called again: `Run`
+keeps the state of the current run.
 """
 
 import math
@@ -41,7 +41,7 @@ LINEAR, CONVERGED, NEWTON = (int(rule) for rule in list(SkipRule)[1:])
 
 
 class Rules(NamedTuple):
-    """When a skip rule finishes a run; handed over as a plain tuple."""
+    """Conditions under which skip rules finish a run; passed as a plain tuple."""
 
     max_period: int
     settled: float
@@ -56,7 +56,7 @@ class Rules(NamedTuple):
 
 
 class Run(NamedTuple):
-    """The run that is at work."""
+    """The current run."""
 
     place: np.ndarray
     """(6,) int: see `NUMBER`."""
@@ -75,7 +75,7 @@ class Run(NamedTuple):
 
 
 def new_run(n: int, size: int, max_period: int, wanted: int) -> Run:
-    """Allocate the run at work for n coordinates and states of the kernels of a size."""
+    """Allocate the current run for n coordinates and kernel states of a size."""
     return Run(
         place=np.zeros(6, np.int64),
         number=np.zeros(2),
@@ -104,7 +104,7 @@ def new_orbits(n_runs: int, n: int, max_period: int, tally: Tally | None = None)
 
 
 def in_units(orbits: Orbits, n_runs: int, structure: Structure) -> Orbits:
-    """Return the first `n_runs` in the units of a structure."""
+    """Return the first `n_runs` results in the units of a structure."""
     done = Orbits(*(array[:n_runs] for array in orbits))
     keys = done.contact.tolist()
     bits = {key: structure.contact_bits(key) for key in set(keys)}
@@ -125,7 +125,7 @@ ORBITS = type_of(new_orbits(1, 1, 1))
 def follow_orbits(
     shared, watch, free, amplitudes, state, units, amplitude_unit, n_periods, rules, run, rows
 ):
-    """Do the runs from that of `run` on, until one is open or some `n_periods` have been done.
+    """Compute runs from `run` on, until one is left open or about `n_periods` have been integrated.
 
     Parameters
     ----------
@@ -135,10 +135,10 @@ def follow_orbits(
     state : ndarray, shape (2n,)
         Of the run's start; changed in place.
     units : ndarray, shape (2n,)
-        Of states, and `amplitude_unit` of amplitudes, in those of the kernels.
+        Units of states, and `amplitude_unit` of amplitudes, in kernel units.
     n_periods : int
-        Forcing periods after which to come back, at the latest; `FREE_RUNS` runs without contact
-        are also enough. Newton's method is not interrupted.
+        Forcing periods after which to return, for polling; also after `FREE_RUNS` runs without
+        contact. Newton's method is not interrupted.
     rules : tuple
         The values of a `Rules`.
     run : Run
@@ -202,7 +202,7 @@ def follow_orbits(
 
 @kernel
 def _end_free(state, follow, run, rows):
-    """Write the results of a run without contact, and go on to the next."""
+    """Write the results of a run without contact, and advance to the next."""
     k = run.place[NUMBER]
     rows.rule[k] = LINEAR
     rows.length[k] = 1
@@ -235,7 +235,7 @@ def _begin(common, watch, state, units, near, run):
 
 @kernel
 def _go_round(shared, common, amplitude, n_periods, units, run, rows):
-    """Go on round the orbit, and tell whether the solver has not failed."""
+    """Continue round the orbit; return whether the solver succeeded."""
     place = run.place
     n = units.shape[0] // 2
     half = run.z.shape[0] // 2
@@ -261,11 +261,11 @@ def _go_round(shared, common, amplitude, n_periods, units, run, rows):
 
 @kernel
 def _finish(whole_run, same, units, tally, run, rows):
-    """Write the results of a run whose orbit has been gone round.
+    """Write the results of a run after one turn round its orbit.
 
-    Its points are given in the order of the last ones of the window procedure, `whole_run` periods
-    from the start: which of them the next amplitude starts from can decide which attractor it
-    reaches, so that a run that was cut short must not end at another one.
+    Its points are in the order of the last ones of the window procedure, `whole_run` periods from
+    the start: the point from which the next amplitude starts can decide which attractor it reaches,
+    so that a shortened run must end at the same one.
     """
     place = run.place
     k, length = place[NUMBER], place[ORBIT_PERIOD]

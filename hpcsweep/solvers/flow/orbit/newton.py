@@ -1,8 +1,8 @@
 """Newton's method for the periodic orbit that a motion approaches.
 
 With F the period map over p forcing periods and M its tangent it solves F(z) = z from where the
-last three points extrapolate to (Aitken's method along their differences). `transient` says when it
-is tried and what makes the orbit that of the motion.
+last three points extrapolate to (Aitken's method along their differences). `transient` defines when
+it is tried and when the orbit is that of the motion.
 """
 
 import math
@@ -24,7 +24,7 @@ NEWTON_RESIDUAL = 1e-11
 
 @kernel
 def newton_orbit(shared, common, watch, period, amplitude):
-    """Jump from the motion that is watched to the orbit it approaches, if that is verified.
+    """Jump from the watched motion to the orbit that it approaches, if that is verified.
 
     Returns
     -------
@@ -50,10 +50,10 @@ def newton_orbit(shared, common, watch, period, amplitude):
 
 @kernel
 def _find_orbit(shared, common, watch, period, amplitude, image):
-    """Take ``watch.point`` to the orbit; its tangent map is left in ``watch.matrix``.
+    """Move ``watch.point`` to the orbit; its tangent map is left in ``watch.matrix``.
 
-    The matrix is kept while it was taken within `NEWTON_SAME` of where it is used; what an orbit's
-    matrix tells, its multiplier too, is then right to about that.
+    The matrix is kept while it was computed within `NEWTON_SAME` of where it is used; the
+    multiplier is then accurate to about that.
 
     Returns
     -------
@@ -90,8 +90,9 @@ def _find_orbit(shared, common, watch, period, amplitude, image):
             point[k] = left[k] - watch.previous[k]
         if not _largest_difference(point, image) <= NEWTON_REACH:
             return False, n_periods
-        # the next residual: it falls at least by the factor by which this one has fallen. A last
-        # correction in any case: with a multiplier near 1 a small residual is far from the orbit
+        # the next residual falls at least by the factor by which this one has fallen. A last
+        # correction in any case: with a multiplier near 1 a small residual may be far from the
+        # orbit
         foretold = 10.0 * residual * residual <= NEWTON_RESIDUAL * last_residual
         if residual <= NEWTON_RESIDUAL or foretold:
             return True, n_periods
@@ -114,14 +115,14 @@ def _is_linear(matrix, state, image, orbit):
 
 @kernel
 def _copy_matrix(matrix, out):
-    """Write a square matrix into `out`."""
+    """Copy a square matrix into `out`."""
     for i in range(matrix.shape[0]):
         copy_state(matrix[i], out[i])
 
 
 @kernel
 def _make_unit(matrix):
-    """Make a square matrix the unit matrix."""
+    """Set a square matrix to the unit matrix."""
     matrix[:] = 0.0
     for i in range(matrix.shape[0]):
         matrix[i, i] = 1.0
@@ -140,7 +141,7 @@ def _largest_difference(a, b):
 
 @kernel
 def _extrapolate(before, state, image, out):
-    """Sum the geometric series that the differences of three points begin, if it converges."""
+    """Sum the geometric series begun by the differences of three points, if it converges."""
     square = 0.0
     product = 0.0
     for k in range(out.shape[0]):

@@ -1,17 +1,17 @@
-"""The end of a transient: the orbit a motion has reached, or is verified to go to.
+"""End of a transient: the orbit that a motion has reached, or is verified to approach.
 
 `watch_motion` watches a motion until its orbit has closed on itself, or is approached.
 `newton.newton_orbit` then jumps to the orbit: F(z) = z with F the period map over p forcing periods
 and M its tangent map. The orbit z* is accepted if
 
-- it is a fixed point to `NEWTON_RESIDUAL`, found or foretold from the fall of the residual, and
-  corrected once more;
+- it is a fixed point to `NEWTON_RESIDUAL`, measured or predicted from the fall of the residual,
+  and corrected once more;
 - it attracts: the spectral radius of M(z*) is at most `skip_rule.STABLE`;
 - F is linear between the last points and it: F(z) - z* differs from M(z*) (z - z*) by no more
   than `LINEAR_DEFECT` of itself. The present state is then attracted as the linear map says, to
   z* and to nothing else.
 
-`end_of_transient` does the one and the other, until the orbit is known or the transient is over.
+`end_of_transient` does both, until the orbit is known or the transient is over.
 """
 
 import math
@@ -47,16 +47,16 @@ class Closing(NamedTuple):
 
 @kernel
 def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
-    """Advance z until its orbit has closed on itself, for `n_periods` at most.
+    """Advance z until its orbit has closed on itself, for at most `n_periods`.
 
-    Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and
-    distance e r / (1 - r) to go with r = e_k / e_(k-p), once that is at most `settled` at every
-    point of two orbits in a row. An orbit that closes after p also closes after multiples of p,
-    and may be seen to do so earlier: the answer is the smallest divisor of p for which the last
+    Let e_k(p) be the largest difference of z(kT) and z((k - p)T). The orbit has period p, and the
+    remaining distance is e r / (1 - r) with r = e_k / e_(k-p), once that is at most `settled` at
+    every point of two consecutive orbits. An orbit that closes after p also closes after multiples
+    of p, which may be detected earlier: the result is the smallest divisor of p for which the last
     two points are the `same`.
 
-    Before that, once e_k(p) is at most `near` and has fallen at every point of two orbits in a
-    row, the orbit is approached: the period is returned with a minus sign.
+    Before that, once e_k(p) is at most `near` and has fallen at every point of two consecutive
+    orbits, the orbit is approached: the period is returned with a minus sign.
 
     Returns
     -------
@@ -128,7 +128,7 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     specialises=True,
 )
 def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
-    """Advance z to the end of its transient: until its orbit is known, for `n_periods` at most.
+    """Advance z to the end of its transient: until its orbit is known, for at most `n_periods`.
 
     Parameters
     ----------
@@ -137,8 +137,8 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     z : ndarray, shape (2R,)
         Changed in place; after a jump the point of the orbit.
     closing : tuple
-        The values of a `Closing`, as a plain tuple: numba takes 0.2 us to look into that and 1 us
-        into a named one.
+        The values of a `Closing`, as a plain tuple: numba takes 0.2 us to unpack that, 1 us for a
+        named one.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     multiplier : float
         Modulus of the largest Floquet multiplier if a jump was made, else NaN.
     near : float
-        Distance from which on to try next.
+        Distance below which to try next.
     outcome : int
     """
     common = read_shared(shared)
@@ -168,7 +168,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
         n_done += more
         if outcome != COMPLETE or period >= 0:
             return n_done, n_newton, period, math.nan, near, outcome
-        # an orbit may be seen to approach after a multiple of its period first
+        # a multiple of the period of an approached orbit may be detected first
         slot = kept.since[0] % (max_period + 1)
         for divisor in range(1, 1 - period):
             if period % divisor != 0 or kept.distance[slot, divisor] > near:

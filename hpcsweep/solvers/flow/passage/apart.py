@@ -1,9 +1,9 @@
-r"""Whether a contact at its stop may pass its layer apart from all other contacts.
+r"""Decide whether a contact may pass its layer independently of all other contacts.
 
 While contact 1 is inside its layer, another one, 2, that passes its own moves it through the
-coupling c = |D_12| + |K_12| t alone (they do not push each other), and the closed form has this in
-another order: all of the impulse J_2 at the time t_2 of the stop, and, if that is earlier, on the
-whole way of contact 1. Before t_2 its speed is therefore wrong by J_2 c (|t - t_2| + s_2), s_2
+coupling c = |D_12| + |K_12| t alone (they do not push each other), and the closed form applies this
+in another order: all of the impulse J_2 at the time t_2 of the stop, and, if that is earlier, over
+the whole path of contact 1. Before t_2 its speed is therefore wrong by J_2 c (|t - t_2| + s_2), s_2
 the mean distance in time of the force of contact 2 from t_2, and its impulse, by parts, by
 
     1 / v_1 int r_1 J_2 c (|t - t_2| + s_2) dt <= J_1 J_2 c (s_1 + s_2) / v_1,
@@ -65,11 +65,11 @@ def _coupling(k, model, span):
 
 @inlined
 def passes_apart(arrival, z, a, amplitude, model):
-    """Return whether the contact at its stop may pass its layer apart from all other contacts.
+    """Return whether the contact at its stop may pass its layer independently of all others.
 
-    That holds where no other comes near its layer meanwhile, and also where those that do will
-    pass as fast, if what they do to each other is negligible; see the module. It does not hold for
-    contacts that push each other directly.
+    That holds where no other comes near its layer meanwhile, and also where those that do pass as
+    fast, if their effect on each other is negligible; see the module. It does not hold for contacts
+    that push each other directly.
 
     Returns
     -------
@@ -133,9 +133,9 @@ def is_alone(arrival, z, a, amplitude, model):
     """Return whether no other contact comes near its layer while one passes slowly, or arrives.
 
     In a time t a row moves by no more than (w + |a| t / 2) t + J t^3 / 6, with its speed w, J the
-    largest jerk of any row and the norm |K| + |C| / t of all rows: what the rows add to J while
-    they move is less than J again as long as |K| t^2 + |C| t <= 1, for which J t^3 is taken. A
-    contact that touches draws its row back, which only makes that less.
+    largest jerk of any row and the norm |K| + |C| / t of all rows: the rows add less than J again
+    while they move as long as |K| t^2 + |C| t <= 1, hence J t^3. A closed contact pulls its row
+    back, which only reduces that.
     """
     contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
     n = stiffness.shape[0]

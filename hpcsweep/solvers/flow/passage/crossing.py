@@ -17,11 +17,11 @@ from work and energy along the true path,
     w(X)^2 = v*^2 +- 2 sigma (a X +- j X^2 / (2 |v*|) + R(X)) - [x > 0] beta X^2,
     R(X) = int_0^X r,   upper signs after, lower before the passage,
 
-a and j being acceleration and jerk without the contact force. At the stop itself
-v*^2 = v^2 + sigma E with E = 2 R(inf) = beta pi^2 / (6 rho^2), v the speed of the linear motion:
-the potential step. All integrals have the weight y / (1 + exp(y)), y = rho X, on [0, inf), for
-which `NODES` and `WEIGHTS` are the Gauss rule. The expansion holds while w^2 stays near v*^2
-inside the layer; `passage_is_fast` asks for that, and everything else is integrated (`layer`).
+a and j being acceleration and jerk without the contact force. At the stop itself v*^2 = v^2 + sigma
+E with E = 2 R(inf) = beta pi^2 / (6 rho^2), v the speed of the linear motion: the potential step.
+All integrals have the weight y / (1 + exp(y)), y = rho X, on [0, inf), for which `NODES` and
+`WEIGHTS` are the Gauss rule. The expansion holds while w^2 stays near v*^2 inside the layer, which
+`passage_is_fast` tests; everything else is integrated (`layer`).
 
 The time from the stop is int dX / w. It is X over the mean q = (|v*| + w) / 2 of the speeds if w^2
 is linear in X; to first order in what else is in w^2, g X^2 and +- 2 sigma R, it is longer by
@@ -144,7 +144,7 @@ class AtStop(NamedTuple):
 
 @inlined
 def at_stop(v, a, j, beta, rho):
-    """Return what is known of a contact at its stop; see `moments`."""
+    """Return the quantities of a contact at its stop; see `moments`."""
     width = 1.0 / rho
     unit = beta * width * width
     sign = 1.0 if v > 0.0 else -1.0
@@ -199,7 +199,7 @@ def half_passage(side, stop):
 
 @inlined
 def sums(free, contact):
-    """Add up what `half_passage` gives of both halves.
+    """Sum the moments of `half_passage` over both halves.
 
     Returns
     -------

@@ -1,6 +1,6 @@
-"""Fast passage of a contact: which one is at its stop, and whether it may pass in closed form.
+"""Passage of a contact: choose which one is at its stop, and whether it passes in closed form.
 
-The passage itself is that of `crossing`. What may not pass that way is integrated by `layer`.
+The passage itself is that of `crossing`. Passages without a closed form are integrated by `layer`.
 """
 
 import math
@@ -37,7 +37,7 @@ the contact is at its stop."""
 
 @kernel
 def time_at_stop(rows, k, contacts, h, s, direction):
-    """Follow a contact from the edge of its layer (time s) to the stop; NaN if it turns.
+    """Return when a contact at the edge of its layer (time s) is at the stop; NaN if it turns.
 
     `direction` is 1 on the way in, -1 on the way out.
     """
@@ -51,7 +51,7 @@ def time_at_stop(rows, k, contacts, h, s, direction):
         square = speed * speed + 2.0 * left * sign * bend
         step = 2.0 * left / (speed + math.sqrt(square)) if square > 0.0 else left / speed
         s += step
-        # what is left, u''' step^3 / 6, is below rounding
+        # the remainder, u''' step^3 / 6, is below rounding
         if abs(step) <= LAST_STEP * h:
             return s
     return s
@@ -59,10 +59,9 @@ def time_at_stop(rows, k, contacts, h, s, direction):
 
 @kernel
 def first_at_stop(contact, at_stop, near, key, rows, h, contacts):
-    """Choose the contact that is first at its stop, not after `at_stop`.
+    """Return the contact that is first at its stop, not after `at_stop`.
 
-    The one that is first at the edge of its layer may be overtaken inside by a faster one, out of
-    `near`.
+    The first one at the edge of its layer may be overtaken inside by a faster one of `near`.
     """
     for k in range(contacts.row.shape[0]):
         if k != contact and near & contact_bit(k) and at_stop <= h * EXTRAPOLATION:
@@ -79,7 +78,7 @@ def first_at_stop(contact, at_stop, near, key, rows, h, contacts):
 
 @kernel
 def jerk_at_stop(arrival, z, a, model):
-    """Differentiate the acceleration a of the row of a contact that exerts no force."""
+    """Return the jerk of the row of a contact that exerts no force, with acceleration a."""
     contact, contacts = arrival.contact, model.contacts
     stiffness, damping = model.stiffness, model.damping
     n = stiffness.shape[0]
@@ -99,7 +98,7 @@ def jerk_at_stop(arrival, z, a, model):
     (INT, FLOAT, KEY), INT, SEGMENT, FLOAT, VECTOR, KEY, FLOAT, BYTES, inner=True, specialises=True
 )
 def pass_layer(contact, before, tau, z, promised, amplitude, packed):
-    """Take the contact at its stop, in state z, through its layer if it need not be integrated.
+    """Take the contact at its stop, in state z, through its layer in closed form if possible.
 
     Parameters
     ----------
@@ -107,7 +106,7 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     before : Segment
         The motion up to the stop.
     tau : float
-        When it is there; ``work.forcing`` is that then.
+        Time at the stop; ``work.forcing`` is the forcing at that time.
     z : ndarray, shape (2R,)
     promised : uint64
     amplitude : float
@@ -117,13 +116,12 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     Returns
     -------
     how : int
-        `INTEGRATED`, with z unchanged, if the passage has to be integrated instead. ``work.a``
-        then holds the accelerations at the stop without the force of the contact.
+        `INTEGRATED`, with z unchanged, if the passage has to be integrated. ``work.a`` then holds
+        the accelerations at the stop without the force of the contact.
     float
         Jerk of its row, likewise.
     promised : uint64
-        Contacts whose next passage has to be in closed form, see `passes_apart`; brought up to
-        date.
+        Contacts whose next passage has to be in closed form, see `passes_apart`; updated.
     """
     shared = read_shared(packed)
     z = as_long_as(z, shared.previous)
@@ -186,7 +184,7 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
 
 @inlined
 def _pass_slowly(how, arrival, z, index, packed, shared):
-    """Take the contact at its stop by `slow_passage`; say how it was taken."""
+    """Take the contact at its stop by `slow_passage`; return how it was taken."""
     contact, moved = arrival.contact, shared.work.moved
     after = index
     if how == SLOW:

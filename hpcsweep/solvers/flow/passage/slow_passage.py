@@ -20,7 +20,7 @@ left is smooth: at the true distance, rho q x = y - delta,
 
 `ARRIVING` and `DEPARTING` integrate, from the far end and from the stop to each node, the
 polynomial through the values at the nodes. The integral equation is solved by iteration, which
-gains a factor of the size of delta each time. p and exp(M s) e are series of Taylor (`series`) of
+gains a factor of the order of delta each time. p and exp(M s) e are Taylor series (`series`) of
 `LANES` terms. Tangent vectors obey the same equations with r' and g, at the same nodes.
 """
 
@@ -78,13 +78,12 @@ EXPONENTIAL = (-1.0 / 720.0 / 7.0, 1.0 / 720.0, -1.0 / 120.0, 1.0 / 24.0, -1.0 /
 def half_is_smooth(v, a, j, is_beyond, contact, model):
     """Return whether half a passage may be taken along the linear motion of its side.
 
-    Up to `REACH` the square of the speed may fall by `FALL` of itself at most, and double no
-    sooner than at `RISE`: the rule is then right to 2e-12 of the impulse J (tried on (1 - y / y_0)^
-    (-1/2) and (1 - (y / y_0)^2)^(-1/2), y_0 at these bounds), and to 2e-8 where the layer's own
-    potential changes the speed. The series leave out 9 (kappa t^2)^4 J at first, t = 1 / (rho |v|)
-    and kappa = beta + |K| beyond the stop, |K| before it, or the square of the fastest decay or
-    forcing. Contacts that push each other are not taken so: what `apart.is_alone` bounds leaves
-    that out.
+    Up to `REACH` the square of the speed may fall by `FALL` of itself at most, and double no sooner
+    than at `RISE`: the rule is then right to 2e-12 of the impulse J (tried on (1 - y / y_0)^ (-1/2)
+    and (1 - (y / y_0)^2)^(-1/2), y_0 at these bounds), and to 2e-8 where the layer's own potential
+    changes the speed. The series leave out 9 (kappa t^2)^4 J at first, t = 1 / (rho |v|) and kappa
+    = beta + |K| beyond the stop, |K| before it, or the square of the fastest decay or forcing.
+    Contacts that push each other are excluded: the bounds of `apart.is_alone` do not cover them.
 
     Parameters
     ----------
@@ -134,7 +133,7 @@ def passage_is_smooth(v, a, j, contact, model):
 
 @inlined
 def _distance_and_rates(b, t):
-    """Evaluate the distance gone, speed and acceleration at times t (Lanes), b the series."""
+    """Evaluate distance covered, speed and acceleration at times t (Lanes) from the series b."""
     value, slope, bend = t * 0.0 + b[LANES - 1], t * 0.0, t * 0.0
     for k in range(LANES - 2, -1, -1):
         bend = fma(bend, t, slope)
@@ -156,7 +155,7 @@ def expand_series(direction, side, first, x, tables, work):
 
 @inlined
 def _find_times(beta, rho, work):
-    """Find the times at which the linear motion is at the nodes; False if it does not get there."""
+    """Find the times at which the linear motion is at the nodes; return False if it misses one."""
     b, times, shares = work.series, work.times, work.shares
     speed = b[1]
     if not speed * speed + 4.0 * b[2] * REACH / rho > SLOWEST * SLOWEST * speed * speed:
@@ -179,7 +178,7 @@ def _find_times(beta, rho, work):
 
 @inlined
 def respond(values, initial, work):
-    """Write `initial` and what forces at the nodes add to it into ``work.moved``.
+    """Write `initial` plus the response to forces at the nodes into ``work.moved``.
 
     Returns
     -------
@@ -199,7 +198,7 @@ def respond(values, initial, work):
 
 @inlined
 def sum_up(direction, first, tables, work):
-    """Write what the forces at the nodes do to the state at the stop into ``work.kicked``."""
+    """Write the effect of the forces at the nodes on the state at the stop into ``work.kicked``."""
     times, forces = work.times, work.forces
     low, high = load(forces, 0) * load(WEIGHTS, 0), load(forces, LANES) * load(WEIGHTS, LANES)
     t_low, t_high = load(times, 0) * -direction, load(times, LANES) * -direction
@@ -234,14 +233,14 @@ def _exponential_less_one(delta):
 
 @inlined
 def take_half(direction, index, contact, model, tables, work):
-    """Find what r does to the state ``work.x`` on one side of the stop; it is in ``work.kicked``.
+    """Compute the effect of r on the state ``work.x`` on one side of the stop, in ``work.kicked``.
 
     Parameters
     ----------
     direction : float
         -1 on the way to the stop, 1 on the way from it.
     index : int
-        Of the table of that side.
+        Index of the table of that side.
     contact : int
     model : Model
     tables : Tables
@@ -250,7 +249,7 @@ def take_half(direction, index, contact, model, tables, work):
     Returns
     -------
     bool
-        Whether the passage is as the module asks.
+        Whether the passage fulfils the conditions of the module.
     """
     contacts, rho = model.contacts, model.rho
     beta, sign, row = contacts.beta[contact], contacts.sign[contact], contacts.row[contact]
@@ -304,12 +303,12 @@ def take_half(direction, index, contact, model, tables, work):
 
 @entry_point(INT, FLOAT, INT, INT, VECTOR, BYTES, inner=True, specialises=True)
 def cross_half(direction, index, contact, z, shared):
-    """Go over from the linear motion to the true one at the stop, or back.
+    """Change from the linear motion to the true one at the stop, or back.
 
     Parameters
     ----------
     direction, index, contact
-        Of `take_half`, whose workspace is ``work.arriving`` or ``work.departing``.
+        As in `take_half`, whose workspace is ``work.arriving`` or ``work.departing``.
     z : ndarray, shape (2R,)
         State; changed on success. ``work.forcing`` has the forcing at that time.
     shared : ndarray of bytes
@@ -318,7 +317,7 @@ def cross_half(direction, index, contact, z, shared):
     Returns
     -------
     int
-        1, or 0 if the passage is not as the module asks.
+        1, or 0 if the passage does not fulfil the conditions of the module.
     """
     common = read_shared(shared)
     z = as_long_as(z, common.previous)

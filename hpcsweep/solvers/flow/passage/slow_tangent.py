@@ -1,7 +1,7 @@
 """Tangent map of half a slow passage (`slow_passage`).
 
-A variation of the distance is that of the linear motion and what the variations r'(x) dx of the
-force add to it, at the nodes of the passage.
+A variation of the distance is that of the linear motion plus the response to the variations r'(x)
+dx of the force, at the nodes of the passage.
 """
 
 import math
@@ -20,12 +20,12 @@ SETTLED = 1e-10
 
 @entry_point(INT, FLOAT, INT, INT, MATRIX, BYTES, inner=True, specialises=True)
 def half_tangent(direction, index, contact, tangent, shared):
-    """Multiply `tangent` by the tangent map of the half that `cross_half` has taken last.
+    """Multiply `tangent` by the tangent map of the half taken last by `cross_half`.
 
     Parameters
     ----------
     direction, index, contact, shared
-        Those of `cross_half`.
+        As in `cross_half`.
     tangent : ndarray, shape (2R, m)
 
     Returns

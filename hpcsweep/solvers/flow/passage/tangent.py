@@ -1,4 +1,4 @@
-"""The tangent map along the motion: product of the propagators of its segments.
+"""Tangent map along the motion: the product of the propagators of its segments.
 
 The field is continuous, so a change of contact set alone adds nothing. The three kinds of
 segment of `period` give
@@ -130,7 +130,7 @@ def _rates(half, faster, pushed):
 
 @inlined
 def _differentiated(side, stop):
-    """Return the moments of half a passage node by node, and what differentiates them.
+    """Return the moments of half a passage node by node, and their derivatives.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def _differentiated(side, stop):
 def passage_tangent(arrival, z, a, jerk, model, work, tangent):
     """Multiply `tangent` by the matrix S of a fast passage, in place.
 
-    The kick is differentiated by v and by a; for a single column at once as that asks.
+    The kick is differentiated by v and by a; for a single column in one directional derivative.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""A forcing period put together, and periods in a row."""
+"""Combine segments to a forcing period, and periods to longer motions."""

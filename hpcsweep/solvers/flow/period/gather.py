@@ -1,4 +1,4 @@
-"""What is gathered along a linear segment and the passage at its end, where it is wanted."""
+"""Gather what is requested along a linear segment and the passage at its end."""
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def segment_tangent(segment, ending, packed, shared, tangent):
 
 @inlined
 def observe_segment(segment, span, wanted, shared):
-    """Bring the tally up to date with a segment of that length."""
+    """Update the tally by a segment of length `span`."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     key, index = segment.key, segment.index
     if key != np.uint64(0):

@@ -1,4 +1,4 @@
-"""Forcing periods in a row."""
+"""Integrate consecutive forcing periods."""
 
 import math
 
@@ -15,7 +15,7 @@ from hpcsweep.solvers.outcome import COMPLETE
 
 @entry_point((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX, INT, MATRIX, VECTOR, specialises=True)
 def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
-    """Advance z over `n_periods` forcing periods, in place, and gather what is wanted of it.
+    """Advance z over `n_periods` forcing periods, in place, and gather what is requested.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     wanted, tangent
         See `period.march_period`.
     growth : ndarray, shape (n_periods,) or (0,)
-        If it is not empty the first column of `tangent` is scaled to length 1 after each period,
-        and the logarithm of what it was written here.
+        If not empty, the first column of `tangent` is scaled to length 1 after each period, and the
+        logarithm of its previous length is written here.
 
     Returns
     -------
@@ -61,6 +61,6 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
 
 @kernel
 def advance(shared, common, z, amplitude, n_periods, tangent):
-    """Advance z, and `tangent`, as `march` does, and gather nothing; `common` is `shared`, read."""
+    """Advance z, and `tangent`, like `march`, and gather nothing; `common` is `shared`, read."""
     no_points, no_growth = common.no_points, common.no_growth
     return march(shared, z, amplitude, n_periods, no_points, NO_TALLY, tangent, no_growth)

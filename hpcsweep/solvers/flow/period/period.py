@@ -1,14 +1,14 @@
 """One forcing period: linear steps, fast passages, and visits to the layer.
 
 One period runs from tau = 0 to T = 2 pi / Omega, so that the phase is exact in every period.
-Between contact changes the motion takes linear steps of the present contact set (`tables`).
-A step is accepted when no contact can have reached the edge of its layer, which is proved
-(`events`); otherwise the first one that does is found. If its passage through the layer is
-fast, and no other comes near its layer meanwhile, the passage is done in closed form
-(`crossing`); if not, the motion is integrated from the edge until no contact is inside its layer
-(`layer`). For infinite sharpness the layer has no width and every passage is the closed form
-with zero impulse. Contacts that are at their stops at one instant then pass together: each by
-itself would be a segment without length, and a table of its own (`passing_contacts`).
+Between contact changes the motion takes linear steps of the present contact set (`tables`). A step
+is accepted when no contact can have reached the edge of its layer, which is proved (`events`);
+otherwise the first one that does is found. If its passage through the layer is fast, and no other
+comes near its layer meanwhile, the passage is done in closed form (`crossing`); if not, the motion
+is integrated from the edge until no contact is inside its layer (`layer`). For infinite sharpness
+the layer has no width and every passage is the closed form with zero impulse. Contacts that are at
+their stops at the same instant then pass together: separately, each would need a segment without
+length and a table of its own (`passing_contacts`).
 """
 
 import math
@@ -62,7 +62,7 @@ SAME_INSTANT = 2.0**-40
 
 @inlined
 def _coast(segment, steps_left, model, tables, work):
-    """Take linear steps while no contact can reach the edge of its layer (proved) and time is left.
+    """Take linear steps while no contact can reach the edge of its layer (proved) and time remains.
 
     Returns
     -------
@@ -92,12 +92,12 @@ def _coast(segment, steps_left, model, tables, work):
 
 @inlined
 def _step(segment, known, tables, work):
-    """Take one linear step from ``work.x`` to ``work.z_end``, to the end of the period at most.
+    """Take one linear step from ``work.x`` to ``work.z_end``, at most to the end of the period.
 
     Returns
     -------
     float
-        Its length.
+        Length of the step.
     """
     index, x = segment.index, work.x
     for row in range(work.z_end.shape[0]):
@@ -119,9 +119,9 @@ def _step(segment, known, tables, work):
 
 @inlined
 def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
-    """End a segment where a contact passes its stop, or else at the edge of its layer.
+    """End a segment where a contact passes its stop, or otherwise at the edge of its layer.
 
-    `event` is what `first_event` gives. Without a passage ``work.z_end`` is the state at the end.
+    `event` is from `first_event`. Without a passage ``work.z_end`` is the state at the end.
     """
     model, work = shared.model, shared.work
     rows, h, tau = work.rows, segment.h, segment.tau
@@ -191,7 +191,7 @@ def passing_contacts(segment, ending, z, model):
 def next_segment(segment, ending, passing, tau, z, amplitude, packed, shared):
     """Write the start of the next segment into ``work.x``; return its contact set and table.
 
-    The table is `NO_TABLE` or `AT_EDGE` where the motion does not go on as a linear one.
+    The table is `NO_TABLE` or `AT_EDGE` where the motion does not continue as a linear one.
     """
     model, tables, work = shared.model, shared.tables, shared.work
     key, index = segment.key, segment.index
@@ -216,7 +216,7 @@ def next_segment(segment, ending, passing, tau, z, amplitude, packed, shared):
 
 @inlined
 def take_segment(segment, known, promised, z, amplitude, packed, shared):
-    """Take a linear step, to the first passage or edge of a layer in it at most.
+    """Take a linear step, at most to the first passage or edge of a layer in it.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def take_segment(segment, known, promised, z, amplitude, packed, shared):
     Returns
     -------
     Ending
-        Its contact is `UNDECIDED` if rounding forbids to tell.
+        Its contact is `UNDECIDED` if rounding prevents a decision.
     """
     span = _step(segment, known, shared.tables, shared.work)
     event = first_event(segment, span, shared.model, shared.tables.poly, shared.work)
@@ -251,7 +251,7 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
         A.
     shared : Shared
     wanted : int
-        What is gathered in ``shared.tally``, see `tally`.
+        Flags of what to gather in ``shared.tally``, see `tally`.
     tangent : ndarray, shape (2R, m)
         Multiplied by the tangent map of the period, in place.
 

@@ -1,1 +1,1 @@
-"""Motions under a ground-motion record: sample intervals in a row, and the peaks of outputs."""
+"""Motions under a ground-motion record: consecutive sample intervals, and peaks of outputs."""

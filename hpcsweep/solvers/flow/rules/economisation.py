@@ -1,4 +1,4 @@
-"""Polynomials of a lower degree by way of Chebyshev's."""
+"""Lower the degree of polynomials by Chebyshev economisation."""
 
 import math
 
@@ -6,10 +6,10 @@ import numpy as np
 
 
 def economisation(taylor: int, degree: int) -> np.ndarray:
-    """Map monomial coefficients up to x^taylor on [-1, 1] to the degree + 1 that remain.
+    """Return the map of monomial coefficients up to x^taylor on [-1, 1] to degree + 1 ones.
 
-    x^k = 2^(1-k) sum_j binomial(k, j) T_(k-2j)(x), the term T_0 halved; what is above T_degree is
-    left out. All numbers are integers over 2^(taylor-1); a double holds them up to taylor = 30.
+    x^k = 2^(1-k) sum_j binomial(k, j) T_(k-2j)(x), the term T_0 halved; terms above T_degree are
+    dropped. All numbers are integers over 2^(taylor-1); a double holds them up to taylor = 30.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Gauss rules of weights that are given by values: of a force inside its layer."""
+"""Gauss rules of weights given by values, such as a force inside its layer."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def recurrence(y: np.ndarray, measure: np.ndarray, n_nodes: int) -> tuple[np.nda
 
 
 def rule(alpha: np.ndarray, beta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes and weights, of the eigenvalues and vectors of the Jacobi matrix.
+    """Return nodes and weights, from the eigenvalues and eigenvectors of the Jacobi matrix.
 
     Golub and Welsch, Math. Comp. 23 (1969) 221.
     """

@@ -16,19 +16,19 @@ REACH = 26.0
 
 
 def gauss_rule(n_nodes: int):
-    """Make the Gauss rule of the weight 1 / (1 + exp(y)) on [0, REACH].
+    """Return the Gauss rule of the weight 1 / (1 + exp(y)) on [0, REACH].
 
-    Of a fine discretisation of the weight.
+    From a fine discretisation of the weight.
 
     Returns
     -------
     nodes, weights : ndarray, shape (n_nodes,)
     departing, arriving : ndarray, shape (n_nodes, n_nodes)
-        Row j: what a value at node j adds to the integrals from 0 to each node, and from each node
-        to the far end.
+        Row j: contribution of a value at node j to the integrals from 0 to each node, and from each
+        node to the far end.
     derivative : ndarray, shape (n_nodes,)
         Values at the nodes with which the rule integrates polynomials times the derivative of
-        y / (1 + exp(y)) exactly; what is left of 1 - y S(y), whose poles are near, would be 3e-9.
+        y / (1 + exp(y)) exactly; the error for 1 - y S(y), whose poles are near, would be 3e-9.
     """
     panel, panel_weight = np.polynomial.legendre.leggauss(40)
 

@@ -1,4 +1,4 @@
-"""Constants of the Gauss collocation and of the rule that checks it; see `scheme`."""
+"""Constants of Gauss collocation and of the rule that checks it; see `scheme`."""
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -9,7 +9,7 @@ N_STAGES = LANES
 
 
 def _collocation():
-    """Gauss nodes and weights on [0, 1], A, A^2 and the Legendre transform."""
+    """Return Gauss nodes and weights on [0, 1], A, A^2 and the Legendre transform."""
     x, w = legendre.leggauss(N_STAGES)
     transform = (np.arange(N_STAGES)[:, None] + 0.5) * legendre.legvander(x, N_STAGES - 1).T * w
     stages = _integrals(x, 1) @ transform
@@ -17,7 +17,7 @@ def _collocation():
 
 
 def _integrals(x, times):
-    """Integrate the Legendre polynomials of 2 s - 1 from s = 0 to (x + 1) / 2, so many times.
+    """Integrate the Legendre polynomials of 2 s - 1 from s = 0 to (x + 1) / 2, `times` times.
 
     Returns
     -------
@@ -31,7 +31,7 @@ def _integrals(x, times):
 
 
 def _kronrod_nodes():
-    """Find the zeros of the Stieltjes polynomial E_(N+1): orthogonal with P_N to all lower degrees.
+    """Return the zeros of the Stieltjes polynomial E_(N+1): orthogonal with P_N to lower degrees.
 
     Returns
     -------
@@ -47,14 +47,14 @@ def _kronrod_nodes():
 
 
 def _check():
-    """Make the rule that checks the Gauss rule.
+    """Return the rule that checks the Gauss rule.
 
     Returns
     -------
     nodes : ndarray, shape (N_STAGES,)
         On [0, 1], beside the Gauss nodes and 0.
     rows : ndarray, shape (N_STAGES, N_STAGES)
-        Row k: what G_k adds to the displacements at these nodes, over h^2 G_k.
+        Row k: contribution of G_k to the displacements at these nodes, over h^2 G_k.
     gauss, added, start : ndarray, ndarray, float
         Weights of the difference of both rules.
     """

@@ -1,4 +1,4 @@
-"""What ends a linear step: the first contact at the edge of its layer.
+"""Events that end a linear step: the first contact at the edge of its layer.
 
 Each contact is cleared by a proof or searched (`search`); the contact set and the side of each
 layer are those of the motion at hand.
@@ -28,7 +28,7 @@ from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, di
 def contact_key(tau, z, amplitude, model, work):
     """Find the contact set of a state outside all layers.
 
-    A contact exactly at a stop of infinite sharpness touches if it is moving, or else
+    A contact exactly at a stop of infinite sharpness is closed if it is moving, or otherwise
     accelerating, towards it.
     """
     key = np.uint64(0)
@@ -47,7 +47,7 @@ def contact_key(tau, z, amplitude, model, work):
 
 @kernel
 def layer_edge(key, k, model):
-    """Return the edge of the layer of contact k in its state, and the sign of its way there."""
+    """Return the edge of the layer that contact k reaches next, and the sign of the way there."""
     edges = model.contacts.edges
     if key & contact_bit(k):
         return Level(-edges[k, 0], edges[k, 2])
@@ -56,7 +56,7 @@ def layer_edge(key, k, model):
 
 @kernel
 def is_clear(key, k, d, x, z_end, model, bound4):
-    """Return whether contact k keeps away from its layer, or leaves it, within d; True is proved.
+    """Return whether contact k stays outside its layer, or leaves it, within d; True is proved.
 
     `x` is the augmented state at the start, `z_end` begins with the state at the end.
     """
@@ -84,11 +84,11 @@ def first_event(segment, span, model, poly, work):
     Returns
     -------
     contact : int
-        -1 if none does (proved), `UNDECIDED` if rounding forbids to tell.
+        -1 if none does (proved), `UNDECIDED` if rounding prevents a decision.
     bracket : Bracket
         See `first_passage`. No other contact reaches the edge of its layer before b.
     near : uint64
-        Contacts that are not known to keep away from their layers within `span`.
+        Contacts that are not proved to stay outside their layers within `span`.
     """
     key, index, h = segment.key, segment.index, segment.h
     x, z_end, rows, expanded = work.x, work.z_end, work.rows, work.expanded
@@ -119,7 +119,7 @@ def first_event(segment, span, model, poly, work):
         if found.a < 0.0:
             continue
         if contact >= 0 and found.b > first.a:
-            # both within one interval: the time of the first
+            # both within one interval: take the time of the first
             known = Curve(rows, model.contacts.row[contact], h)
             a = rising_root(known, first, layer_edge(key, contact, model))
             b = rising_root(curve, found, edge)

@@ -13,9 +13,9 @@ coefficients are those of H, raised to degree four, the middle one greater by d^
     g_0,  g_0 + d g_0'/4,  (g_0 + g_1)/2 + d (g_0' - g_1')/6 + d^4 M / 144,  g_1 - d g_1'/4,  g_1.
 
 If the largest is negative, g has no root: the floor cannot have reached the level, however short
-the contact. Otherwise the interval is cut into `LANES` parts, which are looked at together, and the
-first that is not cleared is cut again, until either every part is cleared, or a part has exactly
-one root because the slope, bounded likewise from below, is positive there.
+the contact. Otherwise the interval is cut into `LANES` parts, which are tested together, and the
+first part not cleared is cut again, until either every part is cleared, or a part has exactly one
+root because the slope, likewise bounded from below, is positive there.
 
 A floor that is leaving its layer starts with g_0 >= 0, g_0' < 0. If all other coefficients of B are
 negative, B falls below 0 once, before y = g_0 / (g_0 - 4 (g_0 + d g_0'/4)), and stays there. If g'
@@ -167,7 +167,7 @@ def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
 
 @inlined
 def _where_negative(curve, part, level):
-    """Find where g has become negative, if it is not at the start: the floor leaves its layer.
+    """Find where g becomes negative, if it is not at the start: the floor leaves its layer.
 
     Returns
     -------
@@ -206,9 +206,9 @@ def _first_uncleared(curve, part, level, bound4, touch):
     Returns
     -------
     place : int
-        Its number; `LANES` if there is none (proved).
+        Number of the part; `LANES` if there is none (proved).
     Part
-        That one.
+        The part.
     """
     a, ga, da, b, gb, db = part
     d = (b - a) * (1.0 / LANES)
@@ -246,10 +246,10 @@ def first_passage(curve, part, level, bound4, stack):
     Returns
     -------
     Bracket
-        Of the first root, g rising through it; a = b at a root known to rounding. a = -1 if there
-        is no root, `UNDECIDED` if rounding forbids to tell. If g > 0 at the start and is falling
-        (the floor is just leaving its layer) the search begins where g has become negative; if it
-        is rising, the root is at the start.
+        Bracket of the first root, where g rises; a = b at a root known to rounding. a = -1 if there
+        is no root, `UNDECIDED` if rounding prevents a decision. If g > 0 at the start and is
+        falling (the floor is just leaving its layer) the search begins where g has become negative;
+        if it is rising, the root is at the start.
     """
     where, a, ga, da = _where_negative(curve, part, level)
     if where == AT_ROOT:
@@ -311,7 +311,7 @@ def rising_root(curve, bracket, level):
         if not (slope > 0.0 and below > 0.0 and a <= s + step <= b):
             step = 0.5 * (a + b) - s
         s += step
-        # what is left, g''' step^3 / 6 and (step g'' / g')^2 g / 4, is below rounding
+        # the remainder, g''' step^3 / 6 and (step g'' / g')^2 g / 4, is below rounding
         square = step * step
         if (
             square <= LAST_STEP * LAST_STEP * curve.h * curve.h

@@ -1,1 +1,1 @@
-"""What the kernels work on: states, tables, workspaces, and how they are handed over."""
+"""Data of the kernels: states, tables, workspaces, and how they are passed."""

@@ -1,4 +1,4 @@
-"""The equation of motion at one state, contacts and all."""
+"""Evaluate the equation of motion at one state, including contacts."""
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.contact import FAR, contact_force
@@ -19,7 +19,7 @@ def accelerations(ground, z, model, out):
         out[i] = force
     in_fours = n - n % 4
     for i in range(0, in_fours, 4):
-        # sums that wait for their terms together, see `less_linear_of_four`
+        # four sums wait for their terms together, see `less_linear_of_four`
         first, second, third, fourth = out[i], out[i + 1], out[i + 2], out[i + 3]
         for j in range(n):
             x, v = z[j], z[n + j]

@@ -1,4 +1,4 @@
-"""The augmented state of a linear step, and the rows of displacements beyond the coordinates."""
+"""Augmented state of a linear step, and the rows of displacements beyond the coordinates."""
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.solvers.flow.state.state import copy_state
@@ -16,7 +16,7 @@ def start(x, z, pairs):
 
 @kernel
 def renew_rows(z, tangent, model):
-    """Make the rows beyond n those of the first n, in z and in the columns of `tangent`."""
+    """Recompute the rows beyond n from the first n, in z and in the columns of `tangent`."""
     n = model.modal_transform.shape[0]
     half = z.shape[0] // 2
     for start in range(0, 2 * half, half):

@@ -1,4 +1,4 @@
-"""Contacts of a state: their bits in a contact set, how far past their stops, how fast."""
+"""Contacts of a state: bits in a contact set, distances past the stops, and speeds."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def contact_bit(k):
 
 @inlined
 def distance(k, z, contacts):
-    """Return how far contact k is past its stop."""
+    """Return the distance of contact k past its stop."""
     return contacts.edges[k, 0] * z[contacts.places[k, 0]] - contacts.edges[k, 3]
 
 

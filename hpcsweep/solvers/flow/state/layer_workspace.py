@@ -1,4 +1,4 @@
-"""Workspace of a collocation step; the stages are left there for those who observe it."""
+"""Workspace of a collocation step; the stages are left there for observation."""
 
 from typing import NamedTuple
 
@@ -53,14 +53,14 @@ def new_layer_workspace(n: int, n_contacts: int) -> LayerWorkspace:
 
 
 class SolitaryWorkspace(NamedTuple):
-    """What a step with one contact in its layer has at its nodes, (N_NODES,) each.
+    """Node values of a step with one contact in its layer, (N_NODES,) each.
 
     Attributes
     ----------
     free : ndarray
         Distances without the force of the contact.
     x, forces : ndarray
-        Distances, and what of the force the linear motion has not.
+        Distances, and the force beyond that in the linear motion.
     moments : ndarray, shape (LANES, N_STAGES)
         Workspace.
     """
@@ -72,5 +72,5 @@ class SolitaryWorkspace(NamedTuple):
 
 
 def new_solitary_workspace() -> SolitaryWorkspace:
-    """Allocate it."""
+    """Allocate the workspace."""
     return SolitaryWorkspace(*(zeros(N_NODES) for _ in range(3)), zeros(LANES, N_STAGES))

@@ -1,4 +1,4 @@
-"""Where the tables of `tables` are kept."""
+"""Store of the tables of `layer.solitary.tables`."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ CAPACITY = 512
 
 
 class Responses(NamedTuple):
-    """Tables of steps met so far; `count[0]` of them are valid."""
+    """Tables of steps so far; `count[0]` of them are valid."""
 
     count: np.ndarray
     place: np.ndarray
@@ -40,7 +40,7 @@ class Responses(NamedTuple):
 
 
 def empty_responses(model: Model, n_tables: int) -> Responses:
-    """Allocate the store for so many tables of contact sets; pages are touched when used."""
+    """Allocate the store for `n_tables` contact sets; pages are touched on first use."""
     n, m = model.stiffness.shape[0], model.contacts.row.size
     size = 2 * n + forcing_size(model) + 1
     return Responses(

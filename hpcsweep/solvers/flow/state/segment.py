@@ -1,4 +1,4 @@
-"""A segment of linear motion, and how it ends; see `period`."""
+"""A segment of linear motion and its ending; see `period`."""
 
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ class Segment(NamedTuple):
 
 
 class Ending(NamedTuple):
-    """How a segment ends."""
+    """Ending of a segment."""
 
     span: float
     """Its length."""

@@ -1,8 +1,8 @@
-"""What the kernels of one structure and frequency share, handed over as one array.
+"""Data shared by the kernels of one structure and frequency, passed as one array.
 
-numba looks into every array of a call. For the fifty of a flow map that takes as long as several
+numba unpacks every array of a call. For the fifty of a flow map that takes as long as several
 forcing periods. `SHARED.place` and `WATCH.place` therefore copy the whole tuple into a buffer once,
-in the form in which the kernels hold it, and they read it from there: `read_shared`, `read_watch`.
+in the kernels' form, from which they read it: `read_shared`, `read_watch`.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from hpcsweep.solvers.flow.state.workspace import Workspace, new_workspace
 
 
 class Shared(NamedTuple):
-    """What never changes along the motions of one structure at one frequency, and workspace."""
+    """Constants of all motions of one structure at one frequency, and workspace."""
 
     model: Model
     tables: Tables
@@ -44,7 +44,7 @@ class Shared(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """What is kept of the points a motion has passed, and workspace for Newton's method."""
+    """Record of the points of a motion, and workspace for Newton's method."""
 
     since: np.ndarray
     """(1,) int: forcing periods since the watch began; with 0 it begins anew."""

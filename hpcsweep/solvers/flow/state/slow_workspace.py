@@ -11,21 +11,21 @@ from hpcsweep.solvers.flow.state.tables import padded
 
 
 class HalfPassage(NamedTuple):
-    """Workspace, and what the tangent map of half a passage asks for.
+    """Workspace of half a passage, also used by its tangent map.
 
     Attributes
     ----------
     x : ndarray, shape (N,)
         Augmented state at the stop.
     kicked : ndarray, shape (padded 2R,)
-        What the force of this side does to it.
+        Effect of the force of this side on it.
     series, moments : ndarray, shape (LANES,)
         Series of the distance, moments of the force.
     times, forces, slopes, shares, moved : ndarray, shape (N_NODES,)
         At the nodes: times from the stop, forces and their derivatives by the distance, as smooth
         factors of the weight; workspace.
     response : ndarray, shape (N_NODES, N_NODES)
-        Row j: displacement at all nodes by a unit of force at node j.
+        Row j: displacement at all nodes per unit force at node j.
     """
 
     x: np.ndarray

@@ -1,4 +1,4 @@
-"""The state of a motion: copied, and whether it is of ordinary size."""
+"""Copy states of motions, and test their size."""
 
 from hpcsweep.kernels.compile import kernel
 
@@ -8,7 +8,7 @@ OVERFLOW = 1e100
 
 @kernel
 def is_ordinary(z):
-    """Return whether no coordinate is beyond `OVERFLOW` or NaN."""
+    """Return whether no coordinate is NaN or exceeds `OVERFLOW`."""
     for value in z:
         if not abs(value) < OVERFLOW:
             return False
@@ -17,6 +17,6 @@ def is_ordinary(z):
 
 @kernel
 def copy_state(z, out):
-    """Write z into `out`, which may be longer."""
+    """Copy z into `out`, which may be longer."""
     for i in range(z.shape[0]):
         out[i] = z[i]

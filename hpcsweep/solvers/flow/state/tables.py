@@ -8,7 +8,7 @@ contacts that touch (c_k in {0, 1}) the motion is linear with constant coefficie
 
 With the augmented state x = (y, y', s_1, c_1, .., s_H, c_H, 1), shape (N,) with N = 2 R + 2 H + 1
 and s_h, c_h = A a_h (sin, cos)(h Omega tau + phi_h), it is x' = M x, and M depends on c but not on
-A. Where G is linear along a period one pair (G, G') is in the place of those. Rows beyond n are
+A. Where G is linear along a period one pair (G, G') replaces those. Rows beyond n are
 outputs: y = E u. A table holds, for one set,
 
 - ``step``: exp(M h), the propagator over one full step h;
@@ -56,7 +56,7 @@ ECONOMISATION = economisation(TAYLOR, DEGREE)
 
 
 class Tables(NamedTuple):
-    """Propagators of the contact sets met so far; `count[0]` of them are valid."""
+    """Propagators of the contact sets so far; `count[0]` of them are valid."""
 
     count: np.ndarray
     keys: np.ndarray
@@ -98,7 +98,7 @@ def padded(n: int) -> int:
 
 
 def empty_tables(model: Model) -> Tables:
-    """Allocate the tables of a structure at one frequency; pages are touched when used."""
+    """Allocate the tables of a structure at one frequency; pages are touched on first use."""
     capacity = min(2**model.contacts.row.size, MAX_TABLES)
     n, n_forcing = model.stiffness.shape[0], forcing_size(model)
     n_modes = model.modal_transform.shape[0]
@@ -135,7 +135,7 @@ def product(table, index, x, out):
 
 @kernel
 def product_of_moduli(table, index, x, out):
-    """Multiply as `product`, by the moduli |x|."""
+    """Multiply like `product`, by the moduli |x|."""
     rows = table.shape[2]
     start = index * table.shape[1] * rows
     for first in range(0, out.shape[0], LANES):

@@ -1,7 +1,7 @@
-"""What is gathered along the motion: contact set, drift, modal norms, peaks, impacts.
+"""Tally of a motion: contact set, drift, modal norms, peaks, impacts.
 
-`drift`, `peaks`, `impacts` and `modal_norm` bring it up to date on linear segments,
-`layer.observation` inside a layer.
+`drift`, `peaks`, `impacts` and `modal_norm` update it on linear segments, `layer.observation`
+inside a layer.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ PEAKS, IMPACTS = sum(PEAK_FLAGS), IMPACT_FLAG
 
 
 class Tally(NamedTuple):
-    """What has been gathered over a window."""
+    """Quantities gathered over a window."""
 
     contact: np.ndarray
     """(1,) uint64: bit k is set once contact k has touched."""
@@ -41,7 +41,7 @@ class Tally(NamedTuple):
 
 
 def new_tally(n: int, model: Model) -> Tally:
-    """Make a tally for n modes of a structure."""
+    """Return a tally for n modes of a structure."""
     gaps = model.contacts.gap
     lowest = np.concatenate((np.zeros(len(model.watched) - gaps.size), gaps))
     peaks = zeros(lowest.size)
@@ -59,13 +59,13 @@ def new_tally(n: int, model: Model) -> Tally:
 
 @inlined
 def wants_norms(wanted):
-    """Return whether modal norms are wanted."""
+    """Return whether modal norms are requested."""
     return wanted & 3 == NORMS
 
 
 @kernel
 def clear(tally):
-    """Begin anew."""
+    """Reset the tally."""
     tally.contact[0] = 0
     tally.peak_drift[0] = 0.0
     tally.free_time[0] = 0.0

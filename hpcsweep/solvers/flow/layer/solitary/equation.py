@@ -7,19 +7,19 @@ what a unit impulse of the contact does)
     x(t) = exp(M t) x_0 - int_0^t exp(M (t - s)) e f(s) ds,      f = beta S(rho d) d - c d,
 
 d the distance past the stop, c = 0 where the step starts before the stop and c = beta where it
-starts beyond it, and M that of the set without the contact or with it: an integral equation of
-Volterra for a single function. f is replaced by the polynomial through its values at the Gauss
-nodes c_j of the step,
+starts beyond it, and M that of the set without or with the contact: a Volterra integral equation
+for a single function. f is replaced by the polynomial through its values at the Gauss nodes c_j of
+the step,
 
     d_j = d(exp(M c_j h) x_0) - sum_k W_jk f(d_k),
 
-which `tables` has, and solved by iteration: after k of them an error of f is at most
-(h^2 |df/dd|)^k / (2 k)! of what it was. The nodes make the state at the end right to the order of
-their rule, 2 N_NODES, as for the collocation of differential equations (exponential collocation:
-M. Hochbruck and A. Ostermann, Appl. Numer. Math. 53 (2005) 323). All that is linear is exact.
+from `tables`, and solved by iteration: k iterations reduce an error of f to at most (h^2 |df/dd|)^k
+/ (2 k)! of its size. The nodes make the state at the end right to the order of their rule, 2
+N_NODES, as for the collocation of differential equations (exponential collocation: M. Hochbruck and
+A. Ostermann, Appl. Numer. Math. 53 (2005) 323). All that is linear is exact.
 
-The error of the Gauss rule goes as the square of that of the polynomial, and how wrong that is
-is seen at both ends of the step, where f is known.
+The error of the Gauss rule is of the order of the square of that of the polynomial, which is
+measured at both ends of the step, where f is known.
 """
 
 import math
@@ -55,13 +55,13 @@ TINY = 1e-300
 
 @inlined
 def _forces(d, beta, rho, linear):
-    """Evaluate f of Lanes; `linear` is the stiffness that the linear motion has."""
+    """Evaluate f of Lanes; `linear` is the stiffness within the linear motion."""
     return fma(d, -linear, contact_forces(d, beta, rho))
 
 
 @inlined
 def less_responses(free, table, place, forces):
-    """Return the distances `free` less what `forces` at the nodes do to them, in two registers."""
+    """Return the distances `free` less the responses to `forces` at the nodes, in two registers."""
     first = place * N_NODES * N_NODES
     low, high = load(free, 0), load(free, LANES)
     low_odd, high_odd = load(ZERO, 0), load(ZERO, 0)
@@ -77,7 +77,7 @@ def less_responses(free, table, place, forces):
 
 @inlined
 def _largest_of(low, high):
-    """Find the largest modulus."""
+    """Return the largest modulus."""
     return maximum(greatest(modulus(low), modulus(high)))
 
 
@@ -139,7 +139,7 @@ def take_step(contact, place, h, stiffness, linear, z, model, responses, work):
         change = _largest_of(low - old_low, high - old_high)
         if not change < math.inf:
             return math.inf
-        # the next change is smaller at least by
+        # the next change is smaller by at least
         ratio = square / ((2 * iteration + 3) * (2 * iteration + 4))
         if change * min(ratio, 1.0) <= ROUNDING:
             break

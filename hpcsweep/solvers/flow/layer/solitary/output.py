@@ -13,9 +13,9 @@ from hpcsweep.solvers.flow.state.tables import ZERO
 def dense_output(contact, index, linear, h, z, model, tables, work):
     """Write displacements and velocities at the stages of `scheme` into ``work.layer``.
 
-    The linear motion is that of the table `index`, without this contact, what its whole force adds
-    to it a sum of powers of time. With the contact's spring of the stiffness `linear` in the motion
-    those of a long step in a wide layer do not converge: beta h^2 is up to 13 there.
+    The linear motion is that of the table `index`, without this contact; the response to its whole
+    force is a sum of powers of time. With the spring's stiffness `linear` within the motion these
+    sums would not converge on a long step in a wide layer, where beta h^2 is up to 13.
     """
     solitary, stage, rows = work.solitary, work.layer, work.rows
     x, forces, moments = work.x, solitary.free, solitary.moments

@@ -1,13 +1,13 @@
-"""How long a step with one contact in its layer may be, and what the linear motion is meanwhile.
+"""Choose the length of a step with one contact in its layer, and its linear motion.
 
-The force is an analytic function of time but where the contact is at a pole of the sigmoid,
-rho x = +-i pi. As it moves at the start, x + v t + a t^2 / 2, that is at two complex times, ahead
-or behind, and their conjugates,
+The force is an analytic function of time except where the contact is at a pole of the sigmoid, rho
+x = +-i pi. With the initial motion, x + v t + a t^2 / 2, that is at two complex times, ahead or
+behind, and their conjugates,
 
     t = -2 (x - i pi / rho) / (v + w),  -(v + w) / a,        w^2 = v^2 - 2 a (x - i pi / rho).
 
-The step is as long as the ellipse of `layer.limits` keeps off the nearer of them.
-Damping, forcing and floors do not limit it; that others stay away from their layers does.
+The step is as long as the ellipse of `layer.limits` excludes the nearer of them. Damping, forcing
+and floors do not limit it; the condition that others stay outside their layers does.
 """
 
 import math
@@ -34,7 +34,7 @@ LEAST_PART = 0.1
 
 @kernel
 def solitary_contact(z, model):
-    """Find the contact that is inside its layer or at its edge; -1 if there is none or more."""
+    """Return the only contact inside its layer or at its edge; -1 if there is none or several."""
     found = -1
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
@@ -47,7 +47,7 @@ def solitary_contact(z, model):
 
 @kernel
 def until_poles(x, v, pushed, rho):
-    """Choose the length of a step by the times at which the contact is at a pole; see the module.
+    """Return the length of a step from the times at which the contact is at a pole; see the module.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def until_poles(x, v, pushed, rho):
 
 @kernel
 def plan_step(contact, z, a, most, model):
-    """Choose the length of a step, `most` at most, from state z and accelerations a.
+    """Return the length of a step, at most `most`, from state z and accelerations a.
 
     Returns
     -------
@@ -118,7 +118,7 @@ def plan_step(contact, z, a, most, model):
 
 @kernel
 def others_stay_away(contact, before, after, model):
-    """Return whether all other contacts are outside their layers, on the same sides as before."""
+    """Return whether all other contacts stay outside their layers, on the same sides."""
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
         x = distance(k, after, contacts)
@@ -129,7 +129,7 @@ def others_stay_away(contact, before, after, model):
 
 @inlined
 def level_of(h, longest):
-    """Return the level of the longest step of the tables that is not longer than h, its length."""
+    """Return level and length of the longest step of the tables not longer than h."""
     level = 0
     while level < LEVELS and longest > h:
         longest *= math.sqrt(0.5)
@@ -139,7 +139,7 @@ def level_of(h, longest):
 
 @inlined
 def linear_table(z, without, model, tables, packed):
-    """Return the table of the contacts that touch in state z, but for one; -1 if for none."""
+    """Return the table of the contact set of state z, less one contact unless `without` is -1."""
     contacts = model.contacts
     key = np.uint64(0)
     for k in range(contacts.row.shape[0]):

@@ -1,4 +1,4 @@
-"""The step: planned, tried, and tried shorter where its error is too large."""
+"""Plan a step, try it, and try it shorter where its error is too large."""
 
 import math
 
@@ -30,10 +30,10 @@ def solitary_step(left, z, wanted, tangent, packed):
     left : float
         Longest step.
     z : ndarray, shape (2R,)
-        State at the start, ``work.a`` its accelerations and ``work.forcing`` the forcing; that at
-        the end is left in ``work.z_end``.
+        State at the start, ``work.a`` its accelerations and ``work.forcing`` the forcing; the end
+        state is left in ``work.z_end``.
     wanted : int
-        If anything is, ``work.layer`` receives displacements and velocities at its stages.
+        If not 0, ``work.layer`` receives displacements and velocities at its stages.
     tangent : ndarray, shape (2R, m)
         Multiplied by the tangent map of the step, in place.
     packed : ndarray of bytes

@@ -1,12 +1,12 @@
-"""Tables of a step with one contact in its layer: what the state and the contact's force do.
+"""Tables of a step with one contact in its layer: responses to the state and to the force.
 
-For the linear motion exp(M s) of a contact set, what a unit impulse of the contact does, e, and a
-step h, with the Gauss nodes c_j of `rule` and their Lagrange polynomials l_k on [0, 1]::
+For the linear motion exp(M s) of a contact set, the unit impulse e of the contact, and a step h,
+with the Gauss nodes c_j of `solitary_rule` and their Lagrange polynomials l_k on [0, 1]::
 
     linear:    the distance at the nodes, d exp(M c_j h) x
-    response:  what a unit force at node k does to it, int_0^(c_j h) d exp(M (c_j h - s)) e l_k ds
+    response:  its change by a unit force at node k, int_0^(c_j h) d exp(M (c_j h - s)) e l_k ds
     step:      the state at the end, exp(M h) x
-    kick:      what a unit force at node k does to it, w_k h exp(M (1 - c_k) h) e
+    kick:      its change by a unit force at node k, w_k h exp(M (1 - c_k) h) e
 
 exp(M s) is that of `flow.tables`, of degree 15 in s, so that the Gauss rule of as many nodes on
 [0, c_j h] integrates the response exactly. The steps are h 2^(-l / 2), h the step of the table of c
@@ -25,7 +25,7 @@ from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
 
 @inlined
 def response_table(index, contact, level, packed, responses):
-    """Return the table of such a step, without a call where it is at hand."""
+    """Return the table of such a step, without a call where it exists."""
     place = responses.place[index, contact, level]
     return place if place >= 0 else build_response(index, contact, level, packed)
 
@@ -42,12 +42,12 @@ def _impulse_row(poly, row, contact, model, out):
 
 @entry_point(INT, INT, INT, INT, BYTES)
 def build_response(index, contact, level, packed):
-    """Make the table of a step; return its place.
+    """Build the table of a step; return its index.
 
     Parameters
     ----------
     index : int
-        Of the table of the contact set.
+        Index of the table of the contact set.
     contact : int
     level : int
         The step is that of the table over 2^(level / 2).

@@ -14,6 +14,7 @@ import h5py
 import pytest
 from tools import ATTRACTORS, BASINS, GRID, RECORDS, ROOT, SMALL, hpcsweep
 
+import hpcsweep as hpcsweep_api
 from hpcsweep.campaign.run import COMPLETE, FAILED, REFUSED, STOPPED
 from hpcsweep.commands.cli import CLOSED_PIPE, build_parser
 from hpcsweep.job import JobError, parse_job
@@ -215,3 +216,9 @@ def test_every_exit_code_error_and_outcome_has_a_remedy():
     assert len(errors) > 8
     failed = [one.name.lower() for one in REMEDIES]
     assert sorted({*errors, *failed} - set(said)) == []
+
+
+def test_every_public_name_is_on_the_page_of_python():
+    page = (DOCS / "python.md").read_text()
+    listed = re.findall(r"^\.\. auto(?:class|function):: (\w+)$", page, re.MULTILINE)
+    assert sorted(set(hpcsweep_api.__all__) - {"__version__"}) == sorted(listed)

@@ -30,23 +30,23 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, normalised_drift
 
 STRIDE = 8
-"""Forcing periods between two looks at where the starts are."""
+"""Forcing periods between two tests of the starts."""
 FIRST_GROUP, LARGEST_GROUP = 4, 256
 """Starts of the first group, and of the largest."""
 PATIENCE = 48
-"""Forcing periods after which a start is classified where all that is known are orbits."""
+"""Forcing periods after which a start is classified where only orbits are known."""
 WINDOW, RECORD = 64, 2000
-"""Forcing periods of the window of a start, and of the record of a motion that is no orbit."""
+"""Forcing periods of the window of a start, and of the record of a motion that is not an orbit."""
 MOST_RECORDS = 16
-"""Records kept of motions that are no orbit."""
+"""Most records of motions that are not orbits."""
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
-again, and at last classified: it may be on its slow way to one of them."""
+again, and finally classified: it may approach one of them slowly."""
 FEW, LONGER = 5, 20
-"""Starts that reach a motion which is no orbit, up to which it is followed for so many times
-`max_cycles` before it counts as an attractor."""
+"""Starts up to which a motion that is not an orbit is followed for `LONGER` times `max_cycles`
+before it counts as an attractor."""
 MOST_WATCHED = 100
-"""Longest orbit period for which a motion is watched to settle."""
+"""Longest orbit period for which a motion is watched to converge."""
 
 
 class AttractorSearch:

@@ -31,7 +31,7 @@ TORUS_GROWTH = 0.5
 """Largest weighted growth of a torus over a stretch, either sign; over its halves
 `NEUTRAL_GROWTH`."""
 TORUS_RATE = 3e-4
-"""The same a period: of a torus that is nearly broken the weighted growth falls slowly. Orbits of
+"""The same a period: for a torus that is nearly broken the weighted growth falls slowly. Orbits of
 period 300 to 1,600 to which such tori are locked are approached by 1e-3 to 1e-2 a period."""
 
 

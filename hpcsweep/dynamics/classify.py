@@ -31,17 +31,17 @@ CHAOS_GROWTH = 5.0
 the tangent vector starts and ends at different angles to the growing direction, and an impact
 stretches it by up to a few e-folds within one period. Followed for 1,000 more periods, of 84
 windows of 100 periods above 5 (Figures 4 and 7 as described) 74 kept a positive exponent, of 120
-drawn from the maps of Figure 6 112; the others had left a transient chaos. Of 20 between 3 and 5
+drawn from the maps of Figure 6 112; the others had left transient chaos. Of 20 between 3 and 5
 (Figures 4 and 7) 14 did."""
 NEUTRAL_GROWTH = 3.0
 """Largest growth, either sign, of a quasi-periodic window, whose true exponent is 0. Of 120 windows
 on closed curves (maps of Figure 6) 87 were neutral over 1,000 more periods, |G| <= 5; 12 had
 settled on an orbit, 12 were contracting to one, 9 were weakly chaotic."""
 MOTION = "motion"
-"""Variable of the classes in datasets that do not hold what they are told by."""
+"""Variable of the classes in datasets without the variables that define them."""
 UNSTABLE = 0.01
 """ln |mu_1| per orbit above which a repeated orbit is one that repels. Within the window it
-repeats only because the motion has not left it yet: it is not what the run ends in."""
+repeats only because the motion has not left it yet: the run does not end in it."""
 CURVES = (1, 2, 3, 4, 5, 6)
 """Numbers of closed curves (a torus born of P2 has two) that are tried."""
 LEAST_ON_CURVE = 20
@@ -55,11 +55,11 @@ CURVE_SCATTER = 0.03
 the curve, in its diameters; on a circle 0.02 at 20 points, and falling with their square."""
 CURVE_DRIFT = 0.1
 """Relative change of a curve's mean radius between the two halves of the window above which the
-motion is on its way to somewhere."""
+motion is still transient."""
 PEAKS, NEAR_PEAK = 3, 10
 """Spectral peaks tried as rotation number, and values tried on either side of each."""
 PEAK_WIDTH = 0.12
-"""Half width of what is tried, in 1 / N: twice the error of a peak read off the padded spectrum."""
+"""Half width of the range tried, in 1 / N: twice the error of a peak of the padded spectrum."""
 
 
 class MotionClass(IntEnum):
@@ -68,15 +68,15 @@ class MotionClass(IntEnum):
     NOT_COMPUTED = 0
     """No committed result."""
     NO_CONTACT = 1
-    """No floor touches in the steady window (only where the file holds ``contact``)."""
+    """No contact in the steady window (only where the file holds ``contact``)."""
     PERIODIC = 2
-    """The variable ``orbit_period`` tells the period."""
+    """The variable ``orbit_period`` holds the period."""
     LONG_PERIOD = 3
     """Repeats within the window, with a period above the job's ``max_orbit_period``."""
     QUASI_PERIODIC = 4
     CHAOTIC = 5
     UNDECIDED = 6
-    """None of these can be told: from this window, or as the file holds too little."""
+    """None of these can be established from this window, or from the variables of the file."""
     FAILED = 7
     """The solver failed."""
 

@@ -46,7 +46,7 @@ from hpcsweep.solvers.records import Growth, Observation
 SETTLED = 1e-10
 """Largest estimated distance (gaps, gaps omega_0) from the orbit at which a motion is on it."""
 NEAR = 1e-3
-"""Distance between points a period apart from which on a jump is tried."""
+"""Distance between points a period apart below which a jump is tried."""
 LONGEST = 64
 """Longest orbit period to which Newton's method jumps at sight, in forcing periods. Longer ones, up
 to a third of what is observed, are recognised when they close; see `TURNS`."""
@@ -59,16 +59,16 @@ CONFIRMED = 100
 periods with a growth of chaos, drawn from the map of Figure 6 as described, 10 ended in an orbit
 within 3,000 more: 4 within 100, 8 within 300."""
 LEAST_TORUS = 800
-"""Fewest points by which a torus is told from what is nearly one."""
+"""Fewest points that distinguish a torus from a near one."""
 CARRIED = 4
-"""A stretch is carried on by this part of it before it is judged again, a short one by itself."""
+"""A stretch is extended by 1/4 before it is classified again, a short one by itself."""
 JUDGED = 3 / 4
-"""Part of a stretch, its end, by which it is judged; what comes before may be the way there."""
+"""Final fraction of a stretch by which it is classified; the rest may be a transient."""
 DRIVEN_AWAY = 36.0
 """Growth by which a rounding error becomes as large as the motion: -ln 2^-52."""
 TURNS = 6
 """An orbit of long period is jumped to if its approach is geometric (`orbit.limit_of_approach`), or
-after so many turns."""
+after this many turns."""
 TORUS_DIGITS = 5.0
 """Of tori drawn from the map of Figure 6 as described weighted means agree to 4.7 to 11.2 digits
 after 800 periods and to more after more; those of chaos beside a torus (Figure 3 as described, A =
@@ -78,14 +78,14 @@ RETURNS = 8
 half in place of an eighth the tori of three frames (Omega = 0.425, 0.5, 0.716) took 1.7 times as
 long, and four of 90 were orbits of more than 1,000 periods."""
 HINT_DIGITS = 2.5
-"""The same of a shorter stretch, after which as many periods are observed as a torus needs."""
+"""The same for a shorter stretch, after which as many periods are observed as a torus needs."""
 REPELS = 1e-5
 """Excess over 1 of the largest multiplier above which an orbit repels; it is exact to less."""
 PUSH = 1e-8
 """In units of the state."""
 
 Step = tuple[np.ndarray, Motion | None]
-"""The state from which a motion goes on, and what it is found to be."""
+"""The state from which to continue, and the motion if it is classified."""
 
 
 def classify_motion(

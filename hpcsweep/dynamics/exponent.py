@@ -17,9 +17,9 @@ from hpcsweep.model.arguments import array, count, number
 
 BATCHES = 10
 CONFIDENCE = 0.95
-"""Of both sides of the interval together."""
+"""Confidence of both sides of the interval together."""
 ALIGNING = 10
-"""The first 1/10 of a stretch does not count."""
+"""The first 1/10 of a stretch is dropped."""
 
 
 class Interval(NamedTuple):

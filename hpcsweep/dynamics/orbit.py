@@ -25,11 +25,11 @@ from hpcsweep.model.arguments import count, number, rows
 FLOOR = 1e-12
 """Distance below which points differ by rounding."""
 KEPT = 0.5
-"""Share of a distance that must be left in the limit."""
+"""Share of a distance that must remain in the limit."""
 CANDIDATES = 32
-"""Returns that are looked into: beside a short orbit a motion returns after all its multiples."""
+"""Returns that are tested: near a short orbit a motion returns after all its multiples."""
 FALLS = 0.98
-"""Largest ratio of the distances of two turns that fall."""
+"""Largest ratio of falling distances of two turns."""
 ALIKE = 0.1
 """Share of 1 - r by which the ratio r of an approach may change in a turn, and share of a
 displacement by which it may differ from a multiple of the one a turn before."""

@@ -19,14 +19,14 @@ from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
 
 STEPS = 8
 REACHED = 1e-12
-"""Distance from which on another step has nothing to gain ..."""
+"""Distance below which another step gains nothing ..."""
 ON_ORBIT = 1e-10
 """... and one that is enough where the points are at hand."""
 SAME = 1e-10
-"""Distance between points whose tangent maps are taken for the same; what the matrix tells, the
-multiplier too, is then right to about that."""
+"""Distance between points whose tangent maps are taken as equal; the multiplier is then accurate to
+about that."""
 ROUNDING = 1e-10
-"""What the map may differ by besides."""
+"""Further difference allowed to the map."""
 
 
 class Shot(NamedTuple):

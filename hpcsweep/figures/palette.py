@@ -26,7 +26,7 @@ from hpcsweep.studies.points import START
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 
 NOTHING = "#ffffff"
-"""Where nothing is known: not computed, or not a number. Hatched where there is room."""
+"""Unknown: not computed, or not a number. Hatched where there is room."""
 NO_CONTACT = "#cdcdcd"
 LONGEST = 8
 """Longest orbit period with a colour of its own; longer ones share one."""

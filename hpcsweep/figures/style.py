@@ -140,7 +140,7 @@ def roman(number: int) -> str:
 WIDEST = 0.98
 """Share of a figure's width that its head may take."""
 FAR_OFF = 0.1
-"""Share of a frequency by which a frame may be off what is requested, beyond the range there is."""
+"""Share of a frequency by which a request may lie beyond the range of frames."""
 
 
 def nearest_frame(omegas: np.ndarray, omega: float | None) -> int:

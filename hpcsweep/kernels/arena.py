@@ -77,8 +77,8 @@ def _as_long_as(typingctx, array, other):
 as_long_as = fallback.as_long_as if numba.config.DISABLE_JIT else _as_long_as
 """``as_long_as(array, other)``, kernels only: `array`, whose length is that of `other`.
 
-Nothing is checked. The length of an array that was read from a packing may be known when a kernel
-is compiled (`specialise`), that of an argument is not.
+Nothing is checked. The length of an array read from an arena may be known at compilation
+(`specialise`), that of an argument is not.
 """
 
 

@@ -14,7 +14,7 @@ from hpcsweep.model.matrices import Contact, vector
 from hpcsweep.model.structure import Structure
 
 SAME_HEIGHT = 1e-6
-"""Relative difference of heights that are the same."""
+"""Relative difference of heights that count as equal."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from hpcsweep.kernels.simd.vectors import fma, switches
 NEGLIGIBLE_FORCE = 1e-13
 """Acceleration at the edge of the layer, in units of the structure, that is neglected outside."""
 FAR = 45.0
-"""rho |x| from which on the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
+"""rho |x| above which the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
 STIFFEST = 2.4
 """rho x at which the contact is stiffest, `MOST_STIFFNESS` times beta."""
 MOST_STIFFNESS = 1.0999

@@ -11,7 +11,7 @@ from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 
 MOST_LISTED = 4
-"""Values told one by one."""
+"""Most values listed individually."""
 
 
 def describe(structure: Structure) -> dict:

@@ -15,8 +15,8 @@ from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 
 MODEL = Arena(kernel_model(Structure(1), 1.0))
-"""Models, of any structure, are handed over packed (`MODEL.pack`): numba looks into every array of
-a call, which takes longer than the equations, and cannot be interrupted while it does."""
+"""Models of any structure are passed packed (`MODEL.pack`): numba unpacks every array of a call,
+which takes longer than the equations, and cannot be interrupted meanwhile."""
 read_model: Any = MODEL.read
 
 

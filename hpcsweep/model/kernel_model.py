@@ -34,20 +34,20 @@ class Contacts(NamedTuple):
     places: np.ndarray
     """(m, 2) unsigned: row and R + row, of y and y' in a state; such an index is not checked."""
     edges: np.ndarray
-    """(m, 4): sign, y at the edge of the layer before the stop and beyond it, gap: what the search
-    for the next contact asks for, in one line of the cache."""
+    """(m, 4): sign, y at the edge of the layer before the stop and beyond it, gap: the data of the
+    search for the next contact, in one cache line."""
     sign: np.ndarray
     """(m,): 1 or -1."""
     gap: np.ndarray
     beta: np.ndarray
     """(m,): stiffness of the contact that its distance feels."""
     first: np.ndarray
-    """(m + 1,) int: where the entries of e_k begin in `push_row` and `push`."""
+    """(m + 1,) int: first entries of e_k in `push_row` and `push`."""
     push_row: np.ndarray
     push: np.ndarray
     """The entries of e_k that are not 0."""
     solo: np.ndarray
-    """(R,) int: a contact that looks at a row and pushes nothing else; -1 if there is none."""
+    """(R,) int: the contact that refers to a row and pushes nothing else; -1 if there is none."""
     others: np.ndarray
     """(any,) int: the contacts that are not in `solo`."""
     reach: np.ndarray
@@ -59,7 +59,7 @@ class Contacts(NamedTuple):
     bent: np.ndarray
     """... and -M^-1 K e_k + D^2 e_k, that of free flight."""
     gain: np.ndarray
-    """(m,): bound of what a unit of x does to a coordinate, for the errors of passages."""
+    """(m,): bound of the effect of a unit of x on a coordinate, for the errors of passages."""
     oblique: np.ndarray
     """(m, m): d_k . e_l for k != l, 0 where contact l does not push contact k."""
     is_oblique: bool
@@ -100,9 +100,9 @@ class Model(NamedTuple):
     drift_rows: np.ndarray
     """(any, 2) int: a drift is y[first] - y[second], or y[first] where the second is -1."""
     watched: np.ndarray
-    """(W, 4) int: rows whose peaks can be asked for, first and second as of a drift, a side (0 for
-    |y|, 1 or -1 for that times y), and the flag that asks for them (`PEAK_FLAGS`). Drifts, floors
-    and contacts, in this order."""
+    """(W, 4) int: rows whose peaks can be requested, first and second as for a drift, a
+    side (0 for |y|, 1 or -1 for that times y), and the flag that requests them (`PEAK_FLAGS`).
+    Drifts, floors and contacts, in this order."""
     modal_transform: np.ndarray
     """(n, R): Phi^-1, row j gives modal coordinate j."""
     balance: np.ndarray
@@ -111,7 +111,7 @@ class Model(NamedTuple):
     stiffness_bound: float
     """Of the eigenvalues of M^-1 K."""
     hardest: float
-    """Likewise of what all contacts add to it."""
+    """Likewise, of the contribution of all contacts."""
     bandwidth: int
     """M^-1 K is 0 at (i, j) where |i - j| is greater."""
     damping_bandwidth: int

@@ -29,7 +29,7 @@ SYMMETRY = 1e-10
 """Largest difference of a symmetric matrix from its transpose, relative to its largest entry."""
 MOST_SPREAD = 1e16
 """Largest ratio of two masses, or of the squares of two natural frequencies: beyond it the units
-of the entries are mixed, or one of them is a slip of the pen."""
+of the entries are mixed, or one of them is a typing error."""
 
 Vector = tuple[float, ...]
 Matrix = tuple[Vector, ...]

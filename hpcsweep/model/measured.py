@@ -11,12 +11,12 @@ from hpcsweep.model.reach import reach_of_motions
 from hpcsweep.model.unit_names import Names
 
 REACH = 64.0
-"""How many times farther than the linear response a contact is taken to be reached. Motions with
-contact exceed it by 1 / (2 zeta) where the contact brings the structure into resonance."""
+"""Factor of the linear response within which a contact counts as reached. Motions with contact
+exceed it by 1 / (2 zeta) where the contact brings the structure into resonance."""
 LONGEST = 1e100
-"""Longest length by which motions are measured: they overflow before."""
+"""Largest length by which motions are measured: they overflow before."""
 LEAST_DAMPING = 0.05
-"""Damping ratio that the linear response is bounded with, at least."""
+"""Least damping ratio in the bound of the linear response."""
 
 
 class MeasuredDynamics(LinearDynamics):

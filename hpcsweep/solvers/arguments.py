@@ -8,8 +8,8 @@ from hpcsweep.model.arguments import count, instance, number, positive, real, re
 from hpcsweep.model.structure import Structure
 
 MAX_PERIOD = 10_000
-"""Longest orbit period looked for, in forcing periods: the distances of as many points from one
-another are kept, 0.8 GB."""
+"""Longest orbit period to look for, in forcing periods: the mutual distances of as many points take
+0.8 GB."""
 
 
 def solver_arguments(structure, omega, rtol) -> tuple[Structure, float, float]:

@@ -32,7 +32,7 @@ from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, win
 from hpcsweep.solvers.step_tally import StepTally
 
 MAX_STEPS = 200_000
-"""Cap of steps in one forcing period."""
+"""Most steps in one forcing period."""
 POLL_STEPS = 500
 """Steps between two calls of ``poll`` inside a period: about a tenth of a second."""
 SMALLEST_RTOL = 1e-13
@@ -40,7 +40,7 @@ SMALLEST_RTOL = 1e-13
 LAYER_HALF_WIDTH = 5.0
 """Half-width of the contact layer, in units of 1 / rho."""
 FLATTEST = 1e-3
-"""Smaller rho are this one when steps are limited: such a layer is wider than any motion."""
+"""Smaller rho are raised to this one to limit steps: such a layer is wider than any motion."""
 ABSOLUTE = 1.0
 """atol = rtol * ABSOLUTE: lengths are measured in gaps and near contact u is about 1, so the
 absolute tolerance is the relative one of a displacement of one gap."""

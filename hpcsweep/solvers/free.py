@@ -26,7 +26,7 @@ class Free(NamedTuple):
     known: bool
     """Whether there is a steady state."""
     levels: np.ndarray
-    """(C,): where the layer of each contact begins."""
+    """(C,): edge of the layer of each contact."""
     largest: np.ndarray
     """(2, C): max d . u_1, and max -d . u_1."""
     point: np.ndarray
@@ -44,7 +44,7 @@ class Free(NamedTuple):
     end: np.ndarray
     """(2n, 2n): the transient part of the state after the window."""
     most: float
-    """Largest sum of what is left."""
+    """Largest sum of the remaining transient."""
     modal: np.ndarray
     """(2n,): workspace."""
     size: np.ndarray

@@ -11,8 +11,8 @@ from hpcsweep.solvers.linear import LinearOrbit, period_map
 from hpcsweep.solvers.records import Observation
 
 DECAYED = 0.1
-"""Largest transient left after `transient_cycles`, in units of the period tolerance, for which the
-closed form is used."""
+"""Largest remaining transient after `transient_cycles`, in units of the period tolerance, for which
+the closed form is used."""
 
 
 class FreeMotion:

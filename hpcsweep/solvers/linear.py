@@ -19,7 +19,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 
 N_GRADED = 40
-"""Panels on either side of a kink of the modal norms, each half as long as the one before."""
+"""Panels on either side of a kink of the modal norms, each half as long as the previous one."""
 N_NODES = 16
 """Gauss-Legendre nodes on each."""
 
@@ -53,8 +53,8 @@ class LinearOrbit:
         self.largest = np.array(
             [trigonometric_maxima(*steady, sign * directions) for sign in (1.0, -1.0)]
         )
-        """Shape (2, C): the most that the steady state at A = 1, and at A = -1, comes towards each
-        contact."""
+        """Shape (2, C): largest displacement of the steady state at A = 1, and at A = -1, towards
+        each contact."""
         self._drift = structure.steady_drift(omega)
         self._modal_norm = _mean_modal_norm(
             self._orders, self._responses @ structure.modal_transform.T

@@ -8,7 +8,7 @@ from hpcsweep.model.kernel_model import Model
 from hpcsweep.model.structure import Structure
 
 IMPACT_FLAG = 32
-"""Asks for the impacts of all contacts, as `PEAK_FLAGS` ask for peaks."""
+"""Requests the impacts of all contacts, as `PEAK_FLAGS` request peaks."""
 CLOSINGS, SPEED, FORCE, TIME = range(4)
 """Rows of impacts: closings of a contact, largest closing speed, integral of its force over beta,
 time in which it is closed, that is where its distance past the stop is 0 or more."""

@@ -13,7 +13,7 @@ class Outcome(IntEnum):
     NON_FINITE = 2
     """The state left the range of double precision."""
     STEP_LIMIT = 3
-    """One forcing period needed more steps than the solver's cap."""
+    """One forcing period needed more steps than the solver's limit."""
     SOLVER_FAILED = 4
     """The integrator gave up: its step became too small or its iteration diverged."""
 
@@ -31,4 +31,4 @@ REMEDIES = {
     Outcome.SOLVER_FAILED: "the integrator gave up: a larger solver.rtol, or solver.method = "
     '"flow"',
 }
-"""What to do about runs that failed; the rest of the job is good without them."""
+"""Remedies for failed runs; the rest of the job is valid without them."""

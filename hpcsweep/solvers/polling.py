@@ -9,11 +9,11 @@ import time
 from collections.abc import Callable, Iterator
 
 PIECE_SECONDS = 0.05
-"""Time a piece is meant to take: should the next periods be ten times as slow, it is half a second
-until Ctrl-C is heard."""
+"""Intended time of a piece: if the next periods are ten times as slow, Ctrl-C is heard after half a
+second."""
 POLL_PERIODS = 2000
-"""Most forcing periods of a piece; two milliseconds where there is little contact, beside which the
-microsecond of a call does not show."""
+"""Most forcing periods of a piece: two milliseconds where there is little contact, beside which the
+microsecond of a call is negligible."""
 GROWTH = 8
 """Largest factor from one piece to the next."""
 

@@ -18,7 +18,7 @@ LARGEST_STEP = 1 / 64
 over."""
 MAX_SAMPLES = 10**7
 SHORTEST = 1e-4
-"""In forcing periods: distances from contacts are looked at as often."""
+"""In forcing periods: interval at which distances from contacts are tested."""
 
 
 def trajectory(
@@ -57,7 +57,7 @@ class Crossing(NamedTuple):
     """A contact that closes or opens."""
 
     contact: int
-    """Its number, from 1 on."""
+    """Number of the contact, from 1."""
     closes: bool
     phase: float
     """Share of the forcing period."""

@@ -19,9 +19,9 @@ from hpcsweep.solvers.solver import SOLVERS, make_solver
 from hpcsweep.studies.settings import METRICS, SweepSettings
 
 SPECIALISED_FROM = 500_000
-"""Histories of a rank from which on kernels are specialised to the structure. A history of the
-whole study takes 0.15 ms with them and 0.2 without: these spare 25 s, what two processes need to
-compile them."""
+"""Least histories of a rank for which kernels are specialised to the structure. A history of the
+whole study takes 0.15 ms with them and 0.2 without: so they spare 25 s, the time in which two
+processes compile them."""
 
 REFINED_SHARE = 0.1
 """Share of the histories of a refined map that are computed, about."""

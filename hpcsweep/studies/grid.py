@@ -64,11 +64,11 @@ class RunGrid:
     task_noun: ClassVar[str]
     why_whole: ClassVar[str]
     words: ClassVar[dict[str, str]]
-    """How each direction is told in a sentence."""
+    """Each direction in words."""
     direction_name: ClassVar[str]
     """Long name of the first dimension."""
     keys: ClassVar[dict[str, tuple[str, ...]]]
-    """Keys of job files, by table, that this study has of its own."""
+    """Keys of job files, by table, of this study alone."""
     without: ClassVar[tuple[str, ...]] = ()  # tables of which it knows its own keys alone
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int]

@@ -9,7 +9,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import MEASURES
 
 ROUNDING = 1e-9
-"""Excess over 1 allowed a mean modal norm."""
+"""Allowed excess over 1 of a mean modal norm."""
 
 
 def broken_invariants(

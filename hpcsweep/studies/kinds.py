@@ -11,4 +11,4 @@ from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
 ALL: tuple[Any, ...] = (AmplitudeSweep, Points, Attractors, Basins, Records)
 KINDS = {study.kind: study for study in ALL}
 DEFAULT_KIND = AmplitudeSweep.kind
-"""Study of a job that names none."""
+"""Default study of a job."""

@@ -27,7 +27,7 @@ GROWTH = 2.0
 COLLAPSED = 1e-4
 """Step within which an orbit comes to one of a period that divides its own."""
 ON_A_STEP = 1e-6
-"""Largest last move to an ordinary point of a branch: its multipliers are right to about that."""
+"""Largest last move to an ordinary point of a branch: multipliers are accurate to about that."""
 CLOSED = 1e-3
 """Share of a step within which a closed branch comes back to its start."""
 

@@ -24,7 +24,7 @@ from hpcsweep.dynamics.continuation.switching import criticality, switch
 from hpcsweep.dynamics.orbit import smallest_period
 
 SAME = 1e-9
-"""Distance of orbits that are one, in units of the state."""
+"""Distance of orbits that count as the same, in units of the state."""
 CHORDS = 3.0
 """Chords of a piece of a branch within which an orbit may lie on it."""
 

@@ -30,7 +30,7 @@ STEPS = 12
 CONTRACTS = 0.2
 """Factor by which moves must fall for the Jacobian to be kept."""
 REACHED = 1e-8
-"""Largest move before the last, and of the last: the distance left is then that of rounding."""
+"""Largest move before the last, and of the last: the remaining distance is then rounding."""
 LARGEST_PRODUCT = 1e6
 """Product of the norms of tangent maps up to which their product has its multipliers to 1e-10."""
 

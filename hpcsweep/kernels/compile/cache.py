@@ -59,7 +59,7 @@ KERNEL_FILES = (
     "solvers/reference.py",
     "solvers/skip_rule.py",
 )
-"""Files and folders of the package of which kernels, and the constants in them, are made."""
+"""Files and folders of the package that define kernels and the constants in them."""
 SUFFIX = ".kernel"
 HASH_LENGTH = 16
 

@@ -32,19 +32,19 @@ jit = functools.partial(_compile, _nrt=True)
 """Compile a kernel: cached, IEEE arithmetic.
 
 No fast-math flag is set. With ``contract`` LLVM fuses products and sums where it happens to inline
-them, and a kernel that has just been compiled then differs in the last bit from the same kernel
-loaded from the cache. Where a fused operation pays, the kernels ask for it: `fma`.
+them, and a newly compiled kernel then differs in the last bit from the same kernel loaded from the
+cache. Where a fused operation pays, kernels use `fma`.
 """
 
 kernel = functools.partial(_compile, _nrt=False)
 """Compile a kernel that allocates no array and returns none: arrays are not counted.
 
 numba counts the references to each array by atomic operations, which were half of the time of a
-forcing period. What allocates is compiled by `jit`, and may be called from a kernel.
+forcing period. Functions that allocate are compiled by `jit`, and may be called from a kernel.
 """
 inlined = functools.partial(kernel, forceinline=True)
 """Compile a kernel that becomes part of its callers, with their arguments as constants.
 
-A plain kernel may be called instead, if it or its caller is long. A `Model` is then handed over as
-250 words on the stack, which takes 0.1 us: what is called once an event and takes one is inlined.
+A plain kernel may be called instead, if it or its caller is long. A `Model` is then passed as 250
+words on the stack, which takes 0.1 us: functions of a `Model` called once an event are inlined.
 """

@@ -39,7 +39,7 @@ MATRIX = types.float64[:, ::1]
 
 
 LOADING = threading.RLock()
-"""Held while kernels are compiled or loaded: a kernel takes no second compilation."""
+"""Held while kernels are compiled or loaded, so that none is compiled twice."""
 
 
 def type_of(example):
@@ -93,7 +93,7 @@ class EntryPoint:
         ALL.append(self)
 
     specialisation: Specialisation | None = None
-    """What it is specialised to."""
+    """Specialisation of the entry point."""
 
     def __call__(self, *arguments):
         """Call the kernel from Python.

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 LINE = 64
-"""Arrays begin at multiples of it, as lines of the cache do: a vector that lies across two lines
-takes two accesses, and so would all of an array whose start is off. One line is left free behind
-each array: of arrays at distances of 4096 bytes, as their sizes alone would have them, reading one
-waits for what was written to the other (3 to 6 % of a forcing period, measured)."""
+"""Alignment of arrays, that of cache lines: a vector across two lines takes two accesses, as would
+all of an unaligned array. One line is left free behind each array: with arrays at distances of
+4096 bytes, as their sizes alone would give, reading one waits for writes to the other (3 to 6 % of
+a forcing period, measured)."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from hpcsweep.kernels.compile.entry_points import EntryPoint, SpecialisedKernels
 from hpcsweep.kernels.compile.specialise import Specialisation
 
 COLLECTED_AFTER = 20_000
-"""Objects that are made between two searches for garbage while a kernel is compiled."""
+"""Objects created between two garbage collections while a kernel is compiled."""
 
 
 def processors() -> int:

@@ -11,7 +11,7 @@ import functools
 import numpy as np
 
 LANES = 8
-"""Doubles worked on together, as in `instructions`."""
+"""Doubles processed together, as in `instructions`."""
 
 
 def plain(function):

@@ -11,7 +11,7 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 LANES = 8
-"""Doubles worked on together: what a vector register of 64 bytes holds."""
+"""Doubles processed together, a vector register of 64 bytes."""
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
@@ -300,4 +300,4 @@ out[o:] = init[i:] + sum_k table[t + k stride:] (scale x[s + k]), k < n, in one 
 The arrays are contiguous and the indices flat; nothing is checked.
 """
 combine_moduli = intrinsic(_combination(moduli=True))
-"""As `combine`, with |x[s + k]|."""
+"""Like `combine`, with |x[s + k]|."""

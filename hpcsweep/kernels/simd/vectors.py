@@ -16,7 +16,7 @@ else:
     from hpcsweep.kernels.simd import sigmoid as _sigmoid
 
 LANES = _operations.LANES
-"""Doubles worked on together."""
+"""Doubles processed together."""
 
 combine = _operations.combine
 combine_moduli = _operations.combine_moduli

@@ -27,9 +27,9 @@ from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observation, window_growth
 
 MAX_STEPS = 2_000_000
-"""Cap of steps in one forcing period."""
+"""Most steps in one forcing period."""
 LAYER_TOLERANCE = 1e-5
-"""Error allowed a layer step, per rtol: a period may have a thousand, and passages amplify them."""
+"""Allowed error of a layer step, per rtol: a period may have a thousand, which passages amplify."""
 
 
 class FlowMap:

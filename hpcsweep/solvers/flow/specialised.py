@@ -52,7 +52,7 @@ def use(kernels: SpecialisedKernels) -> None:
 
 
 _loaded: set[str] = set()
-"""Keys of those to use, whether the cache could take them or not."""
+"""Keys of the specialised kernels to use, cached or not."""
 
 
 @functools.cache

@@ -18,7 +18,7 @@ MOST_SEED = 2**62
 
 
 STARTS = 459
-"""An attractor of 1 % of the box is missed by so many with a probability of 1 %."""
+"""So many starts miss an attractor of 1 % of the box with a probability of 1 %."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,9 +30,9 @@ from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
 
 MAX_ITERATIONS = 40
 UNCHECKED = 1e-9
-"""Relative error from which on the iteration is looked at."""
+"""Relative error below which the iteration is checked."""
 CONVERGED = 2e-15
-"""Error left by the iteration, of the accelerations or of the velocity over h, relative."""
+"""Remaining relative error of the iteration, of the accelerations or of the velocity over h."""
 
 
 @inlined

@@ -48,7 +48,7 @@ ELLIPSE = 5.5
 """kappa + 1 / kappa with kappa = 5.3."""
 CONTRACTION = 1.2
 DISTANT = 100.0
-"""rho |x| from which on a contact that takes half its way to the stop stays where S is 0 or 1."""
+"""rho |x| above which a contact that moves half its way to the stop stays where S is 0 or 1."""
 
 
 class Interval(NamedTuple):

@@ -15,7 +15,7 @@ SHORT_ANGLE = 0.03
 WIDE_ANGLE = 1.0
 SINE = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(9, -1, -1))
 COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(9, -1, -1))
-"""Falling orders; what is left out is 1 / 20! = 4e-19."""
+"""Descending orders; the truncation error is 1 / 20! = 4e-19."""
 
 
 @kernel

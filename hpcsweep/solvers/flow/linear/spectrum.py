@@ -14,9 +14,9 @@ from hpcsweep.kernels.compile import kernel
 EPSILON = 2.0**-52
 SMALL = 1e-70
 MOST_STEPS = 60
-"""QR steps without a deflation after which it is given up; three are usual."""
+"""Most QR steps without a deflation; three are usual."""
 UNUSUAL = 10
-"""Every so many of them the shift is another one, should the usual shifts go round in a circle."""
+"""Steps between exceptional shifts, which break cycles of the usual shifts."""
 
 
 @kernel

@@ -12,11 +12,11 @@ from hpcsweep.solvers.flow.search.search import HERMITE_BEND, may_exceed, may_re
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 
 SAME_PEAK = 1e-11
-"""Relative excess over the largest drift so far that is not looked for."""
+"""Relative excess over the largest drift so far that may be missed."""
 PEAK_ERROR = 1e-13
 """Relative, of a largest drift."""
 LEAST_PART = 0.5**11
-"""Of a step: shorter parts are not halved in the search for it. Without a proof on such a part,
+"""Least fraction of a step that is halved in the search for it. Without a proof on such a part,
 beside a turning point of the slope, an extremum differs from its neighbours by 1e-10."""
 NOTHING = 1e-200
 """Of drifts below this the ends of the steps are enough."""

@@ -31,11 +31,11 @@ BEGIN, TRANSIENT, ORBIT = 0, 1, 2
 """Stages of a run."""
 NUMBER, STAGE, TRANSIENT_PERIODS, NEWTON_PERIODS, ORBIT_PERIOD, PERIODS_ROUND = range(6)
 """Entries of `Run.place`: number and stage of the run, periods of its transient and of Newton's
-method, orbit period, and the periods gone round the orbit."""
+method, orbit period, and periods integrated round the orbit."""
 NEAR, MULTIPLIER = 0, 1
-"""Entries of `Run.number`: distance from which on to jump, Floquet multiplier after a jump."""
+"""Entries of `Run.number`: distance below which to jump, Floquet multiplier after a jump."""
 DONE, MORE, OPEN = 0, 1, 2
-"""Why `follow_orbits` comes back: no run is left; to be called again; a run is open."""
+"""Why `follow_orbits` returns: no run is left; to be called again; a run is open."""
 FREE_RUNS = 2000
 LINEAR, CONVERGED, NEWTON = (int(rule) for rule in list(SkipRule)[1:])
 
@@ -52,7 +52,7 @@ class Rules(NamedTuple):
     sampling: int
     """Forcing periods discarded, and of the window after them."""
     follow: bool
-    """Whether a run starts from where the one before ended, or each from the same state."""
+    """Whether a run starts from the end of the previous one, or each from the same state."""
 
 
 class Run(NamedTuple):
@@ -63,9 +63,9 @@ class Run(NamedTuple):
     number: np.ndarray
     """(2,): see `NEAR`."""
     z: np.ndarray
-    """(2R,): its state in the kernels' units."""
+    """(2R,): state in kernel units."""
     reached: np.ndarray
-    """(2R,): that at the end of the transient."""
+    """(2R,): state at the end of the transient."""
     wanted: int
     """See `tally`."""
     points: np.ndarray

@@ -16,7 +16,7 @@ from hpcsweep.solvers.skip_rule import LINEAR_DEFECT, STABLE
 
 NEWTON_STEPS = 6
 NEWTON_SAME = 1e-7
-"""Distance between points whose tangent maps are taken for the same."""
+"""Distance between points whose tangent maps are taken as equal."""
 NEWTON_REACH = 0.01
 """Longest jump (gaps, gaps omega_0)."""
 NEWTON_RESIDUAL = 1e-11

@@ -27,22 +27,22 @@ from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.outcome import COMPLETE
 
 ROUNDING = 2e-14
-"""Points closer than this (relative) are the same to rounding."""
+"""Points closer than this (relative) are equal to rounding."""
 NEARER = 0.03
-"""Factor of the distance from which on a jump is tried, after one that was not verified."""
+"""Factor on the distance below which a jump is tried, after one that was not verified."""
 
 
 class Closing(NamedTuple):
     """When an orbit counts as closed, and when as approached."""
 
     max_period: int
-    """Longest orbit period looked for, in forcing periods."""
+    """Longest orbit period to look for, in forcing periods."""
     settled: float
     """Distance from the orbit (gaps, gaps omega_0)."""
     same: float
     """Distance between points that count as one."""
     near: float
-    """Distance between points a period apart from which on a jump is tried; 0: never."""
+    """Distance between points a period apart below which a jump is tried; 0: never."""
 
 
 @kernel

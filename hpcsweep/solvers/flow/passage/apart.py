@@ -25,7 +25,7 @@ from hpcsweep.solvers.flow.passage.crossing import NEGLECTED, passage_is_fast
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
 
 MEAN_WAY = 3.0
-"""rho v s, no less than 2.19 where the speed changes on the way."""
+"""rho v s, at least 2.19 where the speed changes on the way."""
 LATEST = 1.6
 """Longest time of a fast passage from the stop to the edge of the layer, at the speed at the stop.
 Where its square falls evenly by `crossing.FAST` of itself it is 1.52."""
@@ -39,7 +39,7 @@ class Arrival(NamedTuple):
 
     contact: int
     key: np.uint64
-    """Contact set before."""
+    """Contact set before the passage."""
     tau: float
     forcing: np.ndarray
     """Pairs of sine and cosine, see `forcing`."""

@@ -27,7 +27,7 @@ from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state
 
 EXTRAPOLATION = 1.005
-"""How far beyond its step a polynomial is used, in steps: its error grows less than fivefold."""
+"""Extent, in steps, to which a polynomial is used: its error grows less than fivefold."""
 
 
 INTEGRATED, FAST, SLOW, ARRIVED = range(4)

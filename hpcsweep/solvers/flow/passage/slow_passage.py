@@ -69,9 +69,9 @@ DISPLACED = 0.1
 SWEEPS = 5
 SETTLED = 1e-6
 """Change of delta after which one more sweep is the last. In the passages tried, delta up to 0.01,
-each changed it 2,000 times less at least than the one before."""
+each changed it at least 2,000 times less than the previous one."""
 EXPONENTIAL = (-1.0 / 720.0 / 7.0, 1.0 / 720.0, -1.0 / 120.0, 1.0 / 24.0, -1.0 / 6.0, 0.5, -1.0)
-"""(exp(-delta) - 1) / delta, falling orders."""
+"""(exp(-delta) - 1) / delta, descending orders."""
 
 
 @kernel

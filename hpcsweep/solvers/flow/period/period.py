@@ -52,12 +52,12 @@ from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
-"""In place of the index of a table: the contact set is to be found; a contact is at the edge of
-its layer, perhaps just outside it by rounding."""
+"""In place of the index of a table: the contact set is unknown; a contact is at the edge of its
+layer, possibly just outside it by rounding."""
 SHORTEST = 0.01
-"""Part of a step after which a contact whose stop is reached beyond it is tried again."""
+"""Fraction of a step after which a contact that reaches its stop beyond the step is tried again."""
 SAME_INSTANT = 2.0**-40
-"""Part of a step within which contacts of infinite sharpness are at their stops at one instant."""
+"""Fraction of a step within which contacts of infinite sharpness reach their stops at once."""
 
 
 @inlined

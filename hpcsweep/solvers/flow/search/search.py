@@ -51,7 +51,7 @@ HERMITE_SLOPE = 0.00802
 """sqrt(3) / 216, rounded up."""
 HERMITE_BEND = 1.0 / 12.0
 LEAST_ADVANCE = 1e-9
-"""Part of a step after which a floor that starts at the level, leaving it, is looked at again."""
+"""Fraction of a step after which a floor that starts at the level, leaving it, is tested again."""
 LAST_STEP = 1e-6
 """Of the search for a root, in steps h: one more cubes the error."""
 TOUCH = 5e-16
@@ -61,11 +61,11 @@ SAME = 1e-17
 SHORTEST = float(LANES) ** -MAX_DEPTH
 """Part of a step, after `MAX_DEPTH` cuts, on which a tangency is within rounding of the level."""
 PATIENCE = 1_000
-"""Parts looked at before `TOUCH` is quadrupled. A tangency takes some hundred; more are left where
+"""Parts tested before `TOUCH` is quadrupled. A tangency takes some hundred; more remain where
 a floor rests at the level and the rounding of all others moves it."""
 MOST_TOUCH = 4.0**5 * TOUCH
 MAX_PARTS = 20 * PATIENCE
-"""Parts looked at in one search. The rounding of states beyond 1e4 may take more."""
+"""Most parts tested in one search. The rounding of states beyond 1e4 may take more."""
 UNDECIDED = -2
 NEGATIVE, AT_ROOT, NO_ROOT = range(3)
 ENDS = np.arange(1.0, LANES + 1.0) / LANES

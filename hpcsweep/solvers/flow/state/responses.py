@@ -11,9 +11,9 @@ from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, padded
 
 LEVELS = 24
-"""Lengths of steps: the last is the 3,000th part of the first."""
+"""Number of step lengths: the last is 1/3,000 of the first."""
 CAPACITY = 512
-"""Tables kept; when more occur the store is emptied and filled anew."""
+"""Most tables; when more occur the store is emptied and refilled."""
 
 
 class Responses(NamedTuple):
@@ -21,8 +21,7 @@ class Responses(NamedTuple):
 
     count: np.ndarray
     place: np.ndarray
-    """(MAX_TABLES, m, LEVELS) int: where the table of a contact set, contact and length lies, or
-    -1."""
+    """(MAX_TABLES, m, LEVELS) int: table of a contact set, contact and length, or -1."""
     linear: np.ndarray
     """(CAPACITY, N, N_NODES): the displacement of the contact at the nodes, column k per x_k."""
     response: np.ndarray
@@ -36,7 +35,7 @@ class Responses(NamedTuple):
     values: np.ndarray
     """(N_NODES,): ..."""
     column: np.ndarray
-    """(N_NODES,): ... of what builds a table."""
+    """(N_NODES,): ... for building a table."""
 
 
 def empty_responses(model: Model, n_tables: int) -> Responses:

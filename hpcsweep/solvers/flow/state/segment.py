@@ -33,11 +33,11 @@ class Ending(NamedTuple):
     """How it passes its stop (`passage`). Unless the passage is integrated the state after it is in
     z, that before it in ``work.z_end``, the forcing is in ``work.forcing``."""
     beyond: bool
-    """The stop is reached after this step: try again from the edge of the layer."""
+    """Whether the stop is reached after this step: try again from the edge of the layer."""
     rounded: bool
-    """It is on its way through a stop without layer, past it by rounding already: the contact set
-    changes, the state does not. Looking at distances again would change those of all contacts that
-    have their stops at the same place."""
+    """Whether it is passing a stop without layer, already past it by rounding: the contact set
+    changes, the state does not. Testing distances again would also change all contacts with stops
+    at the same place."""
     jerk: float
     """At the stop, see `pass_layer`."""
     promised: np.uint64

@@ -38,16 +38,16 @@ class Shared(NamedTuple):
     no_growth: np.ndarray
     """(0,)"""
     tolerance: float
-    """Local error allowed a step inside a layer, relative to max(1, |z|)."""
+    """Allowed local error of a step inside a layer, relative to max(1, |z|)."""
     max_steps: int
-    """Cap of steps in one forcing period."""
+    """Most steps in one forcing period."""
 
 
 class Watch(NamedTuple):
     """Record of the points of a motion, and workspace for Newton's method."""
 
     since: np.ndarray
-    """(1,) int: forcing periods since the watch began; with 0 it begins anew."""
+    """(1,) int: forcing periods since the watch began; 0 restarts it."""
     history: np.ndarray
     """(2 max_period + 1, 2R): the last points, cyclic."""
     distance: np.ndarray
@@ -60,7 +60,7 @@ class Watch(NamedTuple):
     point: np.ndarray
     """(2R,): start of a step of Newton's method, after a jump the orbit's point."""
     taken: np.ndarray
-    """(2R,): where `matrix` was taken."""
+    """(2R,): point at which `matrix` was computed."""
     matrix: np.ndarray
     """(2R, 2R): tangent map over an orbit."""
     factors: np.ndarray

@@ -41,7 +41,7 @@ THETA = 3.6
 THETA_FREE = 2.2
 """Free flight: shorter, because the proof that no floor reaches the stop weakens with h^4."""
 MAX_TABLES = 64
-"""Tables kept; when more contact sets occur the table store is emptied and filled anew."""
+"""Most tables; when more contact sets occur the table store is emptied and refilled."""
 N_POWERS = 4
 """Powers of the propagator of a step that are kept: exp(M h 2^k), k = 1, .., `N_POWERS`."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
@@ -69,7 +69,7 @@ class Tables(NamedTuple):
     poly: np.ndarray
     """(MAX_TABLES, 2R, N, N_COEFFICIENTS)"""
     columns: np.ndarray
-    """(MAX_TABLES, N_COEFFICIENTS, 2R, padded 2R): the same once more, without the forcing, by
+    """(MAX_TABLES, N_COEFFICIENTS, 2R, padded 2R): the same again, without the forcing, by
     coefficient, column, then row."""
     bound4: np.ndarray
     """(MAX_TABLES, N, padded R): column k bounds the fourth derivatives per |x_k|."""
@@ -78,13 +78,13 @@ class Tables(NamedTuple):
     series: np.ndarray
     """(MAX_TABLES, m, N, LANES): Taylor series of the distance of each contact, see `series` ..."""
     impulses: np.ndarray
-    """(MAX_TABLES, m, LANES, padded 2R): ... and of what its unit impulse does."""
+    """(MAX_TABLES, m, LANES, padded 2R): ... and of the effect of its unit impulse."""
     work: np.ndarray
-    """(4, 2n + 2H + 1, padded): matrices, workspace of what builds a table ..."""
+    """(4, 2n + 2H + 1, padded): workspace for building a table: matrices ..."""
     vectors: np.ndarray
     """(3, 2n + 2H + 1): ... vectors ..."""
     energy: np.ndarray
-    """(n, n): ... the stiffness of all that touches ..."""
+    """(n, n): ... the stiffness of all closed contacts ..."""
     rows: np.ndarray
     """(2R,): ... and a column of all rows."""
     modal: np.ndarray

@@ -15,7 +15,7 @@ from hpcsweep.solvers.measures import IMPACT_FLAG, TIME
 
 NO_TALLY, MAXIMA, NORMS = range(3)
 PEAKS, IMPACTS = sum(PEAK_FLAGS), IMPACT_FLAG
-"""What is wanted: nothing; contact set and drift; these and the modal norms. To either of the two
+"""What to gather: nothing; contact set and drift; these and the modal norms. To the latter two
 `PEAK_FLAGS` may be added, for the peaks of watched rows, and `IMPACT_FLAG`, for impacts."""
 
 
@@ -23,17 +23,17 @@ class Tally(NamedTuple):
     """Quantities gathered over a window."""
 
     contact: np.ndarray
-    """(1,) uint64: bit k is set once contact k has touched."""
+    """(1,) uint64: bit k is set once contact k has closed."""
     peak_drift: np.ndarray
     """(1,)"""
     free_time: np.ndarray
-    """(1,): time in which nothing touched."""
+    """(1,): time without contact."""
     modal: np.ndarray
     """(n,): integral of |q_j| / ||q|| over that time."""
     peaks: np.ndarray
     """(W,): of each row of `Model.watched`."""
     lowest: np.ndarray
-    """(W,): from which they start: 0, of a contact its gap."""
+    """(W,): their initial values: 0, or the gap of a contact."""
     impacts: np.ndarray
     """(4, m): see `hpcsweep.solvers.measures`."""
     closed: np.ndarray

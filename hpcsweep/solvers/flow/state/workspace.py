@@ -63,7 +63,7 @@ class Workspace(NamedTuple):
     x: np.ndarray
     z_end: np.ndarray
     moved: np.ndarray
-    """(2R,): a state on trial."""
+    """(2R,): a trial state."""
     wide: np.ndarray
     """Padded 2R: the end of a step."""
     bounds: np.ndarray

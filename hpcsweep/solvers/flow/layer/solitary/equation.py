@@ -44,12 +44,12 @@ from hpcsweep.solvers.flow.state.tables import ZERO
 
 MAX_ITERATIONS = 60
 ROUNDING = 2e-17
-"""Error left of the distances (gaps): that of displacements about the gap is 1e-16."""
+"""Remaining error of the distances (gaps): that of displacements about the gap is 1e-16."""
 VARIED = 1e-13
 """Last change of a variation of the distances, relative."""
 MEASURED = 0.1
-"""What a step was found wrong by, over h times the square of what extrapolation to its ends misses
-(over beta / rho): 0.05 to 0.3 where that is 1e-9, less where it is less."""
+"""Measured error of a step, over h times the square of the error of extrapolation to its ends (over
+beta / rho): 0.05 to 0.3 where that is 1e-9, less where it is smaller."""
 TINY = 1e-300
 
 

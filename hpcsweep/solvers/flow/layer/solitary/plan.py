@@ -23,13 +23,13 @@ from hpcsweep.solvers.flow.state.responses import LEVELS
 ELLIPSE = 3.0
 """kappa + 1 / kappa with kappa = 2.62: kappa^-32 = 4e-14."""
 CONTRACTION = 4.0
-"""Most h sqrt(|df/dd|)."""
+"""Largest h sqrt(|df/dd|)."""
 SURE = 1.5
-"""How much further than it is seen to another contact may move on a step."""
+"""Factor by which another contact may move further on a step than estimated."""
 AT_EDGE = 1.001
 """Distance, in half-widths of the layer, of a contact that counts as being inside."""
 LEAST_PART = 0.1
-"""Of a step that is shortened because another contact comes near its layer."""
+"""Least fraction of a step that is shortened because another contact comes near its layer."""
 
 
 @kernel

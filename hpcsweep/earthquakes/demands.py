@@ -1,8 +1,8 @@
-"""Write peaks as the table of demands that loss tools read: Pelicun, and PBE of SimCenter.
+"""Write peaks as a table of demands for loss tools: Pelicun, and PBE of SimCenter.
 
 A demand is named event-type-location-direction: ``1-PID-2-1`` is the peak interstorey drift ratio
 of storey 2, ``1-PFA-2-1`` the peak acceleration of the floor above it, ``1-PFA-0-1`` of the ground.
-The first row has the names, the second the units, each other one a realisation, a record.
+The first row holds the names, the second the units, each other one a realisation, i.e. a record.
 """
 
 import csv
@@ -32,17 +32,17 @@ def write_demands(
     Parameters
     ----------
     path : path
-        Of the file, which is written anew.
+        Path of the file, which is overwritten.
     drift_ratio : array_like, shape (records, storeys)
         Largest interstorey drift of each storey over its height, from the lowest up.
     floor_acceleration : array_like, shape (records, storeys)
         Largest absolute acceleration of the floor above each storey.
     ground_acceleration : array_like, shape (records,)
-        Largest acceleration of the ground, of the scaled record.
+        Largest acceleration of the ground under the scaled record.
     unit : str
-        Of the accelerations: ``mps2``, ``cmps2``, ``mmps2``, ``inps2``, ``ftps2``, ``g``.
+        Unit of the accelerations: ``mps2``, ``cmps2``, ``mmps2``, ``inps2``, ``ftps2``, ``g``.
     event, direction : int
-        Numbers of the names, from 1; the other horizontal direction is 2.
+        Numbers in the names, from 1; the other horizontal direction is 2.
 
     Raises
     ------

@@ -1,23 +1,24 @@
 r"""Fragility functions: the probability that a threshold is reached, given the intensity.
 
-The fragility of a median theta and a dispersion beta is Phi(ln(x / theta) / beta). Of n_i records
-at the intensity x_i the number k_i that reach the threshold is binomial, so that the likelihood
-is, as its logarithm and but for a constant (Baker, Earthquake Spectra 31 (2015) 579),
+The fragility of a median theta and a dispersion beta is Phi(ln(x / theta) / beta). The number k_i
+of n_i records at the intensity x_i that reach the threshold is binomial, so that the log-likelihood
+is, up to a constant (Baker, Earthquake Spectra 31 (2015) 579),
 
     l = sum_i k_i ln Phi(h_i) + (n_i - k_i) ln Phi(-h_i),     h_i = b_0 + b_1 ln x_i,
 
 with b_1 = 1 / beta, b_0 = -ln(theta) / beta. It is concave in b_0 and b_1: Newton's method finds
 its only maximum, which is finite unless the data are *separable*: no record reaches the threshold
-at a lower intensity than one that does not. Then beta = 0 fits best, and nothing is told.
+at a lower intensity than one that does not. Then beta = 0 fits best, and the data determine
+nothing.
 
 Intervals are those of the profile likelihood: all theta (all beta) for which the largest l over the
 other parameter is below the maximum by at most half the quantile of chi^2 with one degree of
-freedom. They need no symmetry, and an end is 0 or infinite where the data do not bound it. The band
-about the curve comes from the normal distribution of h at each intensity, of variance
-(1, ln x) C (1, ln x)^T, C the inverse of Fisher's expected information of b_0 and b_1.
+freedom. They need not be symmetric, and an end is 0 or infinite where the data do not bound it. The
+band about the curve comes from the normal distribution of h at each intensity, of variance (1, ln
+x) C (1, ln x)^T, C the inverse of Fisher's expected information of b_0 and b_1.
 
-Cloud analysis fits ln R = a + b ln x by least squares to responses at intensities as they come, of
-standard deviation s about the line, with n - 2 degrees of freedom (Cornell, Jalayer, Hamburger and
+Cloud analysis fits ln R = a + b ln x by least squares to responses at arbitrary intensities, with
+standard deviation s about the line and n - 2 degrees of freedom (Cornell, Jalayer, Hamburger and
 Foutch 2002). A threshold r then has the median exp((ln r - a) / b) and the dispersion s / b.
 """
 
@@ -107,25 +108,25 @@ def fragility(intensity: Any, exceeded: Any, total: Any, confidence: float = 0.9
     Parameters
     ----------
     intensity : array_like, shape (s,)
-        Of each stripe, finite and above 0; in any order.
+        Intensity of each stripe, finite and above 0; in any order.
     exceeded : array_like of whole numbers, shape (s,)
         Records of each stripe that reach the threshold.
     total : array_like of whole numbers, shape (s,), or one
         Records of each stripe, at least 1.
     confidence : float
-        Of the intervals and of the band, from 0.5 to 0.9999.
+        Confidence of the intervals and of the band, from 0.5 to 0.9999.
 
     Returns
     -------
     Fragility
-        Starting with the median and the dispersion.
+        A tuple that begins with the median and the dispersion.
 
     Raises
     ------
     ValueError
-        If an argument is of the wrong kind or outside its range, or if the data bound no fragility:
-        no record reaches the threshold, all do, they are separable, or fewer reach it as the
-        intensity grows.
+        If an argument is of the wrong kind or outside its range, or if the data determine no
+        fragility: no record reaches the threshold, all do, they are separable, or fewer reach it as
+        the intensity grows.
     """
     confidence = number("confidence", confidence, "from 0.5 to 0.9999", 0.5, 0.9999)
     x, k, n = _stripes(intensity, exceeded, total)
@@ -170,7 +171,7 @@ def cloud(intensity: Any, response: Any) -> Cloud:
     Parameters
     ----------
     intensity, response : array_like, shape (n,)
-        Of each record as it is, finite and above 0; at least 3, at 2 intensities.
+        Of each unscaled record, finite and above 0; at least 3, at 2 intensities.
 
     Raises
     ------
@@ -195,7 +196,7 @@ def cloud(intensity: Any, response: Any) -> Cloud:
 
 
 class _Probit:
-    """The likelihood of stripes, of b_0 and b_1."""
+    """Likelihood of stripes as a function of b_0 and b_1."""
 
     def __init__(self, log_x: np.ndarray, k: np.ndarray, n: np.ndarray):
         self.rows = np.stack([np.ones_like(log_x), log_x], axis=1)
@@ -239,7 +240,7 @@ class _Probit:
 
 
 def _end(excess: Any, middle: float, step: float) -> float:
-    """Return where a function that is above 0 at `middle` and falls is 0, or an infinity."""
+    """Return the zero of a function that is positive at `middle` and falls, or an infinity."""
     inner, outer = middle, middle + step
     for _ in range(FARTHEST):
         if excess(outer) <= 0:
@@ -257,7 +258,7 @@ def _exp(value: float) -> float:
 def _stripes(
     intensity: Any, exceeded: Any, total: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Take the stripes, and refuse those that bound no fragility."""
+    """Return the validated stripes; refuse those that determine no fragility."""
     x = _positive("intensity", intensity)
     k, n = array("exceeded", exceeded), array("total", total)
     if n.ndim == 0:
@@ -286,7 +287,7 @@ def _stripes(
 
 
 def _positive(name: str, given: Any) -> np.ndarray:
-    """Take finite numbers above 0, shape (m,)."""
+    """Return validated finite numbers above 0, shape (m,)."""
     found = array(name, given)
     if found.ndim != 1:
         raise ValueError(f"{name} must have one dimension, has shape {found.shape}")

@@ -1,4 +1,4 @@
-r"""Intensity measures of a ground-motion record: how strong it is, as one number.
+r"""Intensity measures of a ground-motion record: its strength as one number.
 
 The acceleration is linear between samples, so that the ground's velocity and displacement, from
 rest at t = 0, are polynomials there, and all measures are exact, extrema between samples included:
@@ -42,13 +42,13 @@ class Intensity(NamedTuple):
 
 
 def intensity(record: Record, gravity: float = STANDARD_GRAVITY) -> Intensity:
-    """Compute the intensity measures of a record that no oscillator is needed for.
+    """Compute the intensity measures of a record that need no oscillator.
 
     Parameters
     ----------
     record : Record
     gravity : float
-        One g in the record's units, of the Arias intensity.
+        One g in the record's units, for the Arias intensity.
 
     Raises
     ------
@@ -84,18 +84,18 @@ def ground_motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 
 def significant_duration(record: Record, start: float = START, end: float = END) -> float:
-    """Return the time in which the Arias intensity grows from one part of its end to another.
+    """Return the time in which the Arias intensity grows between two fractions of its final value.
 
     Parameters
     ----------
     record : Record
     start, end : float
-        Parts, from 0 to 1, in this order.
+        Fractions, from 0 to 1, ascending.
 
     Returns
     -------
     float
-        In the record's unit of time; 0 of a ground that does not move.
+        In the record's unit of time; 0 if the ground does not move.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def spectral_acceleration(
 def average_spectral_acceleration(
     record: Record, periods: Any, damping_ratio: float = DAMPING_RATIO
 ) -> float:
-    """Return AvgSA, the geometric mean of Sa at some periods, at least one.
+    """Return AvgSA, the geometric mean of Sa at one or several periods.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def average_spectral_acceleration(
 
 
 def _moved(t: Any, v: Any, a: Any, b: Any) -> Any:
-    """Return how far the ground moves in a time t after samples."""
+    """Return the displacement of the ground in a time t after samples."""
     return t * (v + t * (a / 2.0 + t * b / 6.0))
 
 
@@ -161,7 +161,7 @@ def _reached(record: Record, grown: np.ndarray, level: float) -> float:
 
 
 def _roots(c2: np.ndarray, c1: np.ndarray, c0: np.ndarray, dt: float) -> np.ndarray:
-    """Return the roots t of c2 t^2 + c1 t + c0 in (0, dt), shape (steps, 2); 0 where none is."""
+    """Return the roots t of c2 t^2 + c1 t + c0 in (0, dt), shape (steps, 2); 0 for missing ones."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         half = -0.5 * (c1 + np.copysign(np.sqrt(c1 * c1 - 4.0 * c2 * c0), c1))
         roots = np.stack([half / c2, c0 / half], axis=-1)

@@ -16,10 +16,10 @@ Its exact solution between two samples is, t from the first of them,
 
 one multiplication a sample: a linear filter (Nigam and Jennings 1969 have the same recursion in u
 and u'). Between samples u is largest in size where u' = 0. There q = p(t) + c exp(s t) with the
-particular p = a / s + b / s^2, so that u'' = Im(s^2 c exp(s t)) / w_d vanishes at times of equal
-distance: they cut the step into pieces in which u' is monotone and has one root at most. Since
-|u''| <= w R, R = |c| w / w_d, after a sample, no step can hold a larger |u| than its ends and
-w R dt^2 / 8; few steps are left to look into.
+particular p = a / s + b / s^2, so that u'' = Im(s^2 c exp(s t)) / w_d vanishes at equidistant
+times: they cut the step into pieces in which u' is monotone and has at most one root. Since |u''|
+<= w R, R = |c| w / w_d, after a sample, no step can hold a larger |u| than its ends plus w R dt^2 /
+8; few steps remain to be searched.
 """
 
 import math
@@ -68,7 +68,7 @@ class Oscillator:
     def __init__(self, acceleration: np.ndarray, dt: float, omega: float, damping_ratio: float):
         self.acceleration, self.dt = acceleration, dt
         self.root = omega * complex(-damping_ratio, math.sqrt(1.0 - damping_ratio**2))
-        from scipy.signal import lfilter  # here: who reads results of records needs no scipy
+        from scipy.signal import lfilter  # imported here: reading results needs no scipy
 
         self.slopes = np.diff(acceleration) / dt
         steps = np.zeros(len(acceleration), complex)
@@ -76,7 +76,7 @@ class Oscillator:
         self.q = lfilter([1.0], [1.0, -np.exp(self.root * dt)], steps)
 
     def _after(self, q: np.ndarray, a: np.ndarray, b: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Evaluate q a time t after samples, of which q, a and b are given."""
+        """Evaluate q a time t after samples with given q, a and b."""
         x = self.root * t
         return np.exp(x) * q - t * phi_1(x) * a - t * t * phi_2(x) * b
 
@@ -137,7 +137,7 @@ class Oscillator:
 
 
 def _monotone_pieces(s: complex, c: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Cut steps where u'' = 0: ends of the pieces, shape (pieces, 2), and the step of each."""
+    """Cut steps where u'' = 0; return ends of the pieces, shape (pieces, 2), and their steps."""
     apart = math.pi / s.imag
     first = np.mod(-np.angle(s**2 * c) / s.imag, apart)
     n_cuts = math.ceil(dt / apart)

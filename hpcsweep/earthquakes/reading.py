@@ -1,10 +1,10 @@
 """Read ground-motion records: AT2 files of PEER, two columns, one column.
 
-An AT2 file has a header whose last line says the number of samples and the time between them, in
-many spellings (``NPTS=  4000, DT= .01000 SEC``, ``4096    0.0100    NPTS, DT``), and names the unit
-in a line before (``ACCELERATION TIME SERIES IN UNITS OF G``). The values follow row by row, in any
+An AT2 file has a header whose last line holds the number of samples and the time between them, in
+many spellings (``NPTS=  4000, DT= .01000 SEC``, ``4096    0.0100    NPTS, DT``), and the unit in an
+earlier line (``ACCELERATION TIME SERIES IN UNITS OF G``). The values follow row by row, in any
 number of columns, which may touch where a value is negative. So NPTS, DT and the unit are searched
-for, and numbers end where they end: no column is fixed. The count must be that of the header.
+for, and numbers are parsed without fixed columns. The count must match the header.
 
 Other formats (SAC, miniSEED, those of national networks) are read by obspy, a package of its own:
 ``Record(trace.data, trace.stats.delta, trace.id)``.
@@ -55,7 +55,7 @@ BRACKETED = re.compile(r"[(\[]\s*([^()\[\]]+?)\s*[)\]]")
 
 
 class Table(NamedTuple):
-    """What a file says: values in its unit, the step, and the unit if it names one."""
+    """Contents of a file: values in its unit, the step, and the unit if it names one."""
 
     values: np.ndarray
     dt: float
@@ -70,24 +70,24 @@ def read_record(
 ) -> Record:
     """Read a ground-motion record from a text file.
 
-    The format is found by the contents: an AT2 file has a line with NPTS and DT; any other holds
-    two columns, time and acceleration, at equal steps, or one column of acceleration, after lines
-    of header if there are any. Columns are separated by blanks, tabs, commas or semicolons. The
+    The format is detected from the contents: an AT2 file has a line with NPTS and DT; any other
+    holds two columns, time and acceleration, at equal steps, or one column of acceleration,
+    possibly after header lines. Columns are separated by blanks, tabs, commas or semicolons. The
     first sample is at t = 0 of the record, whatever its time in the file.
 
     Parameters
     ----------
     path : path
-        Of the file; its name without the ending is the record's.
+        Path of the file; its name without the ending becomes the record's.
     unit : str
-        Of the values in the file: ``g``, ``m/s2``, ``cm/s2``, ``mm/s2``, ``in/s2``, ``ft/s2``, or
-        ``structure``. A file that names another unit is refused; an AT2 file has to name one.
+        Unit of the values in the file: ``g``, ``m/s2``, ``cm/s2``, ``mm/s2``, ``in/s2``, ``ft/s2``,
+        or ``structure``. A file that names another unit is refused; an AT2 file must name one.
     gravity : float
         One g in the structure's units. The acceleration is ``values * gravity`` in g,
         ``values * gravity / 9.80665`` in m/s^2, and so on in the other units of length;
-        with the unit ``structure`` it is the values as they are.
+        with the unit ``structure`` the values are used unchanged.
     dt : float, optional
-        Time between two samples: needed with one column, compared where the file says it.
+        Time between two samples: required with one column, otherwise compared with the file's.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def read_record(
     Raises
     ------
     ValueError
-        If the file is no record, in one line: file, what, value and limit.
+        If the file is not a record; one line states file, item, value and limit.
     OSError
         If it cannot be read.
     """
@@ -117,7 +117,7 @@ def read_record(
 
 
 def _parse(file: Path, dt: float | None) -> Table:
-    """Read what a file says, whatever its format; `dt` if it is known."""
+    """Parse a file of any format; `dt` if it is known."""
     with file.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
@@ -171,7 +171,7 @@ def _count_and_step(said: str) -> tuple[int, float]:
 
 
 def _unit(text: str) -> str:
-    """Return the name in `GRAVITY_IN` of a unit as headers write it; any other as it is."""
+    """Return the name in `GRAVITY_IN` of a unit as written in headers; any other unchanged."""
     plain = text.lower().strip(". ").replace("sec", "s").replace(" ", "")
     plain = re.sub(r"/s(?:/s|\*\*2|\^2|²|\*s)$", "/s2", plain)
     return ALIASES.get(plain, plain)
@@ -198,7 +198,7 @@ def _numbers(lines: list[str], first: int) -> np.ndarray:
 
 
 def _parse_columns(lines: list[str], known: float | None) -> Table:
-    """Read one column, of a known step, or two, after a header."""
+    """Read one column with known step, or two, after a header."""
     if len(lines) > MAX_SAMPLES + MAX_HEADER:
         raise ValueError(f"must have from 2 to {MAX_SAMPLES} samples, has {len(lines)} lines")
     rows = [(i, re.split(r"[\s,;]+", line.strip(" \t,;"))) for i, line in enumerate(lines, 1)]
@@ -245,7 +245,7 @@ def _named(header: list[str]) -> str | None:
 
 
 def _step(times: np.ndarray, known: float | None, first: int) -> float:
-    """Return the step of equidistant times, of which the first stands in line `first`."""
+    """Return the step of equidistant times, the first of which is in line `first`."""
     if len(times) < 2:
         raise ValueError(f"must have from 2 to {MAX_SAMPLES} samples, has {len(times)}")
     step = float(times[-1] - times[0]) / (len(times) - 1) if known is None else known

@@ -31,8 +31,8 @@ def spectrum(
 ) -> Spectrum:
     """Compute the response spectrum of a record.
 
-    Oscillators start at rest, and are followed to the last sample, exactly for an acceleration
-    that is linear between samples. Oscillations that go on afterwards are not: records end quiet.
+    Oscillators start at rest and are integrated to the last sample, exactly for an acceleration
+    that is linear between samples. Later oscillations are not: records end quietly.
 
     Parameters
     ----------

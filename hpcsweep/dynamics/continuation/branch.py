@@ -1,8 +1,8 @@
 r"""Follow a branch of periodic orbits by pseudo-arclength, with its special points.
 
 A step goes along the tangent and is corrected across it. Its length follows the angle by which the
-tangent turns: `ANGLE` is aimed at, `LARGEST_ANGLE` refused. A step is refused, too, where the
-corrected point is farther from the foretold one than `ASTRAY` of the step, or where the number of
+tangent turns: `ANGLE` is the target, `LARGEST_ANGLE` is refused. A step is also refused where the
+corrected point is farther from the predicted one than `ASTRAY` of the step, or where the number of
 unstable multipliers changes by more than the special points found on it explain.
 """
 
@@ -33,14 +33,14 @@ CLOSED = 1e-3
 
 
 class Limits(NamedTuple):
-    """How far and how finely branches are followed.
+    """Limits and resolution of branches.
 
     Attributes
     ----------
     low, high : float
         Span of the parameter.
     most_steps : int
-        Points of a branch on either side of its start.
+        Most points of a branch on either side of its start.
     largest, smallest : float
         Length of a step, in units of y.
     reach : float
@@ -63,12 +63,11 @@ class Arc:
     ----------
     curve : Curve
     points : list of Solution
-        In the order of the branch, folds among them, so that the parameter is monotone between
-        neighbours.
+        In branch order, including folds, so that the parameter is monotone between neighbours.
     specials : list of (int, Special)
-        Each with the place in `points` of the point after it, a fold with its own.
+        Each with the index in `points` of the point after it, a fold with its own index.
     ends : (str, str)
-        Why it ends where it begins, and where it ends.
+        Why it stops at its beginning and at its end.
     """
 
     curve: Curve
@@ -86,8 +85,8 @@ def follow(curve: Curve, start: Solution, limits: Limits, born: bool = False) ->
     start : Solution
     limits : Limits
     born : bool
-        Whether the branch begins there: it is followed along the tangent of `start` alone. Else to
-        both sides.
+        Whether the branch begins there: then it is followed only along the tangent of `start`,
+        otherwise to both sides.
     """
     ahead = _walk(curve, start, limits)
     if born or ahead.ends[1] == "closed":
@@ -104,7 +103,7 @@ def follow(curve: Curve, start: Solution, limits: Limits, born: bool = False) ->
 
 
 def turned(point: Solution) -> Solution:
-    """Return the same point of the branch that runs the other way."""
+    """Return the same point with reversed direction of the branch."""
     return point._replace(tangent=-point.tangent)
 
 
@@ -149,9 +148,9 @@ def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
 
 
 def _step(curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: Limits):
-    """Go one step along the tangent, which turns by `bend` a length.
+    """Take one step along the tangent, which turns by `bend` per length.
 
-    Return point, specials, angle and why it ends there, or None if it is too far.
+    Return point, specials, angle and why the branch ends there, or None if the step is too long.
     """
     try:
         guess = last.y + step * (last.tangent + 0.5 * step * bend)

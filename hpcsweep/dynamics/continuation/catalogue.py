@@ -1,10 +1,10 @@
-r"""All branches that orbits lie on, each once, with those that leave them.
+r"""Catalogue of all branches on which orbits lie, each once, with those that leave them.
 
-An orbit is taken in turn: if it lies on a branch that is known, which is tested by computing the
-orbit of that branch at the orbit's own value of the parameter, it is told so; else its branch is
+Orbits are taken in turn: if one lies on a known branch, which is tested by computing the orbit of
+that branch at the orbit's own value of the parameter, it is assigned to it; otherwise its branch is
 followed. Then the branches that leave at period doublings and branch points are followed, in the
-order in which they are found, unless they are known. Nothing is random and nothing depends on what
-else is computed: a catalogue depends on its orbits and their order alone.
+order in which they are found, unless they are known. Nothing is random: a catalogue depends only on
+its orbits and their order.
 """
 
 from dataclasses import dataclass
@@ -68,11 +68,11 @@ class Catalogue:
 
     @property
     def is_full(self) -> bool:
-        """Whether there is room for no other branch."""
+        """Whether the catalogue has no room for another branch."""
         return len(self.branches) >= self._most_branches
 
     def add(self, points: np.ndarray, value: float) -> int:
-        """Take an orbit, shape (p, N); return the branch on which it lies, -1 if there is no room.
+        """Add an orbit, shape (p, N); return the branch on which it lies, -1 if there is no room.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class Catalogue:
         return len(self.branches) - 1
 
     def _leave(self, parent: int, place: int, special: Special) -> Special:
-        """Follow the branch that leaves at a special point; return this with its criticality."""
+        """Follow the branch that leaves at a special point; return it with its criticality."""
         arc = self.branches[parent].arc
         switched = switch(arc.curve, special)
         if switched is None:

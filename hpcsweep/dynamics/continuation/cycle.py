@@ -11,12 +11,11 @@ dimensions; a point of it is found where it meets a hyperplane, border . (y - gu
 be "lambda is given" or, past a fold, one across the curve (pseudo-arclength; Keller, in
 Applications of Bifurcation Theory, 1977, 359).
 
-Newton's method begins with the Jacobian of a neighbour, where there is one, and keeps it while the
-moves fall by `CONTRACTS`; the last one is taken with the tangent maps at the solution, which are
-needed there anyway. Where a motion grazes a contact
-that is a spring, F is once differentiable, with a term of power 3/2: the method is then of order
-3/2, not 2. From 1e-5 away it moves 3 to 5 times at the three grazings of Figure 3's branch of
-period 1, 2 or 3 times elsewhere on it, down to 1e-13.
+Newton's method begins with the Jacobian of a neighbour, if there is one, and keeps it while the
+moves fall by `CONTRACTS`; the last move uses the tangent maps at the solution, which are needed
+anyway. Where a motion grazes a contact that is a spring, F is once differentiable, with a term of
+power 3/2: the method is then of order 3/2, not 2. From a distance of 1e-5 it takes 3 to 5 moves at
+the three grazings of Figure 3's branch of period 1, and 2 or 3 elsewhere on it, to reach 1e-13.
 """
 
 from functools import lru_cache
@@ -36,7 +35,7 @@ LARGEST_PRODUCT = 1e6
 
 
 class NotConvergedError(ArithmeticError):
-    """Newton's method has found no orbit."""
+    """Raised where Newton's method has found no orbit."""
 
 
 class Map(Protocol):
@@ -58,7 +57,7 @@ class Map(Protocol):
         ...
 
     def signature(self, points: np.ndarray, value: float) -> tuple[int, ...]:
-        """Count what makes the map not smooth along an orbit, shape (p, N); of smooth maps ()."""
+        """Count non-smooth events of the map along an orbit, (p, N); () for smooth maps."""
         ...
 
 
@@ -115,7 +114,7 @@ class Curve(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _shift(p: int, n: int) -> np.ndarray:
-    """Return the part of the bordered Jacobian that is the same everywhere: -dx_{i+1}/dX."""
+    """Return the constant part of the bordered Jacobian: -dx_{i+1}/dX."""
     whole = np.zeros((p * n + 1, p * n + 1))
     whole[:-1, :-1] = -np.roll(np.eye(p * n), n, axis=1)
     return whole
@@ -171,8 +170,8 @@ def solve(
     near : Solution, optional
         A point whose Jacobian is used first.
     reached : float
-        Largest last move, whose square is about what is left: tangent and multipliers are of where
-        it begins.
+        Largest last move, whose square is about the remaining distance: tangent and multipliers are
+        those of its start.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-r"""Special points of a branch: what happens between two neighbouring points, and exactly where.
+r"""Find the special points of a branch between two neighbouring points, and locate them.
 
 With the multipliers mu of the orbit and the tangent t of the branch,
 
@@ -51,12 +51,12 @@ class Special(NamedTuple):
     kind : Kind
     at : Solution
     fraction : float
-        Place between the two points that it is between, from 0 to 1.
+        Position between its two neighbouring points, from 0 to 1.
     change : tuple of int
-        At a grazing, what the signature changes by along the branch; else ().
+        At a grazing, the change of the signature along the branch; otherwise ().
     criticality : int
         1 if the orbits of twice the period are on the side where these are unstable
-        (supercritical), -1 if they are where they are stable (subcritical), 0 if not known.
+        (supercritical), -1 if they are where they are stable (subcritical), 0 if unknown.
     leaving : Solution or None
         An orbit on the branch that leaves at a doubling or a branch point, if one was found.
     """
@@ -70,7 +70,7 @@ class Special(NamedTuple):
 
 
 class Tests(NamedTuple):
-    """Functions that vanish at special points, of a point's multipliers.
+    """Functions of a point's multipliers that vanish at special points.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Tests(NamedTuple):
 
 def tests_of(point: Solution) -> Tests:
     """Evaluate the functions that vanish at special points."""
-    multipliers = point.multipliers.tolist()  # numbers of Python: there are few
+    multipliers = point.multipliers.tolist()  # Python numbers: there are few
     fold = doubling = torus = complex(1.0)
     for i, mu in enumerate(multipliers):
         size = 1.0 + abs(mu)
@@ -111,7 +111,7 @@ def between(
 ) -> Solution:
     """Find the point at a fraction of the chord between two points.
 
-    It is sought along the tangent of `near`, a third point, if there is one.
+    The point is sought along the tangent of `near`, a third point, if given.
     """
     chord = last.y - first.y
     border = chord / np.linalg.norm(chord)
@@ -189,7 +189,7 @@ def _grazings(curve: Curve, first: Solution, last: Solution) -> list[Special]:
 
 
 def _root(function: Callable[[float], float], first: float, last: float) -> float:
-    """Find where a function on [0, 1] of known ends changes its sign."""
+    """Return where a function on [0, 1] with known end values changes its sign."""
     from scipy.optimize import brentq  # takes a while to load
 
     ends = {0.0: first, 1.0: last}

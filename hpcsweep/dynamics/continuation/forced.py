@@ -2,9 +2,9 @@ r"""The stroboscopic map of a structure, with one number of it as the parameter 
 
 The tangent map is the solver's exact one. The derivative by the parameter is a central difference
 over `DIFFERENCE` of the parameter's size. By the amplitude, at A = 0.03, 0.06, 0.1 and 0.2 of
-Figure 3, it is right to 6e-9 of components up to 22, against Richardson's extrapolation of wider
-differences; a test compares it with those of another solver, to 1e-3. That is enough: it turns the
-direction in which Newton's method moves, and the tangent of a branch, but moves no point of one.
+Figure 3, it is accurate to 6e-9 of components up to 22, against Richardson's extrapolation of wider
+differences; a test compares it with another solver, to 1e-3. That suffices: it affects the
+direction of Newton's method and the tangent of a branch, but no point of it.
 """
 
 import math
@@ -37,9 +37,9 @@ class ForcedMap:
     structure : Structure
     amplitude, omega : float
     parameter : {"amplitude", "omega", "stiffness_ratio", "gap", "sharpness", "damping_ratio"}
-        The one that is varied; the structure must have it as one number.
+        The varied one; the structure must have it as one number.
     rtol : float
-        Relative tolerance asked of the solver.
+        Relative tolerance of the solver.
     poll : callable, optional
         Called before each forcing period; may raise to leave.
 
@@ -75,7 +75,7 @@ class ForcedMap:
 
     @property
     def value(self) -> float:
-        """Value of the parameter that was given."""
+        """Given value of the parameter."""
         home = self if self.parameter in FORCING_PARAMETERS else self.structure
         return float(getattr(home, self.parameter))
 
@@ -120,11 +120,11 @@ class ForcedMap:
         return (self.image(x, high) - self.image(x, low)) / (high - low)
 
     def signature(self, points: np.ndarray, value: float) -> tuple[int, ...]:
-        """Return how often each contact closes along an orbit."""
+        """Return the number of closings of each contact along an orbit."""
         return self.closings(self.observe(points, value))
 
     def observe(self, points: np.ndarray, value: float) -> Observation:
-        """Return what is seen along an orbit, shape (p, N), impacts included."""
+        """Return the observation of an orbit, shape (p, N), including impacts."""
         key = points.tobytes(), value
         if key not in self._seen:
             self._seen[key] = self._observe(points, value)
@@ -140,7 +140,7 @@ class ForcedMap:
         return seen
 
     def closings(self, seen: Observation) -> tuple[int, ...]:
-        """Return how often each contact closes in a window."""
+        """Return the number of closings of each contact in a window."""
         count = len(self.structure.contacts)
         first = seen.measures.size - 4 * count
         own = seen.measures[first : first + count] * len(seen.points)

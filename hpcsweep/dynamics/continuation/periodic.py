@@ -31,7 +31,7 @@ class Orbit:
     residual : float
         Largest difference between z(jT) integrated and the next point, in units of the state.
     signature : tuple of Crossing
-        The contacts that close and open, in the order of time: ``contact`` its number, ``closes``,
+        The contacts that close and open, in order of time: ``contact`` (its number), ``closes``,
         and ``phase`` in forcing periods, from 0 to p.
     """
 
@@ -91,7 +91,7 @@ def find(
     period: int,
     parameter: str = "amplitude",
 ) -> tuple[ForcedMap, Solution]:
-    """Find the orbit near a state as a point of the curve of a parameter, not scaled."""
+    """Find the orbit near a state as a point of the curve of an unscaled parameter."""
     instance("structure", structure, Structure)
     amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
     z = finite_vector("state", state, 2 * structure.n_floors)

@@ -1,4 +1,4 @@
-r"""Branches that leave another one: the orbits of twice the period at a doubling, and crossings.
+r"""Switch to branches that leave another one: orbits of twice the period, and crossings.
 
 At a doubling the tangent map of the chain X of p points, gone round twice, has the null vector
 Phi = (phi_0, ..., phi_{p-1}, -phi_0, ..., -phi_{p-1}) with phi_{i+1} = M_i phi_i and M phi_0 =
@@ -27,7 +27,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     Parameters
     ----------
     curve : Curve
-        Of the branch on which the special point is.
+        Curve of the branch of the special point.
     special : Special
 
     Returns
@@ -59,7 +59,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
 
 
 def criticality(curve: Curve, before: Solution, after: Solution, special: Special, found) -> int:
-    """Tell a supercritical doubling, 1, from a subcritical one, -1; 0 if it cannot be told.
+    """Return 1 for a supercritical doubling, -1 for a subcritical one, 0 if undetermined.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a person is told of the records of a study, before anything is computed."""
+"""Describe the records of a study, before anything is computed."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ FAR = 0.3
 
 
 def lines(study) -> Iterator[str]:
-    """Tell of scales and records, a line each, warnings last."""
+    """List scales and records, a line each, warnings last."""
     structure, measure, scale = study.structure, study.measure, study.scale
 
     def named(quantity: str) -> str:
@@ -46,7 +46,7 @@ def lines(study) -> Iterator[str]:
 
 
 def _spectral(study, i: int, period: float) -> str:
-    """Return Sa(T_1) in g, of a record that is there."""
+    """Return Sa(T_1) in g of an available record."""
     try:
         return f"{spectral_acceleration(study.record(i), period) / study.gravity:7.4f}"
     except (ValueError, OSError):
@@ -54,7 +54,7 @@ def _spectral(study, i: int, period: float) -> str:
 
 
 def warnings(study) -> Iterator[str]:
-    """Tell of what looks like a mistake, a line each."""
+    """Return one line for each thing that looks like a mistake."""
     for one in study.suite[:MOST]:
         pga = one.pga / study.gravity
         if not WEAK <= pga <= STRONG:

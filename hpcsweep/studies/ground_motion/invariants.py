@@ -1,4 +1,4 @@
-"""Invariants of responses to records: what every committed run promises about its own numbers."""
+"""Check the invariants that the numbers of every response to a record satisfy."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ ROUNDING = 1.0 + 1e-9
 
 
 def broken_invariants(rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-    """Check k runs against what is said of their variables.
+    """Check k runs against the invariants of their variables.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def broken_invariants(rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
     Returns
     -------
     list of (int, str)
-        Row and what is wrong there.
+        Row and message.
     """
     outcome, skip_rule = rows["outcome"], rows["skip_rule"]
     known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]

@@ -1,7 +1,7 @@
-"""The table ``records`` of a job: which records, and the scales at which they shake.
+"""Read the table ``records`` of a job: the records, and their scales.
 
-What a job says of records is found out once, when it is loaded (`hpcsweep.job.suites`), and stands
-in it afterwards as ``records.found``: so a file of results is read without the records themselves.
+Facts about the records are established once, when the job is loaded (`hpcsweep.job.suites`), and
+kept in it as ``records.found``: so a results file is read without the records themselves.
 """
 
 import math
@@ -25,7 +25,7 @@ DEFAULT_SCALE = {"by": "factor", "values": [1.0]}
 
 
 def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
-    """Read where records come from; `paths` are those of the files that were found.
+    """Read the source of the records; `paths` are those of the files found.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
 
 
 def read_found(values: Any) -> tuple[tuple[Facts, ...], tuple[str, ...]]:
-    """Read what was found out of the records: facts, and the paths of files.
+    """Read the facts about the records, and the paths of files.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def _is_sound(facts: Facts) -> bool:
 
 
 def storey_heights(values: Any, n_storeys: int) -> tuple[float, ...]:
-    """Return the height of each storey where all buildings tell theirs, else nothing."""
+    """Return the height of each storey if all buildings give theirs, otherwise ()."""
     heights: list[float] = []
     for building in values.top("building", None) or []:
         height = building.get("storey_height")

@@ -1,4 +1,4 @@
-"""Responses to ground-motion records: records x scales, each run from rest.
+"""Study of responses to ground-motion records: records x scales, each run from rest.
 
 A task is a record; a block holds some of its scales. With several structures (``[vary]``) a task is
 a record of one of them. No run depends on another (`responses`).
@@ -50,17 +50,17 @@ class Records:
     block_size : int
         Scales that are committed together.
     suite : tuple of Facts
-        What is known of each record.
+        Facts about each record.
     source : Files or Synthetic
-        Where their samples come from.
+        Source of their samples.
     measure : Measure
-        What the scales are of.
+        Measure of the scales.
     scale : ndarray, shape (n_scales,)
         Ascending.
     tail : float
         Time of free motion after each record.
     storey_height : tuple of float
-        Of each storey; empty if it is not known.
+        Height of each storey; empty if unknown.
     gravity : float
         One g in the structure's units.
     """
@@ -150,13 +150,13 @@ class Records:
 
     @cached_property
     def factor(self) -> np.ndarray:
-        """By which each record is multiplied at each scale, shape (n_records, n_scales)."""
+        """Factor of each record at each scale, shape (n_records, n_scales)."""
         measures = np.array([one.measure for one in self.suite])
         return self.scale / measures[:, None]
 
     @cached_property
     def responses(self) -> Responses:
-        """What computes the runs."""
+        """Responses that compute the runs."""
         return Responses(self.structure, self.settings, self.tail)
 
     def record(self, i: int) -> Record:
@@ -192,7 +192,7 @@ class Records:
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
-        """Variables that are known beforehand, with their values."""
+        """Variables that are known in advance, with their values."""
         facts = [
             (one, np.array([getattr(facts, one.name) for facts in self.suite])) for one in FACTS
         ]
@@ -229,14 +229,14 @@ class Records:
         return None
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return rest: a run carries nothing to another."""
+        """Return rest: runs inherit nothing from each other."""
         del rows, row
         return self.initial_state
 
     def compute(
         self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
     ) -> dict[str, np.ndarray]:
-        """Compute a block; rows in the order of the file."""
+        """Compute a block; rows in file order."""
         del state
         record, low = block.first
         factors = self.factor[record, low : low + block.n_runs]
@@ -249,15 +249,15 @@ class Records:
         return self.responses.rows(self.record(record), self.factor[record, at : at + 1])
 
     def part_of(self, block: Block) -> tuple["Records", Block]:
-        """Return the study that a block is of, and the block as it is called there."""
+        """Return the part to which a block belongs, and the block with its index there."""
         return self, block
 
     def part(self, _place: Place) -> "Records":
-        """Return the study at a place of `axes`, of which there are none."""
+        """Return the study itself, as there are no `axes`."""
         return self
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return what is not as every run promises: row and what is wrong there."""
+        """Return the broken invariants of runs: (row, message)."""
         from hpcsweep.studies.ground_motion.invariants import broken_invariants
 
         del block
@@ -286,41 +286,41 @@ class Records:
         return self.suite[task].name
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Return nothing: a response is no motion that repeats."""
+        """Return nothing: a response does not repeat."""
         del run
         return []
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Count the runs that the rule ``linear`` spared."""
+        """Count the runs spared by the rule ``linear``."""
         linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
         return {"runs_below_contact": int(linear.sum())}
 
     def tally(self) -> ResponseTally:
-        """Make what counts the runs for ``summary``."""
+        """Return a tally of runs for ``summary``."""
         return ResponseTally(self)
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
-        """Return whether the cache is known to have all that its runs call."""
+        """Return whether the cache is known to hold all that its runs call."""
         from hpcsweep.studies.compilation import is_compiled_for_records
 
         del n_ranks
         return is_compiled_for_records()
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
-        """Compile all that its runs call, or load it from the disk."""
+        """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import warm_up_records
 
         del n_ranks
         warm_up_records(say)
 
     def told(self) -> Iterator[str]:
-        """Tell of the records, a line each, in order."""
+        """List the records, a line each, in order."""
         from hpcsweep.studies.ground_motion.describe import lines
 
         return lines(self)
 
     def warnings(self) -> Iterator[str]:
-        """Tell what looks like a mistake in the records, a line each."""
+        """Return one line for each thing that looks like a mistake in the records."""
         from hpcsweep.studies.ground_motion.describe import warnings
 
         return warnings(self)

@@ -1,4 +1,4 @@
-r"""Responses of one structure to one record at many scales, with two rules that spare work.
+r"""Compute responses of a structure to a record at many scales, with two rules that spare work.
 
 From rest, with sharp contacts (dashpots too), the equations are homogeneous in lengths: with u(t)
 the response of gaps g at scale s, L u(t) is that of gaps L g at scale L s, forces and velocities
@@ -6,11 +6,11 @@ grow with L, energies with its square, times and counts stay.
 
 ratio
     So only s / |g| matters, |g| being the largest gap and the proportions of the others given. A
-    run is computed of the gaps g / |g| at the scale s / |g|, rounded to `DIGITS` digits, and
-    multiplied by what makes it that of s. Another run of the same ratio, at another scale of the
-    record or in another part of a job that varies gaps, is the same one. A process keeps what it
-    has computed, and computes the same numbers where it keeps nothing: results do not depend on
-    ranks or on order. Where all gaps are 0 one run serves all scales.
+    run is computed with the gaps g / |g| at the scale s / |g|, rounded to `DIGITS` digits, and
+    rescaled to s. Another run of the same ratio, at another scale of the record or in another part
+    of a job that varies gaps, is the same. A process caches its runs, and computes the same numbers
+    without the cache: results do not depend on ranks or on order. Where all gaps are 0 one run
+    serves all scales.
 linear
     Without contacts the motion is proportional to s at all scales, and it is the motion up to the
     scale at which its reach, max_t d_k . u, comes to a gap (`first_contact_scale`).
@@ -47,7 +47,7 @@ MOST_KEPT = 6_000_000
 
 
 class Responses:
-    """Computes responses of a structure to records.
+    """Responses of a structure to records.
 
     Parameters
     ----------
@@ -74,13 +74,13 @@ class Responses:
 
     @cached_property
     def computed(self) -> Structure:
-        """The structure of which responses are computed: with gaps in units of the largest."""
+        """The structure whose responses are computed: with gaps in units of the largest."""
         if not self._ratio or self._largest == 0.0:
             return self.structure
         return with_gaps_in(self.structure, self._largest)
 
     def ratio(self, factor: float) -> float:
-        """Return the scale at which `computed` responds as the structure at a scale."""
+        """Return the scale at which `computed` responds like the structure at a scale."""
         if not self._ratio:
             return factor
         if self._largest == 0.0:
@@ -88,7 +88,7 @@ class Responses:
         return float(f"{factor / self._largest:.{DIGITS - 1}e}")
 
     def rows(self, record: Record, factors: np.ndarray, poll: Poll = None) -> dict[str, np.ndarray]:
-        """Compute responses to a record at scales, by the names of variables; first axis scales."""
+        """Compute responses to a record at scales, by variable name; first axis scales."""
         digest = digest_of(record)
         free, reach = _free(self.computed, record, self._tail)
         first = scale_of_contact(self.computed, reach) * BELOW if self._linear else -math.inf
@@ -163,7 +163,7 @@ def respond(
     settings: SweepSettings,
     poll: Poll = None,
 ) -> Response:
-    """Return the response of a structure, as it is, to a record at a scale."""
+    """Return the response of a structure, unscaled, to a record at a scale."""
     solver = _map(structure, record.dt, settings.rtol)
     return solver.respond(record.acceleration, scale, tail, poll=poll)
 
@@ -183,7 +183,7 @@ def with_gaps_in(structure: Structure, unit: float) -> Structure:
 
 @lru_cache(maxsize=8)
 def _map(structure: Structure, dt: float, rtol: float):
-    # here, where responses are computed: who only reads them loads no kernel
+    # imported here: reading results needs no kernels
     from hpcsweep.solvers.flow.record_map import RecordMap
 
     return RecordMap(structure, dt, rtol)
@@ -195,21 +195,21 @@ def _free(structure: Structure, record: Record, tail: float) -> tuple[Response, 
 
 
 class _Kept:
-    """The last responses that were computed, up to `MOST_KEPT` numbers."""
+    """Cache of the latest responses, up to `MOST_KEPT` numbers."""
 
     def __init__(self):
         self._rows: OrderedDict[tuple, tuple[np.ndarray, Outcome]] = OrderedDict()
         self._numbers = 0
 
     def get(self, key: tuple) -> tuple[np.ndarray, Outcome] | None:
-        """Return the response of a key, or None."""
+        """Return the cached response of a key, or None."""
         found = self._rows.get(key)
         if found is not None:
             self._rows.move_to_end(key)
         return found
 
     def put(self, key: tuple, found: tuple[np.ndarray, Outcome]) -> None:
-        """Keep a response."""
+        """Cache a response."""
         self._rows[key] = found
         self._numbers += found[0].size
         while self._numbers > MOST_KEPT:
@@ -217,7 +217,7 @@ class _Kept:
             self._numbers -= row.size
 
     def clear(self) -> None:
-        """Forget all."""
+        """Clear the cache."""
         self.__init__()  # type: ignore[misc]
 
 

@@ -1,4 +1,4 @@
-"""Counts over the runs of a study of records, for its summary."""
+"""Count over the runs of a study of records, for its summary."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ LARGEST = [peak.variable for peak in PEAKS[:7]]
 
 
 class ResponseTally:
-    """Counts over the runs of records that are shown one after the other."""
+    """Tally of runs, record by record."""
 
     def __init__(self, study):
         self._study = study
@@ -25,7 +25,7 @@ class ResponseTally:
 
     @property
     def done(self) -> int:
-        """Runs that are computed."""
+        """Number of computed runs."""
         return int(self.outcomes[Outcome.COMPLETE :].sum())
 
     def add(self, frame, study) -> None:
@@ -61,7 +61,7 @@ class ResponseTally:
             }
 
     def told(self) -> dict[str, Any]:
-        """Return what was counted: numbers, strings, lists and dicts."""
+        """Return the counts: numbers, strings, lists and dicts."""
         done = self.done
         computed = done - self.linear
         return {

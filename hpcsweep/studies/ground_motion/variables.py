@@ -1,4 +1,4 @@
-"""Variables of a study of records, and how each grows with the scale of a motion."""
+"""Variables of a study of records, and how each scales with a motion."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -16,7 +16,7 @@ COMMIT = Variable("commit", ("record", "block"), "<u8", "1", "checksum of a bloc
 
 
 class Peak(NamedTuple):
-    """A variable of the results, and what it is of a response."""
+    """A variable of the results, and its field of a response."""
 
     variable: Variable
     field: str
@@ -103,7 +103,7 @@ STOREY_HEIGHT = Variable("storey_height", ("storey",), "<f8", "length", "height 
 
 
 def peaks_of(structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:
-    """Return the peaks of a response, and of the motion without contacts, that a file has."""
+    """Return the peaks of a response, and of the motion without contacts, that a file holds."""
 
     def held(peaks) -> list[Peak]:
         return [p for p in peaks if structure.contacts or p.variable.dims[-1] != "stop"]

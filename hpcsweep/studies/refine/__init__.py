@@ -1,1 +1,1 @@
-"""Maps that are computed only where something happens; the rest is inferred, and audited."""
+"""Refined maps: computed only where something changes; the rest is inferred, and audited."""

@@ -1,19 +1,19 @@
-"""The audit of a refined map: how many of the inferred points are wrong, at most and at least.
+"""Audit a refined map: bounds of the number of wrong points among the inferred ones.
 
-Look r draws m_r of the n points that are inferred then, anew and independently of all before: the
-ones whose hash of seed, look and index is smallest. k of them turn out to be wrong. With the error
+Look r draws m_r of the n points inferred at that time, independently of all earlier draws: those
+with the smallest hash of seed, look and index. k of them turn out to be wrong. With the error
 alpha_r = alpha / (r (r + 1)) the interval of Clopper and Pearson holds the share of wrong ones of
 the n points; the errors of all looks add up to alpha, so that all intervals hold together with
-probability 1 - alpha, whenever one stops to look (the union bound; a draw without replacement
-scatters less than the binomial number that the interval is of).
+probability 1 - alpha, whenever one stops (the union bound; a draw without replacement scatters less
+than the binomial number of the interval).
 
-The cells around wrong points are cut then. Of the n points n' are left, and it is known how many w
-of the others were wrong. c of those that are left have got another label, and may be wrong or right
-now whatever they were. So with p_low n and p_high n wrong ones before, there are now
+Then the cells around wrong points are cut. Of the n points n' remain, and w of the others are known
+to have been wrong. c of the remaining ones have a new label, and may be wrong or right whatever
+they were before. So with p_low n and p_high n wrong ones before, there are now
 
     p_low n - w - c  to  p_high n - w + c
 
-wrong ones among n'. The audit ends when the upper end over n' lies below what the job allows.
+wrong ones among n'. The audit ends when the upper end over n' is below the limit of the job.
 """
 
 import math
@@ -55,14 +55,14 @@ class Look(NamedTuple):
 
 
 def n_drawn(wrong: float, look: int) -> int:
-    """Count the points that a look (from 1) draws, if there are so many."""
+    """Return the number of points that a look (from 1) draws, if there are as many."""
     tail = ALPHA / 4  # either side of the first look's interval
     least = math.log(tail) / math.log1p(-wrong)
     return math.ceil(FIRST_DRAW * least) * GROWTH ** (look - 1)
 
 
 def draw(points: np.ndarray, count: int, seed: int, look: int) -> np.ndarray:
-    """Draw `count` of the points, or all, without replacement; ascending."""
+    """Draw `count` of the points, or all, without replacement; return them ascending."""
     if count >= points.size:
         return points
     start = _mixed(np.array([seed], np.uint64))

@@ -1,14 +1,14 @@
-"""Cells of a grid that are cut until the points known in each of them agree.
+"""Cut the cells of a grid until the known points in each of them agree.
 
-The grid has d axes of n_1 .. n_d points. Its lines at level l are the points 0, 2^l, 2 2^l, ...
-and the last one of each axis; those of a finer level hold those of a coarser one. A cell of level l
-is the closed box between neighbouring lines of every axis. The boxes that are left tile the grid,
-and only those of level 0, which have no points but their corners, may disagree. Corners and centre
-of a cell are computed. All other points in it are inferred: they are what its known points are.
-Neighbouring cells that are left share a corner of the smaller one, and so agree where they meet.
+The grid has d axes of n_1 .. n_d points. Its lines at level l are the points 0, 2^l, 2 2^l, ... and
+the last one of each axis; those of a finer level hold those of a coarser one. A cell of level l is
+the closed box between neighbouring lines of every axis. The remaining boxes tile the grid, and only
+those of level 0, which have no points but their corners, may disagree. Corners and centre of a cell
+are computed. All other points in it are inferred to equal its known points. Neighbouring remaining
+cells share a corner of the smaller one, and so agree where they meet.
 
-Each label is two numbers, the least and the greatest code of what is known: a cell agrees where
-the least of it is not below its greatest.
+Each label is two numbers, the least and the greatest code of known points: a cell agrees where its
+least is not below its greatest.
 """
 
 import numpy as np
@@ -18,14 +18,14 @@ NOTHING = np.iinfo(np.int32).max
 
 
 class Labels:
-    """What is known of the points of a grid, as codes; equal labels have equal codes.
+    """Labels of the known points of a grid, as codes; equal labels have equal codes.
 
     Attributes
     ----------
     least, greatest : ndarray of int32, shape (n,)
-        Of a point that agrees with nothing 0 and `NOTHING`.
+        0 and `NOTHING` for a point that agrees with none.
     codes : list of tuple
-        Labels by their codes less 1.
+        Labels by code minus 1.
     """
 
     def __init__(self, size: int):
@@ -40,7 +40,7 @@ class Labels:
         return self.greatest >= 0
 
     def store(self, points: np.ndarray, labels: np.ndarray) -> None:
-        """Store the labels of k points, shape (k, 1 + m); the first says that it agrees with none.
+        """Store the labels of k points, shape (k, 1 + m); a first entry of 1 agrees with none.
 
         Parameters
         ----------
@@ -63,12 +63,12 @@ class Labels:
 
 
 class Cells:
-    """The cells that are left of a grid.
+    """Remaining cells of a grid.
 
     Parameters
     ----------
     shape : tuple of int
-        Points of every axis.
+        Number of points of every axis.
     levels : int
         Level of the coarsest cells.
     """
@@ -109,7 +109,7 @@ class Cells:
         return np.flatnonzero(wanted)
 
     def inferred(self, least: np.ndarray, greatest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return level and code of every point that is not known, shape (n,); 0 of the others."""
+        """Return level and code of every unknown point, shape (n,); 0 for the others."""
         spans = self._spans(least, greatest)
         level_of = np.zeros(self._left[-1].shape, np.int8)
         code_of = np.zeros(self._left[-1].shape, np.int32)
@@ -150,7 +150,7 @@ class Cells:
         return np.searchsorted(self._lines[level - 1][axis][0], self._lines[level][axis][0])
 
     def _below(self, level: int, values: np.ndarray) -> np.ndarray:
-        """Give the cells of the next level the values of those that they are in."""
+        """Return for the cells of the next level the values of the cells that contain them."""
         for axis in range(len(self.shape)):
             at = self._first_below(level, axis)
             count = np.diff(at, append=len(self._lines[level - 1][axis][0]))

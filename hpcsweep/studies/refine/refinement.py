@@ -1,4 +1,4 @@
-"""What a job says of a refined map, and what each of its points is told by."""
+"""Read how a job refines a map, and define the labels of its points."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ KEYS = ("levels", "on", "wrong", "seed")
 
 
 class Source(IntEnum):
-    """Where the value of a point of a refined map comes from."""
+    """Source of the value of a point of a refined map."""
 
     UNKNOWN = 0
     """The map is not complete."""
@@ -34,19 +34,18 @@ class Source(IntEnum):
 
 @dataclass(frozen=True)
 class Refinement:
-    """How a map is refined.
+    """Refinement of a map.
 
     Attributes
     ----------
     levels : int
         The coarsest cells have 2**levels steps of the grid a side.
     on : tuple of str
-        What the points of a cell must agree in, of `LABELS`.
+        Labels, of `LABELS`, in which the points of a cell must agree.
     wrong : float
-        Share of the inferred points below which the upper end of the interval of the wrong ones
-        must lie.
+        Limit of the upper end of the interval of the share of wrong points among the inferred ones.
     seed : int
-        Of the audit.
+        Seed of the audit.
     """
 
     levels: int = 4
@@ -56,13 +55,13 @@ class Refinement:
 
     @property
     def variables(self) -> list[str]:
-        """The variables that points must agree in."""
+        """Variables in which points must agree."""
         return [variable for name in self.on for variable in LABELS[name]]
 
     def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
-        """Return what tells each of k runs apart, shape (k, 1 + len(variables)).
+        """Return the labels of k runs, shape (k, 1 + len(variables)).
 
-        The first column is 1 where a run failed: it agrees with nothing.
+        The first column is 1 where a run failed, which agrees with none.
         """
         columns = [rows["outcome"] != Outcome.COMPLETE, *(rows[name] for name in self.variables)]
         return np.stack([np.asarray(column).astype(np.uint64) for column in columns], axis=1)
@@ -84,7 +83,7 @@ def read_refinement(
     Raises
     ------
     JobError
-        If a value is not allowed, or the job does not tell what points must agree in.
+        If a value is not allowed, or the job does not store the variables of a label.
     """
     if not values.has("study.refine"):
         return None
@@ -127,12 +126,12 @@ def _whole(values, key: str, value: object, least: int, most: int) -> int:
 
 
 def refinement_of(study) -> Refinement | None:
-    """Return how the map of a study is refined; None if all of its runs are computed."""
+    """Return the refinement of a study's map; None if all of its runs are computed."""
     return getattr(study, "refine", None)
 
 
 def not_refinable(study) -> str:
-    """Return why the points of a map to be refined have no neighbours; '' if they have."""
+    """Return why the points of a map have no neighbours and cannot be refined; '' if they can."""
     if refinement_of(study) is None:
         return ""
     grid = study.part((0,) * len(study.axes))
@@ -146,5 +145,5 @@ def not_refinable(study) -> str:
 
 
 def map_shape(study) -> tuple[int, ...]:
-    """Return the points of every axis of a map: varied keys, frequencies, amplitudes."""
+    """Return the number of points of every axis of a map: varied keys, frequencies, amplitudes."""
     return tuple(study.dimensions[dim] for dim in study.run_dims if dim != "direction")

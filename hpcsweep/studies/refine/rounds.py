@@ -1,7 +1,7 @@
-"""The rounds of a refined map: which points are computed next, from those computed before.
+"""Rounds of a refined map: the points to compute next, from those computed before.
 
-Rounds are a function of the labels of points alone, and each of them of the points of earlier
-rounds alone: whoever knows more, from a file that is resumed or taken over, walks the same rounds.
+Rounds depend only on the labels of points, and each round only on the points of earlier rounds:
+with more known points, from a resumed or reused file, the rounds are the same.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from hpcsweep.studies.refine.refinement import Refinement, Source
 
 
 class Rounds:
-    """One refined map on its way.
+    """State of a refined map.
 
     Parameters
     ----------
@@ -22,12 +22,12 @@ class Rounds:
         Points of every axis.
     refinement : Refinement
     labels : Labels
-        Filled by the caller: before a round is requested, all points of those before are known.
+        Filled by the caller: when a round is requested, all points of earlier rounds must be known.
 
     Attributes
     ----------
     source : ndarray of int8, shape (n,)
-        Of the points computed so far, see `Source`; `UNKNOWN` elsewhere.
+        Source of the points computed so far, see `Source`; `UNKNOWN` elsewhere.
     looks : list of Look
     """
 
@@ -54,7 +54,7 @@ class Rounds:
                 return
 
     def inferred(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return level and code (`Labels`) of every inferred point, shape (n,); of others 0."""
+        """Return level and code (`Labels`) of every inferred point, shape (n,); 0 for others."""
         return self._cells.inferred(*self._known())
 
     def _agree(self) -> Iterator[np.ndarray]:
@@ -72,7 +72,7 @@ class Rounds:
         return points
 
     def _known(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the labels say of the points of rounds so far, and of no others."""
+        """Return the labels of the points of all rounds so far, and of no others."""
         done = self.source != Source.UNKNOWN
         return (
             np.where(done, self._labels.least, np.int32(NOTHING)),
@@ -80,7 +80,7 @@ class Rounds:
         )
 
     def _look(self, look: int, before: np.ndarray, drawn: np.ndarray, code: np.ndarray) -> Look:
-        """Return what a look has found, given the codes of the points inferred before it."""
+        """Return the result of a look, given the codes of the points inferred before it."""
         still = self.source[before] == Source.UNKNOWN
         left, gone = before[still], before[~still]
         _, now = self.inferred()
@@ -90,5 +90,5 @@ class Rounds:
         return Look(before.size, drawn.size, wrong, left.size, low, high)
 
     def _n_wrong(self, points: np.ndarray, code: np.ndarray) -> int:
-        """Count computed points that were inferred to be something else."""
+        """Count computed points that differ from what was inferred."""
         return int((self._labels.least[points] != code[points]).sum())

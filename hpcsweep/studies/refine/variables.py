@@ -1,4 +1,4 @@
-"""Variables of a refined map: where each point's value comes from, what is inferred, the audit."""
+"""Variables of a refined map: the source of each point's value, inferred values, the audit."""
 
 import numpy as np
 
@@ -20,12 +20,12 @@ QUANTITIES = Look._fields
 
 
 def inferred_name(variable: str) -> str:
-    """Name the variable that holds what is inferred of another."""
+    """Return the name of the variable with the inferred values of another."""
     return f"inferred_{variable}"
 
 
 def derived_variables(study) -> list[Variable]:
-    """Return what a refined map holds beside its runs, the checksums last; [] of other studies."""
+    """Return the variables of a refined map besides its runs, checksums last; else []."""
     refinement = refinement_of(study)
     if refinement is None:
         return []
@@ -51,7 +51,7 @@ def derived_variables(study) -> list[Variable]:
 
 
 def derived_coordinates(study) -> dict[str, Coordinate]:
-    """Return the dimensions that only refined maps have."""
+    """Return the dimensions of refined maps alone."""
     if refinement_of(study) is None:
         return {}
     return {
@@ -61,7 +61,7 @@ def derived_coordinates(study) -> dict[str, Coordinate]:
 
 
 def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarray]:
-    """Return the variables of a complete map, but the checksums.
+    """Return the variables of a complete map, without the checksums.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarra
 
 
 def replay(study, labels: Labels) -> dict[str, np.ndarray] | None:
-    """Return `derived_values` of a map all of whose rounds are known; None if a point is not."""
+    """Return `derived_values` of a map whose rounds are all known; None if a point is missing."""
     rounds = Rounds(map_shape(study), study.refine, labels)
     for points in rounds:
         if not labels.known[points].all():
@@ -90,6 +90,6 @@ def replay(study, labels: Labels) -> dict[str, np.ndarray] | None:
 
 
 def last_look(audit: np.ndarray) -> Look | None:
-    """Return the look that counts of the variable; None if there is none yet."""
+    """Return the last look of the variable; None if there is none yet."""
     told = audit[np.isfinite(audit[:, 0])]
     return Look(*(int(v) for v in told[-1][:4]), *map(float, told[-1][4:])) if len(told) else None

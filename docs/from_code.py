@@ -68,8 +68,8 @@ def variables() -> str:
     """Return tables of the dimensions and variables of a results file, for each kind of study."""
     parts = [
         "# Variables of a results file\n\nMade from the code, as the file holds them where all of "
-        "`[output]` is asked for. Units are those of the building\nof the paper. What the rest of "
-        "a file means is told in [the results file](../file-format.md).\n"
+        "`[output]` is asked for. Units are those of the building\nof the paper. "
+        "[The results file](../file-format.md) says what the rest means.\n"
     ]
     told: dict[tuple[str, ...], str] = {}
     for kind, study in examples():

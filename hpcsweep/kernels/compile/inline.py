@@ -76,16 +76,23 @@ class _WholeLibrary(JITCodeLibrary):
 
 
 def _all_that_is_called(library):
-    """Return the libraries that one calls, and those that its parts call, each once."""
-    found = dict.fromkeys(library._linking_libraries)
-    queue = list(found)
-    while queue:
-        part = queue.pop()
-        for called in part._linking_libraries if isinstance(part, _InlineLibrary) else ():
-            if called not in found:
-                found[called] = None
-                queue.append(called)
-    return list(found)
+    """Return the libraries that one calls, and those that its parts call, callers first.
+
+    LLVM leaves a part out that nothing linked before asks for: a library that lists a part whose
+    call has been optimised away must not bring it in before another one that does call it.
+    """
+    done, order = set(), []
+
+    def follow(part) -> None:
+        done.add(part)
+        if part is library or isinstance(part, _InlineLibrary):
+            for called in part._linking_libraries:
+                if called not in done:
+                    follow(called)
+        order.append(part)
+
+    follow(library)
+    return order[-2::-1]
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)

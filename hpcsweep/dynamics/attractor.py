@@ -38,7 +38,7 @@ class Attractor:
         Number of starts that reached it.
     share, share_low, share_high : float
         Share of all starts, and its Clopper-Pearson interval.
-    measures : ndarray, shape (D + n + 5 m,)
+    measures : ndarray, shape (D + 2 n + 5 m,)
         As in `hpcsweep.solvers.records.Observation`; empty unless requested.
     """
 

@@ -135,6 +135,7 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 #lyapunov = false     # largest Lyapunov exponent, per unit of time
 #storey_drift = false    # peak drift of each storey, in gaps
 #displacement = false    # peak displacement of each floor, in gaps
+#acceleration = false    # peak absolute acceleration of each floor, in gaps omega_0^2
 #contact_force = false   # peak force of each contact, in k gaps
 #impacts = false         # closings of each contact a forcing period
 #impact_velocity = false # largest closing speed of each contact, in gaps omega_0

@@ -19,11 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
 
-PEAK_FLAGS = (4, 8, 16)
-"""Of drifts, floors and contacts."""
+DRIFT, FLOOR, ACCELERATION, CONTACT = PEAK_FLAGS = (4, 8, 16, 32)
+"""What has a peak: drifts, floors, absolute accelerations of floors, contacts."""
 
 
 class Contacts(NamedTuple):
@@ -90,6 +91,9 @@ class Model(NamedTuple):
     """(R, R): M^-1 C, likewise."""
     forcing: np.ndarray
     """(R,): f."""
+    ground: np.ndarray
+    """(n,): what the absolute acceleration u'' + ground G has of the forcing: -f where a base
+    shakes; 0 where forces act on a structure whose base rests."""
     harmonics: np.ndarray
     """(H, 3): order, amplitude and phase."""
     ramp: np.ndarray
@@ -100,9 +104,9 @@ class Model(NamedTuple):
     drift_rows: np.ndarray
     """(any, 2) int: a drift is y[first] - y[second], or y[first] where the second is -1."""
     watched: np.ndarray
-    """(W, 4) int: rows whose peaks can be requested, first and second as for a drift, a
-    side (0 for |y|, 1 or -1 for that times y), and the flag that requests them (`PEAK_FLAGS`).
-    Drifts, floors and contacts, in this order."""
+    """(Q, 4) int: rows whose peaks can be requested: first and second as for a drift, a side (0 for
+    |y|, 1 or -1 for that times y), and the flag that requests them. In the order of `PEAK_FLAGS`,
+    each kind padded to a multiple of `LANES` by rows of flag 0."""
     modal_transform: np.ndarray
     """(n, R): Phi^-1, row j gives modal coordinate j."""
     balance: np.ndarray
@@ -140,10 +144,12 @@ def kernel_model(structure: Structure, omega: float) -> Model:
     layer = float(structure.layer_half_width / length)
     energy = _energy(structure)
     masses = np.diag(mass)
+    forcing = _wide(per_mass(mass, structure.forcing_vector), extra)
     model = Model(
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
-        forcing=_wide(per_mass(mass, structure.forcing_vector), extra),
+        forcing=forcing,
+        ground=-forcing[:n] if structure.shakes else np.zeros(n),
         harmonics=np.array(structure.forcing.terms, float).reshape(-1, 3),
         ramp=np.zeros((0, 2)),
         rows=extra,
@@ -177,6 +183,7 @@ def record_model(structure: Structure, dt: float) -> Model:
     """
     model = kernel_model(structure, 1.0)
     return model._replace(
+        ground=-model.forcing[: structure.n_floors],
         harmonics=np.zeros((0, 3)),
         ramp=np.zeros((1, 2)),
         omega=0.0,
@@ -185,11 +192,14 @@ def record_model(structure: Structure, dt: float) -> Model:
 
 
 def _watched(drift_rows: np.ndarray, n: int, places) -> np.ndarray:
-    """List drifts, floors and contacts; see `Model.watched`."""
-    drift, floor, contact = PEAK_FLAGS
-    listed = [(int(i), int(below), 0, drift) for i, below in drift_rows]
-    listed += [(i, -1, 0, floor) for i in range(n)]
-    listed += [(row, -1, int(sign), contact) for row, sign in places]
+    """List drifts, floors, their accelerations and contacts; see `Model.watched`."""
+    kinds = (
+        [(int(i), int(below), 0, DRIFT) for i, below in drift_rows],
+        [(i, -1, 0, FLOOR) for i in range(n)],
+        [(i, -1, 0, ACCELERATION) for i in range(n)],
+        [(row, -1, int(sign), CONTACT) for row, sign in places],
+    )
+    listed = [row for kind in kinds for row in (*kind, *-len(kind) % LANES * [(0, -1, 0, 0)])]
     return np.array(listed, np.int64).reshape(-1, 4)
 
 

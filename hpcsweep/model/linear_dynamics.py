@@ -67,6 +67,11 @@ class LinearDynamics:
         raise NotImplementedError
 
     @property
+    def shakes(self) -> bool:
+        """Whether the forcing is the motion of a base, b = -M 1, and not forces on one at rest."""
+        return bool(np.array_equal(self.forcing_vector, -self.mass_matrix.sum(axis=1)))
+
+    @property
     def contacts(self) -> "tuple[Contact, ...]":
         """All contacts."""
         raise NotImplementedError

@@ -133,7 +133,7 @@ class BdfMap:
         With `growth` also the growth of a tangent vector, initially (1, ..., 1), for which the
         window is integrated again.
         """
-        tally = StepTally(self._model, modal_norm, measures)
+        tally = StepTally(self._model, modal_norm, measures, self._absolute(amplitude))
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
@@ -201,6 +201,18 @@ class BdfMap:
                 raise ArithmeticError(f"bdf: {outcome.name} in forcing period {done + 1}")
         matrix = z[size:].reshape(size, n_columns)
         return self._units.out_of(z[:size]), self._units.tangent_out_of(matrix)
+
+    def _absolute(self, amplitude) -> Callable[[float, np.ndarray], np.ndarray]:
+        """Return the absolute accelerations of the floors as a function of time and state."""
+        amplitude, n = amplitude / self._units.amplitude_unit, self.structure.n_floors
+        order, size, phase = self._model.harmonics.T
+
+        def accelerations(tau: float, z: np.ndarray) -> np.ndarray:
+            ground = amplitude * (size @ np.sin(order * self._model.omega * tau + phase))
+            forced = derivative(tau, z, amplitude, self._packed)[len(z) // 2 :][:n]
+            return forced + self._model.ground * ground
+
+        return accelerations
 
     def _collect(self, state, amplitude, n_periods, poll, on_step):
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)

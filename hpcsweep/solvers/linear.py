@@ -94,12 +94,16 @@ class LinearOrbit:
         return np.abs(amplitude) * self._drift
 
     def measures(self, amplitudes) -> np.ndarray:
-        """Return the measures of an `Observation` at amplitudes A, shape (k, D + n + 5 m)."""
+        """Return the measures of an `Observation` at amplitudes A, shape (k, D + 2 n + 5 m)."""
         amplitudes = np.asarray(amplitudes, float).reshape(-1, 1)
         if self._peaks is None:
-            rows = np.concatenate((self._structure.drift_rows, np.eye(self._structure.n_floors)))
+            floors = np.eye(self._structure.n_floors)
+            rows = np.concatenate((self._structure.drift_rows, floors))
+            parts = (self._responses, rows), (self._accelerations(), floors)
             both = [
-                trigonometric_maxima(self._orders, self._responses, sign * rows)
+                np.concatenate(
+                    [trigonometric_maxima(self._orders, of, sign * rows) for of, rows in parts]
+                )
                 for sign in (1.0, -1.0)
             ]
             self._peaks = np.maximum(*both)
@@ -107,7 +111,15 @@ class LinearOrbit:
         towards = size * np.where(amplitudes >= 0, self.largest[0], self.largest[1])
         gaps = np.array([contact.gap for contact in self._structure.contacts])
         no_impacts = np.zeros((len(size), 4 * gaps.size))
-        return np.hstack((size * self._peaks, np.maximum(towards, gaps), no_impacts))
+        return np.hstack((size * self._peaks, np.maximum(towards - gaps, 0.0), no_impacts))
+
+    def _accelerations(self) -> np.ndarray:
+        """Return the harmonics of the absolute accelerations at A = 1, shape (H, n)."""
+        found = -((self._omega * self._orders[:, None]) ** 2) * self._responses
+        if self._structure.shakes:
+            terms = self._structure.forcing.terms
+            found = found + np.array([[a * cmath.exp(1j * phase)] for _, a, phase in terms])
+        return found
 
     def modal_norm(self, amplitude: float) -> np.ndarray:
         """Return the mean modal norms, shape (n,); NaN at A = 0."""

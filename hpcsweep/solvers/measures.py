@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.kernel_model import Model
+from hpcsweep.model.kernel_model import ACCELERATION, Model
 from hpcsweep.model.structure import Structure
 
-IMPACT_FLAG = 32
+IMPACT_FLAG = 64
 """Requests the impacts of all contacts, as `PEAK_FLAGS` request peaks."""
 CLOSINGS, SPEED, FORCE, TIME = range(4)
 """Rows of impacts: closings of a contact, largest closing speed, integral of its force over beta,
@@ -23,20 +23,22 @@ def measures_of(structure: Structure, model: Model, gathered: Any, n_periods) ->
     model : Model
         Its kernel model.
     gathered
-        Has `peaks`, shape (..., W), of the rows of `Model.watched`, and `impacts`, shape (..., 4,
+        Has `peaks`, shape (..., Q), of the rows of `Model.watched`, and `impacts`, shape (..., 4,
         m), over the window.
     n_periods : int or ndarray
         Forcing periods of the window, or of each.
 
     Returns
     -------
-    ndarray, shape (..., W + 4 m)
+    ndarray, shape (..., D + 2 n + 5 m)
     """
     peaks, impacts = gathered.peaks, gathered.impacts
     length, rate = structure.length_unit, structure.frequency_unit
     a_period = 1.0 / np.asarray(n_periods, float)[..., None]
+    flags = model.watched[:, 3]
+    units = np.where(flags == ACCELERATION, length * rate**2, length)
     parts = [
-        peaks * length,
+        (peaks * units)[..., flags > 0],
         impacts[..., CLOSINGS, :] * a_period,
         impacts[..., SPEED, :] * (length * rate),
         impacts[..., FORCE, :] * a_period * (length / rate),

@@ -86,7 +86,7 @@ def response_of(
     ----------
     structure : Structure
     peaks, times : ndarray, shape (P,)
-        Of floors, drifts, absolute accelerations and distances of contacts past their stops.
+        Of drifts, floors, absolute accelerations and distances of contacts past their stops.
     impacts : ndarray, shape (4, k)
         See `measures`.
     state : ndarray, shape (2n,)
@@ -97,13 +97,13 @@ def response_of(
     """
     n, n_drifts = structure.n_floors, len(structure.drift_rows)
     length, rate = structure.length_unit, structure.frequency_unit
-    ends = np.cumsum([n, n_drifts, n])
+    ends = np.cumsum([n_drifts, n, n])
     size: list[Any] = np.split(peaks * length, ends)
     when = np.split(times / rate, ends)
     stiffness = structure.contact_stiffness
     return Response(
-        displacement=size[0],
-        drift=size[1],
+        displacement=size[1],
+        drift=size[0],
         floor_acceleration=size[2] * rate**2,
         force=size[3] * stiffness,
         impacts=impacts[CLOSINGS].astype(int),
@@ -113,8 +113,8 @@ def response_of(
         dissipated=np.zeros(len(stiffness)),
         residual=np.abs(state[:n]),
         final_state=state,
-        displacement_time=when[0],
-        drift_time=when[1],
+        displacement_time=when[1],
+        drift_time=when[0],
         acceleration_time=when[2],
         force_time=when[3],
         duration=duration,

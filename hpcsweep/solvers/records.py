@@ -100,7 +100,7 @@ class Followed:
     ----------
     orbits : Orbits
         Runs that skip rules finish, up to the first that they leave open.
-    measures : ndarray, shape (k, D + n + 5 m)
+    measures : ndarray, shape (k, D + 2 n + 5 m)
         As in `Observation`; (k, 0) unless requested.
     state : ndarray, shape (2n,)
         State from which the next run starts.
@@ -136,9 +136,10 @@ class Observation:
         (`window_growth`); NaN unless it was requested.
     logarithms : ndarray, shape (k,)
         Natural logarithm of that factor in each forcing period; empty unless it was requested.
-    measures : ndarray, shape (D + n + 5 m,)
-        Largest |drift| of each drift row, largest |u_i| of each floor, and largest d_k . u, at
-        least the gap, of each contact of the structure; then of each contact its closings a forcing
+    measures : ndarray, shape (D + 2 n + 5 m,)
+        Largest |drift| of each drift row, largest |u_i| and largest absolute acceleration of each
+        floor, and largest distance past its stop, at least 0, of each contact of the structure;
+        then of each contact its closings a forcing
         period, its largest closing speed, the integral of its force over its stiffness, a forcing
         period, and the share of the time in which it is closed. Those that the flags (`PEAK_FLAGS`,
         `IMPACT_FLAG`) do not ask for are where they start; empty if none is asked for.

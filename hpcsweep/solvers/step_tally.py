@@ -1,12 +1,13 @@
 """Gather contact set, drift, modal norms and measures along the steps of `bdf`."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from hpcsweep.model.contact import FAR, contact_force
-from hpcsweep.model.kernel_model import PEAK_FLAGS, Model
+from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, Model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import CLOSINGS, FORCE, IMPACT_FLAG, SPEED, TIME, measures_of
 
@@ -16,9 +17,25 @@ PANEL_NODES, PANEL_WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 class StepTally:
-    """Maxima and means over the steps' interpolants."""
+    """Maxima and means over the steps' interpolants.
 
-    def __init__(self, model: Model, modal_norm: bool, measures: int = 0):
+    Parameters
+    ----------
+    model : Model
+    modal_norm : bool
+    measures : int
+        Flags, see `Observation`.
+    accelerate : callable (tau, z), optional
+        Return the absolute accelerations of the floors, shape (n,).
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        modal_norm: bool,
+        measures: int = 0,
+        accelerate: Callable[[float, np.ndarray], np.ndarray] | None = None,
+    ):
         self._model = model
         self.contact = 0
         self.peak_drift = 0.0
@@ -28,13 +45,18 @@ class StepTally:
         unit = np.vstack((np.eye(self._n), np.zeros(self._n)))  # row -1 is at rest: the base
         upper, lower = model.drift_rows.T
         self._drifts = unit[upper] - unit[lower]
-        watched = model.watched[: len(model.watched) * bool(measures & sum(PEAK_FLAGS))]
-        rows, below, self._sides, _ = watched.T
+        flags = model.watched[:, 3]
+        self._places = np.flatnonzero(flags & measures & ~ACCELERATION)
+        rows, below, self._sides, _ = model.watched[self._places].T
         self._watched = unit[rows] - unit[below]
         self._watched[self._sides < 0] *= -1.0
+        self._levels = np.zeros(len(flags))
+        self._levels[flags == CONTACT] = model.contacts.gap
+        self._levels = self._levels[self._places]
+        self._accelerate = accelerate if measures & ACCELERATION else None
+        self._accelerated = np.flatnonzero(flags == ACCELERATION)
         self._wants_any, self._wants_impacts = bool(measures), bool(measures & IMPACT_FLAG)
-        self.peaks = np.zeros(len(model.watched))
-        self.peaks[len(self.peaks) - model.contacts.gap.size :] = model.contacts.gap
+        self.peaks = np.zeros(len(flags))
         self.impacts = np.zeros((TIME + 1, model.contacts.gap.size))
         self._closed: np.ndarray | None = None
         self._modal = np.zeros(len(model.modal_transform))
@@ -49,8 +71,9 @@ class StepTally:
         own = self._tops(self._drifts, np.ones(len(self._drifts), bool), interpolant, tau, z)
         self.peak_drift = max(self.peak_drift, float(own.max(initial=0.0)))
         own = self._tops(self._watched, self._sides == 0, interpolant, tau, z)
-        if own.size:
-            self.peaks = np.maximum(self.peaks, own)
+        self.peaks[self._places] = np.maximum(self.peaks[self._places], own - self._levels)
+        if self._accelerate is not None:
+            self._add_accelerations(interpolant, tau, z)
         contacts = self._contacts
         signs = contacts.sign[:, None]
         past = signs * z[contacts.row] - contacts.gap[:, None]
@@ -89,6 +112,23 @@ class StepTally:
             top = float(_extremum(pair, *tau[left : left + 2]))
             highest[i] = max(highest[i], abs(top) if both[i] else top)
         return highest
+
+    def _add_accelerations(self, interpolant, tau, z) -> None:
+        """Raise the peaks of absolute accelerations, at the nodes and beside the largest."""
+        values = np.abs([self._accelerate(*at) for at in zip(tau, z.T, strict=True)]).T
+        for i, place in enumerate(self._accelerated):
+            top = values[i].max()
+            k = int(values[i].argmax())
+            left, right = max(k - 1, 0), min(k + 1, len(tau) - 1)
+            if 2 * top - min(values[i, left], values[i, right]) > self.peaks[place]:
+                found = minimize_scalar(
+                    lambda t, i=i: -abs(self._accelerate(t, interpolant(t))[i]),
+                    bounds=(tau[left], tau[right]),
+                    method="bounded",
+                    options={"xatol": 1e-7 * (tau[-1] - tau[0])},
+                )
+                top = max(top, -found.fun)
+            self.peaks[place] = max(self.peaks[place], top)
 
     def _add_impacts(self, k, interpolant, tau, past, speed):
         """Add a contact's closings, force and time of a step, between nodes, tops and crossings."""

@@ -6,7 +6,8 @@ from hpcsweep.model.kernel_model import PEAK_FLAGS
 from hpcsweep.solvers.measures import IMPACT_FLAG
 
 CONTACT_MEASURES = ("contact_force", "impacts", "impact_velocity", "impulse", "contact_time")
-MEASURES = ("storey_drift", "displacement", *CONTACT_MEASURES)
+FLOOR_MEASURES = ("displacement", "acceleration")
+MEASURES = ("storey_drift", *FLOOR_MEASURES, *CONTACT_MEASURES)
 """Peaks over the window of each storey, floor and contact, and the impacts of each contact."""
 METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov", *MEASURES)
 """Results a job may ask for; the final state, period, cycles and outcome are always kept."""

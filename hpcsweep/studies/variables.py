@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES, SweepSettings
+from hpcsweep.studies.settings import CONTACT_MEASURES, FLOOR_MEASURES, MEASURES, SweepSettings
 from hpcsweep.studies.study import Coordinate, Variable
 
 STATES = "length; velocity"
@@ -24,6 +24,13 @@ RUN_VARIABLES = (
     Variable("modal_norm", (*RUN, "mode"), "<f8", "1", "mean modal norm free of contact"),
     Variable("storey_drift", (*RUN, "storey"), "<f8", "length", "peak drift of each storey"),
     Variable("displacement", (*RUN, "floor"), "<f8", "length", "peak displacement of each floor"),
+    Variable(
+        "acceleration",
+        (*RUN, "floor"),
+        "<f8",
+        "acceleration",
+        "peak absolute acceleration of each floor",
+    ),
     Variable("contact_force", (*RUN, "stop"), "<f8", "force", "peak force of each contact"),
     Variable("impacts", (*RUN, "stop"), "<f8", "1", "closings of each contact a forcing period"),
     Variable("impact_velocity", (*RUN, "stop"), "<f8", "velocity", "largest closing speed"),
@@ -116,7 +123,7 @@ def measure_coordinates(structure, settings: SweepSettings) -> dict[str, Coordin
     made = {}
     if "storey_drift" in settings.metrics:
         made["storey"] = named(storeys, "storey")
-    if "displacement" in settings.metrics:
+    if not settings.metrics.isdisjoint(FLOOR_MEASURES):
         made["floor"] = named(floors, "floor")
     if not settings.metrics.isdisjoint(CONTACT_MEASURES):
         made["stop"] = named(tuple(structure.contact_names.values()), "contact")

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import expit
 from tools import SMALL
 
-from hpcsweep import open_results
+from hpcsweep import Contact, open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.job import parse_job
-from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.model.kernel_model import ACCELERATION, PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.bdf import BdfMap
@@ -46,15 +47,29 @@ def sampled(structure, amplitude, omega, z, n_periods) -> np.ndarray:
     """Peaks of the independent reference, at many times: a little too low."""
     rows = np.concatenate((structure.drift_rows, np.eye(structure.n_floors)))
     gaps = [contact.gap for contact in structure.contacts]
-    highest = np.concatenate((np.zeros(len(rows)), gaps))
-    n, parts = structure.n_floors, 400
+    n, parts = structure.n_floors, 8000
+    highest = np.zeros(len(rows) + n + len(gaps))
     period = 2 * math.pi / omega
     for _ in range(n_periods):
-        u = reference_at(structure, amplitude, omega, z, period, parts)[:, :n]
-        own = np.concatenate((np.abs(u @ rows.T), u @ structure.directions.T), axis=1)
+        states = reference_at(structure, amplitude, omega, z, period, parts)
+        u, pushed = states[:, :n], absolute_accelerations(structure, states)
+        past = u @ structure.directions.T - gaps
+        own = np.concatenate((np.abs(u @ rows.T), np.abs(pushed), past), axis=1)
         highest = np.maximum(highest, own.max(axis=0))
         z = reference_points(structure, amplitude, omega, z, 1)[-1]
     return highest
+
+
+def absolute_accelerations(structure, states) -> np.ndarray:
+    """What springs, dampers and contacts do to the floors, per mass."""
+    n = structure.n_floors
+    u, v = states[:, :n], states[:, n:]
+    force = -u @ structure.stiffness_matrix - v @ structure.damping_matrix
+    for contact, d in zip(structure.contacts, structure.directions, strict=True):
+        x = u @ d - contact.gap
+        share = (x > 0) if structure.sharpness == math.inf else expit(structure.sharpness * x)
+        force -= np.outer(contact.stiffness * share * x, d)
+    return np.linalg.solve(structure.mass_matrix, force.T).T
 
 
 def reference_at(structure, amplitude, omega, z, period, parts) -> np.ndarray:
@@ -96,20 +111,51 @@ def test_peaks_are_those_of_the_motion(structure, amplitude, omega):
     n_drifts = len(structure.drift_rows)
     assert peaks[:n_drifts].max() == pytest.approx(seen.peak_drift, rel=1e-11)
     low = sampled(structure, amplitude, omega, z, 2)
-    scale = np.abs(low).max()
+    n = structure.n_floors
+    parts = np.split(peaks, np.cumsum([n_drifts, n, n]))
     # a sample misses the top by (spacing)^2 / 8 of the curvature at most
-    assert np.all(peaks >= low - 1e-9 * scale)
-    assert np.all(peaks <= low + 2e-3 * scale)
+    for one, other in zip(parts, np.split(low, np.cumsum([n_drifts, n, n])), strict=True):
+        scale = np.abs(other).max()
+        assert np.all(one >= other - 1e-9 * scale)
+        assert np.all(one <= other + 2e-3 * scale)
     plain = flow.observe(z, amplitude, 2)
     assert plain.measures.size == 0
-    parts = np.split(peaks, [n_drifts, n_drifts + structure.n_floors])
     for flag, place in zip(PEAK_FLAGS, parts, strict=True):
         some = flow.observe(z, amplitude, 2, measures=flag).measures
         assert set(place.tolist()) <= set(some.tolist())
     np.testing.assert_array_equal(plain.points, seen.points)
     assert plain.peak_drift == seen.peak_drift
     bdf = BdfMap(structure, omega, 1e-9).observe(z, amplitude, 2, measures=ALL)
+    scale = np.abs(seen.measures).max()
     np.testing.assert_allclose(bdf.measures, seen.measures, rtol=3e-4, atol=1e-5 * scale)
+
+
+@pytest.mark.parametrize("sharpness", [2e3, math.inf])
+def test_forces_on_a_structure_at_rest_leave_its_own_accelerations(sharpness):
+    stiffness, forcing = np.array([[3.0, -1.0], [-1.0, 2.0]]), [0.0, 1.0]
+    contacts = [Contact((1.0, -1.0), 0.3, 200.0)]
+    given = {"damping_ratio": 0.02, "sharpness": sharpness}
+    forced = Structure.from_matrices([1, 2], stiffness, contacts, forcing=forcing, **given)
+    shaken = Structure.from_matrices([1, 2], stiffness, contacts, **given)
+    assert shaken.shakes
+    assert not forced.shakes
+    again = Structure.from_matrices([1, 2], stiffness, contacts, forcing=[-1, -2], **given)
+    start, found = np.array([0.3, -0.1, 0.2, 0.5]), {}
+    for name, structure in (("forced", forced), ("shaken", shaken), ("again", again)):
+        flow = FlowMap(structure, 0.8)
+        found[name] = flow.observe(start, 0.4, 1, measures=ACCELERATION).measures[4:6]
+        states = reference_at(structure, 0.4, 0.8, start, 2 * math.pi / 0.8, 4000)
+        own = absolute_accelerations(structure, states)
+        if name == "forced":
+            times = np.linspace(0.0, 2 * math.pi, len(states))
+            own += 0.4 * np.outer(np.sin(times), [0.0, 0.5])
+        # samples miss the top, as above
+        np.testing.assert_allclose(found[name], np.abs(own).max(axis=0), rtol=3e-4)
+    np.testing.assert_array_equal(found["again"], found["shaken"])
+    free = forced.without_contacts()
+    orbit = LinearOrbit(free, 0.8)
+    seen = FlowMap(free, 0.8).observe(orbit.state(0.4), 0.4, 1, measures=ALL)
+    np.testing.assert_allclose(orbit.measures(0.4)[0], seen.measures, rtol=1e-9)
 
 
 def test_free_motions_have_theirs_in_closed_form():
@@ -118,7 +164,7 @@ def test_free_motions_have_theirs_in_closed_form():
     amplitude = 0.9 * structure.grazing_amplitude(0.7)
     seen = FlowMap(structure, 0.7).observe(orbit.state(amplitude), amplitude, 1, measures=ALL)
     np.testing.assert_allclose(orbit.measures(amplitude)[0], seen.measures, rtol=1e-9)
-    assert orbit.measures([amplitude, 2 * amplitude]).shape == (2, 21)
+    assert orbit.measures([amplitude, 2 * amplitude]).shape == (2, 24)
 
 
 @pytest.mark.parametrize("method", ["flow", pytest.param("bdf", marks=pytest.mark.slow)])

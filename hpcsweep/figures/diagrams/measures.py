@@ -24,12 +24,13 @@ from hpcsweep.solvers.outcome import Outcome
 NAME = "measures"
 DRAWS = "motions"
 HELP = """\
-peak drift of each storey, displacement of each floor, force and impacts of each
-contact against the amplitude, one frame"""
+peak drift of each storey, displacement and acceleration of each floor, force and
+impacts of each contact against the amplitude, one frame"""
 OPTIONS = (OMEGA, DIRECTION)
 PANELS = {
     "storey_drift": ("peak storey drift", "length", "storey"),
     "displacement": ("peak displacement", "length", "floor"),
+    "acceleration": ("peak floor acceleration", "acceleration", "floor"),
     "contact_force": ("peak contact force", "force", "stop"),
     "impacts": ("impacts a forcing period", "1", "stop"),
     "impact_velocity": ("largest closing speed", "velocity", "stop"),

@@ -10,7 +10,6 @@ from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
 from hpcsweep.solvers.flow.record.march import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
-from hpcsweep.solvers.flow.record.outputs import OUTPUTS, clear_outputs, new_outputs
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 from hpcsweep.solvers.flow.state.tally import clear
 from hpcsweep.solvers.outcome import Outcome
@@ -38,9 +37,9 @@ class RecordMap:
         self._units = Units(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
-        self._outputs, self._packed_outputs = OUTPUTS.place(new_outputs(model, self._shared.tables))
-        last = structure.n_floors + len(model.drift_rows)
-        self._outputs.sides[last - one_sided : last] = 0.0
+        last = len(model.drift_rows)
+        self._shared.outputs.sides[last - one_sided : last] = 0.0
+        self._told = model.watched[:, 3] > 0
         self._polling = Polling()
 
     def respond(
@@ -53,20 +52,18 @@ class RecordMap:
         at_samples: bool = False,
     ) -> Response:
         """Return the response to a record; see `hpcsweep.solvers.response.response`."""
-        clear_outputs.py_func(self._outputs)
         clear.py_func(self._shared.tally)
         n = self.structure.n_floors
         z = self._units.into(np.zeros(2 * n) if state is None else state)
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
         wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
         done, outcome = self._advance(z, samples, scale, tail, poll, wanted)
-        outputs = self._outputs
-        n_outputs = outputs.rows.shape[1]
+        tally = self._shared.tally
         return response_of(
             self.structure,
-            outputs.peaks[:n_outputs],
-            outputs.times[:n_outputs],
-            self._shared.tally.impacts,
+            tally.peaks[self._told],
+            tally.times[self._told],
+            tally.impacts,
             self._units.out_of(z).copy(),
             done,
             outcome,
@@ -91,7 +88,6 @@ class RecordMap:
     def _march(self, z, samples, amplitude, first, last, length, wanted):
         return march_record(
             self._packed,
-            self._packed_outputs,
             z,
             samples,
             amplitude,

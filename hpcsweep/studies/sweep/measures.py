@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.settings import MEASURES, SweepSettings
+from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES, SweepSettings
 
 
 def empty_measures(
@@ -13,23 +13,23 @@ def empty_measures(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Allocate the requested measures, as for failed runs."""
     n_contacts = len(structure.all_contact_numbers)
-    sizes = (len(structure.drift_rows), structure.n_floors, *5 * (n_contacts,))
+    n = structure.n_floors
+    sizes = (len(structure.drift_rows), n, n, *5 * (n_contacts,))
     for name, size in zip(MEASURES, sizes, strict=True):
         if name in settings.metrics:
             yield name, np.full((n_runs, size), np.nan)
 
 
 def store_measures(rows: dict[str, np.ndarray], structure: Structure, measures: np.ndarray) -> None:
-    """Store measures, shape (k, D + n + 5 m) as in an `Observation`, in rows of results.
+    """Store measures, shape (k, D + 2 n + 5 m) as in an `Observation`, in rows of results.
 
     The force of a contact is largest where its floors are farthest past it: beyond the stop it
     grows with the distance. Contacts that no motion reaches exert none.
     """
     n_drifts, n, m = len(structure.drift_rows), structure.n_floors, len(structure.contacts)
-    ends = np.cumsum((n_drifts, n, *4 * (m,)))
+    ends = np.cumsum((n_drifts, n, n, *4 * (m,)))
     parts = dict(zip(MEASURES, np.split(measures, ends, axis=1), strict=True))
-    gaps = np.array([contact.gap for contact in structure.contacts])
-    past = np.maximum(parts["contact_force"] - gaps, 0.0)
+    past = parts["contact_force"]
     force = structure.contact_stiffness * past
     if np.isfinite(structure.sharpness):
         force /= 1.0 + np.exp(-structure.sharpness * past)
@@ -38,7 +38,7 @@ def store_measures(rows: dict[str, np.ndarray], structure: Structure, measures: 
     numbers = structure.all_contact_numbers
     places = [numbers.index(number) for number in structure.contact_numbers]
     for name in rows.keys() & parts.keys():
-        if name in ("storey_drift", "displacement"):
+        if name not in CONTACT_MEASURES:
             rows[name][:] = parts[name]
         else:
             rows[name][:] = 0.0

@@ -4,18 +4,20 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, root, total
+from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
+from hpcsweep.solvers.flow.layer.acceleration import accelerations_in_layer
 from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer
 from hpcsweep.solvers.flow.layer.quintic import hermite, turn_of, value_of
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.state.tables import ZERO
-from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS, wants_norms
+from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, NORMS, PEAKS, wants_norms
 
 
 @inlined
-def observe_layer_step(h, z0, z1, model, wanted, tally, work):
-    """Update contact, drift and all else requested by one step inside a layer.
+def observe_layer_step(step, z0, z1, model, wanted, tally, work):
+    """Update all that is requested by one step inside a layer, see `accelerations_in_layer`.
 
     Maxima are taken over the ends and the stages, and, where the velocity changes sign between
     two neighbours, at the top of the quintic Hermite interpolant through them; its error is
@@ -23,43 +25,26 @@ def observe_layer_step(h, z0, z1, model, wanted, tally, work):
     accelerations at the ends.
     """
     n = model.stiffness.shape[0]
-    contacts = model.contacts
+    _, h, _, _, _ = step
     stage = work.layer
     ways = work.ways
-    touching = False
     for i in range(n):
         hardest = max(abs(work.a[i]), abs(work.a_end[i]))
         hardest = max(hardest, maximum(modulus(load(stage.g, i * N_STAGES))))
         # at most, were the acceleration between the stages twice what it is at any of them
         ways[i] = h * (abs(z0[n + i]) + 2.0 * h * hardest)
-    for k in range(contacts.row.shape[0]):
-        i, sign, gap = contacts.row[k], contacts.sign[k], contacts.gap[k]
-        bit = np.uint64(1) << np.uint64(k)
-        if sign * z0[i] >= gap or sign * z1[i] >= gap:
-            tally.contact[0] |= bit
-            touching = True
-        elif (
-            tally.contact[0] & bit == np.uint64(0)
-            and sign * z0[i] + ways[i] >= gap
-            and _highest_of(h, i, -1, sign, z0, z1, n, work) >= gap
-        ):
-            tally.contact[0] |= bit
-    for d in range(model.drift_rows.shape[0]):
-        i, below = model.drift_rows[d]
-        drift, way = z0[i], ways[i]
-        if below >= 0:
-            drift, way = drift - z0[below], way + ways[below]
-        for sign in (1.0, -1.0):
-            if sign * drift + way > tally.peak_drift[0]:
-                peak = _highest_of(h, i, below, sign, z0, z1, n, work)
-                tally.peak_drift[0] = max(tally.peak_drift[0], peak)
+    touching = False
+    if wanted & (MAXIMA | NORMS):
+        touching = _update_maxima(h, z0, z1, model, ways, tally, work)
     if wanted & PEAKS:
         _update_peaks(h, z0, z1, wanted, model, ways, tally, work)
+    if wanted & ACCELERATION:
+        accelerations_in_layer(step, z0, z1, model, tally, work)
     if wanted & IMPACTS:
         impacts_in_layer(h, z0, z1, model, ways, tally, work)
     if wants_norms(wanted):
         modes = tally.modal.shape[0]
-        share = _free_share(h, z0, z1, contacts) if touching else 1.0
+        share = _free_share(h, z0, z1, model.contacts) if touching else 1.0
         if share > 0.0:
             tally.free_time[0] += share * h
             q = work.modal_nodes
@@ -86,20 +71,55 @@ def observe_layer_step(h, z0, z1, model, wanted, tally, work):
 
 
 @kernel
-def _update_peaks(h, z0, z1, wanted, model, ways, tally, work):
-    """Update the requested peaks of the watched rows."""
+def _update_maxima(h, z0, z1, model, ways, tally, work):
+    """Update contact set and largest drift; return whether a contact is closed at an end."""
     n = model.stiffness.shape[0]
-    for w in range(model.watched.shape[0]):
-        i, below, side, flag = model.watched[w]
-        if wanted & flag == 0:
+    contacts = model.contacts
+    touching = False
+    for k in range(contacts.row.shape[0]):
+        i, sign, gap = contacts.row[k], contacts.sign[k], contacts.gap[k]
+        bit = np.uint64(1) << np.uint64(k)
+        if sign * z0[i] >= gap or sign * z1[i] >= gap:
+            tally.contact[0] |= bit
+            touching = True
+        elif (
+            tally.contact[0] & bit == np.uint64(0)
+            and sign * z0[i] + ways[i] >= gap
+            and _highest_of(h, i, -1, sign, z0, z1, n, work) >= gap
+        ):
+            tally.contact[0] |= bit
+    for d in range(model.drift_rows.shape[0]):
+        i, below = model.drift_rows[d]
+        drift, way = z0[i], ways[i]
+        if below >= 0:
+            drift, way = drift - z0[below], way + ways[below]
+        for sign in (1.0, -1.0):
+            if sign * drift + way > tally.peak_drift[0]:
+                peak = _highest_of(h, i, below, sign, z0, z1, n, work)
+                tally.peak_drift[0] = max(tally.peak_drift[0], peak)
+    return touching
+
+
+@kernel
+def _update_peaks(h, z0, z1, wanted, model, ways, tally, work):
+    """Update the requested peaks of displacements: drifts, floors and contacts."""
+    n = model.stiffness.shape[0]
+    contact = 0
+    for p in range(model.watched.shape[0]):
+        i, below, side, flag = model.watched[p]
+        gap = 0.0
+        if flag == CONTACT:
+            gap = model.contacts.gap[contact]
+            contact += 1
+        if wanted & flag == 0 or flag == ACCELERATION:
             continue
         value, way = z0[i], ways[i]
         if below >= 0:
             value, way = value - z0[below], way + ways[below]
         for sign in (1.0, -1.0):
-            if side * sign >= 0.0 and sign * value + way > tally.peaks[w]:
-                peak = _highest_of(h, i, below, sign, z0, z1, n, work)
-                tally.peaks[w] = max(tally.peaks[w], peak)
+            if side * sign >= 0.0 and sign * value + way - gap > tally.peaks[p]:
+                peak = _highest_of(h, i, below, sign, z0, z1, n, work) - gap
+                tally.peaks[p] = max(tally.peaks[p], peak)
 
 
 @kernel

@@ -198,7 +198,8 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     model, work = shared.model, shared.work
     pairs = work.forcing
     forcing_at(tau, amplitude, model, pairs, 0)
-    accelerations(total_forcing(pairs, 0, model), z, model, work.a)
+    ground = total_forcing(pairs, 0, model)
+    accelerations(ground, z, model, work.a)
     most = longest_step(model)
     steps = 0
     while True:
@@ -217,11 +218,14 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
             steps += used
             if outcome != COMPLETE:
                 return tau, outcome, steps
+        begun, before = tau, ground
         tau = end if h >= left else tau + h
         forcing_after(h, tau, amplitude, pairs, 0, model, pairs)
-        accelerations(total_forcing(pairs, 0, model), work.z_end, model, work.a_end)
+        ground = total_forcing(pairs, 0, model)
+        accelerations(ground, work.z_end, model, work.a_end)
         if wanted != NO_TALLY:
-            observe_layer_step(h, z, work.z_end, model, wanted, shared.tally, work)
+            step = (begun, h, amplitude, before, ground)
+            observe_layer_step(step, z, work.z_end, model, wanted, shared.tally, work)
         if tangent.shape[1] > 0 and not solitary:
             layer_tangent(h, model, work.layer, tangent)
         copy_state(work.z_end, z)

@@ -41,7 +41,7 @@ def segment_tangent(segment, ending, packed, shared, tangent):
 
 
 @inlined
-def observe_segment(segment, span, wanted, shared):
+def observe_segment(segment, span, amplitude, wanted, shared):
     """Update the tally by a segment of length `span`."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     key, index = segment.key, segment.index
@@ -49,7 +49,7 @@ def observe_segment(segment, span, wanted, shared):
         tally.contact[0] |= key
     drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
     if wanted & PEAKS:
-        peaks_on_segment(index, work.x, work.z_end, span, wanted, model, tables, tally, work)
+        peaks_on_segment(segment, span, segment.tau, amplitude, wanted, shared)
     if wanted & IMPACTS:
         impacts_on_segment(segment, span, model, tables, tally, work)
     if wants_norms(wanted) and key == np.uint64(0):

@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
+from hpcsweep.model.kernel_model import ACCELERATION
 from hpcsweep.solvers.flow.layer.visit import (
     Interval,
     inside_layer,
@@ -35,6 +36,7 @@ from hpcsweep.solvers.flow.passage.passage import (
     time_at_stop,
 )
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent
+from hpcsweep.solvers.flow.period.accelerations import accelerations_at_end
 from hpcsweep.solvers.flow.period.gather import observe_segment, segment_tangent
 from hpcsweep.solvers.flow.search.events import (
     contact_key,
@@ -307,10 +309,12 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
         if not is_ordinary(work.z_end):
             return NON_FINITE
         if wanted != NO_TALLY:
-            observe_segment(segment, ending.span, wanted, shared)
+            observe_segment(segment, ending.span, amplitude, wanted, shared)
         passing = passing_contacts(segment, ending, work.z_end, model)
         if wanted & IMPACTS:
             impacts_at_end(segment, ending, passing, model, shared.tally, work)
+        if wanted & ACCELERATION:
+            accelerations_at_end(segment, ending, z, amplitude, packed, shared)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)

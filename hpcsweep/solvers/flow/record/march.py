@@ -12,10 +12,13 @@ import numpy as np
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
+from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.solvers.flow.layer.visit import Interval, inside_layer, visit_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.impacts import impacts_at_end, impacts_on_segment
+from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
+from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.passage.passage import INTEGRATED
 from hpcsweep.solvers.flow.period.period import (
     AT_EDGE,
@@ -24,8 +27,6 @@ from hpcsweep.solvers.flow.period.period import (
     passing_contacts,
     take_segment,
 )
-from hpcsweep.solvers.flow.record.outputs import fill_outputs, read_outputs
-from hpcsweep.solvers.flow.record.peaks import look, peaks_at_sample, peaks_on_step
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
 from hpcsweep.solvers.flow.search.search import UNDECIDED
 from hpcsweep.solvers.flow.state.augmented import renew_rows, start
@@ -33,23 +34,21 @@ from hpcsweep.solvers.flow.state.segment import Segment
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
-from hpcsweep.solvers.flow.state.tally import IMPACTS
+from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_PEAKS, PEAKS_AT_SAMPLES, ALL_PEAKS = range(3)
 """What is gathered: nothing; peaks at the samples; over continuous time, and impacts."""
 
 
-@entry_point((INT, INT), BYTES, BYTES, VECTOR, VECTOR, FLOAT, INT, INT, FLOAT, INT, MATRIX)
-def march_record(shared, gathered, z, samples, amplitude, first, last, length, wanted, points):
+@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, INT, INT, FLOAT, INT, MATRIX)
+def march_record(shared, z, samples, amplitude, first, last, length, wanted, points):
     """Advance z over the intervals `first`, .., `last` - 1 of a record, in place.
 
     Parameters
     ----------
     shared : ndarray of bytes
         A packed `Shared`, of a `record_model`.
-    gathered : ndarray of bytes
-        Packed `Outputs`.
     z : ndarray, shape (2R,)
     samples : ndarray, shape (m,)
         Of the ground; from the last one on there is none.
@@ -68,7 +67,6 @@ def march_record(shared, gathered, z, samples, amplitude, first, last, length, w
     outcome : int
     """
     common = read_shared(shared)
-    outputs = read_outputs(gathered)
     z = as_long_as(z, common.previous)
     model, tables, work = common.model, common.tables, common.work
     if model.rows.shape[0] > 0:
@@ -87,29 +85,27 @@ def march_record(shared, gathered, z, samples, amplitude, first, last, length, w
             index = table_of(key, tables, shared)
         tau = 0.0
         if index != NO_TABLE:
-            fill_outputs(index, model, tables, outputs)
             forcing_at(0.0, amplitude, model, work.forcing, 0)
             start(work.x, z, work.forcing)
             segment = Segment(key, index, tables.h[index], 0.0, length)
-            tau = _coast(segment, time, wanted, common, outputs)
+            tau = _coast(segment, time, amplitude, wanted, common)
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
-            outcome = _rest_of_interval(
-                shared, Segment(key, index, 0.0, tau, length), time, z, amplitude, wanted, outputs
-            )
+            rest = Segment(key, index, 0.0, tau, length)
+            outcome = _rest_of_interval(shared, rest, time, z, amplitude, wanted)
             if outcome != COMPLETE:
                 return j - first, outcome
             index = NO_TABLE
         if wanted == PEAKS_AT_SAMPLES:
-            _sample_peaks(shared, j, z, amplitude, common, outputs)
+            _sample_peaks(shared, j, z, amplitude, common)
         if points.shape[0] > 0:
             copy_state(z, points[j - first])
     return last - first, COMPLETE
 
 
 @inlined
-def _coast(segment, time, wanted, shared, outputs):
+def _coast(segment, time, amplitude, wanted, shared):
     """Take linear steps from ``work.x`` while no contact can change, up to the end at most.
 
     Returns
@@ -124,8 +120,6 @@ def _coast(segment, time, wanted, shared, outputs):
     if n_steps * h != end and abs(n_steps * h - end) > 1e-12 * end:
         # a part of an interval
         n_steps = int(end / h)
-    if wanted == ALL_PEAKS:
-        look(index, x, outputs, outputs.start)
     for step in range(n_steps):
         product(tables.step, index, x, wide)
         product_of_moduli(tables.bound4, index, x, work.bounds)
@@ -135,15 +129,10 @@ def _coast(segment, time, wanted, shared, outputs):
         if wanted == ALL_PEAKS:
             for row in range(work.z_end.shape[0]):
                 work.expanded[row] = False
-            copy_state(x, outputs.x_end)
-            for row in range(work.z_end.shape[0]):
-                outputs.x_end[row] = wide[row]
-            turn_forcing(outputs.x_end, work.z_end.shape[0], tables, index)
-            look(index, outputs.x_end, outputs, outputs.end)
-            peaks_on_step(index, h, time + step * h, model, tables, outputs, work)
-            copy_state(outputs.end, outputs.start)
+                work.z_end[row] = wide[row]
+            own = Segment(key, index, h, step * h, end)
+            peaks_on_segment(own, h, time + step * h, amplitude, PEAKS, shared)
             if key != np.uint64(0):
-                own = Segment(key, index, h, step * h, end)
                 impacts_on_segment(own, h, model, tables, tally, work)
         for row in range(work.z_end.shape[0]):
             x[row] = wide[row]
@@ -154,7 +143,7 @@ def _coast(segment, time, wanted, shared, outputs):
 
 
 @inlined
-def _rest_of_interval(packed, begun, time, z, amplitude, wanted, outputs):
+def _rest_of_interval(packed, begun, time, z, amplitude, wanted):
     """Advance z over what is left of an interval, as over a period; return the outcome.
 
     `begun` tells contact set and table, which may be `NO_TABLE`, the start and the end.
@@ -198,7 +187,8 @@ def _rest_of_interval(packed, begun, time, z, amplitude, wanted, outputs):
         if not is_ordinary(work.z_end):
             return NON_FINITE
         if gathers:
-            _gather(segment, ending.span, time + tau, shared, outputs)
+            peaks_on_segment(segment, ending.span, time + tau, amplitude, PEAKS, shared)
+            impacts_on_segment(segment, ending.span, model, tables, shared.tally, work)
         passing = passing_contacts(segment, ending, work.z_end, model)
         if gathers:
             impacts_at_end(segment, ending, passing, model, shared.tally, work)
@@ -208,34 +198,21 @@ def _rest_of_interval(packed, begun, time, z, amplitude, wanted, outputs):
     return COMPLETE
 
 
-@inlined
-def _gather(segment, span, time, shared, outputs):
-    """Bring peaks and impacts up to date with a segment of that length to ``work.z_end``."""
-    model, tables, work, index = shared.model, shared.tables, shared.work, segment.index
-    size = work.z_end.shape[0]
-    fill_outputs(index, model, tables, outputs)
-    look(index, work.x, outputs, outputs.start)
-    x_end = outputs.x_end
-    for row in range(size):
-        x_end[row] = work.z_end[row]
-    x_end[size] = work.x[size] + span * work.x[size + 1]
-    x_end[size + 1] = work.x[size + 1]
-    x_end[size + 2] = 1.0
-    look(index, x_end, outputs, outputs.end)
-    peaks_on_step(index, span, time, model, tables, outputs, work)
-    impacts_on_segment(segment, span, model, tables, shared.tally, work)
-
-
 @kernel
-def _sample_peaks(packed, j, z, amplitude, shared, outputs):
+def _sample_peaks(packed, j, z, amplitude, shared):
     """Raise the peaks by the state at the end of interval j; inside a layer it is passed over."""
     model, tables, work = shared.model, shared.tables, shared.work
+    outputs, tally = shared.outputs, shared.tally
     if inside_layer(z, model):
         return
     key = contact_key(model.period, z, amplitude, model, work)
     index = table_of(key, tables, packed)
-    fill_outputs(index, model, tables, outputs)
+    fill_outputs(index, PEAKS, model, tables, outputs)
     forcing_at(model.period, amplitude, model, work.forcing, 0)
     start(outputs.x_end, z, work.forcing)
-    look(index, outputs.x_end, outputs, outputs.end)
-    peaks_at_sample((j + 1) * model.period, outputs.end, outputs)
+    look(index, outputs.x_end, PEAKS, model, outputs, outputs.end)
+    for p in range(tally.peaks.shape[0]):
+        value = outputs.end[p + p // LANES * LANES]
+        size = abs(value) if outputs.sides[p] > 0.0 else value
+        if size > tally.peaks[p]:
+            tally.peaks[p], tally.times[p] = size, (j + 1) * model.period

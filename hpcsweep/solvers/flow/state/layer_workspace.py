@@ -23,6 +23,9 @@ class LayerWorkspace(NamedTuple):
         u_0 + c_j h v_0 and v_0: the stages without acceleration.
     spring : ndarray, shape (m, N_STAGES)
         Workspace: the stiffness of each contact.
+    values, state, rates : ndarray
+        Workspace: of one component at ends and stages, shape (N_STAGES + 2,); a state and its
+        accelerations, shapes (2n,) and (n,).
     """
 
     u: np.ndarray
@@ -34,6 +37,9 @@ class LayerWorkspace(NamedTuple):
     free: np.ndarray
     speeds: np.ndarray
     spring: np.ndarray
+    values: np.ndarray
+    state: np.ndarray
+    rates: np.ndarray
 
 
 def new_layer_workspace(n: int, n_contacts: int) -> LayerWorkspace:
@@ -49,6 +55,9 @@ def new_layer_workspace(n: int, n_contacts: int) -> LayerWorkspace:
         free=zeros(*stages),
         speeds=zeros(*stages),
         spring=zeros(n_contacts, N_STAGES),
+        values=zeros(N_STAGES + 2),
+        state=zeros(2 * n),
+        rates=zeros(n),
     )
 
 

@@ -13,6 +13,7 @@ from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile.places import zeros
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.state.outputs import Outputs, new_outputs
 from hpcsweep.solvers.flow.state.responses import Responses, empty_responses
 from hpcsweep.solvers.flow.state.tables import Tables, empty_tables
 from hpcsweep.solvers.flow.state.tally import Tally, new_tally
@@ -27,6 +28,7 @@ class Shared(NamedTuple):
     responses: Responses
     work: Workspace
     tally: Tally
+    outputs: Outputs
     counts: np.ndarray
     """(4,) int: linear steps, fast passages, layer steps and layer visits so far."""
     previous: np.ndarray
@@ -77,6 +79,7 @@ def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
         responses=empty_responses(model, tables.keys.shape[0]),
         work=new_workspace(model),
         tally=new_tally(model.modal_transform.shape[0], model),
+        outputs=new_outputs(model, tables),
         counts=zeros(4, dtype=int),
         previous=zeros(2 * n),
         no_points=zeros(0, 2 * n),

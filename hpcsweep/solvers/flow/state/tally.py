@@ -31,9 +31,9 @@ class Tally(NamedTuple):
     modal: np.ndarray
     """(n,): integral of |q_j| / ||q|| over that time."""
     peaks: np.ndarray
-    """(W,): of each row of `Model.watched`."""
-    lowest: np.ndarray
-    """(W,): their initial values: 0, or the gap of a contact."""
+    """(Q,): of each row of `Model.watched`, of a contact past its stop; they start from 0 ..."""
+    times: np.ndarray
+    """(Q,): ... and when they are on linear segments."""
     impacts: np.ndarray
     """(4, m): see `hpcsweep.solvers.measures`."""
     closed: np.ndarray
@@ -42,17 +42,14 @@ class Tally(NamedTuple):
 
 def new_tally(n: int, model: Model) -> Tally:
     """Return a tally for n modes of a structure."""
-    gaps = model.contacts.gap
-    lowest = np.concatenate((np.zeros(len(model.watched) - gaps.size), gaps))
-    peaks = zeros(lowest.size)
     return Tally(
         contact=zeros(1, dtype=np.uint64),
         peak_drift=zeros(1),
         free_time=zeros(1),
         modal=zeros(n),
-        peaks=peaks,
-        lowest=lowest,
-        impacts=zeros(TIME + 1, gaps.size),
+        peaks=zeros(len(model.watched)),
+        times=zeros(len(model.watched)),
+        impacts=zeros(TIME + 1, model.contacts.gap.size),
         closed=zeros(1, dtype=np.uint64),
     )
 
@@ -72,7 +69,7 @@ def clear(tally):
     for j in range(tally.modal.shape[0]):
         tally.modal[j] = 0.0
     for w in range(tally.peaks.shape[0]):
-        tally.peaks[w] = tally.lowest[w]
+        tally.peaks[w] = tally.times[w] = 0.0
     tally.closed[0] = 0
     for i in range(tally.impacts.shape[0]):
         for k in range(tally.impacts.shape[1]):

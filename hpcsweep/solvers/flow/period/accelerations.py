@@ -1,0 +1,96 @@
+r"""Peaks of absolute accelerations while a contact passes through its layer in closed form.
+
+Before its stop the force of a contact pulls, by r(x) <= 0.2785 beta / rho more than the linear
+motion of a segment knows (`crossing`), and beyond it what is less than the linear spring is still
+of one sign: only before the stop, and along e, the acceleration may exceed what the segments on
+either side reach. With a and j of the row at the stop without the contact, a + |j| T + r bounds it,
+T the time in the layer. Where that is above the peak the passage is integrated once more, on a copy
+of the state, and observed (`layer`); elsewhere nothing is done. The motion itself is not touched.
+"""
+
+import math
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import LANES
+from hpcsweep.model.kernel_model import ACCELERATION
+from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
+from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, value_and_slope
+from hpcsweep.solvers.flow.observe.drift import SAME_PEAK
+from hpcsweep.solvers.flow.passage.passage import INTEGRATED
+from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
+from hpcsweep.solvers.flow.state.state import copy_state
+from hpcsweep.solvers.outcome import COMPLETE
+
+MOST_PULL = 0.2785
+"""Largest y / (1 + exp(y)), rounded up."""
+BEYOND = 1.2
+"""Part of T for which the passage is followed from the stop on."""
+MOST_VISITS = 100
+STEPS = 10_000
+
+
+@inlined
+def accelerations_at_end(segment, ending, z, amplitude, packed, shared):
+    """Raise the peaks of absolute accelerations over the passage at the end of a segment."""
+    closed_form = ending.how != INTEGRATED and shared.model.rho < math.inf
+    if closed_form and _may_exceed(segment, ending, shared):
+        _integrate_again(segment, ending, amplitude, packed, shared)
+        copy_state(z, shared.work.z_end)
+
+
+@kernel
+def _time_in_layer(segment, ending, model, work):
+    """Return T and the velocity of the contact's row."""
+    row = model.contacts.row[ending.contact]
+    _, v = value_and_slope(work.rows, row, segment.h, ending.span)
+    return model.layer / abs(v) if v != 0.0 else segment.h, v
+
+
+@kernel
+def _may_exceed(segment, ending, shared):
+    """Return whether the acceleration of a floor may exceed its peak before the stop."""
+    model, outputs, tally = shared.model, shared.outputs, shared.tally
+    contacts, k = model.contacts, ending.contact
+    time, v = _time_in_layer(segment, ending, model, shared.work)
+    touches = segment.key & contact_bit(k) != 0
+    pull = MOST_PULL * contacts.beta[k] / model.rho
+    for p in range(model.watched.shape[0]):
+        i, _, _, flag = model.watched[p]
+        e = contacts.kick[k, i]
+        if flag != ACCELERATION or e == 0.0:
+            continue
+        at = p + p // LANES * LANES
+        a, jerk = outputs.end[at], outputs.end[at + LANES]
+        if touches:
+            jerk += contacts.beta[k] * contacts.sign[k] * v * e
+        along = a if e > 0.0 else -a
+        if along + abs(jerk) * time + pull * abs(e) > tally.peaks[p] * (1.0 + SAME_PEAK):
+            return True
+    return False
+
+
+@kernel
+def _integrate_again(segment, ending, amplitude, packed, shared):
+    """Integrate a passage through its layer, on a copy of the state, and observe it."""
+    model, work, outputs = shared.model, shared.work, shared.outputs
+    z, k = work.moved, ending.contact
+    time, _ = _time_in_layer(segment, ending, model, work)
+    copy_state(work.forcing, outputs.pairs)
+    s = ending.span
+    for _ in range(10):
+        s = max(s - time, 0.0)
+        evaluate_rows(work.rows, segment.h, s, z)
+        if s == 0.0 or abs(distance(k, z, model.contacts)) > model.layer:
+            break
+    tau = segment.tau + s
+    end = min(segment.tau + ending.span + BEYOND * time, segment.end)
+    for _ in range(MOST_VISITS):
+        if not tau < end:
+            break
+        interval = Interval(tau, end, STEPS)
+        tau, outcome, _ = visit_layer(
+            packed, interval, z, amplitude, ACCELERATION, shared.no_tangent
+        )
+        if outcome != COMPLETE:
+            break
+    copy_state(outputs.pairs, work.forcing)

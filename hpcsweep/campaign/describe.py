@@ -29,6 +29,7 @@ def describe(job: Job) -> list[str]:
     else:
         lines += _grazing(study, structure)
         lines += _starts(study, structure)
+        lines += getattr(study, "followed", [])
     return lines + [f"warning:    {text}" for text in warnings(job)]
 
 
@@ -120,11 +121,14 @@ def _grazing_amplitudes(study, structure) -> np.ndarray:
 
 
 def _omega(study) -> np.ndarray:
-    return (study.base if study.axes else study).omega
+    own = study.base if study.axes else study
+    return np.array(own.span) if getattr(own, "parameter", "") == "omega" else own.omega
 
 
 def _amplitudes(study) -> np.ndarray:
     own = study.base if study.axes else study
+    if getattr(own, "parameter", "") == "amplitude":
+        return np.array(own.span)
     return np.unique(np.concatenate([own.amplitudes_of(k) for k in range(min(own.n_frames, 200))]))
 
 

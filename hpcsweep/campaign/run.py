@@ -25,6 +25,7 @@ from hpcsweep.store import (
     Reuse,
     StoreError,
     WriteError,
+    check_seeds,
     create,
     open_campaign,
 )
@@ -220,6 +221,7 @@ def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, re
     check_transport()
     existing = output.exists()
     _check_earlier(layout, output, reuse, say)
+    check_seeds(layout)
     if existing:
         with contextlib.suppress(DamagedError):
             _check_same_job(layout, output)  # before the lock: it leaves nothing behind

@@ -99,13 +99,18 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     other = witness_of(study.settings.solver)
     described = study.describe(block.run(row))
     point = described["omega"], described["amplitude"]
-    structure = study.structure.measured_at(*point)
-    measured = replace(study, structure=structure)
-    solver = make_solver(other, structure, point[0], SOLVERS[other].tight)
-    tangent = make_solver("flow", structure, point[0], SOLVERS["flow"].tight)
+    solvers: dict[tuple, tuple] = {}
     compared = []
     for motion in study.motions(run):
-        again = RunAgain(run_name(described), other, *point, int(motion["orbit_period"]))
+        own = motion.get("omega", point[0]), motion.get("amplitude", point[1])
+        place = motion.get("structure", study.structure), *own
+        if place not in solvers:
+            structure = place[0].measured_at(*own)
+            solver = make_solver(other, structure, own[0], SOLVERS[other].tight)
+            tangent = make_solver("flow", structure, own[0], SOLVERS["flow"].tight)
+            solvers[place] = replace(study, structure=structure), solver, tangent
+        measured, solver, tangent = solvers[place]
+        again = RunAgain(run_name(described), other, *own, int(motion["orbit_period"]))
         _compare_motion(measured, again, solver, tangent, motion)
         compared.append(again)
     nothing = RunAgain(run_name(described), other, *point, compared="nothing: no motion is held")

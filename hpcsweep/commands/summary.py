@@ -97,6 +97,8 @@ def _own_rows(summary: dict) -> dict[str, str]:
     """Write what only studies of one kind tell."""
     if "measure" in summary:
         return _record_rows(summary)
+    if "branches" in summary:
+        return _branch_rows(summary)
     return _attractor_rows(summary) if "attractors" in summary else _history_rows(summary)
 
 
@@ -128,7 +130,7 @@ def _motion_rows(summary: dict, together: list[dict]) -> dict[str, str]:
         if len(directions) > 1 and entry["runs"]:
             parts = [f"{d} {_percent(kinds[name]['share'])}" for d, kinds in directions.items()]
             rows[name] += f": {', '.join(parts)}"
-    if not summary["tells_chaos"]:
+    if summary["classes"] and not summary["tells_chaos"]:
         rows["chaotic"] = "not told: the file holds neither motion nor lyapunov"
     window = summary.get("window_test")
     if window and window["runs"]:
@@ -153,14 +155,15 @@ def _inferred_rows(summary: dict) -> dict[str, str]:
 
 def _noun(summary: dict) -> str:
     """Return the noun for a run of a study."""
-    if "basins" in summary:
-        return "row"
+    for key, noun in (("basins", "row"), ("branches", "line")):
+        if key in summary:
+            return noun
     return "point" if "attractors" in summary else "run"
 
 
 def _grid(summary: dict) -> str:
     """Format the frames and amplitudes of the runs, or the point of a slice."""
-    if "basins" in summary:
+    if "basins" in summary or "branches" in summary:
         return ""
     if "measure" in summary:
         return f" ({count(summary['records'], 'record')} x {count(summary['scales'], 'scale')})"
@@ -200,6 +203,30 @@ def _attractor_rows(summary: dict) -> dict[str, str]:
     rows["attractors"] = str(summary["attractors"])
     for number, entry in summary.get("basins", {}).items():
         rows[f"starts to {number}, {entry['name']}"] = _share(entry)
+    return rows
+
+
+def _branch_rows(summary: dict) -> dict[str, str]:
+    rows = {
+        "parameter": summary["parameter"],
+        "branches": str(summary["branches"]),
+        **{f"branches by {name}": _share(entry) for name, entry in summary["sources"].items()},
+        "points": str(summary["points"]),
+        "points stable": _share(summary["points_stable"]),
+    }
+    rows |= {f"points of {name}": str(n) for name, n in summary["special_points"].items()}
+    rows["seeds"] = (
+        f"{summary['seeds']}, and {summary['motions_not_periodic']} motions not periodic"
+    )
+    rows["seeds on a branch"] = _share(summary["seeds_covered"])
+    missed = summary["seeds_missed"]
+    for k, one in enumerate(missed[:MOST_ROWS]):
+        rows[f"seed {k + 1} on none"] = (
+            f"{one['line']}, {summary['parameter']} = {one['value']:.8g}, P{one['period']}: "
+            f"{one['reason']}"
+        )
+    if len(missed) > MOST_ROWS:
+        rows["more seeds on none"] = str(len(missed) - MOST_ROWS)
     return rows
 
 

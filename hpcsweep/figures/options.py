@@ -30,6 +30,7 @@ FIGURES = (
     "diagrams.profile",
     "diagrams.suite_spectra",
     "diagrams.record_history",
+    "diagrams.branches",
     "diagrams.basins",
     "film.figure",
     "explorer.figure",
@@ -117,6 +118,12 @@ OMEGA = Option(
     "frequency; the nearest frame is drawn (default: the first)",
     "omega",
     {"type": float},
+)
+SWEEP = Option(
+    "--sweep",
+    "results of an amplitude sweep over the same points, or amplitudes",
+    "sweep",
+    {"type": Path, "metavar": "FILE"},
 )
 FLOORS = Option(
     "--floor",

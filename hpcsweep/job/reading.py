@@ -41,6 +41,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "pounding",
         "records",
         "vary",
+        "branches",
     ),
     "study": ("kind",),
     **structures.KEYS,
@@ -55,6 +56,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "solver": ("method", "rtol", "skip"),
     "output": (*METRICS, "max_points", "block"),
     "records": (),
+    "branches": (),
 }
 """Keys of every study; each adds its own (`keys` of its class)."""
 MAX_NAME = 200

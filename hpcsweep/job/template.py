@@ -39,7 +39,9 @@ TEMPLATE = """\
 # the slice, horizontal = {from = -1.0, to = 1.0, count = 200} their values along a row and
 # vertical = the same from row to row, the others those of initial_state; starts = 459 of the slice
 # find the attractors. "records": the response to ground-motion records, each at several scales,
-# from rest; it has the table [records], at the end, in place of forcing and sweep.
+# from rest; it has the table [records], at the end, in place of forcing and sweep. "branches": the
+# curves of periodic orbits, stable or not, through all motions of results files; it has the table
+# [branches], at the end.
 #kind = "amplitude_sweep"
 
 [structure]
@@ -163,6 +165,17 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 # motion after each. In the table output of such a study stand times = true, the times of peaks,
 # alone = true, peaks without contacts, and block. What hpcsweep has found out of the records,
 # found = [...], it adds by itself.
+
+# Branches of study.kind = "branches":
+#[branches]
+# seeds = "FILE.h5", or a list of files, are results of sweeps, points or attractors of the same
+# structure, relative to where the job is run; branches go through all their periodic motions at the
+# frequencies and amplitudes of [sweep], along parameter = "amplitude", or "omega",
+# "stiffness_ratio", "gap", "sharpness", "damping_ratio", over span = [low, high] (default: that of
+# sweep.amplitude or sweep.omega). steps = 2000 is the most points to either side of a motion,
+# largest_step = 0.05 the longest step, in units of the state and of the span; max_branches = 64,
+# max_points = 20000 and max_seeds = 4000 are stored of a line; starts = 0 is the number of starts,
+# seed = 0 gives them, of a search for orbits that no motion tells.
 
 # Keys of study, structure, sweep or solver that take a number or a word, with several values each:
 # a list or a range. All is computed at every value of one with every value of another, in one file

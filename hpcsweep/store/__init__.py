@@ -4,8 +4,8 @@
 `opening` opens it, `check` compares it with the layout, `metadata` is the checksum of everything
 but results, `repair` restores what follows from the job, `commit` decides which results are valid,
 `reader` returns them as a dataset, `frames` one frame at a time, `frame_grid` all of them, `reuse`
-copies them from earlier files, `packing` compresses it, `lock` keeps a second campaign out,
-`journal` keeps the history beside it.
+copies them from earlier files, `seeds` reads their motions as seeds of branches, `packing`
+compresses it, `lock` keeps a second campaign out, `journal` keeps the history beside it.
 """
 
 from hpcsweep.store.commit import Campaign, open_campaign
@@ -21,6 +21,7 @@ from hpcsweep.store.packing import pack
 from hpcsweep.store.reader import job_of, meanings, open_results
 from hpcsweep.store.records import read_history
 from hpcsweep.store.reuse import Reuse
+from hpcsweep.store.seeds import check_seeds
 
 __all__ = [
     "Campaign",
@@ -33,6 +34,7 @@ __all__ = [
     "Reuse",
     "StoreError",
     "WriteError",
+    "check_seeds",
     "create",
     "is_packed",
     "job_of",

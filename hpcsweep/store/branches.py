@@ -124,7 +124,7 @@ def dataset_of(arc: Arc, forced: ForcedMap):
             "stable": ("step", np.array([abs(one[0]) < 1.0 for one in multiplier])),
             "contact": (
                 "step",
-                np.array([structure.contact_bits(one.contact) for one in seen], np.uint64),
+                np.array([one.contact for one in seen], np.uint64),
             ),
             "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
             "special_kind": ("special", [one.kind.name.lower() for one in specials]),

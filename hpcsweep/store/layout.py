@@ -27,12 +27,14 @@ from enum import IntEnum
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.job import Job
 from hpcsweep.model import description
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.branches.variables import End, Origin, Reason
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import derived_coordinates, derived_variables
 from hpcsweep.studies.study import Variable
@@ -65,11 +67,16 @@ FLAGS: dict[str, type[IntEnum]] = {
     "skip_rule": SkipRule,
     "motion": MotionClass,
     "motion_class": MotionClass,
+    "special_kind": Kind,
+    "begins": End,
+    "ends": End,
+    "found_by": Origin,
+    "seed_reason": Reason,
     "source": Source,
     "inferred_motion": MotionClass,
 }
 """Variables whose numbers are those of an enumeration."""
-CONTACT_SETS = ("contact", "inferred_contact")
+CONTACT_SETS = ("contact", "inferred_contact", "special_contact")
 """Variables with a bit for each contact."""
 
 

@@ -324,7 +324,10 @@ class Report(Protocol):
         ...
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Return the motions of a run, each as the variables of a run of a sweep."""
+        """Return the motions of a run, each as the variables of a run of a sweep.
+
+        One that is not at the run's own place has its ``omega``, ``amplitude`` or ``structure``.
+        """
         ...
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:

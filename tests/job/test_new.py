@@ -15,7 +15,7 @@ from hpcsweep.studies.settings import SKIP_RULES
 
 KEYS = keys_of(KINDS[DEFAULT_KIND])
 WITHOUT_DEFAULT = {
-    "": ("vary", "units", "building", "pounding", "records"),
+    "": ("vary", "units", "building", "pounding", "records", "branches"),
     "sweep": ("frequency",),
     "units": ("length", "mass", "time"),
     "pounding": ("gap", "stiffness", "sharpness", "restitution", "damping", "tension"),
@@ -87,7 +87,7 @@ def test_every_kind_of_study_is_told_with_the_keys_that_only_it_has():
 
 @pytest.mark.parametrize("key", [key for keys in KEYS.values() for key in keys])
 def test_every_key_is_explained_before_it_or_beside_it(key):
-    if key in ("units", "pounding", "building", "records"):
+    if key in ("units", "pounding", "building", "records", "branches"):
         assert f"[{key}]" in TEMPLATE
     elif key in KEYS:
         assert f"\n[{key}]\n" in TEMPLATE

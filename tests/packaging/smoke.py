@@ -34,6 +34,9 @@ RECORD_PLOTS = {
     "history": (),
 }
 """Those of a study of records."""
+BRANCH_PLOTS = {"branches": ("--sweep", "study.h5")}
+"""Those of a study of branches."""
+BRANCHES = ('study.kind="branches"', 'branches.seeds="study.h5"', "sweep.omega=0.445")
 RECORDS = """
 [study]
 kind = "records"
@@ -135,12 +138,14 @@ def check(hpcsweep: Installed) -> None:
     assert len(json.loads(hpcsweep("schedule", "study.h5", "--json"))["predictions"]) == 13
     assert hpcsweep("validate", "study.h5", "--samples", "6")
     kinds = re.search(r"--kind \{([\w,]+)\}", hpcsweep("plot", "--help"))[1].split(",")
-    own = {*VARY_PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS, *RECORD_PLOTS}
+    own = {*VARY_PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS, *RECORD_PLOTS, *BRANCH_PLOTS}
     assert set(kinds) == {*PLOTS, *own}
     own = [word for setting in ATTRACTORS for word in ("--set", setting)]
     hpcsweep("run", "study.toml", *given, *own, "-o", "each.h5", ranks=2, makes="each.h5")
     own = [word for setting in BASINS for word in ("--set", setting)]
     hpcsweep("run", "study.toml", *given, *own, "-o", "slice.h5", ranks=2, makes="slice.h5")
+    own = [word for setting in BRANCHES for word in ("--set", setting)]
+    hpcsweep("run", "study.toml", *given, *own, "-o", "curves.h5", ranks=2, makes="curves.h5")
     gaps = 'vary."structure.gap"=[0.9, 1.0, 1.1]'
     own = ("--set", gaps, "--set", "output.storey_drift=true")
     hpcsweep("run", "study.toml", *given, *own, "-o", "gaps.h5", ranks=2, makes="gaps.h5")
@@ -156,6 +161,7 @@ def check(hpcsweep: Installed) -> None:
         ("gaps.h5", VARY_PLOTS),
         ("each.h5", ATTRACTOR_PLOTS),
         ("slice.h5", BASIN_PLOTS),
+        ("curves.h5", BRANCH_PLOTS),
         ("records.h5", RECORD_PLOTS),
     )
     for file, plots in drawn:

@@ -7,11 +7,12 @@ unstable multipliers changes by more than the special points found on it explain
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, solve, solve_at
+from hpcsweep.dynamics.continuation.cycle import Curve, Solution, solve, solve_at
 from hpcsweep.dynamics.continuation.events import (
     CODIMENSION_ONE,
     Kind,
@@ -74,6 +75,11 @@ class Arc:
     points: list[Solution]
     specials: list[tuple[int, Special]] = field(default_factory=list)
     ends: tuple[str, str] = ("", "")
+
+    @cached_property
+    def heights(self) -> np.ndarray:
+        """The last component of y of all points, once they are found."""
+        return np.array([one.y[-1] for one in self.points])
 
 
 def follow(curve: Curve, start: Solution, limits: Limits, born: bool = False) -> Arc:
@@ -174,7 +180,7 @@ def _step(curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: L
         elif np.abs(point.y[:-1]).max() > limits.reach:
             end = "out of reach"
         specials = special_points(curve, last, point)
-    except NotConvergedError:
+    except ArithmeticError:  # not converged, or the map has no image
         return None
     explained = sum(CODIMENSION_ONE.get(one.kind, 0) for one in specials)
     change = abs(n_unstable(point.multipliers) - n_unstable(last.multipliers))

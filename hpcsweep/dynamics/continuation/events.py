@@ -59,6 +59,8 @@ class Special(NamedTuple):
         (supercritical), -1 if they are where they are stable (subcritical), 0 if unknown.
     leaving : Solution or None
         An orbit on the branch that leaves at a doubling or a branch point, if one was found.
+    leads_to : int
+        Number of that branch in a catalogue, -1 for none.
     """
 
     kind: Kind
@@ -67,6 +69,7 @@ class Special(NamedTuple):
     change: tuple[int, ...] = ()
     criticality: int = 0
     leaving: Solution | None = None
+    leads_to: int = -1
 
 
 class Tests(NamedTuple):

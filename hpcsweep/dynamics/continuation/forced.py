@@ -29,6 +29,23 @@ FORCING_PARAMETERS = ("amplitude", "omega")
 PARAMETERS = (*FORCING_PARAMETERS, "stiffness_ratio", "gap", "sharpness", "damping_ratio")
 
 
+def check_parameter(structure: Structure, parameter: str) -> None:
+    """Make sure that a structure has a parameter of `PARAMETERS`, as one number.
+
+    Raises
+    ------
+    ValueError
+        One line that says what it must be.
+    """
+    choice("parameter", parameter, PARAMETERS)
+    if parameter not in FORCING_PARAMETERS:
+        given = getattr(structure, parameter)
+        is_number = isinstance(given, Real) and math.isfinite(given)
+        if structure.matrices is not None or not is_number:
+            what = f"parameter {parameter} must be one finite number of the structure"
+            raise ValueError(f"{what}, is {shown(given)}")
+
+
 class ForcedMap:
     """The map z(0) -> z(T), points in units of the state; see `hpcsweep.dynamics.continuation`.
 
@@ -58,7 +75,7 @@ class ForcedMap:
         rtol: float = 1e-9,
         poll: Callable[[], None] | None = None,
     ):
-        choice("parameter", parameter, PARAMETERS)
+        check_parameter(structure, parameter)
         self.structure, self.amplitude, self.omega = structure, amplitude, omega
         self.parameter, self.units, self._rtol = parameter, structure.state_units, rtol
         self.size = self.units.size
@@ -66,12 +83,6 @@ class ForcedMap:
         self._poll = poll
         self._seen: OrderedDict[tuple, Observation] = OrderedDict()
         self._solvers: OrderedDict[float, Solver] = OrderedDict()
-        if parameter not in FORCING_PARAMETERS:
-            given = getattr(structure, parameter)
-            is_number = isinstance(given, Real) and math.isfinite(given)
-            if structure.matrices is not None or not is_number:
-                what = f"parameter {parameter} must be one finite number of the structure"
-                raise ValueError(f"{what}, is {shown(given)}")
 
     @property
     def value(self) -> float:

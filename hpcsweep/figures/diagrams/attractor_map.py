@@ -15,7 +15,7 @@ from hpcsweep.figures.diagrams.mesh import (
 )
 from hpcsweep.figures.inferred import VARIABLES as INFERRED
 from hpcsweep.figures.inferred import draw_cells, filled, inferred, need_cells, note_of
-from hpcsweep.figures.options import CELLS, Option
+from hpcsweep.figures.options import CELLS, SWEEP
 from hpcsweep.figures.palette import NOTHING, OTHER_MOTION, count_colour
 from hpcsweep.figures.style import caption, head, job_of, new_grid, percent, save, structure_of
 
@@ -24,15 +24,7 @@ DRAWS = "attractors"
 HELP = """\
 number of attractors over amplitude and frequency, and with --sweep the number of
 those that no run of a sweep over the same points ends on"""
-OPTIONS = (
-    Option(
-        "--sweep",
-        "results of an amplitude sweep over the same points",
-        "sweep",
-        {"type": Path, "metavar": "FILE"},
-    ),
-    CELLS,
-)
+OPTIONS = (SWEEP, CELLS)
 MOST = 5
 """Number from which on the colour is the same."""
 MISSED = "missed"

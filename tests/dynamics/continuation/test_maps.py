@@ -8,6 +8,7 @@ from hpcsweep.dynamics.continuation.branch import Limits, follow
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, multipliers, solve_at
 from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.dynamics.continuation.search import search
 from hpcsweep.dynamics.continuation.switching import switch
 from hpcsweep.dynamics.stability import floquet_multipliers
 
@@ -48,8 +49,8 @@ def test_branches_of_the_logistic_map_are_found_once_and_are_supercritical():
     # an orbit of each is recognised, at any phase
     x = np.array([0.5130445, 0.7994555])
     for points in (x, x[::-1]):
-        assert catalogue.add(points[:, None], 3.2) == 1
-    assert catalogue.add(np.array([[0.5]]), 2.0) == 0
+        assert catalogue.add(points[:, None], 3.2).branch == 1
+    assert catalogue.add(np.array([[0.5]]), 2.0).branch == 0
     assert len(catalogue.branches) == 4
 
 
@@ -72,6 +73,18 @@ def test_a_torus_of_the_delayed_logistic_map():
     ((kind, value),) = found_on(branch.arc)
     assert kind is Kind.TORUS
     assert value == pytest.approx(2.0, abs=1e-11)
+
+
+def test_a_search_finds_all_orbits_of_the_logistic_map_in_its_window_of_period_3():
+    catalogue = Catalogue(Logistic(), Limits(3.835, 3.845), 0.01, 4, 64)
+    starts = np.linspace(0.02, 0.98, 1024)[:, None]
+    search(catalogue, Logistic(), starts, (3.835, 3.845), 4)
+    periods = [one.arc.curve.period for one in catalogue.branches]
+    # fixed points 0 and 1 - 1/r; those of 2 and 4 by doubling; the pair of 3, born at 1 + 8^(1/2);
+    # the other pair of 4 is born at 3.9601
+    assert sorted(periods) == [1, 1, 2, 3, 3, 4]
+    stable = [abs(one.arc.points[0].multipliers[0]) < 1 for one in catalogue.branches]
+    assert [p for p, steady in zip(periods, stable, strict=True) if steady] == [3]
 
 
 def test_multipliers_do_not_depend_on_how_a_product_is_cut():

@@ -1,0 +1,123 @@
+r"""Orbits that no motion has told: Newton's method from many starts, with the known ones deflated.
+
+At a value of the parameter the orbits of period p are the zeros of G (`cycle`). With the known ones
+X_1, ..., X_m, in all their shifts, the zeros of
+
+    M(X) G(X),    M(X) = prod_k (1 + 1 / |X - X_k|^2)
+
+are the others (Farrell, Birkisson and Funke, SIAM J. Sci. Comput. 37 (2015) A2026). By the formula
+of Sherman and Morrison a step of Newton's method for them is one for G, d, times a number:
+
+    d / (1 - d . grad M / M),    grad M / M = sum_k -2 (X - X_k) / (r_k^2 (r_k^2 + 1))
+
+with r_k = |X - X_k|,
+
+so that a step towards a known orbit is turned round.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hpcsweep.dynamics.continuation.catalogue import Catalogue
+from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError, solve_at
+
+VALUES = 8
+"""Values of the parameter at which orbits are sought, in the middles of as many parts of a span."""
+PERIODS = 4
+"""Longest period that is sought."""
+STEPS = 24
+LONGEST = 0.5
+"""Longest step, in units of the state."""
+NEAR = 1e-4
+"""Length of a step of Newton's method for G from which on no orbit is deflated any more."""
+OTHER = 1e-6
+"""Distance between two orbits."""
+FARTHEST = 10.0
+"""Largest component, in those of the starts, from which a start is given up."""
+
+
+def places(low: float, high: float, most_period: int, starts: int) -> Iterator[tuple]:
+    """Share out starts: the number, the value and the period of each."""
+    periods = min(most_period, PERIODS)
+    for number in range(starts):
+        period, part = 1 + number % periods, number // periods % VALUES
+        yield number, low + (high - low) * (part + 0.5) / VALUES, period
+
+
+def search(
+    catalogue: Catalogue, map_: Map, starts: np.ndarray, span: tuple[float, float], most_period: int
+) -> None:
+    """Look for orbits that are on no branch of a catalogue, and follow their branches.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+    map_ : Map
+    starts : ndarray, shape (m, N)
+        In units of the state.
+    span : (float, float)
+    most_period : int
+        The longest period is this or `PERIODS`.
+    """
+    known: dict[tuple[int, float], list[np.ndarray]] = {}
+    reach = FARTHEST * float(np.abs(starts).max(initial=1.0))
+    seen = -1
+    for number, value, period in places(*span, most_period, len(starts)):
+        if len(catalogue.branches) != seen:
+            known, seen = {}, len(catalogue.branches)
+        key = period, value
+        if key not in known:
+            own = (p for p in range(1, period + 1) if period % p == 0)
+            known[key] = [
+                np.roll(np.tile(orbit, (period // p, 1)), shift, axis=0)
+                for p in own
+                for orbit in catalogue.orbits_at(p, value)
+                for shift in range(p)
+            ]
+        found = deflated(Curve(map_, period, 1.0), starts[number], value, known[key], reach)
+        if found is not None:
+            try:
+                catalogue.add(found, value, searched=True)
+            except NotConvergedError:
+                continue
+
+
+def deflated(
+    curve: Curve, start: np.ndarray, value: float, known: list[np.ndarray], reach: float
+) -> np.ndarray | None:
+    """Seek an orbit other than those known, from a start; return its points, shape (p, N)."""
+    map_ = curve.map
+    try:
+        points = [start]
+        for _ in range(curve.period - 1):
+            points.append(map_.image(points[-1], value))
+        x, n = np.array(points), map_.size
+        y = curve.join(x, value)
+        border = np.zeros(y.size)
+        border[-1] = 1.0
+        slopes = np.zeros_like(x)
+        for _ in range(STEPS):
+            images, matrices = zip(
+                *(map_.tangent(one, value) for one in y[:-1].reshape(-1, n)), strict=True
+            )
+            off = (np.array(images) - np.roll(y[:-1].reshape(-1, n), -1, axis=0)).ravel()
+            jacobian = curve.bordered(np.array(matrices), slopes, border)[:-1, :-1]
+            step = -np.linalg.solve(jacobian, off)
+            if np.abs(step).max() <= NEAR:
+                found = curve.split(solve_at(curve, y[:-1].reshape(-1, n), value).y)[0]
+                others = [np.abs(found - one).max() for one in known]
+                return found if min(others, default=np.inf) > OTHER else None
+            turn = 0.0
+            for one in known:
+                away = y[:-1] - one.ravel()
+                square = float(away @ away) + np.finfo(float).tiny
+                turn -= 2.0 * float(step @ away) / (square * (square + 1.0))
+            step /= 1.0 - turn
+            step *= min(1.0, LONGEST / float(np.abs(step).max()))
+            y[:-1] += step
+            if not np.abs(y[:-1]).max() <= reach:
+                return None
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return None
+    return None

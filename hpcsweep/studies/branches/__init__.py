@@ -1,0 +1,1 @@
+"""Branches of periodic orbits through all motions of results files."""

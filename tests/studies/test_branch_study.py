@@ -1,0 +1,203 @@
+"""The study of branches: all motions of a file lie on them, on any number of ranks, resumed."""
+
+import json
+import shutil
+import signal
+
+import faults
+import h5py
+import numpy as np
+import pytest
+from tools import TWO_STOPS, assert_same_datasets, hpcsweep
+
+from hpcsweep import open_results, orbit
+from hpcsweep.checks.validate import validate
+from hpcsweep.job import JobError, parse_job
+
+SWEEP = f"""
+{TWO_STOPS}
+[sweep]
+omega = [0.9, 1.0, 1.1]
+amplitude = {{from = 0.2, to = 0.7, count = 11}}
+transient_cycles = 100
+sampling_cycles = 32
+"""
+BRANCHES = """
+extends = "sweep.toml"
+[study]
+kind = "branches"
+[branches]
+seeds = "{seeds}"
+steps = 300
+max_points = 2000
+max_seeds = 40
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("branches")
+    (folder / "sweep.toml").write_text(SWEEP)
+    done = hpcsweep(0, "run", folder / "sweep.toml", "-o", folder / "sweep.h5")
+    assert done.returncode == 0, done.stderr
+    (folder / "job.toml").write_text(BRANCHES.format(seeds=folder / "sweep.h5"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(folder):
+    done = hpcsweep(0, "run", folder / "job.toml", "-o", folder / "whole.h5")
+    assert done.returncode == 0, done.stderr
+    return folder / "whole.h5"
+
+
+def test_every_periodic_motion_of_the_file_lies_on_a_branch(folder, whole):
+    runs, results = open_results(folder / "sweep.h5"), open_results(whole)
+    periodic = (runs["orbit_period"] > 0).sum(("direction", "amplitude")).values
+    assert periodic.min() >= 18
+    for line in range(3):
+        own = results.isel(direction=0, line=line, amplitude=0)
+        values = own["seed_value"].values[own["seed_period"].values > 0]
+        there = (runs["orbit_period"].isel(omega=line) > 0).any("direction")
+        assert set(values) == set(runs["amplitude"].values[there.values])
+        assert own["n_covered"] == own["n_seeds"] == values.size
+        assert own["seed_distance"].values[: values.size].max() < 1e-6
+    (told,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
+    assert told["seeds_covered"]["share"] == 1.0
+    assert told["seeds_missed"] == []
+
+
+def test_points_of_branches_are_orbits_stable_or_not(whole):
+    results = open_results(whole)
+    structure = parse_job(results.attrs["job"], "job", "job").structure
+    run = results.isel(direction=0, line=1, amplitude=0)
+    period = dict(zip(run["branch_id"].values, run["branch_period"].values, strict=True))
+    steps = np.flatnonzero(run["step_branch"].values)
+    assert {0, 1} == set(run["stable"].values[steps].tolist())
+    real = run["multiplier_real"].values
+    apart = np.abs(real[steps] - 1.0).min(axis=1) > 0.01  # at a fold an orbit is not alone
+    steps = steps[apart]
+    for step in steps[:: max(steps.size // 12, 1)]:
+        at, there = float(run["value"][step]), run["point"].values[step]
+        p = int(period[int(run["step_branch"][step])])
+        found = orbit(structure, at, float(results["omega"][1]), there, p)
+        assert np.abs(found.points[0] - there).max() < 1e-9
+        own = run["multiplier_real"].values[step] + 1j * run["multiplier_imag"].values[step]
+        np.testing.assert_allclose(found.multipliers, own, rtol=0, atol=1e-5)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_on_any_number_of_ranks_the_file_is_the_same(folder, whole, ranks):
+    path = folder / f"on{ranks}.h5"
+    assert hpcsweep(ranks, "run", folder / "job.toml", "-o", path).returncode == 0
+    assert_same_datasets(whole, path)
+
+
+@pytest.mark.mpi
+def test_killed_and_resumed_it_equals_the_uninterrupted_one(folder, whole):
+    cut = folder / "cut.h5"
+    process = faults.start(2, "run", folder / "job.toml", "-o", cut, sync=0.0)
+    faults.wait_for_commits(process, cut, 1)
+    process.send(signal.SIGKILL, "all", faults.random.Random(1))
+    process.end()
+    process.finish()
+    assert hpcsweep(0, "run", folder / "job.toml", "-o", cut).returncode == 0
+    assert_same_datasets(whole, cut)
+
+
+def test_the_file_is_sound_and_lines_that_contradict_themselves_are_told(folder, whole):
+    report = validate(whole, samples=3)
+    assert report.problems == []
+    assert all(run.whole_run == "equal" for run in report.sample)
+    assert any(run.difference is not None for run in report.sample)
+    results = open_results(whole)
+    study = parse_job(results.attrs["job"], "job", "job").study
+    rows = {v.name: results[v.name].values[0, 1] for v in study.variables}
+    block = study.block((0, 1, 0))
+    assert study.check(block, rows) == []
+    for name, value, word in (
+        ("stable", 7, "stable is that"),
+        ("value", 9.0, "in the span"),
+        ("seed_branch", 0, "told why not"),
+        ("branch_id", 3, "numbered from 1"),
+    ):
+        broken = {**rows, name: rows[name].copy()}
+        broken[name][0, 0] = value if name != "stable" else 1 - rows["stable"][0, 0]
+        assert any(word in told for _, told in study.check(block, broken)), name
+
+
+def test_a_damaged_line_is_told(folder, whole):
+    path = folder / "damaged.h5"
+    shutil.copy(whole, path)
+    with h5py.File(path, "r+") as file:
+        file["value"][0, 1, 0, 2] += 1e-3
+    report = validate(path, samples=0)
+    assert not report.sound
+    assert "damaged byte(s) in value" in report.problems[0]
+
+
+@pytest.mark.parametrize(("parameter", "span"), [("omega", [0.9, 1.1]), ("gap", None)])
+def test_other_parameters(folder, tmp_path, parameter, span):
+    text = TWO_STOPS + f'[study]\nkind = "branches"\n[branches]\nparameter = "{parameter}"\n'
+    text = text.replace("gap = 0.5\ngap_left = 0.5", "gap = 0.5")
+    sweep = text.split("[study]")[0] + "[sweep]\nomega = [0.9, 1.0, 1.1]\namplitude = [0.5, 0.6]\n"
+    (tmp_path / "s.toml").write_text(sweep)
+    assert hpcsweep(0, "run", tmp_path / "s.toml", "-o", tmp_path / "s.h5").returncode == 0
+    own = f'seeds = "{tmp_path / "s.h5"}"\nspan = {span or [0.45, 0.55]}\n'
+    (tmp_path / "b.toml").write_text(text + own + sweep.split("inf\n")[1])
+    done = hpcsweep(0, "run", tmp_path / "b.toml", "-o", tmp_path / "b.h5")
+    assert done.returncode == 0, done.stderr
+    results = open_results(tmp_path / "b.h5")
+    assert results.sizes["line"] == (2 if parameter == "omega" else 6)
+    assert (results["n_covered"] == results["n_seeds"]).all()
+    assert (results["n_seeds"] >= 1).all()
+    assert np.isnan(results["omega"].values).all() == (parameter == "omega")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("sweep.h5", "none.h5", ("none.h5", "cannot be read")),
+        ("sweep.h5", "sweep.toml", ("sweep.toml", "not an HDF5 file")),
+        ("steps = 300", "span = [0.71, 0.9]", ("no periodic motion", "0.71 to 0.9")),
+        ("[branches]", "[structure]\nstiffness_ratio = 51.0\n[branches]", ("another structure",)),
+        ("steps = 300", "span = [0.3, 0.2]", ("branches.span", "low below high")),
+        ("steps = 300", "span = [-0.3, 0.2]", ("branches.span", "at least 0")),
+        ("steps = 300", 'parameter = "mass"', ("branches.parameter", "amplitude, omega")),
+        ("steps = 300", 'parameter = "gap"', ("branches.span", "missing")),
+        ("steps = 300", "steps = 0", ("branches.steps", "from 1")),
+        ("steps = 300", "largest_step = 2.0", ("branches.largest_step", "above 0")),
+        ("[branches]", '[solver]\nmethod = "bdf"\n[branches]', ("solver.method", "flow")),
+        ('kind = "branches"', "", ("branches.seeds", '"branches"')),
+    ],
+)
+def test_what_cannot_be_followed_is_told_in_one_line(folder, tmp_path, old, new, words):
+    text = (folder / "job.toml").read_text()
+    assert old in text
+    job, path = folder / "bad.toml", tmp_path / "bad.h5"
+    job.write_text(text.replace(old, new))
+    done = hpcsweep(0, "run", job, "-o", path)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in done.stderr
+    assert not path.exists()
+
+
+def test_a_search_finds_orbits_that_no_motion_tells(folder, whole):
+    job, path = folder / "search.toml", folder / "search.h5"
+    text = (folder / "job.toml").read_text().replace("steps = 300", "steps = 300\nstarts = 32")
+    job.write_text(text + "[sweep]\nomega = 1.0\n")
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    seeded, searched = open_results(whole), open_results(path)
+    assert (searched["found_by"] == 3).any()
+    assert searched["n_branches"].item() > seeded["n_branches"].values[0, 1, 0]
+    assert validate(path, samples=3).problems == []
+
+
+def test_a_part_of_a_structure_that_is_no_one_number_is_refused():
+    text = "[structure]\nn_floors = 2\ngap = [1.0, 2.0]\n[sweep]\nomega = 1.0\namplitude = 0.1\n"
+    text += '[study]\nkind = "branches"\n[branches]\nseeds = "x.h5"\nparameter = "gap"\n'
+    with pytest.raises(JobError, match="one finite number"):
+        parse_job(text + "span = [0.5, 1.5]\n", "job", "job")

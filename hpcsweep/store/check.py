@@ -52,7 +52,9 @@ def file_problems(contents: Contents, layout: Layout, size: int) -> list[str]:
         problems += [
             f"{variable.name}: its values are not those of the job"
             for variable, values in layout.given
-            if not _same(contents[variable.name].values, values)
+            if not np.array_equal(
+                contents[variable.name].values, values, equal_nan=values.dtype.kind == "f"
+            )
         ]
         names = [variable.name for variable in layout.stored]
         problems += _storage_problems([(name, contents[name]) for name in names], size)

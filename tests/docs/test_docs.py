@@ -166,7 +166,11 @@ def known_keys(start: str) -> list[str]:
 
 def test_every_key_of_a_job_is_described():
     described = spans((ROOT / "docs" / "job-files.md").read_text())
-    tables = [key for key in known_keys("") if key not in ("name", "vary", "building", "records", "branches")]
+    tables = [
+        key
+        for key in known_keys("")
+        if key not in ("name", "vary", "building", "records", "branches")
+    ]
     keys = [f"{table}.{key}" for table in tables for key in known_keys(f"[{table}]\n")]
     for own in ("records", "branches"):
         keys += [f"{own}.{key}" for key in keys_of(KINDS[own])[own]]

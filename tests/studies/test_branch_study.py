@@ -127,6 +127,16 @@ def test_the_file_is_sound_and_lines_that_contradict_themselves_are_told(folder,
         assert any(word in told for _, told in study.check(block, broken)), name
 
 
+def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
+    picture = folder / "line.png"
+    told = ("--line", 1, "--sweep", folder / "sweep.h5", "-o", picture)
+    assert hpcsweep(0, "plot", whole, *told).returncode == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    done = hpcsweep(0, "plot", whole, "--line", 3, "-o", folder / "none.png")
+    assert done.returncode == 2
+    assert "there are 3 lines" in done.stderr
+
+
 def test_a_damaged_line_is_told(folder, whole):
     path = folder / "damaged.h5"
     shutil.copy(whole, path)

@@ -102,10 +102,17 @@ def _branches(run: dict, study, line: int):
             yield period, run["value"][own], run["stable"][own] > 0, points
 
 
-def draw(results: Drawn, path: Path, floors: Sequence[int] = (), **_options) -> None:
-    """Draw a line and write it to `path`."""
-    line, branches, beneath, study = results
-    run = _of_line(line)
+def draw(
+    results: Drawn,
+    path: Path,
+    floors: Sequence[int] = (),
+    line: int = 0,
+    sweep: Path | None = None,
+) -> None:
+    """Draw a line, as `load` has read it, and write it to `path`."""
+    del line, sweep
+    found, branches, beneath, study = results
+    run = _of_line(found)
     if not branches:
         raise PlotError("no branch of this line is computed")
     structure = study.structure
@@ -120,7 +127,7 @@ def draw(results: Drawn, path: Path, floors: Sequence[int] = (), **_options) -> 
         axis.margins(y=0.08)
     axes[-1].set_xlabel(_label(study, structure))
     axes[-1].set_xlim(*study.span)
-    fixed = float(line["omega"].values[0])
+    fixed = float(found["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
     head(figure, parameters(structure, omega), fontsize=10)
     handles = _handles(run, beneath is not None)

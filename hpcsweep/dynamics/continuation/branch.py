@@ -121,6 +121,7 @@ def _turned_special(one: Special) -> Special:
 def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
     """Follow a branch from a point on it along its tangent."""
     arc = Arc(curve, [start])
+    starts = [_shifted(curve, start, shift) for shift in range(curve.period)]
     step, last, bend = limits.largest / 8, start, np.zeros_like(start.y)
     why = "most steps"
     while len(arc.points) <= limits.most_steps:
@@ -132,8 +133,10 @@ def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
                 break
             continue
         point, specials, angle, end = found
-        if _is_closed(start, last, point) and len(arc.points) > 2:
-            point, end = start, "closed"
+        passed = [(one, share) for one in starts if (share := _passes(one, last, point)) > 0.0]
+        if passed and len(arc.points) > 2:
+            (point, share), end = passed[0], "closed"
+            specials = [one for one in specials if one.fraction <= share]
         for one in specials:
             if one.kind is Kind.FOLD:
                 arc.points.append(one.at)
@@ -189,19 +192,35 @@ def _step(curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: L
     return point, specials, angle, end
 
 
-def _is_closed(start: Solution, last: Solution, point: Solution) -> bool:
-    """Return whether a step from `last` to `point` passes the start of the branch."""
+def _shifted(curve: Curve, point: Solution, shift: int) -> Solution:
+    """Return the same orbit, its points counted from another one of them."""
+    turn, n = shift * curve.map.size, point.y.size - 1
+
+    def turned_by(vector: np.ndarray) -> np.ndarray:
+        return np.append(np.roll(vector[:n], -turn), vector[n])
+
+    matrices = np.roll(point.matrices, -shift, axis=0)
+    y, tangent = turned_by(point.y), turned_by(point.tangent)
+    return point._replace(y=y, tangent=tangent, matrices=matrices, inverse=None)
+
+
+def _passes(start: Solution, last: Solution, point: Solution) -> float:
+    """Return where a step from `last` to `point` passes the start of the branch, 0 if nowhere.
+
+    A branch is closed where it comes back to the orbit from which it began, from whichever of its
+    points that is counted: the curve of the chains goes round as many times more.
+    """
     step = point.y - last.y
     length = float(np.linalg.norm(step))
     if length == 0.0:
-        return False
+        return 0.0
     share = float((start.y - last.y) @ step) / length**2
     if not 0.0 < share <= 1.0 or float(start.tangent @ step) < 0.5 * length:
-        return False
+        return 0.0
     # a parabola between the two points, as far as the chord's sag
     sag = 0.25 * length * float(np.linalg.norm(point.tangent - last.tangent))
     away = float(np.linalg.norm(start.y - last.y - share * step))
-    return away <= max(sag, CLOSED * length)
+    return share if away <= max(sag, CLOSED * length) else 0.0
 
 
 def _collapses(curve: Curve, last: Solution, point: Solution) -> bool:

@@ -17,7 +17,7 @@ NAME = "branches"
 DRAWS = "branches"
 HELP = """\
 branches of periodic orbits along the parameter: stable full, unstable thin, special
-points marked; with --sweep the stroboscopic points of a sweep beneath them"""
+points marked; with --sweep the stroboscopic points of a sweep over them"""
 OPTIONS = (
     FLOORS,
     Option("--line", "line, from 0 (default: the first)", "line", {"type": whole_number(0, 10**9)}),
@@ -34,7 +34,6 @@ MARKS = {
 PANEL, PAGE = 1.75, 8.75
 """Height of a panel, and of all of them where there are many (inches)."""
 COLUMNS = 5
-BENEATH = "#c9c9c9"
 
 
 class Drawn(NamedTuple):
@@ -45,14 +44,14 @@ class Drawn(NamedTuple):
     line : xarray.Dataset
     branches : list of (period, value, stable, points)
         By branch: arrays over its steps, points of shape (steps, period, 2n).
-    beneath : xarray.Dataset or None
+    runs : xarray.Dataset or None
         Runs of a sweep.
     study : Branches
     """
 
     line: Any
     branches: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]
-    beneath: Any
+    runs: Any
     study: Any
 
 
@@ -63,21 +62,21 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Drawn:
     study = frames.study
     if line >= study.n_frames:
         raise PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
-    beneath = None
+    runs = None
     if sweep is not None:
         if study.parameter != "amplitude":
             raise PlotError(f"--sweep {sweep}: goes with branches of the amplitude alone")
-        runs = Frames(sweep)
+        held = Frames(sweep)
         try:
-            there = np.flatnonzero(runs.study.omega == study.omega[line])
-            if not there.size or "poincare" not in runs:
+            there = np.flatnonzero(held.study.omega == study.omega[line])
+            if not there.size or "poincare" not in held:
                 what = f"has no stroboscopic points at Omega = {study.omega[line]:g}"
                 raise PlotError(f"--sweep {sweep}: {what}")
-            beneath = runs.dataset(int(there[0]))
+            runs = held.dataset(int(there[0]))
         finally:
-            runs.close()
+            held.close()
     found = frames.dataset(line)
-    return Drawn(found, list(_branches(_of_line(found), study, line)), beneath, study)
+    return Drawn(found, list(_branches(_of_line(found), study, line)), runs, study)
 
 
 def _of_line(line) -> dict[str, np.ndarray]:
@@ -111,7 +110,7 @@ def draw(
 ) -> None:
     """Draw a line, as `load` has read it, and write it to `path`."""
     del line, sweep
-    found, branches, beneath, study = results
+    found, branches, runs, study = results
     run = _of_line(found)
     if not branches:
         raise PlotError("no branch of this line is computed")
@@ -119,8 +118,8 @@ def draw(
     shown = choose_floors(structure.n_floors, floors)
     figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
     for floor, axis in zip(shown[::-1], axes, strict=True):
-        if beneath is not None:
-            _draw_beneath(axis, beneath, floor)
+        if runs is not None:
+            _draw_runs(axis, runs, floor)
         _draw_branches(axis, branches, floor)
         _draw_specials(axis, run, floor)
         axis.set_ylabel(displacement(structure, floor, "(jT)"))
@@ -130,7 +129,7 @@ def draw(
     fixed = float(found["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
     head(figure, parameters(structure, omega), fontsize=10)
-    handles = _handles(run, beneath is not None)
+    handles = _handles(run, runs is not None)
     figure.legend(
         handles=handles,
         loc="outside lower center",
@@ -147,12 +146,12 @@ def _label(study, structure) -> str:
     return frequency(structure) if study.parameter == "omega" else study.parameter
 
 
-def _draw_beneath(axis, runs, floor: int) -> None:
+def _draw_runs(axis, runs, floor: int) -> None:
     """Draw the stroboscopic points of all runs."""
     points = runs["poincare"].values[..., floor]
     at = np.broadcast_to(runs["amplitude"].values[:, None], points.shape)
     axis.plot(
-        at.ravel(), points.ravel(), ".", color=BENEATH, markersize=1.2, zorder=1, rasterized=True
+        at.ravel(), points.ravel(), ".", color=DARK_INK, markersize=0.8, zorder=3, rasterized=True
     )
 
 
@@ -191,7 +190,7 @@ def _colour(period: int) -> str:
     return MOTION_COLOURS[min(period, 9)]
 
 
-def _handles(run: dict, beneath: bool) -> list:
+def _handles(run: dict, runs: bool) -> list:
     from matplotlib.lines import Line2D
 
     periods = np.unique(np.minimum(run["branch_period"][run["branch_id"] > 0], 9)).tolist()
@@ -215,6 +214,8 @@ def _handles(run: dict, beneath: bool) -> list:
                     label=word,
                 )
             )
-    if beneath:
-        handles.append(Line2D([], [], linestyle="none", marker=".", color=BENEATH, label="runs"))
+    if runs:
+        handles.append(
+            Line2D([], [], linestyle="none", marker=".", markersize=3, color=DARK_INK, label="runs")
+        )
     return handles

@@ -127,7 +127,12 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     for key in given:
         raise values.error(f"structure.{key}", given[key], "does not go with [[building]]")
     for table in tables:
-        _check_table(values, "building", table, BUILDING, ("mass", "storey_stiffness"))
+        needed = (
+            ("mass",)
+            if isinstance(table, Mapping) and "period" in table
+            else ("mass", "storey_stiffness")
+        )
+        _check_table(values, "building", table, BUILDING, needed)
         if not isinstance(table.get("name", ""), str):
             raise values.error("building.name", table["name"], "must be a name")
     pounding = dict(values.table("pounding"))

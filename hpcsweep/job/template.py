@@ -72,10 +72,10 @@ TEMPLATE = """\
 # and drift, and [[structure.contact]] with direction, gap, stiffness, and if wanted damping of a
 # dashpot and tension; see docs/job-files.md.
 # Or buildings that pound each other, from left to right, two [[building]] or more with mass,
-# storey_stiffness, storey_height, damping_ratio or rayleigh, and name, and [pounding] with gap,
-# stiffness, and if wanted restitution or damping, tension, sharpness. [units] with length = "m",
-# mass = "kg", time = "s" names the units in which all this is given, for labels alone: nothing is
-# converted.
+# storey_stiffness or period, storey_height, damping_ratio or rayleigh, and name, and [pounding]
+# with gap, stiffness, and if wanted restitution or damping, tension, sharpness. [units] with
+# length = "m", mass = "kg", time = "s" names the units in which all this is given, for labels
+# alone: nothing is converted.
 
 [forcing]
 # A sum of a_h sin(h Omega tau + phi_h): up to 16 orders h from 1 to 1000.

@@ -14,11 +14,12 @@ import stat
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 EXTENDS = "extends"
 UNSET = "unset"
 """Value that takes an inherited key away."""
-INDEXED = re.compile(r"(\w+)\.(\w+)\[(\d+)\]\.(\w+)")
+INDEXED = re.compile(r"(?:(\w+)\.)?(\w+)\[(\d+)\]\.(\w+)")
 """A key of one of several tables: structure.contact[0].gap."""
 MAX_BASES = 8
 """Files that one job may be built on; the shipped jobs need at most four."""
@@ -138,13 +139,14 @@ def with_indexed(whole: Mapping, key: str, value: object, said: str) -> dict:
     match = INDEXED.fullmatch(key)
     assert match is not None, "it was recognised before"
     table, name, place, inner = match.groups()
-    tables = whole.get(table, {}).get(name)
+    tables: Any = (whole.get(table, {}) if table else whole).get(name)
     count = len(tables) if isinstance(tables, list) else 0
     if int(place) >= count:
-        raise TreeError(f"{said}: there are {count} tables {table}.{name}, from 0 on")
+        full = f"{table}.{name}" if table else name
+        raise TreeError(f"{said}: there are {count} tables {full}, from 0 on")
     changed = [dict(one) for one in tables]
     changed[int(place)][inner] = value
-    return merge(whole, {table: {name: changed}})
+    return merge(whole, {table: {name: changed}} if table else {name: changed})
 
 
 def merge(base: Mapping, given: Mapping) -> dict:

@@ -116,9 +116,11 @@ def _axis(values: Values, key: str, given: object) -> Axis:
     table, _, name = key.partition(".")
     indexed = INDEXED.fullmatch(key)
     if indexed:
+        table = indexed[1] or indexed[2]
         name = f"{indexed[2]}_{indexed[3]}_{indexed[4]}"
-    if table not in TABLES or not name or "." in name:
-        limit = f"must be a key of {', '.join(TABLES)}, such as structure.gap"
+    is_building = indexed is not None and key.startswith("building[")
+    if not (table in TABLES or is_building) or not name or "." in name:
+        limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"
         raise JobError(f"{values.source}: vary: {key!r}: {limit}")
     if key in NEVER:
         raise values.error(f"vary.{key}", given, NEVER[key])

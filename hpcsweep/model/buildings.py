@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, plain
+from hpcsweep.model.arguments import finite, plain, positive
 from hpcsweep.model.dashpot import read_restitution
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, vector
@@ -23,9 +23,12 @@ class Building:
 
     Attributes
     ----------
-    mass : sequence of n floats
-        Of each floor, from the lowest on.
+    mass : float or sequence of n floats
+        Of each floor, from the lowest on; one number: of the only floor.
     storey_stiffness : float or sequence of n floats
+        Where the period is given only their ratios matter, 1 by default.
+    period : float, optional
+        Longest natural period of the building alone, above 0.
     storey_height : float or sequence of n floats, optional
         Heights determine the floors that face each other.
     damping_ratio : float or sequence of n floats
@@ -35,15 +38,17 @@ class Building:
     name : str
     """
 
-    mass: Sequence[float]
-    storey_stiffness: float | Sequence[float]
+    mass: float | Sequence[float]
+    storey_stiffness: float | Sequence[float] = 1.0
     storey_height: float | Sequence[float] | None = None
     damping_ratio: float | Sequence[float] = 0.05
     rayleigh: tuple[float, float] | None = None
     name: str = ""
+    period: float | None = None
 
     def __post_init__(self) -> None:
-        masses = vector("building.mass", self.mass, None)
+        given = plain(self.mass)
+        masses = vector("building.mass", given if hasattr(given, "__len__") else [given], None)
         if not masses:
             raise ValueError("building.mass must not be empty")
         object.__setattr__(self, "mass", masses)
@@ -52,19 +57,30 @@ class Building:
             if min(heights) <= 0:
                 raise ValueError(f"building.storey_height must be above 0, is {min(heights)!r}")
             object.__setattr__(self, "storey_height", heights)
+        if self.period is not None:
+            wanted = positive("building.period", self.period)
+            found = 2.0 * math.pi / float(self.structure.frequencies[0])
+            stiffness = self._each("building.storey_stiffness", self.storey_stiffness)
+            factor = (found / wanted) ** 2
+            object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
+
+    @property
+    def n_floors(self) -> int:
+        """Number n of floors."""
+        return int(np.size(self.mass))
 
     def _each(self, name: str, given: Any) -> tuple[float, ...]:
         """Return a value for each floor, from one number or one for each."""
         given = plain(given)
         if hasattr(given, "__len__"):
-            return vector(name, given, len(self.mass), "numbers, one per floor")
-        return (finite(name, given),) * len(self.mass)
+            return vector(name, given, self.n_floors, "numbers, one per floor")
+        return (finite(name, given),) * self.n_floors
 
     @property
     def structure(self) -> Structure:
         """Structure of the building alone, without stops."""
         return Structure(
-            n_floors=len(self.mass),
+            n_floors=self.n_floors,
             stiffness_ratio=0.0,
             mass=self.mass,
             storey_stiffness=self.storey_stiffness,
@@ -77,7 +93,7 @@ class Building:
     def heights(self) -> tuple[float, ...]:
         """Height of each floor above the ground; by default the number of the floor."""
         if self.storey_height is None:
-            return tuple(float(i) for i in range(1, len(self.mass) + 1))
+            return tuple(float(i) for i in range(1, self.n_floors + 1))
         return tuple(np.cumsum(self.storey_height).tolist())
 
 

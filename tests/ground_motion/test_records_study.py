@@ -268,6 +268,23 @@ def test_another_solver_than_there_is_for_records_is_refused():
         parse_job(f"{RECORDS.replace('kind =', '#')}", "job.toml", "job")
 
 
+def test_buildings_are_varied_one_by_one():
+    text = RECORDS + '[vary]\n"building[0].period" = [0.3, 0.6]\n"pounding.gap" = [0.01, 0.02]\n'
+    study = parse_job(text, "job", "job").study
+    assert study.dimensions["building_0_period"] == 2
+    for place, period in (((0, 0), 0.3), ((1, 1), 0.6)):
+        structure = study.part(place).structure
+        alone = np.linalg.eigvalsh(
+            np.linalg.solve(structure.mass_matrix[:2, :2], structure.stiffness_matrix[:2, :2])
+        )
+        assert 2 * np.pi / np.sqrt(alone.min()) == pytest.approx(period, rel=1e-12)
+    for wrong in ('"building.period"', '"building[2].period"', '"tower[0].period"'):
+        with pytest.raises(JobError, match=r"job: .*vary"):
+            parse_job(f"{RECORDS}[vary]\n{wrong} = [0.3, 0.6]\n", "job", "job")
+    with pytest.raises(JobError, match=r"building\.period must be finite and positive"):
+        parse_job(f'{RECORDS}[vary]\n"building[0].period" = [0.0, 0.6]\n', "job", "job")
+
+
 def test_a_run_that_fails_is_data(tmp_path):
     text = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', "{values = [1, 1e250]}")
     _, path, results = computed(text, tmp_path)

@@ -169,7 +169,7 @@ def storey_heights(values: Any, n_storeys: int) -> tuple[float, ...]:
     heights: list[float] = []
     for building in values.top("building", None) or []:
         height = building.get("storey_height")
-        each = height if isinstance(height, list) else [height] * len(building["mass"])
+        each = height if isinstance(height, list) else [height] * np.size(building["mass"])
         if None in each:
             return ()
         heights += map(float, each)

@@ -90,17 +90,14 @@ class Responses:
     def rows(self, record: Record, factors: np.ndarray, poll: Poll = None) -> dict[str, np.ndarray]:
         """Compute responses to a record at scales, by variable name; first axis scales."""
         digest = digest_of(record)
-        free, reach = _free(self.computed, record, self._tail)
-        first = scale_of_contact(self.computed, reach) * BELOW if self._linear else -math.inf
-        alone = pack(free, reach, self._alone) if self._alone else np.empty(0)
+        free, alone, first = self._free(record, digest)
         told: dict[str, list] = {"outcome": [], "skip_rule": []}
         found = []
         for factor in factors.tolist():
             scale = self.ratio(factor)
             is_linear = scale <= first
             if is_linear:
-                row, outcome = pack(free, reach, self._own), Outcome.COMPLETE
-                scale, length = 1.0, factor
+                row, outcome, scale, length = free, Outcome.COMPLETE, 1.0, factor
             else:
                 row, outcome = self._respond(record, digest, scale, poll)
                 length = factor / scale
@@ -111,6 +108,26 @@ class Responses:
         return self._by_name(np.array(found)) | {
             name: np.array(values, np.int8) for name, values in told.items()
         }
+
+    def _free(self, record: Record, digest: str) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the response without contacts, the results of it, and its largest scale."""
+        key = (self.computed, self._settings, self._tail, digest, None)
+        kept = KEPT.get(key)
+        if kept is None:
+            try:
+                linear, reach = linear_response(self.computed, record, self._tail)
+            except ArithmeticError:
+                size = int(np.sum(self._sizes)) + len(self.structure.contacts)
+                kept = np.full(size, math.nan), Outcome.NON_FINITE
+            else:
+                own, alone = pack(linear, reach, self._own), pack(linear, reach, self._alone)
+                kept = np.concatenate((own, alone, reach)), Outcome.COMPLETE
+            KEPT.put(key, kept)
+        ends = self._powers.size, int(np.sum(self._sizes))
+        own, alone, reach = np.split(kept[0], ends)
+        is_known = self._linear and kept[1] is Outcome.COMPLETE
+        first = scale_of_contact(self.computed, reach) * BELOW if is_known else -math.inf
+        return own, alone, first
 
     def _respond(self, record: Record, digest: str, scale: float, poll: Poll):
         """Return the packed response of `computed` at a scale, and its outcome."""
@@ -187,11 +204,6 @@ def _map(structure: Structure, dt: float, rtol: float):
     from hpcsweep.solvers.flow.record_map import RecordMap
 
     return RecordMap(structure, dt, rtol)
-
-
-@lru_cache(maxsize=8)
-def _free(structure: Structure, record: Record, tail: float) -> tuple[Response, np.ndarray]:
-    return linear_response(structure, record, tail)
 
 
 class _Kept:

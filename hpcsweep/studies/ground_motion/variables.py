@@ -127,4 +127,4 @@ def place_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinat
 def pack(response: Response, reach: np.ndarray, peaks: list[Peak]) -> np.ndarray:
     """Return the numbers of a response in one row, peak by peak."""
     fields = [reach if p.field == "reach" else getattr(response, p.field) for p in peaks]
-    return np.concatenate([np.asarray(values, float) for values in fields])
+    return np.concatenate([np.empty(0), *(np.asarray(values, float) for values in fields)])

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5ds, h5i, h5o
+from h5py import h5a, h5d, h5ds, h5i, h5o, h5s
 
 NOTES = ("units", "long_name")
 
@@ -22,6 +22,14 @@ def attribute(owner: h5py.File | h5py.Dataset, name: str) -> object:
     value: np.ndarray = np.empty(1, object)
     found.read(value)
     return value[0].decode(errors="surrogateescape")
+
+
+def values(file: h5py.File, name: str) -> np.ndarray:
+    """Read a dataset of numbers whole."""
+    data = h5d.open(file.id, name.encode())
+    found = np.empty(data.shape, data.dtype)
+    data.read(h5s.ALL, h5s.ALL, found)
+    return found
 
 
 class Dataset:

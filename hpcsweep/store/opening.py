@@ -14,11 +14,12 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from h5py import h5a
 
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
-from hpcsweep.store.contents import Contents, attribute, attributes_of
+from hpcsweep.store.contents import Contents, attribute, attributes_of, values
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
@@ -33,6 +34,8 @@ ENDS = 2**18
 """Bytes at either end of a file, within which all its heaps lie."""
 LONGEST_SUFFIX = ".journal"
 """Endings of the files beside a results file."""
+PROGRESS = ("format", "layout_version", "job", "name")
+"""Attributes from which the progress of a campaign is read."""
 REPAIR = "run its job again to repair it"
 
 
@@ -66,13 +69,17 @@ def reading(path: Path) -> Iterator[h5py.File]:
 def _check_kind(path: Path) -> None:
     """Check that it is a readable file with the signature of HDF5."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
             kind = "a folder" if path.is_dir() else "no regular file"
             raise StoreError(f"{path}: cannot be read: it is {kind}")
         with path.open("rb") as file:
             begin = file.read(ENDS)
-            file.seek(max(path.stat().st_size - ENDS, 0))
-            end = file.read(ENDS)
+            # a heap may lie across the middle of a short file: both ends are then one
+            if ENDS < status.st_size <= 2 * ENDS:
+                begin += file.read(ENDS)
+            file.seek(max(status.st_size - ENDS, 0))
+            end = file.read(ENDS) if status.st_size > 2 * ENDS else b""
     except (OSError, ValueError) as error:
         if isinstance(error, StoreError):
             raise
@@ -173,14 +180,14 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray 
         If it is not a campaign file of this layout version.
     """
     with reading(path) as file:
-        found = {
-            key: attribute(file, key) for key in ("format", "job", "name") if key in file.attrs
-        }
-        if _equal(found.get("format"), FORMAT) and len(found) == 3:
-            version = file.attrs.get("layout_version", -1)
-            if _equal(version, LAYOUT_VERSION):
-                inferred = file[INFERRED][...] != 0 if INFERRED in file else None
-                return found, file["commit"][...] != 0, file["outcome"][...], inferred
+        # below h5py's layers, which take longer than what they read
+        there = [key for key in PROGRESS if h5a.exists(file.id, key.encode())]
+        found = {key: attribute(file, key) for key in there}
+        version = found.pop("layout_version", -1)
+        ours = _equal(found.get("format"), FORMAT) and _equal(version, LAYOUT_VERSION)
+        if ours and len(there) == len(PROGRESS):
+            inferred = values(file, INFERRED) != 0 if INFERRED.encode() in file.id else None
+            return found, values(file, "commit") != 0, values(file, "outcome"), inferred
     check_file(path)  # says in one line what it is
     raise DamagedError(f"{path}: damaged (attributes are missing); {REPAIR}")
 

@@ -15,7 +15,7 @@ from shell import shell
 
 import hpcsweep
 
-Path("figure3.toml").write_text("""\
+Path("branches.toml").write_text("""\
 [structure]
 n_floors = 3
 stiffness_ratio = 1000.0
@@ -24,13 +24,13 @@ stiffness_ratio = 1000.0
 omega = 0.445
 amplitude = {from = 0.005, to = 0.25, count = 246}
 """)
-shell("hpcsweep run figure3.toml -o figure3.h5")
+shell("hpcsweep run branches.toml -o branches.h5")
 
 # %%
 # Two orbits from the sweep: one of period 1 near A = 0.06, one of period 2 near A = 0.11. Each is
 # followed in both directions.
-structure = hpcsweep.load_job("figure3.toml").structure
-sweeps = hpcsweep.open_results("figure3.h5").isel(omega=0)
+structure = hpcsweep.load_job("branches.toml").structure
+sweeps = hpcsweep.open_results("branches.h5").isel(omega=0)
 branches = []
 for amplitude, period in ((0.06, 1), (0.11, 2)):
     run = sweeps.sel(direction="up").sel(amplitude=amplitude, method="nearest")

@@ -142,8 +142,7 @@ def with_indexed(whole: Mapping, key: str, value: object, said: str) -> dict:
     tables: Any = (whole.get(table, {}) if table else whole).get(name)
     count = len(tables) if isinstance(tables, list) else 0
     if int(place) >= count:
-        full = f"{table}.{name}" if table else name
-        raise TreeError(f"{said}: there are {count} tables {full}, from 0 on")
+        raise TreeError(f"{said}: there are {count} tables {key.split('[')[0]}, from 0 on")
     changed = [dict(one) for one in tables]
     changed[int(place)][inner] = value
     return merge(whole, {table: {name: changed}} if table else {name: changed})

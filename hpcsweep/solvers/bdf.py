@@ -204,12 +204,13 @@ class BdfMap:
 
     def _absolute(self, amplitude) -> Callable[[float, np.ndarray], np.ndarray]:
         """Return the absolute accelerations of the floors as a function of time and state."""
-        amplitude, n = amplitude / self._units.amplitude_unit, self.structure.n_floors
+        n = self.structure.n_floors
         order, size, phase = self._model.harmonics.T
 
         def accelerations(tau: float, z: np.ndarray) -> np.ndarray:
-            ground = amplitude * (size @ np.sin(order * self._model.omega * tau + phase))
-            forced = derivative(tau, z, amplitude, self._packed)[len(z) // 2 :][:n]
+            base = amplitude / self._units.amplitude_unit
+            ground = base * (size @ np.sin(order * self._model.omega * tau + phase))
+            forced = derivative(tau, z, base, self._packed)[len(z) // 2 :][:n]
             return forced + self._model.ground * ground
 
         return accelerations

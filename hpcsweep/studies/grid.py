@@ -255,7 +255,7 @@ class RunGrid:
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
         """Return the state from which the run after one of the rows starts."""
-        return rows["final_state"][row]
+        return rows["final_state"][row] if self.carried else self.initial_state
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Return the one motion of a run."""

@@ -5,15 +5,15 @@ held by `forcing_amplitude`. Each block of points is a task, one point unless th
 blocks, so that a study scales to as many ranks as it has points.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.refine.refinement import Refinement, read_refinement
-from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.sweep.runs import frame_runs
 from hpcsweep.studies.variables import AMPLITUDE
 
@@ -22,7 +22,7 @@ FORCING_AMPLITUDE = Variable("forcing_amplitude", ("omega",), "<f8", *AMPLITUDE)
 
 
 @dataclass(frozen=True, eq=False)
-class Points(RunGrid):
+class Points(IndependentRuns):
     """Points of a grid or a list, a block of them a task; see `RunGrid`.
 
     Attributes
@@ -114,20 +114,6 @@ class Points(RunGrid):
         own = [(FORCING_AMPLITUDE, self.amplitude)] if self.listed else []
         return super().given + own
 
-    def task_of(self, direction, frame, number):
-        """Return the task of blocks: every block is one."""
-        del direction
-        return frame * self.n_blocks + number
-
-    def path(self, task: int) -> Sequence[Block]:
-        """Return the one block of a task."""
-        return [self.block((0, *divmod(task, self.n_blocks)))]
-
-    def descends(self, direction: int) -> bool:
-        """Return False: amplitudes are computed in ascending order."""
-        del direction
-        return False
-
     def rows(
         self,
         frame: int,
@@ -138,17 +124,6 @@ class Points(RunGrid):
         """Compute runs, each from the same state."""
         runs = frame_runs(self.moving, float(self.omega[frame]), self.settings)
         return runs.each(amplitudes, state, poll)
-
-    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return None: every run starts from the initial state."""
-        del block, row
-        return None
-
-    def describe_task(self, task: int) -> str:
-        """Describe a point by its frequency and amplitude."""
-        (block,) = self.path(task)
-        found = self.describe(block.first)
-        return f"Omega = {found['omega']:.6g}, A = {found['amplitude']:.6g}"
 
 
 def _is_pair(value: object) -> bool:

@@ -24,7 +24,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import Limits, attractors_as_runs, read_limits
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import attractor_variables
-from hpcsweep.studies.refine.refinement import read_refinement
+from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.refine.refinement import Refinement, read_refinement
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.sweep.amplitude_sweep import UP, AmplitudeSweep
 from hpcsweep.studies.variables import numbered
@@ -82,8 +83,6 @@ class Attractors(Limits, AmplitudeSweep):
         common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
         refine = read_refinement(values, common["settings"], common["block_size"], ("number",))
         if refine is not None:
-            from hpcsweep.studies.attractors.refined import RefinedAttractors
-
             cls, common["refine"] = RefinedAttractors, refine
         return cls(
             omega=values.frequencies("sweep.omega"),
@@ -181,6 +180,39 @@ class Attractors(Limits, AmplitudeSweep):
         from hpcsweep.studies.attractors.invariants import broken_invariants
 
         return broken_invariants(self, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedAttractors(IndependentRuns, Attractors):
+    """Attractors of points on their own, of which a refined map of their number is made.
+
+    Nothing is continued from the amplitude before: the seed at every point is the initial state,
+    and attractors are numbered at each point anew. So a point depends on the job alone, whichever
+    others are computed.
+
+    Attributes
+    ----------
+    refine : Refinement
+        Which points of the grid are computed.
+    """
+
+    refine: Refinement | None = None
+
+    task_noun: ClassVar[str] = "point"
+    why_whole: ClassVar[str] = "the attractors of a point are one run, which cannot be cut"
+    words: ClassVar[dict[str, str]] = {UP: "each point on its own"}
+    grid_fields: ClassVar[tuple[str, ...]] = (*Attractors.grid_fields, "refine")
+
+    def rows(
+        self,
+        frame: int,
+        amplitudes: Amplitudes,
+        state: np.ndarray,
+        poll: Callable[[], None] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Find the attractors of amplitudes, each from the same state."""
+        found = [super(RefinedAttractors, self).rows(frame, [a], state, poll) for a in amplitudes]
+        return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
 
 
 def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:

@@ -8,7 +8,7 @@ on the same slice (`hpcsweep.dynamics.basins`). Each process finds them itself: 
 the job, and so does each row.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -20,7 +20,7 @@ from hpcsweep.dynamics.starts import usual_reach
 from hpcsweep.studies.attractors.search import attractors_as_runs, read_limits
 from hpcsweep.studies.basins.tally import BasinTally
 from hpcsweep.studies.basins.variables import COMMIT, ORDINATE, ROW_OMEGA, RUN, basin_variables
-from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -32,7 +32,7 @@ MOST_STATE = 1e200
 
 
 @dataclass(frozen=True, eq=False)
-class Basins(RunGrid):
+class Basins(IndependentRuns):
     """Basins on a slice, a row a task; see `RunGrid`, which holds one frequency for each row.
 
     Attributes
@@ -175,20 +175,6 @@ class Basins(RunGrid):
         first, second = self.components
         return str(names[first]), str(names[second])
 
-    def task_of(self, direction, frame, number):
-        """Return the task of blocks: every row is one."""
-        del direction, number
-        return frame
-
-    def path(self, task: int) -> Sequence[Block]:
-        """Return the one block of a task."""
-        return [self.block((0, task, 0))]
-
-    def descends(self, direction: int) -> bool:
-        """Return False: the one run of a block has no order."""
-        del direction
-        return False
-
     def rows(
         self,
         frame: int,
@@ -214,16 +200,6 @@ class Basins(RunGrid):
         point = float(self.omega[frame]), float(self.amplitude[0])
         runs = slice_runs(self.moving, *point, self.settings, shape)
         return runs.row(self.horizontal, float(self.vertical[frame]), poll)
-
-    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return None: every row is independent."""
-        del block, row
-        return None
-
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return the initial state: rows inherit nothing from each other."""
-        del rows, row
-        return self.initial_state
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Return the attractors listed by a row as motions in which runs ended."""

@@ -10,7 +10,7 @@ these, and, if the job has starts, those of orbits that a search finds
 files and the job alone.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -29,7 +29,7 @@ from hpcsweep.studies.branches.variables import (
     RUN,
     VARIABLES,
 )
-from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -44,7 +44,7 @@ AGAIN = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Branches(RunGrid):
+class Branches(IndependentRuns):
     """Branches along a parameter, a line a task; see `RunGrid`, whose frames are the lines.
 
     Attributes
@@ -205,20 +205,6 @@ class Branches(RunGrid):
             for name, (variable, values) in told.items()
         ]
 
-    def task_of(self, direction, frame, number):
-        """Return the task of blocks: every line is one."""
-        del direction, number
-        return frame
-
-    def path(self, task: int) -> Sequence[Block]:
-        """Return the one block of a task."""
-        return [self.block((0, task, 0))]
-
-    def descends(self, direction: int) -> bool:
-        """Return False: the one run of a block has no order."""
-        del direction
-        return False
-
     def rows(
         self,
         frame: int,
@@ -232,16 +218,6 @@ class Branches(RunGrid):
 
         del amplitudes, state
         return line_of(self, frame, poll)
-
-    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return None: every line is on its own."""
-        del block, row
-        return None
-
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return the initial state: a line carries nothing to another."""
-        del rows, row
-        return self.initial_state
 
     def time_runs(
         self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None

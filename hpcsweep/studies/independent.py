@@ -1,0 +1,33 @@
+"""Base of studies whose blocks depend on no other: each is a task of its own."""
+
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import Block, Path
+
+
+class IndependentRuns(RunGrid):
+    """A grid of runs without a path: every block is a task, each run starts afresh."""
+
+    def task_of(self, direction, frame, number):
+        """Return the task of blocks: every block is one."""
+        del direction
+        return frame * self.n_blocks + number
+
+    def path(self, task: int) -> Path:
+        """Return the one block of a task."""
+        return Path(1, lambda _: self.block((0, *divmod(task, self.n_blocks))))
+
+    def descends(self, direction: int) -> bool:
+        """Return False: runs are computed in ascending order."""
+        del direction
+        return False
+
+    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
+        """Return None: every run is independent."""
+        del block, row
+        return None
+
+    def describe_task(self, task: int) -> str:
+        """Describe a task by the frequency and amplitude of its first run."""
+        (block,) = self.path(task)
+        found = self.describe(block.first)
+        return f"Omega = {found['omega']:.6g}, A = {found['amplitude']:.6g}"

@@ -1,5 +1,7 @@
 """Check the invariants that the numbers of every committed run satisfy."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
@@ -8,6 +10,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import MEASURES
 
+ENDED = [outcome for outcome in Outcome if outcome is not Outcome.NOT_COMPUTED]
+"""How a committed run may have ended."""
 ROUNDING = 1e-9
 """Allowed excess over 1 of a mean modal norm."""
 
@@ -62,11 +66,21 @@ def broken_invariants(
         broken.update(_of_motion(rows))
     if "lyapunov" in rows:
         broken["lyapunov is not +inf"] = rows["lyapunov"] == np.inf
+    return listed(broken)
+
+
+def listed(broken: Mapping[str, np.ndarray]) -> list[tuple[int, str]]:
+    """Return the rows and names of broken invariants, given where each is broken."""
     return sorted(
         (int(row), f"not so: {invariant}")
         for invariant, where in broken.items()
         for row in np.flatnonzero(where)
     )
+
+
+def of_outcome(outcome: np.ndarray) -> dict[str, np.ndarray]:
+    """Check that a run ended in a way that is known."""
+    return {"outcome is one of 1 to 4": ~np.isin(outcome, ENDED)}
 
 
 def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
@@ -79,12 +93,11 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
         if "classification_cycles" in rows
         else np.zeros(len(period), bool)
     )
-    known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
     used = [SkipRule.NONE, *(SkipRule[rule.upper()] for rule in settings.skip)]
     whole_run = settings.transient_cycles + settings.sampling_cycles
     linear = complete & (skip_rule == SkipRule.LINEAR)
     return {
-        "outcome is one of 1 to 4": ~np.isin(outcome, known),
+        **of_outcome(outcome),
         "skip_rule is a rule the job allows": ~np.isin(skip_rule, used),
         "orbit_period is at most max_orbit_period": (period < 0)
         | (period > settings.max_orbit_period),

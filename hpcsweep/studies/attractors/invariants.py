@@ -8,7 +8,7 @@ import numpy as np
 from hpcsweep.dynamics.attractors import RECORD
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import share_interval
-from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.invariants import listed, of_outcome
 
 KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
 ROUNDING = 1e-12
@@ -38,24 +38,13 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
     return listed(broken)
 
 
-def listed(broken: dict[str, Any]) -> list[tuple[int, str]]:
-    """Return the rows and names of broken invariants."""
-    return sorted(
-        (int(row), f"not so: {invariant}")
-        for invariant, where in broken.items()
-        for row in np.flatnonzero(where)
-    )
-
-
 def _of_counts(study, rows: dict, held: np.ndarray) -> dict[str, np.ndarray]:
     ids, number = rows["attractor_id"], rows["n_attractors"]
-    outcome = rows["outcome"]
     hits = np.where(held, rows["hits"], 0).sum(axis=1)
     starts = hits + rows["n_undecided"] + rows["n_failed"] + rows["n_elsewhere"]
-    known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
     twice: np.ndarray = np.array([np.unique(row[row > 0]).size < (row > 0).sum() for row in ids])
     return {
-        "outcome is one of 1 to 4": ~np.isin(outcome, known),
+        **of_outcome(rows["outcome"]),
         "each start is counted once": starts != study.starts,
         "attractors are stored as far as there is room": held.sum(axis=1)
         != np.minimum(number, study.max_attractors),

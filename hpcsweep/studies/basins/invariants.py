@@ -6,8 +6,8 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
 from hpcsweep.dynamics.basins import ELSEWHERE
-from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.attractors.invariants import listed, of_motions
+from hpcsweep.studies.attractors.invariants import of_motions
+from hpcsweep.studies.invariants import listed, of_outcome
 
 
 def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
@@ -54,12 +54,11 @@ def _of_attractors(study, rows: dict) -> dict[str, Any]:
     ids = rows["attractor_id"]
     held = ids > 0
     number = np.arange(1, ids.shape[1] + 1)
-    outcomes = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
     return {
         "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
         "attractors come first": (held[:, 1:] & ~held[:, :-1]).any(axis=1),
         "point is finite": (held & ~np.isfinite(rows["point"]).all(axis=2)).any(axis=1),
-        "outcome is one of 1 to 4": ~np.isin(rows["outcome"], outcomes),
+        **of_outcome(rows["outcome"]),
         "cycles is at least 0": rows["cycles"] < 0,
         **of_motions(study, rows, held),
     }

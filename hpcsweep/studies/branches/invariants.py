@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.attractors.invariants import listed
+from hpcsweep.studies.invariants import listed, of_outcome
 
 ROUNDING = 1e-9
 
@@ -31,9 +30,8 @@ def _of_branches(rows: dict) -> dict[str, Any]:
     ids = rows["branch_id"]
     held = ids > 0
     number = np.arange(1, ids.shape[1] + 1)
-    known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
     return {
-        "outcome is one of 1 to 4": ~np.isin(rows["outcome"], known),
+        **of_outcome(rows["outcome"]),
         "cycles is at least 0": rows["cycles"] < 0,
         "branches are numbered from 1": (held & (ids != number)).any(axis=1),
         "n_branches counts them": held.sum(axis=1) != rows["n_branches"],

@@ -5,6 +5,7 @@ import numpy as np
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion.variables import ALONE, PEAKS, TIMES
+from hpcsweep.studies.invariants import listed, of_outcome
 
 SIGNED = ("final_state", "impulse", "dissipated")
 ROUNDING = 1.0 + 1e-9
@@ -24,10 +25,9 @@ def broken_invariants(rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
         Row and message.
     """
     outcome, skip_rule = rows["outcome"], rows["skip_rule"]
-    known = [Outcome.COMPLETE, Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED]
     complete, linear = outcome == Outcome.COMPLETE, skip_rule == SkipRule.LINEAR
     broken = {
-        "outcome is one of 1 to 4": ~np.isin(outcome, known),
+        **of_outcome(outcome),
         "skip_rule is none or linear": ~np.isin(skip_rule, (SkipRule.NONE, SkipRule.LINEAR)),
         "a linear run is complete": linear & ~complete,
     }
@@ -47,8 +47,4 @@ def broken_invariants(rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
         broken["a linear run has no impacts"] = linear & touched
     last = rows["displacement"] * ROUNDING >= rows["residual"]
     broken["residual is at most displacement"] = complete & ~last.all(axis=1)
-    return sorted(
-        (int(row), f"not so: {invariant}")
-        for invariant, where in broken.items()
-        for row in np.flatnonzero(where)
-    )
+    return listed(broken)

@@ -82,13 +82,14 @@ class RefinedWork(Work):
         self.todo, self._complete, self.scanned = [], False, True
         self._inferred = 0
         inferred, sound = Inferred(blocks), True
+        audit = inferred.audit()
         known = [(np.zeros(0, int), np.zeros((0, 1 + len(self._refinement.variables)), np.uint64))]
         try:
             for place in inferred.places[self._comm.rank :: self._comm.size]:
                 if self._flag.is_set():
                     raise farm.Stop
                 known.append(inferred.labels(place))
-                found = inferred.frame(place)
+                found = inferred.frame(place, audit)
                 computed = found is not None and np.isin(found[SOURCE], COMPUTED)
                 at = known[-1][0] % self._shape[-1]
                 sound &= found is not None and np.array_equal(np.flatnonzero(computed), at)

@@ -95,7 +95,8 @@ def _runs(
     told: dict = {}
     known = done
     if inferred is not None:
-        mask, told = inferred.mask(), inferred.told()
+        mask = inferred.mask()
+        told = inferred.told(mask)
         known = done if mask is None else done | mask
     frames = known.all(axis=_axes(study.run_dims, "direction", study.run_dims[-1]))
     return {

@@ -34,11 +34,12 @@ def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
     values = replay(blocks.study, labels)
     if values is None:
         return [(inferred.places[0], "points that the map was refined by are not committed")]
-    if not np.array_equal(values[AUDIT], inferred.audit(), equal_nan=True):
+    audit = inferred.audit()
+    if not np.array_equal(values[AUDIT], audit, equal_nan=True):
         return [(inferred.places[0], "the audit is not that of the computed points")]
     problems = []
     for k, place in enumerate(inferred.places):
-        rows = inferred.frame(place) or {}
+        rows = inferred.frame(place, audit) or {}
         for name, row in rows.items():
             if not np.array_equal(values[name].reshape(-1, row.size)[k], row):
                 problems.append((place, f"{name} does not follow from the computed points"))

@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures.style import PlotError, classes_of, percent
-from hpcsweep.studies.refine.refinement import LABELS, Source
+from hpcsweep.studies.refine.refinement import LABELS, Source, refinement_of
 from hpcsweep.studies.refine.variables import CELL, SOURCE, inferred_name
 
 VARIABLES = (SOURCE, CELL, *(inferred_name(v) for names in LABELS.values() for v in names))
@@ -55,7 +55,7 @@ def need_cells(frames) -> None:
     ------
     PlotError
     """
-    if not frames.audit():
+    if refinement_of(frames.study) is None:
         raise PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
 
 

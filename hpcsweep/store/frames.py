@@ -1,6 +1,7 @@
 """Read one frame at a time, for files that do not fit in memory."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -153,14 +154,18 @@ class Frames:
                         if name not in derived:
                             found[name][tuple(at)] = rows[name]
         if derived:
-            inferred = Inferred(self._blocks).frame((*self.place, 0, frame)) or {}
+            inferred = self._inferred.frame((*self.place, 0, frame)) or {}
             for name in derived:
                 found[name][0] = inferred.get(name, 0)
         return found
 
     def audit(self) -> dict:
         """Return ``runs_inferred`` and ``audit`` (a `Look`) of a refined map; of others nothing."""
-        return Inferred(self._blocks).told() if self._layout.derived else {}
+        return self._inferred.told(self._inferred.mask()) if self._layout.derived else {}
+
+    @cached_property
+    def _inferred(self) -> Inferred:
+        return Inferred(self._blocks)
 
     def _begun(self, frame: int) -> set[int]:
         """Return the tasks with a block of a frame that has a checksum."""

@@ -99,9 +99,9 @@ class Inferred:
         inferred = [rows[SOURCE] == Source.INFERRED for rows in found if rows is not None]
         return np.array(inferred).reshape(*self._shape, self._n)
 
-    def told(self) -> dict:
-        """Return the number of inferred points and the last look, None until it is complete."""
-        mask, look = self.mask(), self.look()
+    def told(self, mask: np.ndarray | None) -> dict:
+        """Return the number of inferred points, those of `mask`, and the last look."""
+        look = self.look()
         return {
             "runs_inferred": 0 if mask is None else int(mask.sum()),
             "audit": None if look is None else look._asdict(),

@@ -43,14 +43,15 @@ class Stripes(NamedTuple):
     records: tuple[str, ...]
 
 
-def stripes_of(results, structure, response: str = "drift", place: str | None = None) -> Stripes:
+def stripes_of(results, study, response: str = "drift", place: str | None = None) -> Stripes:
     """Return the stripes of a response.
 
     Parameters
     ----------
     results : xarray.Dataset
-        Of a study of records, one structure.
-    structure : Structure
+        Of one part of a study of records.
+    study : Records
+        That part.
     response : str
         One of `RESPONSES`.
     place : str, optional
@@ -71,22 +72,21 @@ def stripes_of(results, structure, response: str = "drift", place: str | None = 
     dim = str(array.dims[-1])
     names = [str(one) for one in array[dim].values]
     chosen = places_of(names, place)
-    factor, unit = 1.0, unit_of(structure, _quantity(response))
+    factor, unit = 1.0, unit_of(study.structure, _quantity(response))
     if response == "drift" and "storey_height" in results:
         factor, unit = 100.0 / results["storey_height"].values[chosen], "%"
         label = "peak storey drift ratio"
     if place is not None:
         label += f" of {place}"
-    alone, unit = f"{name}_alone", unit.replace("^2", "²")
-    long_name, _, own = scale_label(results, structure)
+    alone = f"{name}_alone"
     return Stripes(
         intensity=results["scale"].values,
-        measure=f"{long_name}{own}",
+        measure=f"{study.measure}{_label(unit_of(study.structure, study.measure.quantity))}",
         values=(array.values[..., chosen] * factor).max(axis=-1).astype(float),
         alone=(results[alone].values[..., chosen] * factor).max(axis=-1)
         if alone in results
         else None,
-        label=label + (f"  [{unit}]" if unit != "1" else ""),
+        label=label + _label(unit),
         records=tuple(str(one) for one in results["record"].values),
     )
 
@@ -107,14 +107,9 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
     return fragility(stripes.intensity[held], exceeded[held], known.sum(axis=0)[held])
 
 
-def scale_label(results, structure) -> tuple[str, str, str]:
-    """Return what the scales of results are of, their unit, and the unit as a label has it."""
-    from hpcsweep.job import parse_job
-
-    study = parse_job(results.attrs["job"], "job", "job").study
-    measure = (study.base if study.axes else study).measure
-    unit = unit_of(structure, measure.quantity)
-    return str(measure), unit, "" if unit == "1" else f"  [{unit.replace('^2', '²')}]"
+def _label(unit: str) -> str:
+    """Return a unit as it stands behind a label; nothing for numbers."""
+    return "" if unit == "1" else f"  [{unit.replace('^2', '²')}]"
 
 
 def _quantity(response: str) -> str:

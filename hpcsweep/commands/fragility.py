@@ -73,7 +73,7 @@ def _threshold(options, results, study) -> int:
     from hpcsweep.campaign.stripes import fit, stripes_of
     from hpcsweep.earthquakes.stripes import PARTS, capacity, fractiles
 
-    stripes = stripes_of(results, study.structure, options.response, options.place)
+    stripes = stripes_of(results, study, options.response, options.place)
     reached = capacity(stripes.intensity, stripes.values, options.threshold)
     parts = fractiles(reached.scale, PARTS).tolist()
     told = {

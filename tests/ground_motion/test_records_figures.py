@@ -62,17 +62,17 @@ def test_what_cannot_be_drawn_is_one_line(folder, arguments, said):
 
 def test_stripes_are_the_largest_of_their_places(folder):
     results = open_results(folder / "job.h5")
-    structure = parse_job(TEXT, "job", "job").structure
-    one = stripes_of(results, structure, "drift", "B2")
+    study = parse_job(TEXT, "job", "job").study
+    one = stripes_of(results, study, "drift", "B2")
     drift = results.storey_drift.sel(storey="B2") / 3.2 * 100
     np.testing.assert_allclose(one.values, drift, rtol=1e-14)
-    building = stripes_of(results, structure, "acceleration", "A")
+    building = stripes_of(results, study, "acceleration", "A")
     floors = results.floor_acceleration.sel(floor=["A1", "A2"]).max("floor")
     np.testing.assert_array_equal(building.values, floors)
     for name in RESPONSES:
-        assert stripes_of(results, structure, name).values.shape == (8, 20)
+        assert stripes_of(results, study, name).values.shape == (8, 20)
     with pytest.raises(StripesError, match="must be one of drift"):
-        stripes_of(results, structure, "stress")
+        stripes_of(results, study, "stress")
 
 
 def test_fragility_and_capacities_are_those_of_the_stripes(folder):
@@ -88,8 +88,8 @@ def test_fragility_and_capacities_are_those_of_the_stripes(folder):
     assert told["dispersion"] == pytest.approx(found.dispersion, rel=1e-12)
     reached = [results["scale"].values[np.argmax(row >= 0.005)] for row in drift]
     assert told["capacity"]["0.5"] == np.sort(reached)[3]
-    structure = parse_job(TEXT, "job", "job").structure
-    assert fit(stripes_of(results, structure, "drift", "B"), 0.5).median == found.median
+    study = parse_job(TEXT, "job", "job").study
+    assert fit(stripes_of(results, study, "drift", "B"), 0.5).median == found.median
 
 
 def test_demands_are_those_of_one_building_at_one_intensity(folder):

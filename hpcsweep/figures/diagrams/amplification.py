@@ -8,7 +8,7 @@ from hpcsweep.campaign.stripes import stripes_of
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import series_colour
-from hpcsweep.figures.style import PlotError, head, new_figure, save, structure_of
+from hpcsweep.figures.style import PlotError, head, job_of, new_figure, save
 
 NAME = "pounding"
 DRAWS = "responses"
@@ -25,11 +25,12 @@ def draw(results, path: Path, response: str | None = None) -> None:
     whole = responses.opened(results, response, None)
     if whole.alone is None:
         raise PlotError("the file holds no responses without contacts: set output.alone = true")
+    study = job_of(results).study
     dim = "storey" if response == "drift" else "floor"
     figure, (axis,) = new_figure(1, 4.2)
     axis.axhline(1.0, color="0.4", linewidth=0.8)
     for series, building in enumerate(responses.buildings(results[dim].values)):
-        one = stripes_of(results, structure_of(results), response, building or None)
+        one = stripes_of(results, study, response, building or None)
         low, median, high = fractiles(one.values / np.asarray(one.alone), PARTS)
         colour = series_colour(series)
         axis.fill_between(one.intensity, low, high, color=colour, alpha=0.2, linewidth=0)

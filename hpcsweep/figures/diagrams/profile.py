@@ -8,7 +8,7 @@ from hpcsweep.campaign.stripes import stripes_of
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import STOP, series_colour
-from hpcsweep.figures.style import PlotError, head, new_grid, save, structure_of
+from hpcsweep.figures.style import PlotError, head, job_of, new_grid, save
 
 NAME = "profile"
 DRAWS = "responses"
@@ -24,14 +24,14 @@ def draw(results, path: Path, response: str | None = None, scale: float | None =
     response = response or "drift"
     if response not in ("drift", "displacement", "acceleration"):
         raise PlotError(f"--response {response}: has no profile over the height")
-    at, structure = responses.scale_index(results, scale), structure_of(results)
+    at, study = responses.scale_index(results, scale), job_of(results).study
     whole = responses.opened(results, response, None)
     dim = "storey" if response == "drift" else "floor"
     names = [str(one) for one in results[dim].values]
     found = responses.buildings(names)
     figure, axes = new_grid(1, len(found), (1.2 + 2.6 * len(found), 4.2), sharex=True)
     for axis, (building, places) in zip(axes[0], found.items(), strict=True):
-        each = [stripes_of(results, structure, response, names[i]) for i in places]
+        each = [stripes_of(results, study, response, names[i]) for i in places]
         level = np.arange(1, len(places) + 1)
         low, median, high = fractiles(np.array([one.values[:, at] for one in each]), PARTS, axis=1)
         axis.fill_betweenx(level, low, high, color=series_colour(0), alpha=0.2, linewidth=0)
@@ -50,6 +50,6 @@ def draw(results, path: Path, response: str | None = None, scale: float | None =
     axes[0, 0].set_xlim(left=0)
     axes[0, 0].set_ylabel(dim)
     axes[0, 0].legend(frameon=False, fontsize=8)
-    told = responses.at_scale(results, at)
+    told = responses.at_scale(study, at)
     head(figure, f"{told}, {len(whole.records)} records\n{responses.title(results)}", fontsize=9)
     save(figure, path)

@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.labels import unit
 from hpcsweep.figures.palette import STOP, series_colour
-from hpcsweep.figures.style import PlotError, head, new_figure, save
+from hpcsweep.figures.style import PlotError, head, job_of, new_figure, save
 
 NAME = "history"
 DRAWS = "responses"
@@ -33,7 +33,8 @@ def draw(
     from hpcsweep.solvers.response import history
 
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
-    samples, study = responses.samples_of(results, i)
+    study = job_of(results).study
+    samples = responses.samples_of(study, i)
     structure, factor = study.structure, float(study.factor[i, at])
     seen = history(structure, samples, factor, study.tail)
     free = history(structure.without_contacts(), samples, factor, study.tail)
@@ -66,5 +67,5 @@ def draw(
     moving.legend(frameon=False, fontsize=7, ncols=4, loc="upper right")
     axes[-1].set_xlabel("time" + unit(structure, "time"))
     axes[-1].set_xlim(0, seen.time[-1])
-    head(figure, f"{samples.name},  {responses.at_scale(results, at)}", fontsize=9)
+    head(figure, f"{samples.name},  {responses.at_scale(study, at)}", fontsize=9)
     save(figure, path)

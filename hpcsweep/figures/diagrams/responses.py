@@ -3,8 +3,9 @@
 import numpy as np
 
 from hpcsweep.campaign.stripes import RESPONSES, Stripes, StripesError, stripes_of
+from hpcsweep.figures.labels import unit
 from hpcsweep.figures.options import Option
-from hpcsweep.figures.style import PlotError, job_of, structure_of
+from hpcsweep.figures.style import PlotError, job_of
 
 RESPONSE = Option(
     "--response",
@@ -45,7 +46,7 @@ def opened(results, response: str | None, place: str | None) -> Stripes:
     PlotError
     """
     try:
-        found = stripes_of(results, structure_of(results), response or "drift", place)
+        found = stripes_of(results, job_of(results).study, response or "drift", place)
     except StripesError as error:
         raise PlotError(str(error)) from None
     if not np.isfinite(found.values).any():
@@ -89,17 +90,16 @@ def record_index(results, record: str | None) -> int:
     return names.index(record)
 
 
-def samples_of(results, i: int):
-    """Return a record that the results are of, and the study.
+def samples_of(study, i: int):
+    """Return the samples of a record of a study.
 
     Raises
     ------
     PlotError
         If it is not at hand.
     """
-    study = job_of(results).study
     try:
-        return study.record(i), study
+        return study.record(i)
     except (ValueError, OSError) as error:
         raise PlotError(f"the record is needed: {error}") from None
 
@@ -112,12 +112,8 @@ def buildings(names) -> dict[str, list[int]]:
     return found
 
 
-def at_scale(results, place: int) -> str:
+def at_scale(study, place: int) -> str:
     """Write the intensity at one place of the scales."""
-    one = results["scale"]
-    study = job_of(results).study
-    unit = study.measure.quantity
-    from hpcsweep.figures.labels import unit as label
-
-    named = label(study.structure, unit).strip(" []") if unit != "1" else ""
-    return f"{study.measure} = {float(one[place]):.4g} {named}".strip()
+    quantity = study.measure.quantity
+    named = unit(study.structure, quantity).strip(" []") if quantity != "1" else ""
+    return f"{study.measure} = {study.scale[place]:.4g} {named}".strip()

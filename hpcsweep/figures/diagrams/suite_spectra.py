@@ -8,7 +8,7 @@ from hpcsweep.earthquakes.spectrum import spectrum
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import series_colour
-from hpcsweep.figures.style import head, new_figure, save
+from hpcsweep.figures.style import head, job_of, new_figure, save
 
 NAME = "spectra"
 DRAWS = "responses"
@@ -31,11 +31,12 @@ def load(frames, **_options):
 def draw(results, path: Path) -> None:
     """Draw Sa over the period, in g, and write it to `path`."""
     n = min(results.sizes["record"], MOST_RECORDS)
-    first, study = responses.samples_of(results, 0)
+    study = job_of(results).study
+    first = responses.samples_of(study, 0)
     natural = 2.0 * np.pi / study.structure.frequencies
     shortest = max(2.0 * first.dt, natural[0] / 50.0)
     periods = np.geomspace(shortest, LONGEST * natural[0], PERIODS)
-    found = [spectrum(responses.samples_of(results, i)[0], periods).acceleration for i in range(n)]
+    found = [spectrum(responses.samples_of(study, i), periods).acceleration for i in range(n)]
     curves = np.array(found) / study.gravity
     figure, (axis,) = new_figure(1, 4.2)
     for curve in curves:

@@ -122,10 +122,13 @@ class Values:
 
     def whole(self, key: str, default: int, least: int, most: int) -> int:
         """Read a whole number within bounds."""
-        value = self.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-            raise self.error(key, value, f"must be a whole number from {least} to {most}")
-        return value
+        return self.whole_in(key, self.get(key, default), least, most)
+
+    def whole_in(self, key: str, given: object, least: int, most: int) -> int:
+        """Read what `whole` reads, of a value that is at hand."""
+        if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= most:
+            raise self.error(key, given, f"must be a whole number from {least} to {most}")
+        return given
 
     def numbers(self, key: str, ascending: bool) -> np.ndarray:
         """Read a number, a list of numbers, or a range table."""

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.simd.fallback import LANES
+from hpcsweep.kernels.simd import LANES
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
 

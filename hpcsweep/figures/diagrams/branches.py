@@ -169,20 +169,22 @@ def _draw_branches(axis, branches: list, floor: int) -> None:
 
 
 def _draw_specials(axis, run: dict, floor: int) -> None:
-    for kind, (_, marker, colour) in MARKS.items():
+    for kind in MARKS:
         own = run["special_kind"] == kind
-        size = 7 if marker == "|" else 3.5
-        axis.plot(
-            run["special_value"][own],
-            run["special_point"][own, floor],
-            linestyle="none",
-            marker=marker,
-            markersize=size,
-            markerfacecolor="white" if marker != "|" else colour,
-            markeredgecolor=colour,
-            markeredgewidth=0.9,
-            zorder=4,
-        )
+        looks = {**_looks(kind, 3.5), "markeredgewidth": 0.9, "zorder": 4}
+        axis.plot(run["special_value"][own], run["special_point"][own, floor], **looks)
+
+
+def _looks(kind: Kind, size: float) -> dict[str, Any]:
+    """Return the style of special points of a kind; the bar of grazings has its own size."""
+    _, marker, colour = MARKS[kind]
+    return {
+        "linestyle": "none",
+        "marker": marker,
+        "markersize": 7 if marker == "|" else size,
+        "markerfacecolor": "white" if marker != "|" else colour,
+        "markeredgecolor": colour,
+    }
 
 
 def _colour(period: int) -> str:
@@ -200,20 +202,9 @@ def _handles(run: dict, runs: bool) -> list:
         Line2D([], [], color=DARK_INK, lw=1.8, label="stable"),
         Line2D([], [], color=DARK_INK, lw=0.6, label="unstable"),
     ]
-    for kind, (word, marker, colour) in MARKS.items():
+    for kind, (word, _, _) in MARKS.items():
         if (run["special_kind"] == kind).any():
-            handles.append(
-                Line2D(
-                    [],
-                    [],
-                    linestyle="none",
-                    marker=marker,
-                    markersize=7 if marker == "|" else 4,
-                    markerfacecolor="white" if marker != "|" else colour,
-                    markeredgecolor=colour,
-                    label=word,
-                )
-            )
+            handles.append(Line2D([], [], label=word, **_looks(kind, 4)))
     if runs:
         handles.append(
             Line2D([], [], linestyle="none", marker=".", markersize=3, color=DARK_INK, label="runs")

@@ -10,8 +10,7 @@ import functools
 
 import numpy as np
 
-LANES = 8
-"""Doubles processed together, as in `instructions`."""
+from hpcsweep.kernels.simd import LANES
 
 
 def plain(function):

@@ -10,9 +10,10 @@ from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-LANES = 8
-"""Doubles processed together, a vector register of 64 bytes."""
+from hpcsweep.kernels.simd import LANES
+
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+"""A vector register of 64 bytes."""
 
 
 def _lanes(builder, data, index):

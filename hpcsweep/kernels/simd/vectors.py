@@ -8,15 +8,14 @@ index out of bounds is an error.
 
 from numba import config
 
+from hpcsweep.kernels.simd import LANES as LANES
+
 if config.DISABLE_JIT:
     from hpcsweep.kernels.simd import fallback as _operations
     from hpcsweep.kernels.simd import fallback as _sigmoid
 else:
     from hpcsweep.kernels.simd import instructions as _operations
     from hpcsweep.kernels.simd import sigmoid as _sigmoid
-
-LANES = _operations.LANES
-"""Doubles processed together."""
 
 combine = _operations.combine
 combine_moduli = _operations.combine_moduli

@@ -1,5 +1,6 @@
 """Describe the records of a study, before anything is computed."""
 
+import math
 from collections.abc import Iterator
 
 from hpcsweep.earthquakes.intensity import spectral_acceleration
@@ -27,7 +28,7 @@ def lines(study) -> Iterator[str]:
         f"scales:     {scale.size} of {measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records "
         f"are multiplied by {low:.4g} to {high:.4g}"
     )
-    period = 6.283185307179586 / float(structure.frequencies[0])
+    period = 2.0 * math.pi / float(structure.frequencies[0])
     yield (
         f"records:    PGA in g of {study.gravity:g} {named('acceleration')}, PGV in "
         f"{named('velocity')}, PGD in {named('length')}, significant duration in {named('time')}, "

@@ -64,10 +64,7 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
             read[key] = given
         else:
             least, most = (1, MAX_RECORDS) if key == "count" else (0, 2**63 - 1)
-            if type(given) is not int or not least <= given <= most:
-                limit = f"must be a whole number from {least} to {most}"
-                raise values.error(name, given, limit)
-            read[key] = given
+            read[key] = values.whole_in(name, given, least, most)
     steps = round(min(read["duration"] / read["dt"], 1e9))
     if not 100 <= steps < MAX_SAMPLES:
         limit = f"must be 100 to {MAX_SAMPLES - 1} times dt = {read['dt']:g}"

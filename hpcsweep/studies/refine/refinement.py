@@ -113,16 +113,12 @@ def read_refinement(
         limit = f"must lie between 0 and 1, at least {LEAST_WRONG:g}"
         raise values.error("study.refine.wrong", wrong, limit)
     levels, seed = (
-        _whole(values, f"study.refine.{name}", given.get(name, getattr(default, name)), least, most)
+        values.whole_in(
+            f"study.refine.{name}", given.get(name, getattr(default, name)), least, most
+        )
         for name, least, most in (("levels", 1, MOST_LEVELS), ("seed", 0, MOST_SEED))
     )
     return Refinement(levels, tuple(on), wrong, seed)
-
-
-def _whole(values, key: str, value: object, least: int, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-        raise values.error(key, value, f"must be a whole number from {least} to {most}")
-    return value
 
 
 def refinement_of(study) -> Refinement | None:

@@ -25,7 +25,7 @@ def describe(job: Job) -> list[str]:
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
     if study.holds == "responses":
-        lines += (study.base if study.axes else study).told()
+        lines += _one(study).told()
     else:
         lines += _grazing(study, structure)
         lines += _starts(study, structure)
@@ -120,13 +120,18 @@ def _grazing_amplitudes(study, structure) -> np.ndarray:
     return np.array([omegas, found])
 
 
+def _one(study):
+    """Return a study without its varied keys."""
+    return study.base if study.axes else study
+
+
 def _omega(study) -> np.ndarray:
-    own = study.base if study.axes else study
+    own = _one(study)
     return np.array(own.span) if getattr(own, "parameter", "") == "omega" else own.omega
 
 
 def _amplitudes(study) -> np.ndarray:
-    own = study.base if study.axes else study
+    own = _one(study)
     if getattr(own, "parameter", "") == "amplitude":
         return np.array(own.span)
     return np.unique(np.concatenate([own.amplitudes_of(k) for k in range(min(own.n_frames, 200))]))
@@ -160,7 +165,7 @@ def _warnings(study, structure) -> Iterator[str]:
     if ratios.max() > 1:
         yield f"mode {int(ratios.argmax()) + 1} has the damping ratio {ratios.max():.4g}, above 1"
     if study.holds == "responses":
-        yield from (study.base if study.axes else study).warnings()
+        yield from _one(study).warnings()
         return
     omega, natural = _omega(study), structure.frequencies
     orders = np.array([order for order, _, _ in structure.forcing.terms])

@@ -110,8 +110,11 @@ class _Parser(argparse.ArgumentParser):
 def build_parser() -> argparse.ArgumentParser:
     """Build the parser of all commands."""
     parser = _Parser(prog="hpcsweep", description=DESCRIPTION, epilog=EPILOG, formatter_class=RAW)
+    # argparse sizes the column of commands by the options: "-h, --help" leaves eight letters
     parser.add_argument(
-        "--version", action="store_true", help="print the versions of hpcsweep and its libraries"
+        *("-V", "--version"),
+        action="store_true",
+        help="print the versions of hpcsweep and its libraries",
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for command in COMMANDS:

@@ -37,7 +37,7 @@ MODAL_NORM = 1e-4
 """Modal norms agree to this: they turn within a short time where the largest mode changes sign, so
 that a rest of the transient of `AGREE` moves them further than it moves the points."""
 LONGER = (2_000, 20_000)
-"""Periods for which the plain run goes on. The jump is verified for multipliers up to 0.9999
+"""Periods for which the plain run is continued. The jump is verified for multipliers up to 0.9999
 (`solvers.skip_rule.STABLE`), of which 2,000 periods leave 0.82: the second is for those."""
 
 

@@ -98,13 +98,13 @@ def as_text(rows: list[Row]) -> str:
     """Format one table a regime."""
     lines = ["run time against error: CPU us a forcing period (median +- half the quartile"]
     lines.append("range), and error at the end of the stretch (max norm, gaps and gaps omega_0):")
-    methods_told = list(dict.fromkeys((row.method, row.rtol) for row in rows))
+    shown = list(dict.fromkeys((row.method, row.rtol) for row in rows))
     chosen = list(dict.fromkeys(row.regime for row in rows))
     found = {(row.method, row.rtol, row.regime): row for row in rows}
     for first in range(0, len(chosen), PER_LINE):
         group = chosen[first : first + PER_LINE]
         lines += ["", f"{'':25s}" + "".join(f"{name:>30s}" for name in group)]
-        for method, rtol in methods_told:
+        for method, rtol in shown:
             cells = [_cell(found.get((method, rtol, regime))) for regime in group]
             lines.append(f"{method:18s}{rtol:7.0e}" + "".join(f"{cell:>30s}" for cell in cells))
     lines += absent_text()

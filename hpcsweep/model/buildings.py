@@ -179,7 +179,8 @@ def adjacent(
         harmonics=harmonics,
     )
     floors = [f"{name}{i}" for name, n in zip(names, sizes, strict=True) for i in range(1, n + 1)]
-    return made.named(floors, labels)
+    heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
+    return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
 
 
 def _facing(left: Building, right: Building, left_name: str, right_name: str) -> list:

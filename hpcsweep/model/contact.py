@@ -9,6 +9,10 @@ rely on that, and decline by themselves where it does not hold, so that every la
 passages in closed form, fast ones by their energy and slow ones by the rule for their force
 (`flow.passage.passage.pass_layer`), and steps with one contact alone in its layer
 (`flow.layer.solitary.step`). Collocation evaluates the force at a state, whatever it depends on.
+
+With a dashpot (`hpcsweep.model.dashpot`) it depends on the speed, too, and jumps where the
+contact closes. Such a contact is sharp, and its motion is linear from one change of the contact to
+the next: `flow.dashpot`, `solvers.bdf_dashpot`.
 """
 
 import math
@@ -87,6 +91,18 @@ def contact_stiffness(x, beta, rho):
     if rho == math.inf:
         return beta * s
     return beta * s * (1.0 + rho * x * (1.0 - s))
+
+
+@jit
+def dashpot_force(x, w, beta, drag, lets_go):
+    """Evaluate beta x + drag x' of a sharp contact at distance x, with the speed w.
+
+    `lets_go` is 1 if it never pulls, else 0.
+    """
+    if not (x > 0.0 or (x == 0.0 and w > 0.0)):
+        return 0.0
+    force = beta * x + drag * w
+    return max(force, 0.0) if lets_go > 0.0 else force
 
 
 @inlined

@@ -70,18 +70,18 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
     The symbols are those of the equations: n, beta, m, k, g (gap), g_L (on the left), rho, e
     (restitution), c (dashpots), zeta.
     """
-    told = [("n", str(structure.n_floors))]
+    words = [("n", str(structure.n_floors))]
     if structure.matrices is not None:
         count = len(structure.contacts)
-        told.append(("", f"{count} contact{'' if count == 1 else 's'}, matrices"))
+        words.append(("", f"{count} contact{'' if count == 1 else 's'}, matrices"))
     else:
-        told.append(("beta", few(structure.stiffness_ratio)))
-        told += [
+        words.append(("beta", few(structure.stiffness_ratio)))
+        words += [
             (symbol, few(value))
             for symbol, value in (("m", structure.mass), ("k", structure.storey_stiffness))
             if value is not None
         ]
-        told += [
+        words += [
             (symbol, few(value))
             for symbol, value, usual in (
                 ("g", structure.gap, 1.0),
@@ -89,25 +89,25 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
             )
             if value != usual
         ]
-    told.append(("rho", f"{structure.sharpness:g}"))
+    words.append(("rho", f"{structure.sharpness:g}"))
     if structure.restitution is not None:
-        told.append(("e", few(structure.restitution)))
+        words.append(("e", few(structure.restitution)))
     elif np.any(structure.contact_damping):
-        told.append(("c", few(structure.contact_damping.tolist())))
+        words.append(("c", few(structure.contact_damping.tolist())))
     if any(contact.damping and contact.tension for contact in structure.contacts):
-        told.append(("", "dashpots pull"))
+        words.append(("", "dashpots pull"))
     if structure.matrices is not None and structure.matrices.damping is not None:
-        told.append(("", "damping matrix"))
+        words.append(("", "damping matrix"))
     elif structure.rayleigh is not None:
-        told.append(("", "Rayleigh damping " + few(structure.rayleigh)))
+        words.append(("", "Rayleigh damping " + few(structure.rayleigh)))
     else:
         ratios = structure.damping_ratios.tolist()
         same = all(value == ratios[0] for value in ratios)
-        told.append(("zeta" if same else "zeta_i", _listed(ratios[:1] if same else ratios)))
+        words.append(("zeta" if same else "zeta_i", _listed(ratios[:1] if same else ratios)))
     if structure.harmonics != ONE_HARMONIC:
         orders = ", ".join(str(order) for order, _, _ in structure.harmonics)
-        told.append(("", f"harmonic{'s' if len(structure.harmonics) > 1 else ''} {orders}"))
-    return told
+        words.append(("", f"harmonic{'s' if len(structure.harmonics) > 1 else ''} {orders}"))
+    return words
 
 
 def few(value: float | Sequence[float]) -> str:

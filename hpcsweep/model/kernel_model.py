@@ -20,53 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.simd import LANES
+from hpcsweep.model.kernel_contacts import Contacts, kernel_contacts, wide
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
 
 DRIFT, FLOOR, ACCELERATION, CONTACT = PEAK_FLAGS = (4, 8, 16, 32)
 """What has a peak: drifts, floors, absolute accelerations of floors, contacts."""
-
-
-class Contacts(NamedTuple):
-    """The m contacts in the kernels' form."""
-
-    row: np.ndarray
-    """(m,) int: x = sign y[row] - gap."""
-    places: np.ndarray
-    """(m, 2) unsigned: row and R + row, of y and y' in a state; such an index is not checked."""
-    edges: np.ndarray
-    """(m, 4): sign, y at the edge of the layer before the stop and beyond it, gap: the data of the
-    search for the next contact, in one cache line."""
-    sign: np.ndarray
-    """(m,): 1 or -1."""
-    gap: np.ndarray
-    beta: np.ndarray
-    """(m,): stiffness of the contact that its distance feels."""
-    first: np.ndarray
-    """(m + 1,) int: first entries of e_k in `push_row` and `push`."""
-    push_row: np.ndarray
-    push: np.ndarray
-    """The entries of e_k that are not 0."""
-    solo: np.ndarray
-    """(R,) int: the contact that refers to a row and pushes nothing else; -1 if there is none."""
-    others: np.ndarray
-    """(any,) int: the contacts that are not in `solo`."""
-    reach: np.ndarray
-    """(m, n): d_k."""
-    kick: np.ndarray
-    """(m, R): e_k ..."""
-    damped: np.ndarray
-    """... D e_k, D = M^-1 C ..."""
-    bent: np.ndarray
-    """... and -M^-1 K e_k + D^2 e_k, that of free flight."""
-    gain: np.ndarray
-    """(m,): bound of the effect of a unit of x on a coordinate, for the errors of passages."""
-    oblique: np.ndarray
-    """(m, m): d_k . e_l for k != l, 0 where contact l does not push contact k."""
-    is_oblique: bool
-    """Whether one of them is not 0."""
-    is_elastic: bool
-    """Whether its force depends on the position alone; see `hpcsweep.model.contact`."""
 
 
 class Energy(NamedTuple):
@@ -130,8 +89,6 @@ class Model(NamedTuple):
 
 def kernel_model(structure: Structure, omega: float) -> Model:
     """Return the kernels' model of a structure at forcing frequency Omega."""
-    if np.any(structure.contact_damping):
-        raise ValueError("contact.damping must be 0: no solver computes dashpots yet")
     length, rate = structure.length_unit, structure.frequency_unit
     mass = structure.mass_matrix
     n = structure.n_floors
@@ -144,7 +101,7 @@ def kernel_model(structure: Structure, omega: float) -> Model:
     layer = float(structure.layer_half_width / length)
     energy = _energy(structure)
     masses = np.diag(mass)
-    forcing = _wide(per_mass(mass, structure.forcing_vector), extra)
+    forcing = wide(per_mass(mass, structure.forcing_vector), extra)
     model = Model(
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
@@ -153,7 +110,7 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         harmonics=np.array(structure.forcing.terms, float).reshape(-1, 3),
         ramp=np.zeros((0, 2)),
         rows=extra,
-        contacts=_contacts(structure, places, extra, (stiffness, damping), layer),
+        contacts=kernel_contacts(structure, places, extra, (stiffness, damping), layer),
         drift_rows=drift_rows.reshape(-1, 2),
         watched=_watched(drift_rows.reshape(-1, 2), n, places),
         modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
@@ -238,81 +195,15 @@ class _Rows:
         return self.of(direction)[0], -1
 
 
-def _wide(vectors: np.ndarray, extra: np.ndarray) -> np.ndarray:
-    """Extend vectors (..., n) by the rows beyond n to (..., R)."""
-    return np.concatenate((vectors, vectors @ extra.T), axis=-1)
-
-
 def _extended(matrix: np.ndarray, extra: np.ndarray) -> np.ndarray:
     """Extend a matrix (n, n) to all rows, (R, R), with columns 0 beyond n."""
-    tall = _wide(matrix.T, extra).T
+    tall = wide(matrix.T, extra).T
     return np.hstack((tall, np.zeros((len(tall), len(extra)))))
 
 
 def _bandwidth(matrix: np.ndarray) -> int:
     i, j = np.nonzero(matrix)
     return int(np.abs(i - j).max(initial=0))
-
-
-def _contacts(structure: Structure, places, extra: np.ndarray, matrices, layer: float) -> Contacts:
-    """Return the contacts, from their rows and signs and all rows beyond n."""
-    mass, softness, reach = structure.mass_matrix, structure.contact_softness, structure.directions
-    stiffness, damping = matrices
-    kick = per_mass(mass, reach.T).T / softness[:, None]
-    damped = kick @ damping.T
-    pushed = _wide(kick, extra)
-    entries = [np.flatnonzero(e) for e in pushed]
-    first = np.cumsum([0, *(entry.size for entry in entries)]).astype(np.int64)
-    push_row = np.concatenate([np.zeros(0, np.int64), *entries]).astype(np.int64)
-    row = np.array([row for row, _ in places], np.int64)
-    sign = np.array([sign for _, sign in places], float)
-    gap = np.array([contact.gap for contact in structure.contacts], float) / structure.length_unit
-    solo, others = _shares(row, entries, pushed.shape[1])
-    oblique = reach @ kick.T
-    oblique[np.abs(oblique) < 1e-14] = 0.0
-    np.fill_diagonal(oblique, 0.0)
-    flexibility = np.diag(per_mass(mass, np.eye(len(mass))))
-    return Contacts(
-        row=row,
-        places=np.stack((row, row + pushed.shape[1]), 1).astype(np.uint64),
-        edges=np.stack((sign, sign * (gap - layer), sign * (gap + layer), gap), 1),
-        sign=sign,
-        gap=gap,
-        beta=structure.contact_stiffness * softness / structure.frequency_unit**2,
-        first=first,
-        push_row=push_row,
-        push=np.concatenate([np.zeros(0), *(e[i] for e, i in zip(pushed, entries, strict=True))]),
-        solo=solo,
-        others=others,
-        reach=reach,
-        kick=pushed,
-        damped=_wide(damped, extra),
-        bent=_wide(_bent(stiffness, damping, kick, damped), extra),
-        gain=np.sqrt(np.maximum(flexibility.max() / softness, 1.0)),
-        oblique=oblique,
-        is_oblique=bool(oblique.any()),
-        is_elastic=True,
-    )
-
-
-def _shares(row: np.ndarray, pushed: list[np.ndarray], n_rows: int) -> tuple[np.ndarray, ...]:
-    """Return which contacts push only their row and are alone on it, and which do not."""
-    solo = np.full(n_rows, -1, np.int64)
-    others = []
-    for k, (own, rows) in enumerate(zip(row, pushed, strict=True)):
-        if rows.tolist() == [own] and solo[own] < 0:
-            solo[own] = k
-        else:
-            others.append(k)
-    return solo, np.array(others, np.int64)
-
-
-def _bent(stiffness, damping, kick, damped) -> np.ndarray:
-    """Return -K e + D (D e) of each contact, summed in the order of the columns."""
-    found = -(kick @ stiffness.T)
-    for j in range(len(damping)):
-        found = found + damping[:, j] * damped[:, j, None]
-    return found
 
 
 def _energy(structure: Structure) -> Energy:

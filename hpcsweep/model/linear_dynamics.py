@@ -158,6 +158,15 @@ class LinearDynamics:
         """c_k of every contact, shape (m,)."""
         return frozen(np.array([contact.damping for contact in self.contacts], float))
 
+    @property
+    def force_per_length(self) -> np.ndarray:
+        """By which the kernels measure the force of every contact, shape (m,).
+
+        That is kappa; of a dashpot without a spring c times the unit of frequency.
+        """
+        kappa = self.contact_stiffness
+        return np.where(kappa > 0, kappa, self.contact_damping * self.frequency_unit)
+
     @cached_property
     def contact_softness(self) -> np.ndarray:
         """d_k . M^-1 d_k of every contact: the change of x_k'' per unit force, shape (m,)."""

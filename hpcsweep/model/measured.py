@@ -40,9 +40,12 @@ class MeasuredDynamics(LinearDynamics):
         ]
         return f"Structure({', '.join(shown)})"
 
-    def named(self, floors: Sequence[str], contacts: Sequence[str]) -> Self:
-        """Return the same structure with names of its floors and contacts."""
-        return replace(cast("Any", self), names=Names(tuple(floors), tuple(contacts)))
+    def named(
+        self, floors: Sequence[str], contacts: Sequence[str], storey_heights: Sequence[float] = ()
+    ) -> Self:
+        """Return the same structure with names of its floors and contacts, and storey heights."""
+        names = Names(tuple(floors), tuple(contacts), tuple(storey_heights))
+        return replace(cast("Any", self), names=names)
 
     @property
     def contact_numbers(self) -> tuple[int, ...]:

@@ -21,8 +21,18 @@ so that with eps = c_1 / (2 + (c_2 / omega_1)^2) at most
     P = sum_k kappa_k (e + 0.28 g_k / rho).
 
 Where sqrt(H) is above a / eps + sqrt(P), V falls: H stays below 5/3 of the square of that, or of
-the initial energy, however the amplitude varies below A. A row d then moves no farther than |d . u|
-<= sqrt(d . K^-1 d) sqrt(2 H). Without damping, or with a negative gap, there is no bound.
+the initial energy, however the amplitude varies below A.
+
+Dashpots take energy. While a contact pushes with F = kappa x + c x', its terms of V' are
+
+    -c x'^2 - eps (x + g) F <= -eps kappa x^2 / 2 + eps^2 c g^2 / 2    for eps <= kappa / c,
+
+since half of c x'^2 outweighs eps c x x' and half of it eps g c |x'|; the last term, by which P
+grows, is needed only where F may pull. Once it has let go x' < -kappa x / c, and the energy of the
+spring falls by kappa x |x'| >= eps kappa x^2 / 2. A dashpot without a spring has no bound.
+
+A row d then moves no farther than |d . u| <= sqrt(d . K^-1 d) sqrt(2 H). Without damping, or with
+a negative gap, there is no bound.
 """
 
 import math
@@ -54,14 +64,19 @@ def reach_of_motions(structure, amplitude: float, states: np.ndarray) -> np.ndar
     drags = np.linalg.eigvalsh(damping)
     least, most, lowest = float(drags[0]), float(drags[-1]), float(structure.frequencies[0])
     nothing = np.full(len(gaps), math.inf)
-    if not least > 0 or np.any(gaps < 0) or structure.sharpness == 0:
+    kappa, rho = structure.contact_stiffness, structure.sharpness
+    drag = structure.contact_damping
+    if not least > 0 or np.any(gaps < 0) or rho**2 == 0 or np.any((drag > 0) & (kappa == 0)):
         return nothing
     eps = min(least / (2.0 + (most / lowest) ** 2), lowest / 4.0)
+    has = drag > 0
+    eps = min(eps, float((kappa[has] / drag[has]).min(initial=eps)))
     push = np.linalg.norm(np.linalg.solve(root, structure.forcing_vector))
     a = 1.5 * abs(amplitude) * structure.forcing.size * push
-    kappa, rho = structure.contact_stiffness, structure.sharpness
     open_energy = math.pi**2 / (12.0 * rho**2)
-    held = math.sqrt(float(kappa @ (open_energy + 0.28 * gaps / rho)))
+    pulls = np.array([contact.tension for contact in structure.contacts], bool)
+    held = float(kappa @ (open_energy + 0.28 * gaps / rho))
+    held = math.sqrt(held + 0.5 * eps * float((drag * pulls) @ gaps**2))
     n = structure.n_floors
     states = np.abs(np.asarray(states, float).reshape(-1, 2 * n))
     u, v = states[:, :n], states[:, n:]

@@ -28,6 +28,8 @@ class Names(NamedTuple):
 
     floors: tuple[str, ...] = ()
     contacts: tuple[str, ...] = ()
+    storey_heights: tuple[float, ...] = ()
+    """Height of each storey, of each drift; empty where unknown."""
 
 
 class UnitNames(NamedTuple):

@@ -6,44 +6,22 @@ state alone (a sweep can be cut and resumed anywhere with the same result) and t
 forcing never loses digits. Keeping one object over all periods is no more accurate; the start at
 order 1 costs some 20 steps a period, 3 to 8 per cent once there is contact.
 
-A short contact inside a long step would be invisible to the error estimate, and so would a short
-release inside a contact. Before each step the step is therefore limited to the time in which the
-nearest floor could reach the stop from its side, but to no less than `BdfMap.least_limit`: a
-contact of duration d under an acceleration a gives the impulse beta a d^3 / 12, and the limit is
-the d at which that is the relative tolerance. Shorter contacts may be stepped over. The layer in
-which the sigmoid is neither 0 nor 1 is as invisible when it is thin: it changes v^2 / 2 by beta
-pi^2 / (6 rho^2) on the way in, and if that is more than the tolerance of v it is crossed in steps
-of its length scale 1 / rho.
+How a period is integrated `bdf_steps` says, and `bdf_dashpot` where contacts have dashpots.
 """
 
 import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy.integrate import BDF
 
-from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import motion, points_array, solver_arguments, tangent_column
+from hpcsweep.solvers.bdf_steps import BdfSteps
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, window_growth
 from hpcsweep.solvers.step_tally import StepTally
-
-MAX_STEPS = 200_000
-"""Most steps in one forcing period."""
-POLL_STEPS = 500
-"""Steps between two calls of ``poll`` inside a period: about a tenth of a second."""
-SMALLEST_RTOL = 1e-13
-"""Smaller relative tolerances are raised to this one: scipy refuses those below 2.2e-14."""
-LAYER_HALF_WIDTH = 5.0
-"""Half-width of the contact layer, in units of 1 / rho."""
-FLATTEST = 1e-3
-"""Smaller rho are raised to this one to limit steps: such a layer is wider than any motion."""
-ABSOLUTE = 1.0
-"""atol = rtol * ABSOLUTE: lengths are measured in gaps and near contact u is about 1, so the
-absolute tolerance is the relative one of a displacement of one gap."""
 
 
 class BdfMap:
@@ -63,15 +41,10 @@ class BdfMap:
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-6):
         self.structure, self.omega, rtol = solver_arguments(structure, omega, rtol)
-        self.rtol = max(rtol, SMALLEST_RTOL)
-        self._model = model = kernel_model(structure, self.omega)
-        self._packed = MODEL.pack(model)
-        self._units = Units(structure, model)
-        self.period = model.period
-        self._layer = 1.0 / max(model.rho, FLATTEST)
-        sharp = model.rho > FLATTEST
-        self._layer_steps = model.contacts.beta * (math.pi * self._layer) ** 2 / 6 * sharp
-        self.least_limit = (12 * self.rtol / (model.stiffness_bound + model.hardest)) ** (1 / 3)
+        self._model = kernel_model(structure, self.omega)
+        self._steps = BdfSteps(self._model, rtol)
+        self.rtol, self.period = self._steps.rtol, self._model.period
+        self._units = Units(structure, self._model)
 
     def advance(
         self,
@@ -133,7 +106,9 @@ class BdfMap:
         With `growth` also the growth of a tangent vector, initially (1, ..., 1), for which the
         window is integrated again.
         """
-        tally = StepTally(self._model, modal_norm, measures, self._absolute(amplitude))
+        tally = StepTally(
+            self._model, modal_norm, measures, self._absolute(amplitude), self._steps.in_pieces
+        )
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
@@ -202,15 +177,15 @@ class BdfMap:
         matrix = z[size:].reshape(size, n_columns)
         return self._units.out_of(z[:size]), self._units.tangent_out_of(matrix)
 
-    def _absolute(self, amplitude) -> Callable[[float, np.ndarray], np.ndarray]:
-        """Return the absolute accelerations of the floors as a function of time and state."""
+    def _absolute(self, amplitude) -> Callable[[Callable, float, np.ndarray], np.ndarray]:
+        """Return the absolute accelerations of the floors as a function for `StepTally`."""
         n = self.structure.n_floors
         order, size, phase = self._model.harmonics.T
 
-        def accelerations(tau: float, z: np.ndarray) -> np.ndarray:
+        def accelerations(field: Callable, tau: float, z: np.ndarray) -> np.ndarray:
             base = amplitude / self._units.amplitude_unit
             ground = base * (size @ np.sin(order * self._model.omega * tau + phase))
-            forced = derivative(tau, z, base, self._packed)[len(z) // 2 :][:n]
+            forced = field(tau, z)[len(z) // 2 :][:n]
             return forced + self._model.ground * ground
 
         return accelerations
@@ -226,78 +201,7 @@ class BdfMap:
             points[done] = z
         return self._units.out_of(points), Outcome.COMPLETE
 
-    def _equations(self, amplitude, columns):
-        """Return right-hand side and Jacobian of the state and `columns` tangent vectors."""
-        packed, size = self._packed, self._units.size
-
-        def motion(tau, z):
-            return derivative(tau, z, amplitude, packed)
-
-        def matrix(_tau, z):
-            return jacobian_matrix(z, packed)
-
-        def motion_with_tangent(tau, z):
-            product = matrix(tau, z[:size]) @ z[size:].reshape(size, columns)
-            return np.concatenate((motion(tau, z[:size]), product.ravel()))
-
-        def matrix_with_tangent(tau, z):
-            # the second derivative of the field is left out: Newton converges without it
-            return np.kron(np.eye(columns + 1), matrix(tau, z[:size]))[order][:, order]
-
-        # state first, then the tangent matrix row by row
-        tail = size + np.arange(size * columns).reshape(columns, size).T.ravel()
-        order = np.concatenate((np.arange(size), tail))
-        if columns:
-            return motion_with_tangent, matrix_with_tangent
-        return motion, matrix
-
     def _period(self, z, amplitude, poll, on_step=None, columns=0):
         """Integrate one period; return the state (the old one after a failure) and an outcome."""
-        if poll is not None:
-            poll()
-        motion, matrix = self._equations(amplitude / self._units.amplitude_unit, columns)
-        with np.errstate(all="ignore"):
-            try:
-                solver = BDF(
-                    motion,
-                    0.0,
-                    z,
-                    self.period,
-                    rtol=self.rtol,
-                    atol=self.rtol * ABSOLUTE,
-                    jac=matrix,
-                )
-                for step in range(1, MAX_STEPS + 1):
-                    if poll is not None and step % POLL_STEPS == 0:
-                        poll()
-                    solver.max_step = self._step_limit(solver.t, solver.y, motion)
-                    solver.step()
-                    if not np.all(np.isfinite(solver.y)):
-                        return z, Outcome.NON_FINITE
-                    if solver.status == "failed":
-                        slope = motion(solver.t, solver.y)
-                        finite = np.all(np.isfinite(slope))
-                        return z, Outcome.SOLVER_FAILED if finite else Outcome.NON_FINITE
-                    if on_step is not None:
-                        on_step(solver.dense_output(), solver.t_old, solver.t)
-                    if solver.status == "finished":
-                        return solver.y, Outcome.COMPLETE
-            except (ValueError, np.linalg.LinAlgError, FloatingPointError, OverflowError):
-                return z, Outcome.NON_FINITE
-        return z, Outcome.STEP_LIMIT
-
-    def _step_limit(self, tau, z, motion):
-        """Return the time in which a contact could reach its layer, or cross a part of it."""
-        contacts, n = self._model.contacts, self._units.size // 2
-        if not contacts.row.size:
-            return math.inf
-        past = contacts.sign * z[contacts.row] - contacts.gap
-        speed = contacts.sign * z[n + contacts.row]
-        gap = np.maximum(np.abs(past) - LAYER_HALF_WIDTH * self._layer, 0.0)
-        # outside the layer only the motion towards it counts
-        speed = np.where(gap > 0.0, np.maximum(-np.sign(past) * speed, 0.0), np.abs(speed))
-        push = np.abs(motion(tau, z)[n + contacts.row]) + 1.0
-        room = gap + self._layer
-        time = 2.0 * room / (speed + np.sqrt(speed**2 + 2.0 * push * room))
-        seen = self._layer_steps > self.rtol * np.maximum(speed, self.rtol)
-        return float(np.where(seen, time, np.maximum(time, self.least_limit)).min())
+        amplitude = amplitude / self._units.amplitude_unit
+        return self._steps.advance(z, amplitude, self.period, poll, on_step, columns)

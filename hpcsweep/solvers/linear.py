@@ -9,6 +9,7 @@ Free of contact the modes are uncoupled (12), or coupled by a damping matrix. Th
 
 import cmath
 import math
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
@@ -56,9 +57,6 @@ class LinearOrbit:
         """Shape (2, C): largest displacement of the steady state at A = 1, and at A = -1, towards
         each contact."""
         self._drift = structure.steady_drift(omega)
-        self._modal_norm = _mean_modal_norm(
-            self._orders, self._responses @ structure.modal_transform.T
-        )
 
     def state(self, amplitude: float) -> np.ndarray:
         """Return the stroboscopic point of the steady state at amplitude A, shape (2n,)."""
@@ -125,6 +123,11 @@ class LinearOrbit:
         """Return the mean modal norms, shape (n,); NaN at A = 0."""
         n = self._structure.n_floors
         return self._modal_norm if amplitude else np.full(n, math.nan)
+
+    @cached_property
+    def _modal_norm(self) -> np.ndarray:
+        modal = self._responses @ self._structure.modal_transform.T
+        return _mean_modal_norm(self._orders, modal)
 
 
 def period_map(structure: Structure, period: float) -> np.ndarray:

@@ -9,9 +9,11 @@ from hpcsweep.model.structure import Structure
 
 IMPACT_FLAG = 64
 """Requests the impacts of all contacts, as `PEAK_FLAGS` request peaks."""
-CLOSINGS, SPEED, FORCE, TIME = range(4)
-"""Rows of impacts: closings of a contact, largest closing speed, integral of its force over beta,
-time in which it is closed, that is where its distance past the stop is 0 or more."""
+CLOSINGS, SPEED, FORCE, TIME, DISSIPATED = range(5)
+N_IMPACTS = 5
+"""Rows of impacts: closings of a contact, largest closing speed, integral of its force over its
+unit (`LinearDynamics.force_per_length`), time in which it is closed, that is where its distance
+past the stop is 0 or more, and energy that its dashpot has taken, over the unit of its force."""
 
 
 def measures_of(structure: Structure, model: Model, gathered: Any, n_periods) -> np.ndarray:
@@ -23,8 +25,8 @@ def measures_of(structure: Structure, model: Model, gathered: Any, n_periods) ->
     model : Model
         Its kernel model.
     gathered
-        Has `peaks`, shape (..., Q), of the rows of `Model.watched`, and `impacts`, shape (..., 4,
-        m), over the window.
+        Has `peaks`, shape (..., Q), of the rows of `Model.watched`, and `impacts`, shape (...,
+        `N_IMPACTS`, m), over the window.
     n_periods : int or ndarray
         Forcing periods of the window, or of each.
 

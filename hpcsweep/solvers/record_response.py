@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.measures import CLOSINGS, FORCE, SPEED, TIME
+from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, SPEED, TIME
 from hpcsweep.solvers.outcome import Outcome
 
 SAME_TIME = 1e-9
@@ -39,7 +39,7 @@ class Response:
     impulse : ndarray, shape (k,)
         Integral of the force of each contact over time.
     dissipated : ndarray, shape (k,)
-        Energy that each contact has taken; 0 without a dashpot.
+        Energy that the dashpot of each contact has taken; 0 without one.
     residual : ndarray, shape (n,)
         |u_i| at the end: what is left of the motion after the tail, as a linear structure has no
         lasting displacement.
@@ -86,8 +86,8 @@ def response_of(
     ----------
     structure : Structure
     peaks, times : ndarray, shape (P,)
-        Of drifts, floors, absolute accelerations and distances of contacts past their stops.
-    impacts : ndarray, shape (4, k)
+        Of drifts, floors, absolute accelerations, and forces of contacts over their units.
+    impacts : ndarray, shape (N_IMPACTS, k)
         See `measures`.
     state : ndarray, shape (2n,)
         At the end, in units of the structure.
@@ -100,17 +100,17 @@ def response_of(
     ends = np.cumsum([n_drifts, n, n])
     size: list[Any] = np.split(peaks * length, ends)
     when = np.split(times / rate, ends)
-    stiffness = structure.contact_stiffness
+    unit = structure.force_per_length
     return Response(
         displacement=size[1],
         drift=size[0],
         floor_acceleration=size[2] * rate**2,
-        force=size[3] * stiffness,
+        force=size[3] * unit,
         impacts=impacts[CLOSINGS].astype(int),
         impact_velocity=impacts[SPEED] * (length * rate),
         contact_time=impacts[TIME] / rate,
-        impulse=impacts[FORCE] * stiffness * (length / rate),
-        dissipated=np.zeros(len(stiffness)),
+        impulse=impacts[FORCE] * unit * (length / rate),
+        dissipated=impacts[DISSIPATED] * unit * length**2,
         residual=np.abs(state[:n]),
         final_state=state,
         displacement_time=when[1],

@@ -142,7 +142,7 @@ class Observation:
         then of each contact its closings a forcing
         period, its largest closing speed, the integral of its force over its stiffness, a forcing
         period, and the share of the time in which it is closed. Those that the flags (`PEAK_FLAGS`,
-        `IMPACT_FLAG`) do not ask for are where they start; empty if none is asked for.
+        `IMPACT_FLAG`) do not request have their initial values; empty if none is requested.
     """
 
     points: np.ndarray

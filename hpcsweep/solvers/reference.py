@@ -17,6 +17,7 @@ state with imaginary perturbation 1e-30 is the exact derivative (no cancellation
 by `extended`, by a Runge-Kutta method and by closed forms in `test_reference.py`.
 """
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -64,6 +65,9 @@ def expand(z, tau, closed, amplitude, omega, system, u, v, x):
     for j in range(ORDER):
         for i in range(n):
             force = 0.0 * u[i, 0]
+            if j < system.ramp.shape[0]:
+                ground = system.ramp[j] + (system.ramp[1] * tau if j == 0 else 0.0)
+                force += system.forcing[i] * amplitude * ground
             for h in range(system.harmonics.shape[0]):
                 order, share, phase = system.harmonics[h]
                 angle = order * omega * tau + phase + (j % 4) * math.pi / 2
@@ -242,7 +246,7 @@ def period(z, amplitude, omega, system, part, starts, sizes, series):
         if system.lets_go[k] and x[k, 0].real > 0.0:
             f = system.kappa[k] * x[k, 0].real + system.drag[k] * x[k, 1].real
             pushing[k] = 1.0 if f > 0 else 0.0
-    end = 2 * math.pi / omega
+    end = system.length if system.ramp.shape[0] > 0 else 2 * math.pi / omega
     tau = 0.0
     count = 0
     event = -1
@@ -362,6 +366,10 @@ class System(NamedTuple):
 
     harmonics: np.ndarray
     """(H, 3): order, amplitude, phase."""
+    ramp: np.ndarray
+    """(2,): G and G' at the start of a sample interval of a record; (0,) without one."""
+    length: float
+    """Of that interval."""
     rho: float
     stiffness: np.ndarray
     damping: np.ndarray
@@ -425,6 +433,8 @@ def system(structure, amplitude, omega):
     reach = np.array(directions, float).reshape(-1, n)
     parts = System(
         np.array(structure.harmonics, float).reshape(-1, 3),
+        np.empty(0),
+        0.0,
         float(structure.sharpness),
         inverse @ stiffness,
         inverse @ _damping(structure, mass, stiffness),
@@ -493,6 +503,31 @@ def reference_points(structure, amplitude, omega, state, n_periods, part=PART_OF
         period(z, *arguments, part, *NO_RECORD)
         points[k] = z
     return points
+
+
+def reference_record(structure, samples, dt, scale, state):
+    """Follow a record, G linear between samples.
+
+    Returns
+    -------
+    ndarray, shape (2n,)
+        State at the last sample.
+    list of (time, h, coefficients (2n, ORDER + 1))
+        Of every step; displacements are measured from the offset of `System`.
+    """
+    z = np.array(state, dtype=float)
+    amplitude, omega, parts = system(structure, scale, 1.0)
+    parts = parts._replace(harmonics=np.empty((0, 3)), ramp=np.empty(2), length=float(dt))
+    samples = np.asarray(samples, float)
+    steps = []
+    for j, (before, after) in enumerate(itertools.pairwise(samples.tolist())):
+        parts.ramp[:] = before, (after - before) / dt
+        given = amplitude, omega, parts, PART_OF_RADIUS
+        count = period(z.copy(), *given, *NO_RECORD)
+        record = np.empty(count), np.empty(count), np.empty((count, z.size, ORDER + 1))
+        period(z, *given, *record)
+        steps += [(j * dt + tau, h, c) for tau, h, c in zip(*record, strict=True)]
+    return z, steps
 
 
 def reference_monodromy(structure, amplitude, omega, state, n_periods):

@@ -9,12 +9,13 @@ contacts at s = 1: up to the least of these scales the response is s times that 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, finite, finite_vector, instance, number
+from hpcsweep.model.arguments import choice, finite, finite_vector, instance, number, positive
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -22,7 +23,11 @@ from hpcsweep.solvers.record_response import Response
 
 __all__ = ["Response", "first_contact_scale", "history", "linear_response", "response"]
 
-SOLVERS = ("flow",)
+SOLVERS = ("flow", "bdf")
+WHOLE = "must be a whole multiple or a whole part of {:g}, the time between samples"
+"""What a step between the instants of a history must be."""
+SAME_STEP = 1e-9
+"""Part of a step by which times may differ that are the same."""
 
 
 def response(
@@ -51,9 +56,10 @@ def response(
         Time of free motion after the last sample, at least 0.
     state : array_like, shape (2n,), optional
         (u, u') at the first sample. Default: rest.
-    solver : {"flow"}
+    solver : {"flow", "bdf"}
     rtol : float
-        Relative error asked of the motion inside contact layers, see `FlowMap`.
+        Relative error asked of the motion inside contact layers, see `FlowMap`; of `bdf` relative
+        tolerance of a step.
     at_samples : bool
         Take peaks at the samples alone, as published response spectra do.
 
@@ -73,12 +79,22 @@ def response(
     if state is not None:
         state = finite_vector("state", state, 2 * structure.n_floors)
     choice("solver", solver, SOLVERS)
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
-    found = RecordMap(structure, record.dt, rtol).respond(
+    found = record_map(solver)(structure, record.dt, rtol).respond(
         record.acceleration, scale, tail, state, at_samples=at_samples
     )
     return _complete(found, solver)
+
+
+def record_map(solver: str) -> Any:
+    """Return what makes the solver of a name for records: `RecordMap` or `BdfRecordMap`."""
+    # imported here: reading results needs no kernels
+    if solver == "bdf":
+        from hpcsweep.solvers.bdf_record import BdfRecordMap
+
+        return BdfRecordMap
+    from hpcsweep.solvers.flow.record_map import RecordMap
+
+    return RecordMap
 
 
 def linear_response(
@@ -170,7 +186,7 @@ def _complete(found: Response, solver: str) -> Response:
 
 
 class History(NamedTuple):
-    """The motion of a structure at the p samples of a record and its tail."""
+    """The motion of a structure at p instants of a record and its tail."""
 
     time: np.ndarray
     """From the first sample on, shape (p,)."""
@@ -179,16 +195,34 @@ class History(NamedTuple):
     velocity: np.ndarray
     """Shape (p, n)."""
     force: np.ndarray
-    """Largest force of each contact since the sample before, shape (p, k)."""
+    """Largest force of each contact since the instant before, shape (p, k)."""
 
 
-def history(structure: Structure, record: Record, scale: float = 1.0, tail: float = 0.0) -> History:
-    """Return the motion of a structure under a record from rest, sample by sample.
+def history(
+    structure: Structure,
+    record: Record,
+    scale: float = 1.0,
+    tail: float = 0.0,
+    step: float | None = None,
+    *,
+    solver: str = "flow",
+    rtol: float = 1e-9,
+    poll: Callable[[], None] | None = None,
+) -> History:
+    """Return the motion of a structure under a record from rest, at instants a step apart.
+
+    Exact at the instants, however far apart they are.
 
     Parameters
     ----------
     structure, record, scale, tail
-        Of `response`; the tail is cut to whole intervals.
+        Of `response`; what is left of record and tail beyond the last instant is cut.
+    step : float, optional
+        A whole multiple or a whole part of the time between samples, which is the default.
+    solver, rtol
+        Of `response`.
+    poll : callable, optional
+        Called before each instant; may raise to leave.
 
     Raises
     ------
@@ -197,16 +231,34 @@ def history(structure: Structure, record: Record, scale: float = 1.0, tail: floa
     """
     structure, record, tail = _arguments(structure, record, tail)
     scale = finite("scale", scale)
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
-    solver = RecordMap(structure, record.dt)
-    samples = record.acceleration
-    n, n_tail = structure.n_floors, int(tail / record.dt)
-    pairs = [samples[j : j + 2] for j in range(record.n_samples - 1)] + n_tail * [np.zeros(2)]
-    states = np.zeros((len(pairs) + 1, 2 * n))
-    force = np.zeros((len(pairs) + 1, len(structure.contacts)))
-    for j, pair in enumerate(pairs, 1):
-        found = _complete(solver.respond(pair, scale, state=states[j - 1]), "flow")
+    step = record.dt if step is None else positive("step", step)
+    if not (fits := steps_in(record.dt, step)):
+        raise ValueError(f"step {WHOLE.format(record.dt)}, is {step:g}")
+    parts, samples = fits
+    dt = record.dt / parts
+    fine = np.arange(parts * (record.n_samples - 1) + 1) / parts
+    ground = np.interp(fine, np.arange(record.n_samples), record.acceleration)
+    own = record_map(choice("solver", solver, SOLVERS))(structure, dt, rtol)
+    last, n_all = ground.size - 1, ground.size - 1 + int(tail / dt + SAME_STEP)
+    count, n = n_all // samples + 1, structure.n_floors
+    states, force = np.zeros((count, 2 * n)), np.zeros((count, len(structure.contacts)))
+    for j in range(1, count):
+        if poll is not None:
+            poll()
+        low, high = (j - 1) * samples, j * samples
+        pushed = ground[low : high + 1] if low < last else np.zeros(samples + 1)
+        free = (samples + 1 - pushed.size) * dt
+        found = _complete(own.respond(pushed, scale, free, states[j - 1]), solver)
         states[j], force[j] = found.final_state, found.force
-    time = record.dt * np.arange(len(states))
-    return History(time, states[:, :n], states[:, n:], force)
+    return History(dt * samples * np.arange(count), states[:, :n], states[:, n:], force)
+
+
+def steps_in(dt: float, step: float) -> tuple[int, int] | None:
+    """Return parts of a sample interval, and how many of them are a step; one of the two is 1.
+
+    None if a step is neither a whole multiple nor a whole part of an interval.
+    """
+    parts, samples = max(round(dt / step), 1), max(round(step / dt), 1)
+    if abs(step * parts - dt * samples) > SAME_STEP * dt * samples:
+        return None
+    return parts, samples

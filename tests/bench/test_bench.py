@@ -30,13 +30,13 @@ def one_run(skip=frozenset()):
     return {name: values[0] for name, values in block.items()}
 
 
-def told(plain, skipped):
+def reported(plain, skipped):
     return skips.differences(plain, skipped, skips.distances(plain, skipped))
 
 
 def test_a_run_agrees_with_itself_and_with_its_orbit_alone():
-    assert told(one_run(), one_run()) == []
-    assert told(one_run(), one_run(SweepSettings().skip)) == []
+    assert reported(one_run(), one_run()) == []
+    assert reported(one_run(), one_run(SweepSettings().skip)) == []
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_a_run_agrees_with_itself_and_with_its_orbit_alone():
 def test_every_kind_of_difference_is_named(name, change):
     plain, other = one_run(), one_run()
     other[name] = other[name] + np.asarray(change, np.asarray(other[name]).dtype)
-    assert told(plain, other) == [name]
+    assert reported(plain, other) == [name]
 
 
 def test_distance_of_sets_by_hand():
@@ -160,13 +160,15 @@ def test_methods_that_fail_or_are_absent_are_said(monkeypatch):
     rows = work_precision.work_precision([P1], repeats=1, say=said.append)
     assert [row.method for row in rows] == ["flow"]
     assert "P1 C3: peer at 1e-06 failed: gave up" in said
-    told = work_precision.as_text(rows)
-    assert "not measured: no-such-package is not installed (ask its authors)" in told
+    reported = work_precision.as_text(rows)
+    assert "not measured: no-such-package is not installed (ask its authors)" in reported
     absent = work_precision.as_json(rows)["not_installed"]
     assert absent[-1] == "no-such-package"
     for package in peers.PACKAGES[:-1]:
         installed = importlib.util.find_spec(package.module) is not None
-        assert (package.name in absent, f"{package.name} is not" in told) == (not installed,) * 2
+        assert (package.name in absent, f"{package.name} is not" in reported) == (
+            not installed,
+        ) * 2
 
 
 def test_ratio_on_an_attractor():

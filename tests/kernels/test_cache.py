@@ -25,7 +25,7 @@ PACKAGE = Path(hpcsweep.__file__).parent
 
 
 def kernels():
-    """Every compiled function of the package, with its module."""
+    """Return every compiled function of the package, with its module."""
     found = {}
     for info in pkgutil.walk_packages([str(PACKAGE)], "hpcsweep."):
         if info.name.endswith("__main__"):

@@ -92,7 +92,7 @@ def test_a_kernel_calls_another_through_its_address(loaded):
 
 
 def functions(one) -> str:
-    """The functions that are in the machine code of an entry point, by their names."""
+    """Return the names of the functions in the machine code of an entry point."""
     (text,) = one.dispatcher.inspect_llvm().values()
     return " ".join(line for line in text.splitlines() if line.startswith("define"))
 

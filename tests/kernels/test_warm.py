@@ -3,6 +3,7 @@
 import ast
 import gc
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from tools import JOBS, environment
 
 from hpcsweep.kernels import folders
 from hpcsweep.kernels.compile import entry_points, warm
+from hpcsweep.kernels.compile.cache import SUFFIX, cache_folder
 from hpcsweep.solvers.flow import flow_map, record_map
 from hpcsweep.studies.compilation import SILENCE, announced
 
@@ -41,25 +43,24 @@ class Fake:
 
 
 @pytest.fixture
-def told(monkeypatch, tmp_path):
-    """Compile fake kernels; return what was told."""
+def reported(monkeypatch, tmp_path):
+    """Compile fake kernels; return the reported progress."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
 
     def compiled(names: str, kept="", jobs=1):
         fakes = [Fake(name, name in kept) for name in names]
-        monkeypatch.setattr(entry_points, "ALL", fakes)
         found: list[tuple[int, int]] = []
-        warm.load_all(lambda *progress: found.append(progress), jobs)
+        warm.load_all(fakes, lambda *progress: found.append(progress), jobs)
         assert all(fake.is_loaded for fake in fakes)
         return found
 
     return compiled
 
 
-def test_progress_is_told_of_what_is_to_be_compiled(told):
-    assert told("abc") == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    assert told("ab", kept="ab") == []
-    assert told("ab", kept="a") == [(0, 1), (1, 1)]
+def test_progress_is_told_of_what_is_to_be_compiled(reported):
+    assert reported("abc") == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    assert reported("ab", kept="ab") == []
+    assert reported("ab", kept="a") == [(0, 1), (1, 1)]
 
 
 def test_kernels_of_a_module_are_compiled_together():
@@ -69,9 +70,57 @@ def test_kernels_of_a_module_are_compiled_together():
     assert order == ["leaf.b", "leaf.a", "root.b", "root.a", "other.a"]
 
 
-def test_the_garbage_collector_is_as_it_was_before(told):
+def test_what_a_kernel_calls_is_found_before_it_is_compiled():
+    """Compiled kernels name the cells from which they read the addresses that they call."""
+    every = entry_points.with_called(*FLOW_KERNELS)
+    assert every == FLOW_KERNELS
+    on_demand = {one.name for one in every if one.on_demand}
+    seen = 0
+    for one in every:
+        one.load()
+        called = set()
+        for path in cache_folder().rglob(f"{one.__name__}-*{SUFFIX}"):
+            called |= set(re.findall(rb"address of ([\w.]+)", path.read_bytes()))
+        known = {other.name for other in entry_points.with_called(one)} | on_demand
+        assert {name.decode() for name in called} <= known
+        seen += len(called)
+    assert seen > 10
+
+
+def test_a_kernel_on_demand_is_loaded_by_who_needs_it():
+    loaded = """
+import numpy as np
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.flow.specialised import FOR_ANY, march_dashpots, needed_kernels
+from hpcsweep.solvers.flow.state.tally import ANY_MEASURE
+measure = FOR_ANY.measures[-1]
+for restitution in (None, 0.6):
+    structure = Structure(2, 100.0, np.inf, restitution=restitution)
+    solver = FlowMap(structure, 0.5)
+    solver.advance(np.zeros(4), 2.0, 3)
+    print(march_dashpots.is_loaded, march_dashpots in needed_kernels(structure))
+    solver.observe(np.zeros(4), 2.0, 3)
+    print(measure.is_loaded, measure in needed_kernels(structure, measures=True))
+    solver.observe(np.zeros(4), 2.0, 3, measures=ANY_MEASURE)
+    print(measure.is_loaded, measure in needed_kernels(structure))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", loaded],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    without = ["False False", "False True", "True False"]
+    assert done.stdout.splitlines() == [*without, "True True", "True True", "True False"], (
+        done.stderr
+    )
+
+
+def test_the_garbage_collector_is_as_it_was_before(reported):
     before = gc.get_threshold()
-    told("a")
+    reported("a")
     assert gc.get_threshold() == before
 
 
@@ -303,7 +352,7 @@ def test_a_run_works_whose_kernels_do_not_all_fit(tmp_path, elsewhere):
     assert f"{out}: complete" in done.stderr
 
 
-def test_what_others_cannot_hand_over_is_compiled_here(told, monkeypatch):
+def test_what_others_cannot_hand_over_is_compiled_here(reported, monkeypatch):
     class Pool:
         """Compiles nothing that could be kept, and says why."""
 
@@ -328,7 +377,7 @@ def test_what_others_cannot_hand_over_is_compiled_here(told, monkeypatch):
     monkeypatch.setattr(warm, "ProcessPoolExecutor", Pool)
     monkeypatch.setattr(folders, "_said", [])
     monkeypatch.setattr(folders, "_way", [said.append])
-    found = told("abc", jobs=2)
+    found = reported("abc", jobs=2)
     assert said == ["the disk is full"]
     assert [done for done, _ in found] == [0, 1, 2, 3]
 

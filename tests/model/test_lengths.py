@@ -118,7 +118,8 @@ def test_no_motion_goes_beyond_the_bound(seed, sharpness):
 def test_where_nothing_is_known_every_contact_stays():
     undamped = Structure(2, damping_ratio=0.0, gap=[1e9, 1.0])
     pressed = Structure(2, gap=[-0.1, 1e9])
-    for structure in (undamped, pressed):
+    hardly_sharp = Structure(2, sharpness=1e-200, gap=[1e9, 1.0])  # its square is zero
+    for structure in (undamped, pressed, hardly_sharp):
         assert structure.within_reach(0.1, np.zeros(4)) is structure
     left = Structure(3, gap=[1e9, 1.0, 1e9]).within_reach(0.1, np.zeros(6))
     assert left.contact_numbers == (2,)
@@ -126,7 +127,7 @@ def test_where_nothing_is_known_every_contact_stays():
 
 
 def in_units(seed: int, length: float, mass: float, time: float):
-    """A random building, frequency and amplitudes, told in units so much smaller."""
+    """A random building, frequency and amplitudes, in units smaller by a factor."""
     chosen = np.random.default_rng(seed)
     n = int(chosen.integers(1, 4))
     structure = Structure(

@@ -36,14 +36,14 @@ def test_masses_and_storeys_of_a_building():
 
 
 def test_ones_are_the_uniform_building():
-    plain, told = Structure(4), Structure(4, mass=1.0, storey_stiffness=(1.0,) * 4)
+    plain, reported = Structure(4), Structure(4, mass=1.0, storey_stiffness=(1.0,) * 4)
     for name in ("stiffness_matrix", "mass_matrix", "forcing_vector", "drift_rows"):
-        assert np.array_equal(getattr(plain, name), getattr(told, name))
+        assert np.array_equal(getattr(plain, name), getattr(reported, name))
     for name in ("frequencies", "modes", "damping_matrix"):
-        assert np.allclose(getattr(plain, name), getattr(told, name), atol=1e-13)
-    assert plain.contacts == told.contacts
+        assert np.allclose(getattr(plain, name), getattr(reported, name), atol=1e-13)
+    assert plain.contacts == reported.contacts
     assert not plain.foreign
-    assert list(told.foreign) == ["mass", "storey_stiffness"]
+    assert list(reported.foreign) == ["mass", "storey_stiffness"]
 
 
 def test_stops_on_both_sides_and_their_numbers():

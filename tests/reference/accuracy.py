@@ -7,7 +7,7 @@ their parameters; `--certify` repeats these in extended precision (the uniform b
 largest error over the conditioning, and are repeated by the reference with steps half as long.
 Lengths and speeds are in units of the structure.
 
-Two errors are told: the plain one (largest coordinate, over max(1, |z|)), and the same over the
+Two errors are reported: the plain one (largest coordinate, over max(1, |z|)), and the same over the
 conditioning of the case,
 
     kappa = max over t of ||M(T, t)|| max(1, |z(t)|) / max(1, |z(T)|),

@@ -204,8 +204,8 @@ def main():
     print("  " + ", ".join(f"1e{decade}: {decades[decade]}" for decade in sorted(decades)))
     print(f"contacts missed or invented: {len(wrong)}; within rounding of the stop: {undecided}")
     for one in wrong[:20]:
-        told = one.contacts_wrong(), one.peaks.tolist(), bin(one.contact), one.outcome.name
-        print("  ", *told, one.case)
+        reported = one.contacts_wrong(), one.peaks.tolist(), bin(one.contact), one.outcome.name
+        print("  ", *reported, one.case)
     print(f"largest error of the end state: {worst.error:.1e} ({worst.case})")
 
 

@@ -31,7 +31,7 @@ class OneMass:
         self.n_changes = 0
 
     def _side(self, u, v):
-        """Tell which stop touches: 1 the right one, -1 the left one, 0 none."""
+        """Return which stop is in contact: 1 the right one, -1 the left one, 0 none."""
         right, left = self.stops
         if u > right or (u == right and v > 0):
             return 1

@@ -65,7 +65,7 @@ class Orbit:
         return float(np.prod(mu + 1 if kind == "period doubling" else mu - 1).real)
 
     def is_torus(self) -> bool:
-        """Tell a pair on the unit circle from two real multipliers whose product is 1."""
+        """Distinguish a pair on the unit circle from two real multipliers with product 1."""
         return bool(np.any((np.abs(self.multipliers.imag) > 1e-6) & self._near_circle()))
 
     def _near_circle(self) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers import bdf
+from hpcsweep.solvers import bdf_steps
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.reference import OMEGA, reference_points, reference_window
@@ -35,19 +35,23 @@ def test_a_thin_layer_is_not_stepped_over():
     assert np.abs(points - exact).max() < 1e-6
 
 
+def steps_of(rho, rtol):
+    return bdf_steps.BdfSteps(kernel_model(Structure(1, 1000.0, rho, 0.0), 1.0), rtol)
+
+
 def test_steps_inside_a_layer_have_its_length_scale():
     def limit(rtol, u):
-        solver = BdfMap(Structure(1, 1000.0, 1e4, 0.0), 1.0, rtol)
+        solver = steps_of(1e4, rtol)
         return solver._step_limit(0.0, np.array([u, 0.3]), lambda _tau, z: np.array([z[1], 0.0]))
 
     for u in (1 - 4e-4, 1.0, 1 + 4e-4):
         assert limit(1e-6, u) == pytest.approx(1e-4 / 0.3, rel=1e-2)
     # v changes by beta pi^2 / (6 rho^2) / 0.3 = 5e-5: no layer for a tolerance above that
-    assert limit(1e-3, 1.0) == BdfMap(Structure(1, 1000.0, 1e4, 0.0), 1.0, 1e-3).least_limit
+    assert limit(1e-3, 1.0) == steps_of(1e4, 1e-3).least_limit
 
 
 def test_steps_are_limited_near_the_stop_only():
-    solver = BdfMap(Structure(1, 1000.0, math.inf, 0.0), 1.0, 1e-6)
+    solver = steps_of(math.inf, 1e-6)
 
     def limit(u, v):
         return solver._step_limit(0.0, np.array([u, v]), lambda _tau, z: np.array([z[1], 0.0]))
@@ -75,7 +79,7 @@ def test_drift_and_contact_come_from_extrema_between_step_ends(peak, contact):
         u, v = peak * np.sin(t), peak * np.cos(t)
         return np.array([u, -u, v, -v])
 
-    tally.add(interpolant, 0.3, 2.5)
+    tally.add(interpolant, 0.3, 2.5, None)
     assert tally.contact == contact
     assert tally.peak_drift == pytest.approx(2 * peak, abs=1e-11)
 
@@ -89,11 +93,11 @@ def test_modal_norms_converge():
 
 
 def test_gives_up_as_an_outcome(monkeypatch):
-    class Stuck(bdf.BDF):
+    class Stuck(bdf_steps.BDF):
         def _step_impl(self):
             return False, self.TOO_SMALL_STEP
 
-    monkeypatch.setattr(bdf, "BDF", Stuck)
+    monkeypatch.setattr(bdf_steps, "BDF", Stuck)
     done = BdfMap(IMPACTING, OMEGA, 1e-6).advance(np.zeros(6), 0.06, 2)
     assert done.outcome is Outcome.SOLVER_FAILED
     assert done.n_periods == 0
@@ -101,7 +105,7 @@ def test_gives_up_as_an_outcome(monkeypatch):
 
 def test_tolerances_scipy_refuses_are_raised():
     solver = BdfMap(Structure(1), 1.0, 1e-16)
-    assert solver.rtol == bdf.SMALLEST_RTOL
+    assert solver.rtol == bdf_steps.SMALLEST_RTOL
     points, outcome = solver.points(np.zeros(2), 0.0, 1)
     assert outcome is Outcome.COMPLETE
     assert not points.any()

@@ -211,7 +211,7 @@ def test_a_polynomial_and_its_slope_are_evaluated_at_many_times():
 
 def test_a_modulus_is_bounded_by_the_larger_of_both_sides():
     rng = np.random.default_rng(6)
-    told = 0
+    reported = 0
     for _ in range(200):
         g0, slope0, g1, slope1 = rng.standard_normal(4)
         d, bound4, size = 10.0 ** rng.uniform([-2, 0, -1], [0, 3, 1])
@@ -223,8 +223,8 @@ def test_a_modulus_is_bounded_by_the_larger_of_both_sides():
         may = search.may_exceed(size, d, g0, slope0, g1, slope1, bound4)
         if abs(max(tops) - size) > 1e-12 * size:
             assert may == (max(tops) >= size)
-            told += may
-    assert 20 < told < 180
+            reported += may
+    assert 20 < reported < 180
 
 
 @pytest.mark.parametrize("v", [0.7, -0.7])
@@ -753,7 +753,7 @@ def test_a_floor_that_moves_by_less_than_rounding_at_the_stop_is_not_held_there(
 
 
 class Cautious(Structure):
-    """The same chain, told with a bound of K that is larger."""
+    """The same chain with a larger bound of K."""
 
     @property
     def stiffness_bound(self):

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from general import random_general_cases
+from measures import compare
 from scipy.special import expit
 from tools import SMALL
 
@@ -128,6 +130,29 @@ def test_peaks_are_those_of_the_motion(structure, amplitude, omega):
     bdf = BdfMap(structure, omega, 1e-9).observe(z, amplitude, 2, measures=ALL)
     scale = np.abs(seen.measures).max()
     np.testing.assert_allclose(bdf.measures, seen.measures, rtol=3e-4, atol=1e-5 * scale)
+
+
+@pytest.mark.slow
+def test_measures_of_random_structures():
+    """Closings are equal, all else is right over the conditioning; the whole: docs/reliability."""
+    found = [compare(case) for case in random_general_cases(40, seed=1)]
+    assert None not in found
+    assert not any(counts is False for _, _, counts in found)
+    scaled = np.array([one for _, one, _ in found])
+    assert np.quantile(scaled, 0.9, axis=0).max() < 1e-10
+    assert scaled.max() < 1e-6
+
+
+def test_a_window_does_not_depend_on_those_before():
+    structure, amplitude, omega = CASES[0]
+    z = np.array([0.2, 0.5, 0.9, 1.0, -2.0, 3.0])
+    flow = FlowMap(structure, omega)
+    first = flow.observe(z, amplitude, 1, measures=ALL).measures
+    own = absolute_accelerations(structure, z[None])[0]
+    assert np.all(first[6:9] >= np.abs(own))
+    flow.observe(start_of(structure), amplitude, 2, measures=ALL)
+    again = flow.observe(z, amplitude, 1, measures=ALL).measures
+    np.testing.assert_array_equal(again, first)
 
 
 @pytest.mark.parametrize("sharpness", [2e3, math.inf])

@@ -11,7 +11,7 @@ from hpcsweep.solvers.flow import FlowMap
 
 
 def settled(omega: float, start) -> two_masses.Orbit:
-    """The orbit of period 1 that the motion from a state settles on, by Newton's method."""
+    """Return the orbit of period 1 that the motion from a state tends to, by Newton's method."""
     solver = FlowMap(two_masses.STRUCTURE, omega)
     state = solver.points(np.array(start), two_masses.AMPLITUDE, 300)[0][-1]
     along = np.eye(5)[-1]

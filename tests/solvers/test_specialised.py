@@ -59,7 +59,7 @@ def test_fitted_kernels_give_the_same_to_the_last_bit(nothing_fitted, name, omeg
     study = load_job(JOBS / f"{name}.toml").study
     *plain, was_fitted = everything(study, omega, amplitudes)
     assert not was_fitted
-    warm_up(study.settings, specialised_to=study.structure)
+    warm_up(study.settings, structure=study.structure, specialised=True)
     *again, is_specialised = everything(study, omega, amplitudes)
     assert is_specialised
     for one, other in zip(plain, again, strict=True):
@@ -68,14 +68,13 @@ def test_fitted_kernels_give_the_same_to_the_last_bit(nothing_fitted, name, omeg
 
 def test_a_structure_of_other_sizes_has_other_kernels():
     one, same, other = (
-        specialised.specialised_kernels(Structure(n, stiffness))
+        specialised.needed_kernels(Structure(n, stiffness), specialised=True)
         for n, stiffness in ((2, 9.0), (2, 5.0), (3, 9.0))
     )
-    assert one is same
-    assert one.specialisation.key != other.specialisation.key
-    assert {kernel.name for kernel in one.all if kernel.specialisation is None} == {
+    assert one == same
+    assert not {kernel for kernel in one if kernel.specialisation} & set(other)
+    assert {kernel.name for kernel in one if kernel.specialisation is None} == {
         "hpcsweep.solvers.free.is_free",
-        "hpcsweep.solvers.flow.record.march.march_record",
         "hpcsweep.solvers.flow.linear.propagators.lookup",
         "hpcsweep.solvers.flow.layer.solitary.tables.build_response",
     }
@@ -83,21 +82,21 @@ def test_a_structure_of_other_sizes_has_other_kernels():
 
 def test_kernels_are_fitted_where_the_histories_of_a_rank_earn_it():
     study = load_job(PAPER / "bluecrystal.toml").study
-    assert worth_specialising(study, None) is None
-    assert worth_specialising(study, 10) is study.structure
-    assert worth_specialising(study, 11) is None
-    assert worth_specialising(load_job(PAPER / "figure6.toml").study, 1) is None
+    assert not worth_specialising(study, None)
+    assert worth_specialising(study, 10)
+    assert not worth_specialising(study, 11)
+    assert not worth_specialising(load_job(PAPER / "figure6.toml").study, 1)
     searched = load_job(JOBS / "attractors/attractors-map.toml").study
     n_ranks = searched.n_runs * searched.starts // compilation.SPECIALISED_FROM
     assert n_ranks > 1
-    assert worth_specialising(searched, n_ranks) is searched.structure
-    assert worth_specialising(searched, n_ranks + 1) is None
+    assert worth_specialising(searched, n_ranks)
+    assert not worth_specialising(searched, n_ranks + 1)
 
 
 def test_only_one_solver_has_kernels_to_fit(tmp_path):
     text = (PAPER / "bluecrystal.toml").read_text().replace("figure2", str(PAPER / "figure2"))
     (tmp_path / "job.toml").write_text(f'{text}\n[solver]\nmethod = "bdf"\n')
-    assert worth_specialising(load_job(tmp_path / "job.toml").study, 1) is None
+    assert not worth_specialising(load_job(tmp_path / "job.toml").study, 1)
 
 
 def test_warmup_refuses_what_is_no_job(tmp_path):

@@ -6,8 +6,9 @@ entry point: its types are declared, it has one address, and callers read that f
 know by name. So a caller can be compiled, and cached, before its callees. A cold compile takes 82 s
 of processor time with entry points, 267 s with these inlined as well.
 
-`load_all` fills the cells: it compiles each entry point or loads it from the cache. Only one
-thread of a process does so at a time (`LOADING`), and others wait until it is done.
+`EntryPoint.load` fills a cell: it compiles the entry point or loads it from the cache. The first
+call from Python loads all that the entry point calls (`with_called`), and nothing else. Only one
+thread of a process loads at a time (`LOADING`), and others wait until it is done.
 
 Kernels that read an arena may be specialised to its sizes (`specialise`). All that are specialised
 alike form a `SpecialisedKernels`: the same entry points, with addresses of their own.
@@ -62,11 +63,21 @@ class EntryPoint:
         compile.
     specialises : bool
         Whether it can be specialised to the sizes in an arena.
+    on_demand : bool
+        Whether it is loaded by whoever needs it, not with its callers: only some structures do.
     """
 
-    def __init__(self, function: Callable, result, arguments, inner: bool, specialises: bool):
+    def __init__(
+        self,
+        function: Callable,
+        result,
+        arguments,
+        inner: bool = False,
+        specialises: bool = False,
+        on_demand: bool = False,
+    ):
         self.name = f"{function.__module__}.{function.__qualname__}"
-        self.specialises = specialises
+        self.specialises, self.on_demand = specialises, on_demand
         self.__doc__ = function.__doc__
         self.__name__ = function.__name__
         self.__module__ = function.__module__
@@ -106,12 +117,13 @@ class EntryPoint:
         if self.inner:
             raise TypeError(f"{self.name} can be called by kernels alone")
         if not self._all_loaded:
-            self._load_what_is_called()
+            for one in self._what_is_called():
+                one.load()
             self._all_loaded = True
         return self.dispatcher(*arguments)
 
-    def _load_what_is_called(self) -> None:
-        load_all()
+    def _what_is_called(self) -> "list[EntryPoint]":
+        return with_called(self)
 
     @property
     def is_loaded(self) -> bool:
@@ -168,6 +180,30 @@ ALL: list[EntryPoint] = []
 """All entry points of the modules that are imported."""
 
 
+def with_called(*roots: Callable) -> list[EntryPoint]:
+    """Return entry points and all that they call, also through inlined kernels, callees first.
+
+    Those `on_demand` are returned only if they are among the roots. Kernels that stay Python
+    (NUMBA_DISABLE_JIT) call none.
+    """
+    found = {one for one in roots if isinstance(one, EntryPoint)}
+    left = [one.py_func for one in found]
+    seen = set(left)
+    while left:
+        function = left.pop()
+        for name in function.__code__.co_names:
+            called = function.__globals__.get(name)
+            if isinstance(called, EntryPoint):
+                if called.on_demand:
+                    continue
+                found.add(called)
+            inner = getattr(called, "py_func", None)
+            if inner is not None and inner not in seen:
+                seen.add(inner)
+                left.append(inner)
+    return [one for one in ALL if one in found]
+
+
 class _Specialised(EntryPoint):
     """Entry point specialised to sizes, called by Python and by others of these sizes."""
 
@@ -184,14 +220,14 @@ class _Specialised(EntryPoint):
         # names the file of the kernel, and its LLVM function
         again.__qualname__ = specialised_name(function, key)
         self.origin, self.specialisation, self._kernels = one, kernels.specialisation, kernels
-        super().__init__(again, one.result, one.arguments, one.inner, True)
+        super().__init__(again, one.result, one.arguments, one.inner, True, one.on_demand)
         self.__name__ = one.__name__
 
     def _declare(self, arguments) -> None:
         """Do nothing: kernels refer to the unspecialised one, see `specialise.rename_addresses`."""
 
-    def _load_what_is_called(self) -> None:
-        self._kernels.load()
+    def _what_is_called(self) -> list[EntryPoint]:
+        return self._kernels.of(with_called(self.origin))
 
     def _compiling(self) -> contextlib.AbstractContextManager:
         return self.specialisation.compiling(self._kernels.renamed)
@@ -206,8 +242,6 @@ class SpecialisedKernels:
 
     Attributes
     ----------
-    all : list of EntryPoint
-        The specialised ones, and the others that cannot be specialised: all that a motion needs.
     renamed : dict of str to str
         Symbols of the addresses of specialised ones, by the symbols that they replace.
     """
@@ -218,24 +252,17 @@ class SpecialisedKernels:
         self.renamed = {
             one.symbol: specialised.symbol for one, specialised in self._by_origin.items()
         }
-        self.all = [self._by_origin.get(one, one) for one in ALL]
 
     def __getitem__(self, one: EntryPoint) -> EntryPoint:
         """Return a specialised kernel."""
         return self._by_origin[one]
 
-    @property
-    def is_kept(self) -> bool:
-        """Whether all are loaded or cached."""
-        return all(one.is_loaded or one.is_kept for one in self.all)
-
-    def load(self) -> None:
-        """Compile all, or load them from the cache."""
-        for one in self.all:
-            one.load()
+    def of(self, kernels: list[EntryPoint]) -> list[EntryPoint]:
+        """Return the specialised ones of kernels, and those that cannot be specialised."""
+        return [self._by_origin.get(one, one) for one in kernels]
 
 
-def entry_point(result, *arguments, inner: bool = False, specialises: bool = False):
+def entry_point(result, *arguments, **options: bool):
     """Compile a kernel on its own: ``@entry_point(result, type, ...)``; see `EntryPoint`.
 
     With NUMBA_DISABLE_JIT=1 the kernel stays Python.
@@ -244,12 +271,6 @@ def entry_point(result, *arguments, inner: bool = False, specialises: bool = Fal
     def decorate(function):
         if numba.config.DISABLE_JIT:
             return plain(function)
-        return EntryPoint(function, result, arguments, inner, specialises)
+        return EntryPoint(function, result, arguments, **options)
 
     return decorate
-
-
-def load_all() -> None:
-    """Compile all entry points, or load them from the cache; see `warm.load_all`."""
-    for one in ALL:
-        one.load()

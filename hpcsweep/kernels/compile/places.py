@@ -6,7 +6,7 @@ known not to overlap.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,15 +59,6 @@ def next_place(place: int, n_bytes: int) -> int:
     return place + -(-n_bytes // LINE) * LINE + LINE
 
 
-def arrays_in(value) -> Iterator[np.ndarray | Zeros]:
-    """Return the arrays in a tuple of tuples, arrays and numbers, in order."""
-    if isinstance(value, np.ndarray | Zeros):
-        yield value
-    elif isinstance(value, tuple):
-        for one in value:
-            yield from arrays_in(one)
-
-
 def with_arrays(value, change: Callable[[np.ndarray | Zeros], np.ndarray]):
     """Return such a tuple with its arrays changed, in order."""
     if isinstance(value, np.ndarray | Zeros):
@@ -93,18 +84,20 @@ def in_one_piece(value, head: int) -> tuple[Any, np.ndarray]:
     memory : ndarray of bytes
         Aligned to a cache line.
     """
-    size = first_place(head)
-    for array in arrays_in(value):
-        size = next_place(size, array.nbytes)
+    places = [first_place(head)]
+
+    def add(array: np.ndarray | Zeros) -> np.ndarray | Zeros:
+        places.append(next_place(places[-1], array.nbytes))
+        return array
+
+    with_arrays(value, add)
+    size = places[-1]
     raw = np.zeros(size + LINE, np.uint8)
     first = -raw.ctypes.data % LINE
-    memory = raw[first : first + size]
-    place = first_place(head)
+    memory, at = raw[first : first + size], iter(places)
 
     def view(array: np.ndarray | Zeros) -> np.ndarray:
-        nonlocal place
-        made = memory[place : place + array.nbytes].view(array.dtype).reshape(array.shape)
-        place = next_place(place, array.nbytes)
+        made: np.ndarray = np.ndarray(array.shape, array.dtype, memory, next(at))
         if isinstance(array, np.ndarray):
             made[...] = array
         return made

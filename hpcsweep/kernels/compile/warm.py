@@ -16,7 +16,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 
 from hpcsweep.kernels import folders
-from hpcsweep.kernels.compile import entry_points
 from hpcsweep.kernels.compile.entry_points import EntryPoint, SpecialisedKernels
 from hpcsweep.kernels.compile.specialise import Specialisation
 
@@ -29,30 +28,29 @@ def processors() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def missing(specialised: SpecialisedKernels | None = None) -> list[EntryPoint]:
-    """Return the kernels, for any structure or specialised, that are not compiled yet."""
-    wanted = entry_points.ALL if specialised is None else specialised.all
+def missing(wanted: list[EntryPoint]) -> list[EntryPoint]:
+    """Return the kernels that are not compiled yet."""
     return [one for one in wanted if not one.is_loaded and not one.is_kept]
 
 
 def load_all(
+    wanted: list[EntryPoint],
     tell: Callable[[int, int], None] | None = None,
     jobs: int = 1,
-    specialised: SpecialisedKernels | None = None,
 ) -> None:
-    """Compile all entry points, or load them from the cache.
+    """Compile entry points, or load them from the cache.
 
     Parameters
     ----------
+    wanted : list of EntryPoint
+        From `entry_points.with_called`, or specialised ones of these.
     tell : callable, optional
         Called with the number of compiled kernels and the total, at the start and after each
         kernel, unless there is nothing to compile.
     jobs : int
         Most processes that compile.
-    specialised : SpecialisedKernels, optional
-        These instead of the kernels for any structure.
     """
-    lost = missing(specialised)
+    lost = missing(wanted)
     if lost:
         if not folders.is_writable() and folders.own_folder() is None:
             # kernels compiled by another process could not be passed on
@@ -62,10 +60,8 @@ def load_all(
         for done, _ in enumerate(_compile(lost, jobs), 1):
             if tell is not None:
                 tell(done, len(lost))
-    if specialised is None:
-        entry_points.load_all()
-    else:
-        specialised.load()
+    for one in wanted:
+        one.load()
 
 
 def _compile(lost: list[EntryPoint], jobs: int) -> Iterator[EntryPoint]:

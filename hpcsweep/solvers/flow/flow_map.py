@@ -18,7 +18,7 @@ from hpcsweep.solvers.arguments import (
 from hpcsweep.solvers.flow.orbit import batch
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import SHARED, WATCH, Watch, new_shared, new_watch
-from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, NO_TALLY, NORMS, PEAKS, clear
+from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS, clear
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.measures import measures_of
@@ -176,7 +176,8 @@ class FlowMap:
         z = motion(self, state, 0.0, rules.transient)[0]
         units = np.array(self.structure.state_units)
         self._watch_for(closing[0])
-        run = batch.new_run(n, self._units.size, closing[0], _wanted(modal_norm, measures))
+        wanted = self._wanted(modal_norm, measures)
+        run = batch.new_run(n, self._units.size, closing[0], wanted)
         tally = self._shared.tally if measures else None
         rows = batch.new_orbits(len(amplitudes), n, closing[0], tally)
         why = batch.MORE
@@ -221,8 +222,7 @@ class FlowMap:
         poll: Callable[[], None] | None = None,
     ) -> tuple[np.ndarray, Outcome]:
         """Return the stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n)."""
-        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
-        return self._points(z, amplitude, n_periods, poll)
+        return self._points(*self._motion(state, amplitude, n_periods), poll)
 
     def observe(
         self,
@@ -239,7 +239,7 @@ class FlowMap:
         With `growth` also the growth of a tangent vector, initially (1, ..., 1).
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
-        tally, wanted = self._shared.tally, _wanted(modal_norm, measures)
+        tally, wanted = self._shared.tally, self._wanted(modal_norm, measures)
         clear.py_func(tally)
         tangent = logarithms = None
         if growth:
@@ -299,10 +299,9 @@ class FlowMap:
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         tangent = self._units.tangent_into(np.eye(2 * self.structure.n_floors))
+        nothing = self._shared.no_points
         for first, last in self._polling.cut(n_periods):
-            done, outcome = self._march(
-                z, amplitude, last - first, self._shared.no_points, tangent=tangent
-            )
+            done, outcome = self._march(z, amplitude, last - first, nothing, NO_TALLY, tangent)
             if outcome != Outcome.COMPLETE:
                 period = first + done + 1
                 raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {period}")
@@ -312,6 +311,12 @@ class FlowMap:
         """Return the start of a motion in the units of the kernels."""
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
         return self._units.into(z), amplitude / self._units.amplitude_unit, n_periods
+
+    def _wanted(self, modal_norm: bool, measures: int) -> int:
+        """Return the flags of what to gather, see `tally`, when what that calls is loaded."""
+        if measures:
+            self._kernels.load_measures()
+        return (NORMS if modal_norm else MAXIMA) + (measures & ANY_MEASURE)
 
     def _points(self, z, amplitude, n_periods, poll, wanted=NO_TALLY, tangent=None, growth=None):
         """Integrate `n_periods`, z in place; return the points reached, and the outcome."""
@@ -343,8 +348,3 @@ class FlowMap:
             self._shared.no_tangent if tangent is None else tangent,
             self._shared.no_growth if growth is None else growth,
         )
-
-
-def _wanted(modal_norm: bool, measures: int) -> int:
-    """Return the flags of what to gather; see `tally`."""
-    return (NORMS if modal_norm else MAXIMA) + (measures & (PEAKS | IMPACTS))

@@ -4,17 +4,23 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hpcsweep.kernels.compile.entry_points import with_called
+from hpcsweep.kernels.compile.warm import load_all
 from hpcsweep.model.kernel_model import record_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
+from hpcsweep.solvers.flow.layer.observation import measure_layer_step
 from hpcsweep.solvers.flow.record.march import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 from hpcsweep.solvers.flow.state.tally import clear
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.record_response import Response, intervals, response_of
+
+KERNELS = with_called(march_record, measure_layer_step)
+"""All that responses to records call."""
 
 
 class RecordMap:
@@ -36,11 +42,12 @@ class RecordMap:
         model = record_model(structure, self.dt)
         self._units = Units(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
         last = len(model.drift_rows)
-        self._shared.outputs.sides[last - one_sided : last] = 0.0
+        model.watched[last - one_sided : last, 2] = 1
+        self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
         self._told = model.watched[:, 3] > 0
         self._polling = Polling()
+        load_all(KERNELS)
 
     def respond(
         self,

@@ -5,18 +5,31 @@ Kernels specialised to the number of floors, contacts and harmonics
 the last bit, but have to be compiled once more: `hpcsweep run` does so where it pays, `hpcsweep
 warmup` where it is requested. A new solver uses them if they are loaded or cached, otherwise those
 for any structure.
+
+The kernel of dashpots, a quarter of what there is to compile, is compiled and loaded for structures
+that have some; those of measures (`march_measured`, `measure_layer_step`) where measures are
+requested.
 """
 
 import functools
 from typing import NamedTuple
 
-from hpcsweep.kernels.compile.entry_points import LOADING, EntryPoint, SpecialisedKernels
+from hpcsweep.kernels.compile.entry_points import (
+    LOADING,
+    EntryPoint,
+    SpecialisedKernels,
+    with_called,
+)
 from hpcsweep.kernels.compile.places import Shapes, shapes_of
-from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.kernels.compile.warm import load_all, missing
+from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
+from hpcsweep.solvers.flow.dashpot.march import march_dashpots
+from hpcsweep.solvers.flow.layer.observation import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
-from hpcsweep.solvers.flow.period.march import march
+from hpcsweep.solvers.flow.period.march import march, march_measured
 from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
 
 
@@ -26,28 +39,65 @@ class MotionKernels(NamedTuple):
     march: EntryPoint
     end_of_transient: EntryPoint
     follow_orbits: EntryPoint
+    measures: list[EntryPoint]
+    """What these call where measures are requested."""
+
+    def load_measures(self) -> None:
+        """Compile these, or load them, before measures are requested."""
+        load_all(self.measures)
 
 
-FOR_ANY = MotionKernels(march, end_of_transient, follow_orbits)
+FOR_ANY = MotionKernels(
+    march, end_of_transient, follow_orbits, with_called(march_measured, measure_layer_step)
+)
 
 
 def kernels_for(shared: Shared) -> MotionKernels:
     """Return the kernels for a structure: specialised ones if they are loaded or in the cache."""
-    if not (_loaded or _kept_keys()):
+    dashpots = has_dashpots.py_func(shared.model)
+    if not (dashpots or _loaded or _kept_keys()):
         return FOR_ANY
     with LOADING:
-        return _kernels_for(shapes_of(shared))
+        return _kernels_for(shapes_of(shared), dashpots)
 
 
-def specialised_kernels(structure: Structure) -> SpecialisedKernels:
-    """Return the kernels specialised to a structure, compiled or not."""
+def needed_kernels(
+    structure: Structure | None, specialised: bool = False, measures: bool = False
+) -> list[EntryPoint]:
+    """Return the kernels that motions of a structure need, compiled or not.
+
+    Parameters
+    ----------
+    structure : Structure or None
+        None for those that motions of any structures need.
+    specialised : bool
+        Return those specialised to the structure.
+    measures : bool
+        Include those of measures.
+    """
+    if structure is None:
+        return _needed(True, measures)
+    model = kernel_model(structure, 1.0)
+    needed = _needed(has_dashpots.py_func(model), measures)
+    if not specialised:
+        return needed
     with LOADING:
-        return _specialised(shapes_of(new_shared(kernel_model(structure, 1.0), 0.0, 0)))
+        return _specialised(_shapes_for(model)).of(needed)
 
 
-def use(kernels: SpecialisedKernels) -> None:
-    """Make new solvers call these specialised kernels, which are loaded."""
-    _loaded.add(kernels.specialisation.key)
+@functools.cache
+def _needed(dashpots: bool, measures: bool) -> list[EntryPoint]:
+    own = (march_dashpots,) * dashpots + (march_measured, measure_layer_step) * measures
+    return with_called(*FOR_ANY[:3], *own)
+
+
+def _shapes_for(model: Model) -> Shapes:
+    return shapes_of(new_shared(model, 0.0, 0))
+
+
+def use(structure: Structure) -> None:
+    """Make new solvers of a structure call the kernels specialised to it, which are loaded."""
+    _loaded.add(SHARED.specialise(_shapes_for(kernel_model(structure, 1.0))).key)
     _kernels_for.cache_clear()
 
 
@@ -67,11 +117,15 @@ def _specialised(shapes: Shapes) -> SpecialisedKernels:
 
 
 @functools.lru_cache(maxsize=64)
-def _kernels_for(shapes: Shapes) -> MotionKernels:
-    if SHARED.specialise(shapes).key not in _loaded | _kept_keys():
-        return FOR_ANY
-    kernels = _specialised(shapes)
-    if not kernels.is_kept:
-        return FOR_ANY
-    kernels.load()
-    return MotionKernels(*(kernels[one] for one in FOR_ANY))
+def _kernels_for(shapes: Shapes, dashpots: bool) -> MotionKernels:
+    needed = _needed(dashpots, False)
+    if SHARED.specialise(shapes).key in _loaded | _kept_keys():
+        kernels = _specialised(shapes)
+        own = kernels.of(needed)
+        if not missing(own):
+            load_all(own)
+            called = (kernels[one] for one in FOR_ANY[:3])
+            return MotionKernels(*called, kernels.of(FOR_ANY.measures))
+    if dashpots:
+        load_all(needed)
+    return FOR_ANY

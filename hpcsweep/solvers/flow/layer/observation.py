@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile.entry_points import BYTES, INT, VECTOR, entry_point, type_of
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, root, total
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
 from hpcsweep.solvers.flow.layer.acceleration import accelerations_in_layer
@@ -11,21 +13,32 @@ from hpcsweep.solvers.flow.layer.quintic import hermite, turn_of, value_of
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
+from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.tables import ZERO
-from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, NORMS, PEAKS, wants_norms
+from hpcsweep.solvers.flow.state.tally import (
+    ANY_MEASURE,
+    IMPACTS,
+    MAXIMA,
+    NORMS,
+    PEAKS,
+    wants_norms,
+)
+
+STEP = type_of((0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @inlined
-def observe_layer_step(step, z0, z1, model, wanted, tally, work):
-    """Update all that is requested by one step inside a layer, see `accelerations_in_layer`.
+def observe_layer_step(packed, step, z0, wanted, shared):
+    """Update all that is requested by one step inside a layer, from z0 to ``work.z_end``.
 
     Maxima are taken over the ends and the stages, and, where the velocity changes sign between
     two neighbours, at the top of the quintic Hermite interpolant through them; its error is
     d^6 / 46080 |u^(6)|, d the short distance between stages. ``work.a`` and ``work.a_end`` hold the
-    accelerations at the ends.
+    accelerations at the ends. `step` is that of `accelerations_in_layer`.
     """
+    model, tally, work = shared.model, shared.tally, shared.work
     n = model.stiffness.shape[0]
-    _, h, _, _, _ = step
+    h, z1 = step[1], work.z_end
     stage = work.layer
     ways = work.ways
     for i in range(n):
@@ -36,12 +49,8 @@ def observe_layer_step(step, z0, z1, model, wanted, tally, work):
     touching = False
     if wanted & (MAXIMA | NORMS):
         touching = _update_maxima(h, z0, z1, model, ways, tally, work)
-    if wanted & PEAKS:
-        _update_peaks(h, z0, z1, wanted, model, ways, tally, work)
-    if wanted & ACCELERATION:
-        accelerations_in_layer(step, z0, z1, model, tally, work)
-    if wanted & IMPACTS:
-        impacts_in_layer(h, z0, z1, model, ways, tally, work)
+    if wanted & ANY_MEASURE:
+        measure_layer_step(packed, step, z0, wanted)
     if wants_norms(wanted):
         modes = tally.modal.shape[0]
         share = _free_share(h, z0, z1, model.contacts) if touching else 1.0
@@ -98,6 +107,22 @@ def _update_maxima(h, z0, z1, model, ways, tally, work):
                 peak = _highest_of(h, i, below, sign, z0, z1, n, work)
                 tally.peak_drift[0] = max(tally.peak_drift[0], peak)
     return touching
+
+
+@entry_point(INT, BYTES, STEP, VECTOR, INT, inner=True, specialises=True, on_demand=True)
+def measure_layer_step(packed, step, z0, wanted):
+    """Update peaks and impacts by one step inside a layer, see `observe_layer_step`; return 0."""
+    shared = read_shared(packed)
+    z0 = as_long_as(z0, shared.previous)
+    model, tally, work = shared.model, shared.tally, shared.work
+    h, z1, ways = step[1], work.z_end, work.ways
+    if wanted & PEAKS:
+        _update_peaks(h, z0, z1, wanted, model, ways, tally, work)
+    if wanted & ACCELERATION:
+        accelerations_in_layer(step, z0, z1, model, tally, work)
+    if wanted & IMPACTS:
+        impacts_in_layer(h, z0, z1, model, ways, tally, work)
+    return 0
 
 
 @kernel

@@ -225,7 +225,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
         accelerations(ground, work.z_end, model, work.a_end)
         if wanted != NO_TALLY:
             step = (begun, h, amplitude, before, ground)
-            observe_layer_step(step, z, work.z_end, model, wanted, shared.tally, work)
+            observe_layer_step(packed, step, z, wanted, shared)
         if tangent.shape[1] > 0 and not solitary:
             layer_tangent(h, model, work.layer, tangent)
         copy_state(work.z_end, z)

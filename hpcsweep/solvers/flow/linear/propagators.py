@@ -20,6 +20,7 @@ from hpcsweep.kernels.simd.vectors import (
     modulus,
     store,
 )
+from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.linear.series import build_series, place_of
 from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
 from hpcsweep.solvers.flow.state.responses import forget
@@ -118,6 +119,10 @@ def _generator(key, model, scale, out):
                     for j in range(n):
                         out[n + i, j] -= push * contacts.reach[k, j] * unit[j]
                     out[n + i, last] += push * contacts.gap[k]
+                drag = contacts.edges[k, DRAG] * contacts.kick[k, i] / unit[i]
+                if drag != 0.0:
+                    for j in range(n):
+                        out[n + i, n + j] -= drag * contacts.reach[k, j] * unit[j]
     for h in range(model.harmonics.shape[0]):
         at = 2 * n + 2 * h
         out[at, at + 1] = model.harmonics[h, 0] * model.omega
@@ -132,7 +137,8 @@ def _spectral_bound(key, model, contact):
     """Bound the moduli of the eigenvalues of M.
 
     For an eigenvector with displacements q, q* M q = 1, lambda^2 + d lambda + k = 0 with d = q* C q
-    and k = q* (K + contacts) q. If the roots are complex |lambda|^2 = k, if not |lambda| <= d.
+    and k = q* (K + contacts) q, dashpots in C. If the roots are complex |lambda|^2 = k, if not
+    |lambda| <= d.
     `contact`, (n, n), is workspace.
     """
     energy = model.energy
@@ -146,10 +152,25 @@ def _spectral_bound(key, model, contact):
                 for j in range(n):
                     contact[i, j] += energy.kappa[k] * energy.reach[k, i] * energy.reach[k, j]
     hardest = math.sqrt(spectral_radius(contact))
+    drag = energy.drag
+    if not model.contacts.is_elastic:
+        for i in range(n):
+            for j in range(n):
+                contact[i, j] = 0.0
+        for k in range(energy.kappa.shape[0]):
+            if (key >> np.uint64(k)) & np.uint64(1):
+                softness = 0.0
+                for i in range(n):
+                    softness += energy.reach[k, i] ** 2
+                c = model.contacts.edges[k, DRAG] / softness
+                for i in range(n):
+                    for j in range(n):
+                        contact[i, j] += c * energy.reach[k, i] * energy.reach[k, j]
+        drag += spectral_radius(contact)
     fastest = model.omega
     for h in range(model.harmonics.shape[0]):
         fastest = max(fastest, model.harmonics[h, 0] * model.omega)
-    return max(hardest, max(energy.drag, fastest))
+    return max(hardest, max(drag, fastest))
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Largest storey drift, and peaks of single rows, over continuous time, on linear segments.
+"""Largest storey drift over continuous time, on linear segments, and what finds peaks of rows.
 
 All components are polynomials of the step (`tables`). A maximum is sought only where the Hermite
 bound of `search` allows more than the largest drift so far.
@@ -6,7 +6,10 @@ bound of `search` allows more than the largest drift so far.
 
 import math
 
+import numpy as np
+
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, total
 from hpcsweep.solvers.flow.linear.polynomials import expand_rows, value_and_slope, value_slope_bend
 from hpcsweep.solvers.flow.search.search import HERMITE_BEND, may_exceed, may_reach
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
@@ -20,6 +23,10 @@ LEAST_PART = 0.5**11
 beside a turning point of the slope, an extremum differs from its neighbours by 1e-10."""
 NOTHING = 1e-200
 """Of drifts below this the ends of the steps are enough."""
+FOURTH = np.array([math.perm(p, 4) for p in range(N_COEFFICIENTS)], float)
+"""Factors of the coefficients in the fourth derivative by sigma."""
+MOST_STEPS = 5
+"""Of Newton's method, from the cubic Hermite interpolant: its error is squared by each."""
 
 
 @inlined
@@ -30,45 +37,79 @@ def drift_on_segment(index, x, z_end, s, model, tables, tally, work):
     """
     for d in range(model.drift_rows.shape[0]):
         i, below = model.drift_rows[d]
-        row = (i, below, 0)
-        peak_of_row(row, index, x, z_end, s, 0, tally.peak_drift, tables, work)
+        row = (i, below, 0, 0.0)
+        ends, bound4 = row_at_ends(row, x, z_end, work.bounds)
+        raise_to_ends(ends, 0, s, 0, tally.peak_drift)
+        if row_may_be_higher(tally.peak_drift[0], 0, s, ends, bound4):
+            expand_difference(row, index, x, tables, work)
+            search_peak(
+                work.drift_rows, tables.h[index], s, bound4, 0, 0, tally.peak_drift, work.stack
+            )
 
 
 @inlined
-def peak_of_row(row, index, x, z_end, s, w, peaks, tables, work):
-    """Update peak w with y_i - y_below over the first `s` of a linear step.
+def row_at_ends(row, x, z_end, bounds):
+    """Return the values and slopes of a row at both ends of a step, and a bound of |y''''|.
 
     Parameters
     ----------
-    row : tuple of int
-        i; below, or -1; and a side, 0 for the modulus, 1 or -1 for that times y_i.
-    index, x, z_end, s, tables, work
+    row : tuple
+        i; below, or -1; a side, 0 for |y_i - y_below|, 1 or -1 for that times the difference; and a
+        gap, by which it is less.
+    x, z_end : ndarray
         Of `drift_on_segment`.
-    w : int
-    peaks : ndarray
+    bounds : ndarray
+        ``work.bounds``
+
+    Returns
+    -------
+    ends : tuple of float
+        Value and slope at the start, value and slope at the end.
+    bound4 : float
     """
-    i, below, side = row
+    i, below, side, gap = row
     n = z_end.shape[0] // 2
-    h = tables.h[index]
     sign = -1.0 if side < 0 else 1.0
-    d0, d1 = sign * x[i], sign * z_end[i]
+    d0, d1 = sign * x[i] - gap, sign * z_end[i] - gap
     v0, v1 = sign * x[n + i], sign * z_end[n + i]
-    bound4 = work.bounds[i]
+    bound4 = bounds[i]
     if below >= 0:
-        d0, v0 = d0 - x[below], v0 - x[n + below]
-        d1, v1 = d1 - z_end[below], v1 - z_end[n + below]
-        bound4 += work.bounds[below]
-    peak = max(peaks[w], max(_size(d0, side), _size(d1, side)))
-    peaks[w] = peak
+        d0, v0 = d0 - sign * x[below], v0 - sign * x[n + below]
+        d1, v1 = d1 - sign * z_end[below], v1 - sign * z_end[n + below]
+        bound4 += bounds[below]
+    return (d0, v0, d1, v1), bound4
+
+
+@inlined
+def raise_to_ends(ends, side, s, w, peaks):
+    """Raise peak w to the values at the ends of a step; return when, -1 if it was not below."""
+    start, end = _size(ends[0], side), _size(ends[2], side)
+    reached = max(start, end)
+    if not reached > peaks[w]:
+        return -1.0
+    peaks[w] = reached
+    return 0.0 if start == reached else s
+
+
+@inlined
+def row_may_be_higher(peak, side, s, ends, bound4):
+    """Return whether a row, its `ends` and `bound4` as of `row_at_ends`, may exceed its peak."""
     if max(abs(peak) * (1.0 + SAME_PEAK), bound4) < NOTHING:
-        return
-    if _may_be_higher(peak, side, s, d0, v0, d1, v1, bound4):
-        expand_rows(tables.poly, index, x, work.rows, work.expanded, max(i, below) + 1)
-        for p in range(N_COEFFICIENTS):
-            work.drift_rows[0, p] = sign * work.rows[i, p]
-            if below >= 0:
-                work.drift_rows[0, p] -= work.rows[below, p]
-        search_peak(work.drift_rows, h, s, bound4, side, w, peaks, work.stack)
+        return False
+    return _may_be_higher(peak, side, s, ends[0], ends[1], ends[2], ends[3], bound4)
+
+
+@inlined
+def expand_difference(row, index, x, tables, work):
+    """Write the polynomial of a row, as of `row_at_ends`, into ``work.drift_rows``."""
+    i, below, side, gap = row
+    sign = -1.0 if side < 0 else 1.0
+    expand_rows(tables.poly, index, x, work.rows, work.expanded, max(i, below) + 1)
+    for p in range(N_COEFFICIENTS):
+        work.drift_rows[0, p] = sign * work.rows[i, p]
+        if below >= 0:
+            work.drift_rows[0, p] -= sign * work.rows[below, p]
+    work.drift_rows[0, 0] -= gap
 
 
 @inlined
@@ -127,6 +168,57 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
         a, ga, da = b, gb, db
         depth -= 1
     return time
+
+
+@kernel
+def raise_peak(rows, h, s, ends, bound4, side, w, peaks, stack):
+    """Update peak w with the extrema of polynomial 0 of `rows` on [0, s], as `search_peak` does.
+
+    The coefficients bound the fourth derivative more sharply than the state does, which makes most
+    searches needless. Where slopes at the `ends`, of `row_at_ends`, differ in sign, Newton's method
+    begins at the extremum of the cubic Hermite interpolant. It ends where the Hermite bounds of the
+    parts before and beyond allow no more than the peak, after two to four evaluations. Otherwise,
+    and where that fails, the peak is searched.
+
+    Returns
+    -------
+    float
+        Time of the peak, -1 if it has not been raised.
+    """
+    g0, v0, g1, v1 = ends
+    time = -1.0
+    bound4 = min(bound4, _fourth_derivative(rows, h))
+    if not _may_be_higher(peaks[w], side, s, g0, v0, g1, v1, bound4):
+        return time
+    if v0 * v1 < 0.0 and (side == 0 or v0 > 0.0):
+        m = 3.0 * (g1 - g0) / s - v0 - v1
+        root = math.sqrt(m * m - v0 * v1)
+        t = s * v0 / (v0 - m + (root if v0 > 0.0 else -root))
+        for _ in range(MOST_STEPS):
+            if not 0.0 < t < s:
+                break
+            g, v, bend = value_slope_bend(rows, 0, h, t)
+            if _size(g, side) > peaks[w]:
+                peaks[w], time = _size(g, side), t
+            known = peaks[w]
+            before = _may_be_higher(known, side, t, g0, v0, g, v, bound4)
+            if not before and not _may_be_higher(known, side, s - t, g, v, g1, v1, bound4):
+                return time
+            if v0 * bend >= 0.0:
+                break
+            t -= v / bend
+    found = search_peak(rows, h, s, bound4, side, w, peaks, stack)
+    return found if found >= 0.0 else time
+
+
+@inlined
+def _fourth_derivative(rows, h):
+    """Bound |d^4/ds^4| of polynomial 0 on the step by the moduli of its coefficients."""
+    own = modulus(load(rows, 0)) * load(FOURTH, 0)
+    for p in range(LANES, N_COEFFICIENTS, LANES):
+        own = fma(modulus(load(rows, p)), load(FOURTH, p), own)
+    rate = 2.0 / h
+    return total(own) * ((rate * rate) * (rate * rate))
 
 
 @kernel

@@ -1,24 +1,30 @@
-"""Peaks of the outputs (`outputs`) and their times over continuous time, on linear segments.
+"""Peaks of single rows and their times over continuous time, on linear segments.
 
-A peak is first raised to what is reached at the ends of a segment, and then looked for only where
-the Hermite bound of `search` allows more: eight outputs at once.
+Drifts, floors and distances of closed contacts past their stops are taken from the states at both
+ends of a step (`drift`), absolute accelerations from their tables (`outputs`), eight at once. A
+peak is first raised to what is reached at the ends, and then looked for only where the Hermite
+bound of `search` allows more.
 """
 
-from hpcsweep.kernels.compile import inlined, kernel
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import LANES, fma, greatest, load, negative
+from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import expand_row
-from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, search_peak
-from hpcsweep.solvers.flow.observe.outputs import (
-    bound_outputs,
-    differentiate,
-    fill_outputs,
-    forced_row,
-    look,
+from hpcsweep.solvers.flow.observe.drift import (
+    SAME_PEAK,
+    expand_difference,
+    raise_peak,
+    raise_to_ends,
+    row_at_ends,
+    row_may_be_higher,
 )
+from hpcsweep.solvers.flow.observe.outputs import bound_outputs, fill_outputs, look
 from hpcsweep.solvers.flow.search.search import HERMITE_MIDDLE
+from hpcsweep.solvers.flow.state.contacts import contact_bit
 from hpcsweep.solvers.flow.state.state import copy_state
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 
 LEAST = 1e-200
 """Excess over a peak that is not looked for, however small the peak is."""
@@ -29,15 +35,60 @@ ALL = (1 << LANES) - 1
 def peaks_on_segment(segment, span, time, amplitude, wanted, shared):
     """Raise the peaks that are wanted over the first `span` of a linear step to ``work.z_end``.
 
-    `time` is that of its start, from which the times of peaks count.
+    ``work.expanded`` tells which polynomials are there, and ``work.bounds`` the bounds of the
+    fourth derivatives on the step. `time` is that of its start, from which the times of peaks
+    count.
     """
+    if wanted & ~ACCELERATION:
+        _displacements_on_segment(segment, span, time, wanted & ~ACCELERATION, shared)
+    if wanted & ACCELERATION:
+        _accelerations_on_segment(segment, span, time, amplitude, shared)
+
+
+@inlined
+def _displacements_on_segment(segment, span, time, wanted, shared):
+    """Raise the peaks of drifts, floors and closed contacts; arguments of `peaks_on_segment`."""
+    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
+    contacts, peaks = model.contacts, tally.peaks
+    index = segment.index
+    for kind in range(3):
+        flag, first, count = DRIFT, 0, model.drift_rows.shape[0]
+        if kind == 1:
+            flag, first, count = FLOOR, shared.outputs.first_floor, model.ground.shape[0]
+        elif kind == 2:
+            flag, first, count = CONTACT, shared.outputs.first_contact, contacts.row.shape[0]
+        if wanted & flag == 0 or (flag == CONTACT and segment.key == np.uint64(0)):
+            continue
+        for k in range(count):
+            gap = 0.0
+            if flag == CONTACT:
+                if segment.key & contact_bit(k) == np.uint64(0):
+                    continue
+                gap = contacts.gap[k]
+            p = first + k
+            i, below, side, _ = model.watched[p]
+            row = (i, below, side, gap)
+            ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
+            at = raise_to_ends(ends, side, span, p, peaks)
+            if row_may_be_higher(peaks[p], side, span, ends, bound4):
+                expand_difference(row, index, work.x, tables, work)
+                h, rows = tables.h[index], work.drift_rows
+                found = raise_peak(rows, h, span, ends, bound4, side, p, peaks, work.stack)
+                at = found if found >= 0.0 else at
+            if at >= 0.0:
+                tally.times[p] = time + at
+
+
+@inlined
+def _accelerations_on_segment(segment, span, time, amplitude, shared):
+    """Raise the peaks of absolute accelerations; arguments of `peaks_on_segment`."""
     model, tables, work, outputs = shared.model, shared.tables, shared.work, shared.outputs
     index, size = segment.index, work.z_end.shape[0]
-    fill_outputs(index, wanted, model, tables, outputs)
+    fill_outputs(index, model, tables, outputs)
     if outputs.place[0] == index and outputs.place[1] == segment.tau:
         copy_state(outputs.end, outputs.start)
     else:
-        look(index, work.x, wanted, model, outputs, outputs.start)
+        look(index, work.x, outputs, outputs.start)
     x_end = outputs.x_end
     copy_state(work.x, x_end)
     for row in range(size):
@@ -48,83 +99,44 @@ def peaks_on_segment(segment, span, time, amplitude, wanted, shared):
         forcing_after(span, segment.tau + span, amplitude, work.x, size, model, outputs.pairs)
         for k in range(outputs.pairs.shape[0]):
             x_end[size + k] = outputs.pairs[k]
-    look(index, x_end, wanted, model, outputs, outputs.end)
+    look(index, x_end, outputs, outputs.end)
     outputs.place[0], outputs.place[1] = index, segment.tau + span
-    _peaks_on_step(index, span, time, wanted, shared)
-
-
-@inlined
-def _peaks_on_step(index, span, time, wanted, shared):
-    """Raise the peaks that are wanted over the first `span` of a linear step from ``work.x``.
-
-    ``outputs.start`` and ``outputs.end`` have values and slopes at its ends, and
-    ``work.expanded`` tells which polynomials are there. `time` is that of its start.
-    """
-    model, outputs, peaks = shared.model, shared.outputs, shared.tally.peaks
-    start, end = outputs.start, outputs.end
+    bound_outputs(index, work.x, outputs)
+    start, end, bounds = outputs.start, outputs.end, outputs.bounds
     quarter, sixth = 0.25 * span, span * (1.0 / 6.0)
     fourth = HERMITE_MIDDLE * (span * span) * (span * span)
-    for first in range(0, peaks.shape[0], LANES):
-        if model.watched[first, 3] & wanted == 0:
-            continue
-        at = 2 * first
-        g0, g1, sides = load(start, at), load(end, at), load(outputs.sides, first)
-        reached = greatest(greatest(g0, g1), greatest(-1.0 * g0, -1.0 * g1) * sides)
-        raised = negative(load(peaks, first) - reached)
-        if raised != 0:
-            _raise_to_ends(first, raised, span, time, shared.tally, outputs)
+    for p in range(0, bounds.shape[0], LANES):
         # the quartics above and below of `search`
-        slope0, slope1 = load(start, at + LANES), load(end, at + LANES)
+        peak = load(shared.tally.peaks, outputs.first + p)
+        g0, slope0 = load(start, 2 * p), load(start, 2 * p + LANES)
+        g1, slope1 = load(end, 2 * p), load(end, 2 * p + LANES)
+        reached = greatest(greatest(g0, g1), greatest(-1.0 * g0, -1.0 * g1))
         middle = fma(slope0 - slope1, sixth, 0.5 * (g0 + g1))
-        bound_outputs(index, shared.work.x, first, outputs)
-        more = load(outputs.bounds, first) * fourth
+        more = load(bounds, p) * fourth
         early, late = fma(slope0, quarter, g0), fma(slope1, -quarter, g1)
         top = greatest(greatest(early, late), middle + more)
         bottom = greatest(greatest(-1.0 * early, -1.0 * late), -1.0 * middle + more)
-        size = greatest(top, bottom * sides)
-        low = negative(size - load(peaks, first) * (1.0 + SAME_PEAK) - LEAST)
-        if low != ALL:
-            for p in range(first, first + LANES):
-                if not low >> (p - first) & 1 and model.watched[p, 3] & wanted != 0:
-                    _search(p, index, span, time, shared)
+        raised = negative(peak - reached)
+        high = ALL ^ negative(greatest(top, bottom) - peak * (1.0 + SAME_PEAK) - LEAST)
+        if raised | high != 0:
+            for lane in range(LANES):
+                if (raised | high) >> lane & 1:
+                    _raise_acceleration(p + lane, segment, span, time, shared)
 
 
-@kernel
-def _raise_to_ends(first, raised, span, time, tally, outputs):
-    """Raise peaks, a set of `LANES` from `first` on, to the values at the ends of a step."""
-    for lane in range(LANES):
-        if raised >> lane & 1:
-            p = first + lane
-            at = first + p
-            g0, g1 = outputs.start[at], outputs.end[at]
-            if outputs.sides[p] > 0.0:
-                g0, g1 = abs(g0), abs(g1)
-            tally.peaks[p] = max(g0, g1)
-            tally.times[p] = time if g0 > g1 else time + span
-
-
-@kernel
-def _search(p, index, span, time, shared):
-    """Raise one peak by the extrema of its polynomial on a step."""
-    tables, work, outputs, tally = shared.tables, shared.work, shared.outputs, shared.tally
-    rows, expanded, h = outputs.rows, work.expanded, tables.h[index]
-    forced = forced_row(p, shared.model)
-    for c in range(N_COEFFICIENTS):
-        work.drift_rows[0, c] = 0.0
-    for j in range(rows.shape[2]):
-        weight = rows[index, p, j] if forced < 0 else 1.0 * (j == forced)
-        if weight != 0.0:
-            if not expanded[j]:
-                expand_row(tables.poly, index, j, work.x, work.rows)
-                expanded[j] = True
-            for c in range(N_COEFFICIENTS):
-                work.drift_rows[0, c] += weight * work.rows[j, c]
-    if forced >= 0:
-        differentiate(work.drift_rows[0], h, work.drift_rows[0])
-    else:
-        work.drift_rows[0, 0] += outputs.constant[index, p]
-    side = 0 if outputs.sides[p] > 0.0 else 1
+@inlined
+def _raise_acceleration(p, segment, span, time, shared):
+    """Raise the peak of floor p by its extrema on a step."""
+    work, outputs, peaks = shared.work, shared.outputs, shared.tally.peaks
+    w, at = outputs.first + p, p + p // LANES * LANES
+    start, end = outputs.start, outputs.end
+    ends = (start[at], start[at + LANES], end[at], end[at + LANES])
     bound4 = outputs.bounds[p]
-    at = search_peak(work.drift_rows, h, span, bound4, side, p, tally.peaks, work.stack)
-    if at >= 0.0:
-        tally.times[p] = time + at
+    reached = raise_to_ends(ends, 0, span, w, peaks)
+    if row_may_be_higher(peaks[w], 0, span, ends, bound4):
+        expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
+        rows = outputs.rows[p : p + 1]
+        found = raise_peak(rows, segment.h, span, ends, bound4, 0, w, peaks, work.stack)
+        reached = found if found >= 0.0 else reached
+    if reached >= 0.0:
+        shared.tally.times[w] = time + reached

@@ -22,6 +22,9 @@ left is smooth: at the true distance, rho q x = y - delta,
 polynomial through the values at the nodes. The integral equation is solved by iteration, which
 gains a factor of the order of delta each time. p and exp(M s) e are Taylor series (`series`) of
 `LANES` terms. Tangent vectors obey the same equations with r' and g, at the same nodes.
+
+With slow passages integrated instead, 20 frames take 13.5 % more processor time with the damping as
+printed (18.13 s for 15.97 s), 8.6 % as described (37.57 s for 34.58 s).
 """
 
 import math

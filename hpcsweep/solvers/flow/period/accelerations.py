@@ -38,7 +38,7 @@ def accelerations_at_end(segment, ending, z, amplitude, packed, shared):
         copy_state(z, shared.work.z_end)
 
 
-@kernel
+@inlined
 def _time_in_layer(segment, ending, model, work):
     """Return T and the velocity of the contact's row."""
     row = model.contacts.row[ending.contact]
@@ -46,7 +46,7 @@ def _time_in_layer(segment, ending, model, work):
     return model.layer / abs(v) if v != 0.0 else segment.h, v
 
 
-@kernel
+@inlined
 def _may_exceed(segment, ending, shared):
     """Return whether the acceleration of a floor may exceed its peak before the stop."""
     model, outputs, tally = shared.model, shared.outputs, shared.tally
@@ -54,17 +54,18 @@ def _may_exceed(segment, ending, shared):
     time, v = _time_in_layer(segment, ending, model, shared.work)
     touches = segment.key & contact_bit(k) != 0
     pull = MOST_PULL * contacts.beta[k] / model.rho
-    for p in range(model.watched.shape[0]):
-        i, _, _, flag = model.watched[p]
+    for i in range(model.ground.shape[0]):
         e = contacts.kick[k, i]
-        if flag != ACCELERATION or e == 0.0:
+        if e == 0.0:
             continue
-        at = p + p // LANES * LANES
+        at = i + i // LANES * LANES
         a, jerk = outputs.end[at], outputs.end[at + LANES]
         if touches:
             jerk += contacts.beta[k] * contacts.sign[k] * v * e
         along = a if e > 0.0 else -a
-        if along + abs(jerk) * time + pull * abs(e) > tally.peaks[p] * (1.0 + SAME_PEAK):
+        if along + abs(jerk) * time + pull * abs(e) > tally.peaks[outputs.first + i] * (
+            1.0 + SAME_PEAK
+        ):
             return True
     return False
 

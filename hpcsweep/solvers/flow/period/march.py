@@ -1,16 +1,36 @@
 """Integrate consecutive forcing periods."""
 
-import math
-
 from hpcsweep.kernels.arena import as_long_as
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
+from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
+from hpcsweep.solvers.flow.dashpot.march import march_dashpots
 from hpcsweep.solvers.flow.period.period import march_period
-from hpcsweep.solvers.flow.state.augmented import renew_rows
+from hpcsweep.solvers.flow.state.periods import begin_period, end_period
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state
-from hpcsweep.solvers.flow.state.tally import NO_TALLY
+from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE
+
+
+@entry_point(
+    (INT, INT),
+    BYTES,
+    VECTOR,
+    FLOAT,
+    INT,
+    MATRIX,
+    INT,
+    MATRIX,
+    VECTOR,
+    inner=True,
+    specialises=True,
+    on_demand=True,
+)
+def march_measured(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
+    """Advance z as `march` does where measures are requested."""
+    common = read_shared(shared)
+    return _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, True)
 
 
 @entry_point((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX, INT, MATRIX, VECTOR, specialises=True)
@@ -35,27 +55,25 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     outcome : int
     """
     common = read_shared(shared)
+    if has_dashpots(common.model):
+        return march_dashpots(shared, z, amplitude, n_periods, points, wanted, tangent, growth)
+    if wanted & ANY_MEASURE:
+        return march_measured(shared, z, amplitude, n_periods, points, wanted, tangent, growth)
+    return _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, None)
+
+
+@inlined
+def _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, measures):
+    """Advance z; arguments of `march` and, `measures`, of `march_period`."""
     z = as_long_as(z, common.previous)
     tangent = as_long_as(tangent, common.previous)
-    previous = common.previous
     for period in range(n_periods):
-        copy_state(z, previous)
-        if common.model.rows.shape[0] > 0:
-            renew_rows(z, tangent, common.model)
-        outcome = march_period(shared, z, amplitude, common, wanted, tangent)
+        begin_period(z, tangent, common)
+        outcome = march_period(shared, z, amplitude, common, wanted, tangent, measures)
         if outcome != COMPLETE:
-            copy_state(previous, z)
+            copy_state(common.previous, z)
             return period, outcome
-        if growth.shape[0] > 0:
-            square = 0.0
-            for k in range(z.shape[0]):
-                square += tangent[k, 0] ** 2
-            size = math.sqrt(square)
-            growth[period] = math.log(size) if size > 0.0 else -math.inf
-            for k in range(z.shape[0]):
-                tangent[k, 0] /= size if size > 0.0 else 1.0
-        if points.shape[0] > 0:
-            copy_state(z, points[period])
+        end_period(period, z, points, tangent, growth)
     return n_periods, COMPLETE
 
 

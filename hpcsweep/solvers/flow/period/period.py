@@ -16,7 +16,6 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.model.kernel_model import ACCELERATION
 from hpcsweep.solvers.flow.layer.visit import (
     Interval,
     inside_layer,
@@ -25,7 +24,6 @@ from hpcsweep.solvers.flow.layer.visit import (
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, expand_rows
 from hpcsweep.solvers.flow.linear.propagators import table_of
-from hpcsweep.solvers.flow.observe.impacts import impacts_at_end
 from hpcsweep.solvers.flow.passage.passage import (
     EXTRAPOLATION,
     FAST,
@@ -36,21 +34,23 @@ from hpcsweep.solvers.flow.passage.passage import (
     time_at_stop,
 )
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent
-from hpcsweep.solvers.flow.period.accelerations import accelerations_at_end
-from hpcsweep.solvers.flow.period.gather import observe_segment, segment_tangent
+from hpcsweep.solvers.flow.period.gather import (
+    measure_segment,
+    observe_segment,
+    segment_tangent,
+)
 from hpcsweep.solvers.flow.search.events import (
     contact_key,
     first_event,
-    is_clear,
     layer_edge,
 )
 from hpcsweep.solvers.flow.search.search import UNDECIDED, Bracket, Curve, Level, rising_root
+from hpcsweep.solvers.flow.search.steps import coast, take_step
 from hpcsweep.solvers.flow.state.augmented import start
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.segment import Ending, Segment
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
-from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
-from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY
+from hpcsweep.solvers.flow.state.tally import NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
@@ -60,63 +60,6 @@ SHORTEST = 0.01
 """Fraction of a step after which a contact that reaches its stop beyond the step is tried again."""
 SAME_INSTANT = 2.0**-40
 """Fraction of a step within which contacts of infinite sharpness reach their stops at once."""
-
-
-@inlined
-def _coast(segment, steps_left, model, tables, work):
-    """Take linear steps while no contact can reach the edge of its layer (proved) and time remains.
-
-    Returns
-    -------
-    tau : float
-    n_steps : int
-        ``work.x`` holds the augmented state there.
-    known : bool
-        Whether ``work.wide`` and ``work.bounds`` are those of a step from there.
-    """
-    key, index, h, tau, end = segment
-    x, wide, bounds = work.x, work.wide, work.bounds
-    places = model.contacts.places
-    n_steps = 0
-    while tau + h < end and n_steps < steps_left:
-        product(tables.step, index, x, wide)
-        product_of_moduli(tables.bound4, index, x, bounds)
-        for k in range(places.shape[0]):
-            if not is_clear(key, k, h, x, wide, model, bounds[places[k, 0]]):
-                return tau, n_steps, True
-        for row in range(work.z_end.shape[0]):
-            x[row] = wide[row]
-        turn_forcing(x, work.z_end.shape[0], tables, index)
-        tau += h
-        n_steps += 1
-    return tau, n_steps, False
-
-
-@inlined
-def _step(segment, known, tables, work):
-    """Take one linear step from ``work.x`` to ``work.z_end``, at most to the end of the period.
-
-    Returns
-    -------
-    float
-        Length of the step.
-    """
-    index, x = segment.index, work.x
-    for row in range(work.z_end.shape[0]):
-        work.expanded[row] = False
-    span = segment.h
-    if segment.tau + segment.h < segment.end:
-        if not known:
-            product(tables.step, index, x, work.wide)
-        for row in range(work.z_end.shape[0]):
-            work.z_end[row] = work.wide[row]
-    else:
-        span = segment.end - segment.tau
-        expand_rows(tables.poly, index, x, work.rows, work.expanded, work.z_end.shape[0])
-        evaluate_rows(work.rows, segment.h, span, work.z_end)
-    if not known:
-        product_of_moduli(tables.bound4, index, x, work.bounds)
-    return span
 
 
 @inlined
@@ -225,14 +168,14 @@ def take_segment(segment, known, promised, z, amplitude, packed, shared):
     segment : Segment
         From ``work.x``.
     known : bool
-        See `_coast`.
+        See `coast`.
 
     Returns
     -------
     Ending
         Its contact is `UNDECIDED` if rounding prevents a decision.
     """
-    span = _step(segment, known, shared.tables, shared.work)
+    span = take_step(segment, known, shared.tables, shared.work)
     event = first_event(segment, span, shared.model, shared.tables.poly, shared.work)
     if event[0] >= 0:
         return _end_at_event(segment, event, promised, z, amplitude, packed, shared)
@@ -240,7 +183,7 @@ def take_segment(segment, known, promised, z, amplitude, packed, shared):
 
 
 @inlined
-def march_period(packed, z, amplitude, shared, wanted, tangent):
+def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
     """Advance z over one forcing period, in place.
 
     Parameters
@@ -256,6 +199,8 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
         Flags of what to gather in ``shared.tally``, see `tally`.
     tangent : ndarray, shape (2R, m)
         Multiplied by the tangent map of the period, in place.
+    measures
+        None leaves the gathering of measures, a third of the compiled code, out.
 
     Returns
     -------
@@ -291,7 +236,7 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
         known = False
         if wanted == NO_TALLY:
             steps_left = shared.max_steps - steps
-            tau, coasted, known = _coast(segment, steps_left, model, tables, work)
+            tau, coasted, known = coast(segment, steps_left, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)
             counts[0] += coasted
@@ -309,12 +254,10 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
         if not is_ordinary(work.z_end):
             return NON_FINITE
         if wanted != NO_TALLY:
-            observe_segment(segment, ending.span, amplitude, wanted, shared)
+            observe_segment(segment, ending.span, wanted, shared)
         passing = passing_contacts(segment, ending, work.z_end, model)
-        if wanted & IMPACTS:
-            impacts_at_end(segment, ending, passing, model, shared.tally, work)
-        if wanted & ACCELERATION:
-            accelerations_at_end(segment, ending, z, amplitude, packed, shared)
+        if measures is not None:
+            measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)

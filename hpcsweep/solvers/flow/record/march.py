@@ -13,9 +13,13 @@ from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
 from hpcsweep.kernels.simd.vectors import LANES
+from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
+from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
+from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots, past_stops, pushing
 from hpcsweep.solvers.flow.layer.visit import Interval, inside_layer, visit_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_at_end, impacts_on_segment
 from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
@@ -27,9 +31,11 @@ from hpcsweep.solvers.flow.period.period import (
     passing_contacts,
     take_segment,
 )
+from hpcsweep.solvers.flow.record.dashpots import rest_with_dashpots
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
 from hpcsweep.solvers.flow.search.search import UNDECIDED
 from hpcsweep.solvers.flow.state.augmented import renew_rows, start
+from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.segment import Segment
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
@@ -69,9 +75,8 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
     common = read_shared(shared)
     z = as_long_as(z, common.previous)
     model, tables, work = common.model, common.tables, common.work
-    if model.rows.shape[0] > 0:
-        renew_rows(z, common.no_tangent, model)
     key, index = np.uint64(0), NO_TABLE
+    with_dashpots = has_dashpots(model)
     for j in range(first, last):
         model.ramp[0, 0] = model.ramp[0, 1] = 0.0
         if j + 1 < samples.shape[0]:
@@ -79,8 +84,14 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
             model.ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
         if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
             return j - first, NON_FINITE
+        if model.rows.shape[0] > 0:
+            # at every one, so that nothing depends on where a call begins
+            renew_rows(z, common.no_tangent, model)
         time = j * model.period
-        if index == NO_TABLE and not inside_layer(z, model):
+        if index == NO_TABLE and with_dashpots:
+            if past_stops(0.0, z, amplitude, model, work) == np.uint64(0):
+                index = table_of(key, tables, shared)
+        elif index == NO_TABLE and not inside_layer(z, model):
             key = contact_key(0.0, z, amplitude, model, work)
             index = table_of(key, tables, shared)
         tau = 0.0
@@ -92,8 +103,12 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
-            rest = Segment(key, index, 0.0, tau, length)
-            outcome = _rest_of_interval(shared, rest, time, z, amplitude, wanted)
+            begun = Segment(key, index, 0.0, tau, length)
+            if with_dashpots:
+                gathers = wanted == ALL_PEAKS
+                outcome = rest_with_dashpots(shared, begun, time, z, amplitude, gathers)
+            else:
+                outcome = _rest_of_interval(shared, begun, time, z, amplitude, wanted)
             if outcome != COMPLETE:
                 return j - first, outcome
             index = NO_TABLE
@@ -206,13 +221,26 @@ def _sample_peaks(packed, j, z, amplitude, shared):
     if inside_layer(z, model):
         return
     key = contact_key(model.period, z, amplitude, model, work)
+    if not model.contacts.is_elastic:
+        key = pushing(key, z, model.contacts)
     index = table_of(key, tables, packed)
-    fill_outputs(index, PEAKS, model, tables, outputs)
+    fill_outputs(index, model, tables, outputs)
     forcing_at(model.period, amplitude, model, work.forcing, 0)
     start(outputs.x_end, z, work.forcing)
-    look(index, outputs.x_end, PEAKS, model, outputs, outputs.end)
+    look(index, outputs.x_end, outputs, outputs.end)
     for p in range(tally.peaks.shape[0]):
-        value = outputs.end[p + p // LANES * LANES]
-        size = abs(value) if outputs.sides[p] > 0.0 else value
-        if size > tally.peaks[p]:
+        i, below, side, flag = model.watched[p]
+        k = p - outputs.first_contact
+        if flag == ACCELERATION:
+            value = outputs.end[i + i // LANES * LANES]
+        elif flag == CONTACT:
+            edges = model.contacts.edges
+            value = edges[k, SPRING] * distance(k, z, model.contacts)
+            value += edges[k, DASHPOT] * approach_speed(k, z, model.contacts)
+            if key & contact_bit(k) == np.uint64(0):
+                value = 0.0
+        else:
+            value, _, _, _ = row_at_ends((i, below, side, 0.0), z, z, work.bounds)[0]
+        size = abs(value) if side == 0 else value
+        if flag > 0 and size > tally.peaks[p]:
             tally.peaks[p], tally.times[p] = size, (j + 1) * model.period

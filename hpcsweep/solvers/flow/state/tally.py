@@ -11,10 +11,11 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.places import zeros
 from hpcsweep.model.kernel_model import PEAK_FLAGS, Model
-from hpcsweep.solvers.measures import IMPACT_FLAG, TIME
+from hpcsweep.solvers.measures import IMPACT_FLAG, N_IMPACTS
 
 NO_TALLY, MAXIMA, NORMS = range(3)
 PEAKS, IMPACTS = sum(PEAK_FLAGS), IMPACT_FLAG
+ANY_MEASURE = PEAKS | IMPACTS
 """What to gather: nothing; contact set and drift; these and the modal norms. To the latter two
 `PEAK_FLAGS` may be added, for the peaks of watched rows, and `IMPACT_FLAG`, for impacts."""
 
@@ -35,7 +36,7 @@ class Tally(NamedTuple):
     times: np.ndarray
     """(Q,): ... and when they are on linear segments."""
     impacts: np.ndarray
-    """(4, m): see `hpcsweep.solvers.measures`."""
+    """(N_IMPACTS, m): see `hpcsweep.solvers.measures`."""
     closed: np.ndarray
     """(1,) uint64: the contacts that are closed now."""
 
@@ -49,7 +50,7 @@ def new_tally(n: int, model: Model) -> Tally:
         modal=zeros(n),
         peaks=zeros(len(model.watched)),
         times=zeros(len(model.watched)),
-        impacts=zeros(TIME + 1, model.contacts.gap.size),
+        impacts=zeros(N_IMPACTS, model.contacts.gap.size),
         closed=zeros(1, dtype=np.uint64),
     )
 

@@ -1,0 +1,1 @@
+"""Motions with dashpots: contacts that are past their stops, those that push, and their changes."""

@@ -1,0 +1,297 @@
+"""Contacts with dashpots: one impact, energies, the Taylor reference, tangents, both solvers."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import random_records
+from dashpots import measure, random_case
+from scipy.integrate import solve_ivp
+
+import hpcsweep
+from hpcsweep import Contact, Record, Structure
+from hpcsweep.model.dashpot import ratio_of_restitution
+from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.solvers.bdf import BdfMap
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.measures import IMPACT_FLAG
+from hpcsweep.solvers.reference import reference_points, reference_record, system
+from hpcsweep.solvers.trajectory import trajectory
+
+ALL = sum(PEAK_FLAGS) + IMPACT_FLAG
+STILL = Record(np.zeros(2), 0.05)
+RULES = pytest.mark.parametrize("tension", [False, True])
+START = np.array([0.1, 0.2, 0.9, 0.3, 0.5, 0.8])
+
+
+def storeys(tension: bool, n: int = 3) -> Structure:
+    return Structure(n, 1000.0, math.inf, 0.05, restitution=0.6, tension=tension)
+
+
+def free_mass(restitution: float, tension: bool) -> Structure:
+    """A mass of 2 that nothing holds, but for a spring of no account, before a stop."""
+    contact = Contact.from_restitution([1.0], 0.02, 500.0, restitution, [2.0], tension)
+    return Structure.from_matrices([2.0], [[1e-12]], [contact])
+
+
+def neighbours(tension: bool, damping_ratio: float = 0.0) -> Structure:
+    """Two buildings of two storeys side by side, which pound at both levels."""
+    both = [hpcsweep.Building([1.0, 1.0], 100.0), hpcsweep.Building([1.0, 2.0], 180.0)]
+    made = hpcsweep.adjacent(both, [0.01, 0.015], 5e3, restitution=0.5, tension=tension)
+    return Structure.from_matrices(
+        made.mass_matrix, made.stiffness_matrix, made.contacts, damping_ratio=damping_ratio
+    )
+
+
+@RULES
+@pytest.mark.parametrize("e", [0.95, 0.65, 0.2])
+@pytest.mark.parametrize("solver", ["flow", "bdf"])
+def test_one_impact_restores_the_speed_that_is_asked(solver, e, tension):
+    speed, mass, kappa = 0.4, 2.0, 500.0
+    structure = free_mass(e, tension)
+    given = {"tail": 1.0, "state": [0.0, speed], "solver": solver}
+    found = hpcsweep.response(structure, STILL, **given, rtol=1e-10)
+    off = 1e-11 if solver == "flow" else 1e-7
+    assert found.impacts.tolist() == [1]
+    assert -found.final_state[1] / speed == pytest.approx(e, rel=off)
+    energy = 0.5 * mass * speed**2
+    assert found.dissipated[0] == pytest.approx(energy * (1 - e * e), rel=off)
+    assert found.impulse[0] == pytest.approx(mass * speed * (1 + e), rel=off)
+    assert found.impact_velocity[0] == pytest.approx(speed, rel=off)
+    xi, omega = ratio_of_restitution(e, tension), math.sqrt(kappa / mass)
+    s = math.sqrt(1 - xi * xi)
+    pushed = (math.pi if tension else math.pi - 2 * math.asin(xi)) / (s * omega)
+    if tension:
+        assert found.contact_time[0] == pytest.approx(pushed, rel=off)
+    # the force is largest where x'' turns, or at once
+    t = (math.pi - 3 * math.asin(xi) - math.pi / 2) / (s * omega)
+    top = 2 * xi * math.sqrt(kappa * mass) * speed
+    if t > 0:
+        top = mass * omega * speed * math.exp(-xi * omega * t)
+    assert found.force[0] == pytest.approx(top, rel=off)
+
+
+def test_a_dashpot_without_a_spring_takes_all_the_energy():
+    # x'' = -c x' / m: it stops at v m / c, after infinite time, and never lets go
+    contact = Contact([1.0], 0.02, 0.0, 50.0)
+    structure = Structure.from_matrices([2.0], [[1e-12]], [contact])
+    found = hpcsweep.response(structure, STILL, tail=2.0, state=[0.0, 0.4])
+    assert found.final_state == pytest.approx([0.02 + 0.4 * 2 / 50, 0.0], abs=1e-12)
+    assert found.force == pytest.approx([50.0 * 0.4], rel=1e-12)
+    assert found.dissipated == pytest.approx([0.16], rel=1e-12)
+
+
+@RULES
+def test_a_ball_comes_to_rest_after_finitely_many_bounces(tension):
+    # a spring cannot be hit infinitely often: below some speed the ball stays in contact
+    weight, e, kappa = 9.81, 0.7, 5e5
+    contact = Contact.from_restitution([1.0], 0.0, kappa, e, [2.0], tension)
+    structure = Structure.from_matrices([2.0], [[1e-9]], [contact])
+    steady = Record(np.full(2000, -weight), 0.005)
+    found = hpcsweep.response(structure, steady, state=[-0.5, 0.0])
+    deep = 2.0 * weight / kappa
+    assert found.final_state == pytest.approx([deep, 0.0], abs=1e-9)
+    first = math.sqrt(2 * weight * 0.5)
+    assert found.impact_velocity[0] == pytest.approx(first, rel=1e-8)
+    assert 5 <= found.impacts[0] <= 30
+    fallen = 2.0 * weight * (0.5 + deep) - 0.5 * kappa * deep**2
+    assert found.dissipated[0] == pytest.approx(fallen, rel=1e-7)
+
+
+@RULES
+def test_what_the_dashpots_take_is_what_the_buildings_lose(tension):
+    structure = neighbours(tension)
+    start = np.array([0.0, 0.0, 0.0, 0.0, 0.3, 0.6, -0.2, -0.5])
+    found = hpcsweep.response(structure, STILL, tail=7.0, state=start)
+
+    def energy(z):
+        past = np.maximum(structure.directions @ z[:4] - [0.01, 0.015], 0.0)
+        own = z[4:] @ structure.mass_matrix @ z[4:] + z[:4] @ structure.stiffness_matrix @ z[:4]
+        return 0.5 * (own + structure.contact_stiffness @ past**2)
+
+    assert found.impacts.min() > 3
+    lost = energy(start) - energy(found.final_state)
+    assert lost > 0.3 * energy(start)
+    assert found.dissipated.sum() == pytest.approx(lost, rel=1e-11)
+
+
+def test_scaling_a_record_is_shrinking_the_gaps():
+    structure = neighbours(False, 0.05)
+    contacts = tuple(replace(one, gap=one.gap / 3.0) for one in structure.contacts)
+    wide = replace(structure, matrices=replace(structure.matrices, contacts=contacts))
+    record = Record(3.0 * np.random.default_rng(3).standard_normal(200), 0.02)
+    found = hpcsweep.response(structure, record, 3.0, tail=0.5)
+    other = hpcsweep.response(wide, record, tail=0.5)
+    assert found.impacts.tolist() == other.impacts.tolist()
+    assert found.force == pytest.approx(3.0 * other.force, rel=1e-11)
+    assert found.dissipated == pytest.approx(9.0 * other.dissipated, rel=1e-11)
+    assert found.final_state == pytest.approx(3.0 * other.final_state, rel=1e-10, abs=1e-13)
+
+
+@RULES
+def test_results_under_a_record_are_those_of_the_steps_of_the_reference(tension):
+    """Force, impulse, energy and acceleration along the reference's series."""
+    structure = storeys(tension)
+    samples = 0.6 * np.random.default_rng(1).standard_normal(40)
+    found = hpcsweep.response(structure, Record(samples, 0.4), state=START)
+    end, steps = reference_record(structure, samples, 0.4, 1.0, START)
+    assert found.final_state == pytest.approx(end, abs=1e-12)
+    parts = system(structure, 1.0, 1.0)[2]
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    top, impulse, energy = np.zeros((3, 3))
+    pushed = np.zeros(3)
+    for begun, h, c in steps:
+        times = 0.5 * h * (np.concatenate((nodes, np.linspace(-1, 1, 400))) + 1)
+        series = np.vander(times, c.shape[1], increasing=True).T
+        x = parts.reach @ (c[:3] @ series) - parts.gap[:, None]
+        w = parts.reach @ (c[3:] @ series)
+        force = np.where(x > 0, parts.kappa[:, None] * x + parts.drag[:, None] * w, 0.0)
+        if not tension:
+            force = np.maximum(force, 0.0)
+        top = np.maximum(top, force.max(axis=1))
+        impulse += 0.5 * h * force[:, :16] @ weights
+        energy += 0.5 * h * (force * w)[:, :16] @ weights
+        rates = c[3:, 1:] * np.arange(1, c.shape[1]) @ series[:-1]
+        ground = np.interp(begun + times, 0.4 * np.arange(40), samples)
+        pushed = np.maximum(pushed, np.abs(rates + ground).max(axis=1))
+    assert (found.impacts > 0).all()
+    assert found.impulse == pytest.approx(impulse, rel=1e-10)
+    assert found.dissipated == pytest.approx(energy, rel=1e-9)
+    assert (found.force >= top * (1 - 1e-12)).all()
+    assert found.force == pytest.approx(top, rel=1e-4)
+    assert (found.floor_acceleration >= pushed * (1 - 1e-12)).all()
+    assert found.floor_acceleration == pytest.approx(pushed, rel=1e-4)
+
+
+@RULES
+def test_a_record_by_an_integrator_of_its_own(tension):
+    """scipy's DOP853 on the law as it is written, which finds the jumps by its error estimate."""
+    structure = storeys(tension, 2)
+    samples = 0.8 * np.random.default_rng(5).standard_normal(8)
+    start = np.array([0.5, 0.9, 0.2, 0.8])
+    given = {"state": start}
+    found = hpcsweep.response(structure, Record(samples, 0.5), **given)
+    (kappa, _), (c, _) = structure.contact_stiffness, structure.contact_damping
+
+    def rates(t, z, j):
+        x, w = z[:2] - 1.0, z[2:]
+        push = np.where(x > 0, kappa * x + c * w, 0.0)
+        push = push if tension else np.maximum(push, 0.0)
+        ground = samples[j] + (samples[j + 1] - samples[j]) * t / 0.5
+        inner = structure.stiffness_matrix @ z[:2] + structure.damping_matrix @ w
+        return np.concatenate((w, -ground - inner - push))
+
+    z = start
+    for j in range(len(samples) - 1):
+        done = solve_ivp(rates, (0, 0.5), z, "DOP853", args=(j,), rtol=1e-12, atol=1e-13)
+        z = done.y[:, -1]
+    assert (found.impacts > 0).all()
+    assert found.final_state == pytest.approx(z, abs=1e-8)
+
+
+def check_random(number: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    period, tangent = np.array([measure(random_case(rng)) for _ in range(number)]).T
+    assert period.max() < 1e-10
+    assert np.median(period) < 1e-13
+    # differences are off where a contact that grazes is near
+    assert np.median(tangent) < 1e-7
+    assert np.quantile(tangent, 0.9) < 1e-5
+
+
+def check_records(number: int, n_bdf: int, seed: int) -> None:
+    for solvers in random_records.measure(number, n_bdf, seed).values():
+        assert max(solvers["flow"]) < 1e-10
+        assert np.median(solvers["flow"]) < 1e-13
+        assert max(solvers["bdf"], default=0.0) < 1e-4
+
+
+def test_a_few_random_structures_follow_the_reference():
+    check_random(8, seed=11)
+    check_records(4, 1, seed=11)
+
+
+@pytest.mark.slow
+def test_random_structures_follow_the_reference():
+    check_random(100, seed=12)
+    check_records(100, 10, seed=12)
+
+
+@RULES
+def test_the_tangent_map_is_that_of_differences_and_of_the_other_solver(tension):
+    structure = storeys(tension)
+    end, matrix = FlowMap(structure, 0.445).monodromy(START, 0.15, 1)
+    shifts = 1e-6 * np.eye(6)
+    ends = [
+        reference_points(structure, 0.15, 0.445, START + side * shift, 1)[0]
+        for shift in shifts
+        for side in (1, -1)
+    ]
+    exact = (np.array(ends[::2]) - np.array(ends[1::2])).T / 2e-6
+    np.testing.assert_allclose(matrix, exact, atol=1e-7)
+    other, tangent = BdfMap(structure, 0.445, 1e-9).monodromy(START, 0.15, 1)
+    np.testing.assert_allclose(other, end, atol=1e-6)
+    np.testing.assert_allclose(tangent, matrix, atol=1e-6)
+
+
+def test_a_volume_shrinks_by_the_damping_and_the_time_in_which_contacts_push():
+    # with tension a contact pushes as long as it is closed: det = exp(-T tr D - c t)
+    structure = Structure(1, 300.0, math.inf, 0.02, restitution=0.7, tension=True)
+    solver, state = FlowMap(structure, 0.9), np.array([0.9, 1.1])
+    _, matrix = solver.monodromy(state, 0.3, 1)
+    share = solver.observe(state, 0.3, 1, measures=ALL).measures[-1]
+    assert 0 < share < 1
+    length = 2 * math.pi / 0.9
+    own = length * (structure.damping_matrix[0, 0] + structure.contact_damping[0] * share)
+    assert np.linalg.det(matrix) == pytest.approx(math.exp(-own), rel=1e-11)
+
+
+@RULES
+def test_the_solvers_observe_the_same(tension):
+    structure = storeys(tension)
+    flow = FlowMap(structure, 0.445).observe(START, 0.15, 2, modal_norm=True, measures=ALL)
+    bdf = BdfMap(structure, 0.445, 1e-8).observe(START, 0.15, 2, modal_norm=True, measures=ALL)
+    assert flow.contact == bdf.contact != 0
+    assert flow.peak_drift == pytest.approx(bdf.peak_drift, rel=1e-5)
+    np.testing.assert_allclose(flow.measures, bdf.measures, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(flow.modal_norm, bdf.modal_norm, rtol=1e-4)
+    path = trajectory(structure, 0.15, 0.445, START, 50)
+    points, _ = FlowMap(structure, 0.445).points(START, 0.15, 1)
+    assert path[-1] == pytest.approx(points[0], abs=1e-9)
+
+
+@RULES
+def test_the_same_response_by_the_other_solver(tension):
+    structure, record = neighbours(tension, 0.03), Record(9 * np.cos(np.arange(25.0)), 0.05)
+    flow = hpcsweep.response(structure, record, tail=0.33)
+    bdf = hpcsweep.response(structure, record, tail=0.33, solver="bdf", rtol=1e-8)
+    assert flow.impacts.tolist() == bdf.impacts.tolist()
+    assert flow.impacts.sum() > 1
+    assert flow.duration == pytest.approx(bdf.duration)
+    for name in ("displacement", "drift", "floor_acceleration", "force", "impulse", "dissipated"):
+        own, other = getattr(flow, name), getattr(bdf, name)
+        np.testing.assert_allclose(own, other, rtol=1e-4, atol=1e-4 * own.max(), err_msg=name)
+    coarse, other = (
+        hpcsweep.response(structure, record, solver=name, at_samples=True)
+        for name in ("flow", "bdf")
+    )
+    np.testing.assert_allclose(coarse.floor_acceleration, other.floor_acceleration, rtol=1e-4)
+    np.testing.assert_allclose(coarse.force, other.force, rtol=1e-4, atol=1e-6)
+
+
+def test_no_motion_goes_beyond_its_reach():
+    rng = np.random.default_rng(2)
+    for tension in (False, True):
+        structure = Structure(2, 40.0, math.inf, 0.2, gap=0.3, restitution=0.4, tension=tension)
+        plain = replace(structure, restitution=None)
+        states = rng.normal(size=(3, 4))
+        reach = [one.within_reach(0.5, states) for one in (structure, plain)]
+        assert not reach[0].unreached
+        path = [trajectory(structure, 0.5, 0.8, z, 200)[:, :2].max() for z in states]
+        far = replace(structure, gap=1e6).within_reach(0.5, states)
+        assert tension or len(far.unreached) == 2
+        assert max(path) < 1e3
+    nothing = Contact([1.0], 1e9, 0.0, 5.0)
+    only = Structure.from_matrices([1.0], [[1.0]], [nothing], damping_ratio=0.1)
+    assert not only.within_reach(0.1, np.zeros(2)).unreached

@@ -7,8 +7,8 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.solvers.outcome import Outcome
 
-UNDECIDED, FAILED = -1, -2
-"""In place of an attractor's number."""
+UNDECIDED, FAILED, ELSEWHERE = -1, -2, -3
+"""In place of an attractor's number; the last: one that is not listed."""
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,11 @@
 """Find all attractors at one point (structure, A, Omega), and which starts reach them.
 
 Starts are classified in groups that double in size, so that later ones use the attractors found by
-earlier ones. A start is integrated `STRIDE` forcing periods at a time. Once it enters the
-neighbourhood of a known orbit (`hpcsweep.dynamics.neighbourhood`) it counts as a start of that
-orbit. A start still outside all of them after the transient is compared, by its last `WINDOW`
-points, with the known motions that are not orbits (`hpcsweep.dynamics.resemblance`), and only one
-that resembles none is classified on its own (`hpcsweep.dynamics.classify_motion`).
+earlier ones. Once a start enters the neighbourhood of a known orbit (`hpcsweep.dynamics.approach`)
+it counts as a start of that orbit. A start still outside all of them after the transient is
+compared, by its last `WINDOW` points, with the known motions that are not orbits
+(`hpcsweep.dynamics.resemblance`), and only one that resembles none is classified on its own
+(`hpcsweep.dynamics.classify_motion`).
 
 Chaos may be a long transient. A new motion that is classified as no orbit is therefore followed for
 `max_cycles` forcing periods; if it converges to an orbit on the way, that is its attractor. A
@@ -20,6 +20,7 @@ from copy import copy
 
 import numpy as np
 
+from hpcsweep.dynamics.approach import WINDOW, Approached, approach
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.classify_motion import NEAR, SETTLED, classify_motion
@@ -29,14 +30,12 @@ from hpcsweep.dynamics.resemblance import Signature, same_orbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, normalised_drift
 
-STRIDE = 8
-"""Forcing periods between two tests of the starts."""
 FIRST_GROUP, LARGEST_GROUP = 4, 256
 """Starts of the first group, and of the largest."""
 PATIENCE = 48
 """Forcing periods after which a start is classified where only orbits are known."""
-WINDOW, RECORD = 64, 2000
-"""Forcing periods of the window of a start, and of the record of a motion that is not an orbit."""
+RECORD = 2000
+"""Forcing periods of the record of a motion that is not an orbit."""
 MOST_RECORDS = 16
 """Most records of motions that are not orbits."""
 LADDER = 4, 16
@@ -133,24 +132,40 @@ class AttractorSearch:
         ]
         return np.array([moved[label] if label >= 0 else label for label in labels], int)
 
+    def alone(self, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Classify starts, each by the attractors known now alone.
+
+        Returns
+        -------
+        labels, cycles : ndarray of int, shape (N,)
+            As of `labels`, and the forcing periods integrated for each start.
+        """
+        found = self._approach(starts)
+        for k, window in found.windows.items():
+            own = self.fork(self._poll)
+            found.labels[k] = own._place(window)
+            found.cycles[k] += own.cycles
+        return found.labels, found.cycles
+
     def _follow(self, starts: np.ndarray) -> np.ndarray:
         """Return the labels of a group of starts."""
-        labels = np.full(len(starts), UNDECIDED)
-        left, gone = np.arange(len(starts)), 0
+        found = self._approach(starts)
+        self.failures.update(found.failures)
+        self.cycles += int(found.cycles.sum())
+        for k, window in found.windows.items():
+            found.labels[k] = self._place(window)
+        return found.labels
+
+    def _approach(self, starts: np.ndarray) -> Approached:
         longest = max(min(self._settings.transient_cycles, self._max_cycles), PATIENCE, WINDOW)
-        trail = np.empty((len(starts), longest + STRIDE, starts.shape[1]))
-        trail[:, 0] = starts
-        while left.size:
-            there = inside(trail[left, gone], self._neighbourhoods)
-            labels[left[there >= 0]] = there[there >= 0]
-            left = left[there < 0]
-            if gone >= (longest if self._signatures else PATIENCE):
-                break
-            left = left[[self._advance(trail[k], gone, labels, k) for k in left.tolist()]]
-            gone += STRIDE
-        for k in left.tolist():
-            labels[k] = self._place(trail[k, max(gone + 1 - WINDOW, 0) : gone + 1])
-        return labels
+        return approach(
+            self._solver,
+            self._amplitude,
+            starts,
+            self._neighbourhoods,
+            longest if self._signatures else PATIENCE,
+            self._poll,
+        )
 
     def classify(self, state: np.ndarray) -> int:
         """Classify a motion; return its index in `attractors`, `UNDECIDED` or `FAILED`."""
@@ -167,18 +182,6 @@ class AttractorSearch:
         )
         self.cycles += motion.cycles
         return motion
-
-    def _advance(self, trail: np.ndarray, gone: int, labels: np.ndarray, k: int) -> bool:
-        """Integrate a start further; return whether it succeeded."""
-        if self._poll is not None:
-            self._poll()
-        points, outcome = self._solver.points(trail[gone], self._amplitude, STRIDE)
-        self.cycles += len(points)
-        if outcome is Outcome.COMPLETE:
-            trail[gone + 1 : gone + 1 + STRIDE] = points
-            return True
-        labels[k] = self._failed(outcome)
-        return False
 
     def _place(self, window: np.ndarray) -> int:
         """Classify a start by its last points, away from all known orbits."""
@@ -282,8 +285,8 @@ class AttractorSearch:
             settled = self._classified(end.state)
             if settled.kind is MotionClass.PERIODIC:
                 return self._place_orbit(settled)
-        asked = {"poll": self._poll, "measures": self._settings.measures}
-        seen = self._solver.observe(end.state, self._amplitude, RECORD, True, **asked)
+        options = {"poll": self._poll, "measures": self._settings.measures}
+        seen = self._solver.observe(end.state, self._amplitude, RECORD, True, **options)
         self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)

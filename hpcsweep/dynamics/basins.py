@@ -11,11 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import Attractor
+from hpcsweep.dynamics.attractor import ELSEWHERE, Attractor
 from hpcsweep.dynamics.attractors import LARGEST_GROUP, AttractorSearch
-
-ELSEWHERE = -3
-"""In place of an attractor's number: one that is not listed."""
 
 
 class Basins:
@@ -82,8 +79,24 @@ class Basins:
             Forcing periods integrated.
         """
         search = self._search.fork(poll)
-        labels = search.labels(states, LARGEST_GROUP)
+        return self._of_list(search.labels(states, LARGEST_GROUP)), search.cycles
+
+    def alone(
+        self, states: np.ndarray, poll: Callable[[], None] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Classify states, each as a group of its own; see `labels`.
+
+        Returns
+        -------
+        labels, cycles : ndarray of int, shape (k,)
+            Of each state.
+        """
+        labels, cycles = self._search.fork(poll).alone(states)
+        return self._of_list(labels), cycles
+
+    def _of_list(self, labels: np.ndarray) -> np.ndarray:
+        """Return the labels of a search as indices in `attractors`."""
         known = (labels >= 0) & (labels < self._listed.size)
         labels[labels >= self._listed.size] = ELSEWHERE
         labels[known] = self._listed[labels[known]]
-        return labels, search.cycles
+        return labels

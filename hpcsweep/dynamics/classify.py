@@ -36,7 +36,7 @@ drawn from the maps of Figure 6 112; the others had left transient chaos. Of 20 
 NEUTRAL_GROWTH = 3.0
 """Largest growth, either sign, of a quasi-periodic window, whose true exponent is 0. Of 120 windows
 on closed curves (maps of Figure 6) 87 were neutral over 1,000 more periods, |G| <= 5; 12 had
-settled on an orbit, 12 were contracting to one, 9 were weakly chaotic."""
+converged to an orbit, 12 were contracting to one, 9 were weakly chaotic."""
 MOTION = "motion"
 """Variable of the classes in datasets without the variables that define them."""
 UNSTABLE = 0.01

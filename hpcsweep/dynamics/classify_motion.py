@@ -137,7 +137,7 @@ class _Classifier:
         self._max_cycles = max_cycles
         self._last = np.empty((0, self._units.size))  # points of what was judged last
         self._logarithms = np.empty(0)  # of all that was observed
-        self._stretch: Growth | None = None  # what is carried on
+        self._stretch: Growth | None = None  # the stretch that is extended
         self._tried: dict[int, int] = {}  # its length when it was tried to jump, by period
         self._growing = self._likely_torus = False
         self.cycles = 0

@@ -1,17 +1,20 @@
 """What figures show of points that are inferred from their cells, and how they say so."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
 from hpcsweep.figures.style import PlotError, classes_of, percent
 from hpcsweep.studies.refine.refinement import LABELS, Source, refinement_of
 from hpcsweep.studies.refine.variables import CELL, SOURCE, inferred_name
 
-VARIABLES = (SOURCE, CELL, *(inferred_name(v) for names in LABELS.values() for v in names))
+VARIABLES = (SOURCE, CELL, *{inferred_name(v): 0 for names in LABELS.values() for v in names})
 """Of results of refined maps, beside those of all runs."""
-OUTLINE = "0.35"
+APERIODIC = tuple(CLASS_NAMES[k] for k in (MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC))
+OUTLINES = (("white", 0.55), ("0.25", 0.2))
+"""Colours and widths (points) of an outline, the upper one last: it shows on light and dark."""
 
 
 def inferred(results, variable: str | None = None) -> np.ndarray:
@@ -31,17 +34,61 @@ def filled(results, variable: str, computed: np.ndarray | None = None) -> np.nda
     )
 
 
-def filled_classes(results) -> tuple[np.ndarray, np.ndarray]:
-    """Return motion classes and orbit periods of all runs, computed or inferred."""
-    return filled(results, MOTION, classes_of(results)), filled(results, "orbit_period")
+def filled_classes(results, computed=None) -> tuple[np.ndarray, np.ndarray]:
+    """Return motion classes and orbit periods of all runs, computed or inferred.
+
+    Where the period alone is inferred, a motion without one is undecided.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+    computed : ndarray of int, optional
+        Classes of the computed runs; by default they are classified.
+    """
+    computed = classes_of(results) if computed is None else computed
+    kinds, periods = filled(results, MOTION, computed), filled(results, "orbit_period")
+    if is_by_period(results):
+        classes = np.where(periods > 0, MotionClass.PERIODIC, MotionClass.UNDECIDED)
+        if inferred_name("contact") in results:
+            free = results[inferred_name("contact")].values == 0
+            classes = np.where(free, MotionClass.NO_CONTACT, classes)
+        kinds = np.where(inferred(results), classes, kinds)
+    return kinds, periods
+
+
+def is_by_period(results) -> bool:
+    """Return whether a map is refined by the period, and not by the class of motion."""
+    return inferred_name("orbit_period") in results and inferred_name(MOTION) not in results
+
+
+def drawn_classes(results) -> tuple[np.ndarray, np.ndarray]:
+    """Return `filled_classes` for a map; refined by the period, all without one are undecided."""
+    kinds, periods = filled_classes(results)
+    if is_by_period(results):
+        without = (kinds >= MotionClass.LONG_PERIOD) & (kinds <= MotionClass.UNDECIDED)
+        kinds = np.where(without, MotionClass.UNDECIDED, kinds)
+    return kinds, periods
+
+
+def drawn_names(names: Mapping[str, Any], by_period: bool) -> dict[str, Any]:
+    """Return entries of a legend of motions, by name, as those of `drawn_classes` are called."""
+    if not by_period:
+        return dict(names)
+    undecided = CLASS_NAMES[MotionClass.UNDECIDED]
+    kept = {name: entry for name, entry in names.items() if name not in APERIODIC}
+    return {"no period found" if name == undecided else name: e for name, e in kept.items()}
+
+
+def share_note(share: float) -> str:
+    """Format what share of a map is inferred; '' if nothing is."""
+    return f"{percent(1 - share)} of the points computed, the others inferred" if share else ""
 
 
 def note_of(results) -> str:
     """Say on a line how much of a map is inferred, and how much of that is wrong; '' if nothing."""
-    where = inferred(results)
-    if not where.any():
+    text = share_note(float(inferred(results).mean()))
+    if not text:
         return ""
-    text = f"{percent(1 - float(where.mean()))} of the points computed, the others inferred"
     audit: Mapping | None = results.attrs.get("audit")
     if audit:
         text += f"; {percent(audit['low'])} to {percent(audit['high'])} of these wrong (95 %)"
@@ -59,8 +106,14 @@ def need_cells(frames) -> None:
         raise PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
 
 
-def draw_cells(axis, results) -> None:
-    """Outline the cells from which points are inferred; none until the map is complete."""
+def draw_cells(axis, results, vertical=None, horizontal=None) -> None:
+    """Outline the cells from which points are inferred; none until the map is complete.
+
+    Parameters
+    ----------
+    vertical, horizontal : ndarray, optional
+        Values of the axes of the map; by default frequencies and amplitudes.
+    """
     if not inferred(results).any():
         return
     from matplotlib.collections import PolyCollection
@@ -68,16 +121,18 @@ def draw_cells(axis, results) -> None:
     levels, where = results[CELL].values[0], inferred(results)[0]
     row, column = np.nonzero(where)
     last = np.array(levels.shape) - 1
-    size = 2 ** levels[where].astype(int)
+    size = 2 ** np.abs(levels[where].astype(int))
     place = np.minimum(np.stack((row, column)), last[:, None] - 1) // size * size
     begin, size = np.split(np.unique(np.vstack((place, size)), axis=1), [2])
     end = np.minimum(begin + size, last[:, None])
-    omega, amplitude = results["omega"].values, results["amplitude"].values
-    low, high = (np.stack((amplitude[k[1]], omega[k[0]]), axis=1) for k in (begin, end))
+    if vertical is None or horizontal is None:
+        vertical, horizontal = results["omega"].values, results["amplitude"].values
+    low, high = (np.stack((horizontal[k[1]], vertical[k[0]]), axis=1) for k in (begin, end))
     corners = np.stack(
         (low, np.stack((high[:, 0], low[:, 1]), 1), high, np.stack((low[:, 0], high[:, 1]), 1)), 1
     )
     limits = axis.get_xlim(), axis.get_ylim()
-    cells = PolyCollection([*corners], facecolors="none", edgecolors=OUTLINE, linewidths=0.25)
-    axis.add_collection(cells, autolim=False)
+    for colour, width in OUTLINES:
+        cells = PolyCollection([*corners], facecolors="none", edgecolors=colour, linewidths=width)
+        axis.add_collection(cells, autolim=False)
     axis.set(xlim=limits[0], ylim=limits[1])

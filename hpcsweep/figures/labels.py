@@ -56,14 +56,14 @@ def unit(structure, quantity: str) -> str:
     return f"  [{name if '$' in name else name.replace('omega_0', WORD)}]"
 
 
-def choose_floors(n: int, asked: Sequence[int] | None = None) -> list[int]:
+def choose_floors(n: int, chosen: Sequence[int] | None = None) -> list[int]:
     """Return the floors to show, ascending, from 0.
 
     Parameters
     ----------
     n : int
         Floors of the structure.
-    asked : sequence of int, optional
+    chosen : sequence of int, optional
         Requested floors, from 1. Default: all of a few, otherwise the first, the middle and the
         top.
 
@@ -72,11 +72,11 @@ def choose_floors(n: int, asked: Sequence[int] | None = None) -> list[int]:
     PlotError
         If a requested floor does not exist.
     """
-    if asked:
-        for floor in asked:
+    if chosen:
+        for floor in chosen:
             if not 1 <= floor <= n:
                 raise PlotError(f"--floor {floor}: must be from 1 to {n}")
-        return sorted({floor - 1 for floor in asked})
+        return sorted({floor - 1 for floor in chosen})
     if n <= MOST_FLOORS:
         return list(range(n))
     return [0, (n - 1) // 2, n - 1]

@@ -70,12 +70,12 @@ def figures(writes: tuple[str, ...] = PICTURE) -> dict[str, Any]:
     }
 
 
-def add_options(parser: argparse.ArgumentParser, known: Iterable[Any], told: bool = False) -> None:
-    """Add the options of figures to a parser, each once; `told`: its help names who knows it."""
+def add_options(parser: argparse.ArgumentParser, known: Iterable[Any], named: bool = False) -> None:
+    """Add the options of figures to a parser, each once; `named`: their help names the figures."""
     known = list(known)
     for option in options_of(known):
         kinds = ", ".join(figure.NAME for figure in known if option in figure.OPTIONS)
-        words = f"{option.help}; {kinds}" if told else option.help
+        words = f"{option.help}; {kinds}" if named else option.help
         parser.add_argument(option.flag, dest=option.keyword, help=words, **option.arguments)
 
 
@@ -131,6 +131,13 @@ FLOORS = Option(
     "middle and the top)",
     "floors",
     {"type": int, "action": "append", "metavar": "I"},
+)
+BRANCHES = Option(
+    "--branches",
+    "branches along the amplitude, of the same structure, laid over it: stable full, unstable "
+    "thin; over a map their special points and curves",
+    "branches",
+    {"type": Path, "metavar": "FILE"},
 )
 CELLS = Option(
     "--cells",

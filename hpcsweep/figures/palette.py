@@ -77,7 +77,7 @@ SERIES = (
 """Okabe and Ito's colours, then Tol's."""
 SHADES = ((0.0, -0.5, 0.75, -0.75), (0.0, 0.4, 0.75, 0.6))
 """Shares of white, or less than 0 of black, in the colours of several attractors of one motion,
-whose own colour is light or dark; three of them are told apart by every eye."""
+whose own colour is light or dark; three of them are distinct to every eye."""
 LIGHT = 45.0
 """Lightness from which on a motion's colour is light."""
 DARK_INK, LIGHT_INK, INK_CHANGE = "#222222", "#ffffff", 53.3

@@ -144,16 +144,29 @@ FAR_OFF = 0.1
 
 
 def nearest_frame(omegas: np.ndarray, omega: float | None) -> int:
-    """Return the frame nearest to a frequency, the first if none is requested."""
-    if omega is None:
+    """Return the frame nearest to a frequency, the first if none is requested.
+
+    Of one frame it is that one, which a caption tells: a file was asked before (`check_omega`).
+    """
+    if omega is None or omegas.size == 1:
         return 0
+    check_omega(omegas, omega)
+    return int(np.argmin(np.abs(omegas - omega)))
+
+
+def check_omega(omegas: np.ndarray, omega: float) -> None:
+    """Refuse a frequency far beyond those of all frames.
+
+    Raises
+    ------
+    PlotError
+    """
     if not np.isfinite(real("omega", omega)):
         raise PlotError(f"--omega {omega}: must be finite")
     low, high = float(np.min(omegas)), float(np.max(omegas))
     beyond = max(low - omega, omega - high)
-    if beyond > max(high - low, FAR_OFF * high):
+    if beyond > FAR_OFF * high:
         raise PlotError(f"--omega {omega:g}: the results hold {low:.6g} to {high:.6g}")
-    return int(np.argmin(np.abs(omegas - omega)))
 
 
 def need(results, *names: str) -> None:
@@ -224,20 +237,25 @@ def classes_of(results) -> np.ndarray:
 
 def caption(results, omega: float | None = None) -> str:
     """Format the parameters of a campaign, or of one frame if `omega` is given."""
-    told = parameters(job_of(results).structure, omega)
+    words = parameters(job_of(results).structure, omega)
     part = results.attrs.get("part")
-    return f"{part}\n{told}" if part else told
+    return f"{part}\n{words}" if part else words
 
 
 def parameters(structure, omega: float | None = None, room: int | None = CAPTION_ROOM) -> str:
     """Format the parameters of a structure, and a frequency if given, on a line or two."""
     from hpcsweep.model.description import in_words
+    from hpcsweep.model.unit_names import unit_of
 
-    told = in_words(structure)
+    words = in_words(structure)
     if omega is not None:
-        told.append((r"\Omega", f"{omega:.6g}"))
+        shown = f"{omega:.6g}"
+        if structure.unit_names.time:
+            cycles = f"{omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
+            shown += f" {unit_of(structure, 'frequency')} = {cycles}"
+        words.append((r"\Omega", shown))
     lines, length = [""], 0
-    for symbol, value in told:
+    for symbol, value in words:
         part = rf"${SYMBOLS.get(symbol, symbol)}$ = {value}" if symbol else value
         size = len(value) + (6 if symbol else 2)
         if room is not None and length + size > room:

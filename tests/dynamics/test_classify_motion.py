@@ -17,14 +17,14 @@ from hpcsweep.studies.settings import SweepSettings
 SETTINGS = SweepSettings(period_tolerance=1e-8)
 
 
-def told(solver, start=(0.3, 0.4), max_cycles=50_000, **more):
+def reported(solver, start=(0.3, 0.4), max_cycles=50_000, **more):
     return classify_motion(solver, np.array(start), 1.0, SETTINGS, max_cycles, **more)
 
 
 @pytest.mark.parametrize("modulus", [0.2, 0.9, 0.99, 0.999, 0.9995])
 @pytest.mark.parametrize("turns", [0.0, 0.5, GOLDEN, 1 / 3 + 1e-4])
 def test_a_slow_approach_is_an_orbit_of_period_1(modulus, turns):
-    motion = told(focus(modulus, turns))
+    motion = reported(focus(modulus, turns))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 1)
     assert np.abs(motion.points - [1.0, 2.0]).max() < 1e-9
     assert motion.multiplier == pytest.approx(modulus, abs=1e-9)
@@ -41,7 +41,7 @@ def test_a_slow_approach_is_an_orbit_of_period_1(modulus, turns):
     ],
 )
 def test_periods_of_the_logistic_map(r, period):
-    motion = told(logistic(r))
+    motion = reported(logistic(r))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, period)
     product = abs(np.prod(r * (1 - 2 * motion.points[:, 0])))
     assert motion.multiplier == pytest.approx(product, abs=1e-7)
@@ -49,7 +49,7 @@ def test_periods_of_the_logistic_map(r, period):
 
 @pytest.mark.parametrize("r", [3.58, 3.6, 3.7, 3.9, 4.0 - 1e-9])
 def test_chaos_of_the_logistic_map_has_its_exponent_in_its_interval(r):
-    motion = told(logistic(r))
+    motion = reported(logistic(r))
     assert motion.kind is MotionClass.CHAOTIC
     assert 0 < motion.exponent_low < motion.exponent < motion.exponent_high
     x, total, count = 0.3, 0.0, 200_000
@@ -62,26 +62,26 @@ def test_chaos_of_the_logistic_map_has_its_exponent_in_its_interval(r):
 
 
 def test_chaos_and_orbit_of_the_henon_map():
-    motion = told(henon(1.4), (0.1, 0.1))
+    motion = reported(henon(1.4), (0.1, 0.1))
     assert motion.kind is MotionClass.CHAOTIC
     assert motion.exponent_low < 0.419 + 0.1
     assert motion.exponent_high > 0.419 - 0.1  # 0.4192 (Sprott, Chaos and Time-Series Analysis)
-    motion = told(henon(1.25), (0.1, 0.1))
+    motion = reported(henon(1.25), (0.1, 0.1))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 7)
 
 
 @pytest.mark.parametrize("a", [2.01, 2.05, 2.1])
 def test_a_torus(a):
-    motion = told(delayed_logistic(a), (0.4, 0.4))
+    motion = reported(delayed_logistic(a), (0.4, 0.4))
     assert motion.kind is MotionClass.QUASI_PERIODIC
     assert abs(motion.exponent) < 0.01
     assert motion.period == 0
 
 
 def test_before_the_torus_and_locked_on_it():
-    motion = told(delayed_logistic(1.99), (0.4, 0.4))
+    motion = reported(delayed_logistic(1.99), (0.4, 0.4))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 1)
-    motion = told(delayed_logistic(2.18), (0.4, 0.4))
+    motion = reported(delayed_logistic(2.18), (0.4, 0.4))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 7)
 
 
@@ -91,7 +91,7 @@ def test_before_the_torus_and_locked_on_it():
 def test_what_a_circle_is_locked_to(period, pull):
     """Angles k pi / order attract for odd k; those around are approached by 1 - order pull."""
     turns = {89: 34, 233: 144, 377: 144}[period] / period
-    motion = told(circle(turns, period, pull))
+    motion = reported(circle(turns, period, pull))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, period)
     assert motion.multiplier == pytest.approx((1 - period * pull) ** period, abs=1e-6)
     # three turns to be seen to close, three for Newton's method; and what finding out takes
@@ -100,7 +100,7 @@ def test_what_a_circle_is_locked_to(period, pull):
 
 @pytest.mark.parametrize("pull", [0.0, 0.3, 0.9])
 def test_a_circle_without_a_lock_is_a_torus_soon(pull):
-    motion = told(circle(GOLDEN, 1, pull))
+    motion = reported(circle(GOLDEN, 1, pull))
     assert motion.kind is MotionClass.QUASI_PERIODIC
     assert motion.cycles <= 1100
     assert motion.exponent_low <= 0 <= motion.exponent_high
@@ -111,7 +111,7 @@ def test_chaos_that_stays_within_the_near_of_an_orbit_is_chaos():
     solver = logistic(3.56996)
     points, _ = solver.points((0.3, 0.0), 1.0, 3000)
     assert 1e-6 < np.ptp(points[2000::64, 0]) < 1e-3
-    motion = told(solver)
+    motion = reported(solver)
     assert motion.kind is MotionClass.CHAOTIC
     assert motion.exponent_low > 0
 
@@ -126,7 +126,7 @@ def test_chaos_that_stays_within_the_near_of_an_orbit_is_chaos():
     ],
 )
 def test_a_torus_locked_to_a_long_orbit_that_is_approached_slowly(state):
-    """P100 of multiplier 0.94: 6e-4 a period, less than the growth over 800 periods can tell."""
+    """P100 of multiplier 0.94: 6e-4 a period, less than the growth over 800 periods can resolve."""
     solver = make_solver("flow", Structure(damping_ratio=DESCRIBED), 0.445, 1e-9)
     motion = classify_motion(solver, np.array(state), 0.1014964, SweepSettings(), 50_000)
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 100)
@@ -134,23 +134,23 @@ def test_a_torus_locked_to_a_long_orbit_that_is_approached_slowly(state):
 
 
 def test_a_point_that_repels_is_left():
-    motion = told(logistic(3.3), (1 - 1 / 3.3, 0.0))
+    motion = reported(logistic(3.3), (1 - 1 / 3.3, 0.0))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 2)
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-9, 1e-6])
 def test_an_orbit_that_hardly_repels_is_left_too(off):
     r = 3.0017  # the multiplier of the orbit of period 1 is 2 - r
-    motion = told(logistic(r), (1 - 1 / r + off, 0.0))
+    motion = reported(logistic(r), (1 - 1 / r + off, 0.0))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 2)
 
 
 def test_the_cap_is_kept_and_said():
     solver = focus(0.99999, GOLDEN)
-    motion = told(solver, max_cycles=300)
+    motion = reported(solver, max_cycles=300)
     assert motion.kind is MotionClass.UNDECIDED
     assert 0 < motion.cycles <= 310
-    assert told(solver, max_cycles=0).cycles == 0
+    assert reported(solver, max_cycles=0).cycles == 0
 
 
 def test_a_window_is_the_first_round():
@@ -158,7 +158,7 @@ def test_a_window_is_the_first_round():
     seen = solver.grow((0.3, 0.0), 1.0, 200)
     rest = seen.outcome, seen.growth, seen.logarithms
     window = Observation(seen.points, 1, 0.0, np.full(1, math.nan), *rest)
-    motion = told(solver, window.points[-1], window=window)
+    motion = reported(solver, window.points[-1], window=window)
     assert (motion.kind, motion.cycles) == (MotionClass.CHAOTIC, CONFIRMED)
     assert motion.seen is window
 

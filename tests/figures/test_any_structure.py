@@ -263,9 +263,9 @@ def test_stops_of_a_floor():
 
 def test_words():
     tall = Structure(6, mass=(1, 1, 1, 1, 1, 3), gap=(math.inf,) * 5 + (0.5,), rayleigh=(0.1, 0.2))
-    told = dict(in_words(tall))
-    assert (told["m"], told["g"]) == ("1 to 3", "0.5 or inf")
-    assert told[""] == "Rayleigh damping (0.1, 0.2)"
+    reported = dict(in_words(tall))
+    assert (reported["m"], reported["g"]) == ("1 to 3", "0.5 or inf")
+    assert reported[""] == "Rayleigh damping (0.1, 0.2)"
     assert style.parameters(Structure(), 0.5) == (
         r"$n$ = 3,  $\beta$ = 1000,  $\rho$ = 10000,  $\zeta$ = 0.05,  $\Omega$ = 0.5"
     )
@@ -311,8 +311,8 @@ def test_the_page_integrates_any_structure(structure, tmp_path):
         "console.log(JSON.stringify([...z]));"
     )
     (tmp_path / "run.js").write_text(f"{script}\n{call}")
-    told = subprocess.run(
+    reported = subprocess.run(
         [node, str(tmp_path / "run.js")], capture_output=True, text=True, check=True, timeout=60
     )
     exact = reference_points(structure, 0.4, 0.8, state, 1)[0]
-    assert np.abs(np.array(json.loads(told.stdout)) - exact).max() < 1e-6
+    assert np.abs(np.array(json.loads(reported.stdout)) - exact).max() < 1e-6

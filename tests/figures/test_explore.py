@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tools import ROOT, hpcsweep
 
-from hpcsweep import open_results
+from hpcsweep import load_job, open_results, orbit
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.explorer.page import build_page, write_page
 from hpcsweep.figures.explorer.page_data import PageData
@@ -32,6 +32,7 @@ max_orbit_period = 8
 
 [output]
 lyapunov = true
+storey_drift = true
 """
 LAPTOP = {"width": 1366, "height": 768}
 SLOWEST_MEDIAN, SLOWEST_TENTH, IDLE = 50.0, 150.0, 18.0
@@ -106,7 +107,7 @@ def settle(page) -> None:
 
 
 def place(page, frame: int, amplitude: int) -> tuple[float, float]:
-    """Where on the page a run of the map is."""
+    """Return the place of a run of the map on the page."""
     x, y = page.evaluate(
         """([frame, amplitude]) => {
             const { study, map } = window.explorer;
@@ -123,7 +124,7 @@ def place(page, frame: int, amplitude: int) -> tuple[float, float]:
 
 
 def pixels(page, selector: str) -> list[str]:
-    """The pictures in all canvases of an element."""
+    """Return the pictures in all canvases of an element."""
     return page.eval_on_selector_all(
         f"{selector} canvas", "canvases => canvases.map((c) => c.toDataURL())"
     )
@@ -203,6 +204,12 @@ def test_clicking_shows_the_numbers_and_the_orbit_of_the_run(page, results_file)
     assert float(shown["drift δ [A/Ω²]"]) == pytest.approx(float(run["drift"]), rel=1e-3)
     assert float(shown["modal norm η₂"]) == pytest.approx(float(run["modal_norm"][1]), abs=1e-3)
     assert float(shown["Lyapunov λ [ω₀]"]) == pytest.approx(float(run["lyapunov"]), abs=1e-4)
+    assert "peak storey drift, storey 2 [gaps]" not in shown
+    page.select_option("#quantity", "storey_drift_1")
+    shown = {" ".join(name.split()): value for name, value in numbers(page).items()}
+    for storey, drift in enumerate(run["storey_drift"].values, 1):
+        told = float(shown[f"peak storey drift, storey {storey} [gaps]"])
+        assert told == pytest.approx(drift, rel=2e-3)
     after = pixels(page, "#portraits")
     assert len(after) == 2
     assert all(a != b for a, b in zip(before, after, strict=True))
@@ -236,8 +243,8 @@ def test_the_map_shows_what_is_chosen(page, results_file):
         settle(page)
         seen.append(page.evaluate("() => window.explorer.map.canvas.toDataURL()"))
         assert page.inner_text("#legend") != ""
-    assert len(seen) == 6
-    assert len(set(seen)) == 6
+    assert len(seen) == 8
+    assert len(set(seen)) == 8
     page.select_option("#quantity", "motion")
     period = results["orbit_period"].values
     p1, p2 = (MOTION_COLOURS[motion_place(MotionClass.PERIODIC, p)] for p in (1, 2))
@@ -256,6 +263,18 @@ def test_the_map_shows_what_is_chosen(page, results_file):
     assert map_pixel(page, 0, 0) == NO_CONTACT
     page.click("#legend button:has-text('P2')")
     assert map_pixel(page, 0, 0) == "#ffffff"
+
+
+def test_portraits_are_enlarged_and_put_back(page):
+    settle(page)
+    small = page.eval_on_selector("#portraits canvas", "canvas => canvas.clientWidth")
+    page.click("#portraits")
+    settle(page)
+    large = page.eval_on_selector("#portraits canvas", "canvas => canvas.clientWidth")
+    assert large > 2.5 * small
+    page.keyboard.press("Escape")
+    settle(page)
+    assert page.eval_on_selector("#portraits canvas", "canvas => canvas.clientWidth") == small
 
 
 def test_the_keyboard_alone(page):
@@ -279,6 +298,99 @@ def test_the_keyboard_alone(page):
     assert near[1] - near[0] == pytest.approx(0.6 * (whole[1] - whole[0]))
     page.keyboard.press("0")
     assert page.evaluate("() => window.explorer.map.view.a") == whole
+
+
+BRANCHES = """
+extends = "study.toml"
+[study]
+kind = "branches"
+[branches]
+seeds = "{seeds}"
+[sweep]
+omega = 0.8
+max_orbit_period = 2
+[output]
+lyapunov = "unset"
+storey_drift = "unset"
+"""
+
+
+def test_a_point_of_a_branch_under_the_pointer_is_told(browser, results_file):
+    """Its multipliers as in the file, its contacts as another integrator finds them."""
+    folder = results_file.parent
+    (folder / "branches.toml").write_text(BRANCHES.format(seeds=results_file))
+    for command in (
+        ("run", folder / "branches.toml", "-o", folder / "branches.h5"),
+        ("explore", results_file, "--branches", folder / "branches.h5", "-o", folder / "b.html"),
+    ):
+        done = hpcsweep(0, *command)
+        assert done.returncode == 0, done.stderr
+    run = open_results(folder / "branches.h5").isel(direction=0, line=0, amplitude=0)
+    structure = load_job(folder / "study.toml").structure
+    page = open_page(browser, folder / "b.html")
+    page.evaluate("() => window.explorer.choose(7, 12)")
+    settle(page)
+    drawn = pixels(page, "#diagrams")
+    held = run["step_branch"].values > 0
+    apart = np.abs(run["multiplier_real"].values - 1.0).min(axis=1) > 0.05
+    seen = 0
+    for stable in (0, 1):
+        wanted = held & apart & (run["contact"].values > 0) & (run["stable"].values == stable)
+        step = int(np.flatnonzero(wanted)[wanted.sum() // 2])
+        page.mouse.move(*place_of_step(page, step))
+        settle(page)
+        assert page.inner_text("#numbers caption") == "Point of a branch"
+        shown = numbers(page)
+        at = np.flatnonzero(np.abs(run["value"].values - float(shown["A [gaps ω₀²]"])) < 1e-7)
+        at = at[run["step_branch"].values[at] == int(shown["branch"])]
+        told = complex(
+            shown["multiplier μ₁"]
+            .split(" (")[0]
+            .replace(" ", "")
+            .replace("−", "-")
+            .replace("i", "j")
+        )
+        mu = (run["multiplier_real"] + 1j * run["multiplier_imag"]).values[at, 0]
+        step = int(at[np.argmin(np.abs(mu - told))])
+        assert mu.size
+        assert np.abs(mu - told).min() < 2e-3 * abs(told)
+        assert shown["motion"] == ("stable" if run["stable"].values[step] else "unstable")
+        period = int(shown["period"][1:])
+        found = orbit(structure, float(run["value"][step]), 0.8, run["point"].values[step], period)
+        phases = sorted(one.phase for one in found.signature)
+        signature = page.evaluate("() => window.explorer.orbit.signature")
+        np.testing.assert_allclose([one["phase"] for one in signature], phases, atol=2e-3)
+        assert [one["closes"] for one in signature] == [
+            one.closes for one in sorted(found.signature, key=lambda one: one.phase)
+        ]
+        assert page.evaluate("() => window.explorer.orbit.closed") < 1e-3
+        assert pixels(page, "#diagrams") != drawn
+        seen += len(signature)
+    assert seen >= 2
+    page.mouse.move(5, 5)
+    settle(page)
+    assert page.inner_text("#numbers caption") == "Selected run"
+    assert pixels(page, "#diagrams") == drawn
+    assert page.complaints == []
+    page.close()
+
+
+def place_of_step(page, step: int) -> tuple[float, float]:
+    """Return the place of a point of a branch in the highest diagram."""
+    x, y = page.evaluate(
+        """(step) => {
+            const { diagrams } = window.explorer;
+            const { plot, floor } = diagrams.panels[0];
+            const own = diagrams.branches.of(diagrams.frame);
+            const branch = own.find((b) => b.step <= step && step < b.step + b.count);
+            const box = plot.over.getBoundingClientRect();
+            const value = window.explorer.study.data.branch_value[step];
+            const u = diagrams.branches.component(branch, step - branch.step, 0, floor);
+            return [box.left + plot.valToPos(value, "x"), box.top + plot.valToPos(u, "y")];
+        }""",
+        step,
+    )
+    return x, y
 
 
 def full_size_study(n_frames=2000, n_amplitudes=1250, n=3, most_points=4) -> PageData:

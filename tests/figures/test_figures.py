@@ -553,3 +553,12 @@ def test_a_frequency_far_from_every_frame_is_refused(file, tmp_path, capsys):
     assert main(["plot", str(file), "--omega", "7.5", "-o", str(picture)]) == 2
     assert "--omega 7.5: the results hold" in capsys.readouterr().err
     assert not picture.exists()
+
+
+def test_a_frequency_between_frames_is_drawn():
+    omegas = np.array([6.3, 12.6, 25.1])
+    style.check_omega(omegas, 9.0)
+    assert style.nearest_frame(omegas, 9.0) == 0
+    assert style.nearest_frame(omegas[:1], 9.0) == 0
+    with pytest.raises(style.PlotError, match=r"--omega 30: the results hold 6.3 to 25.1"):
+        style.nearest_frame(omegas, 30.0)

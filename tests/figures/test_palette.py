@@ -1,4 +1,4 @@
-"""One colour, one meaning: told apart by every eye, and the same wherever it is drawn."""
+"""One colour, one meaning: distinct to every eye, and the same in all figures."""
 
 import re
 from itertools import pairwise
@@ -372,8 +372,8 @@ def test_the_explorer_has_the_same_colours(file):
     meta = _pack(study, 12)[0]
     legend = [(entry["name"], entry["colour"]) for entry in meta["motionLegend"]]
     assert legend == list(palette.MOTIONS)
-    for kind, told in zip(MotionClass, meta["motions"], strict=True):
-        assert told["place"] == palette.motion_place(kind, 1)
+    for kind, reported in zip(MotionClass, meta["motions"], strict=True):
+        assert reported["place"] == palette.motion_place(kind, 1)
     # the page adds the period to the place of P1
     first = meta["motions"][MotionClass.PERIODIC]["place"]
     for period in (1, 2, 8, 9, 16):

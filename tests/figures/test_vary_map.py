@@ -69,6 +69,7 @@ def test_every_other_figure_draws_the_part_that_is_chosen(varied, tmp_path, caps
     assert second.read_bytes() == again.read_bytes()
     page = tmp_path / "page.html"
     assert main(["explore", str(varied), "-o", str(page), "--at", "gap=1.5"]) == 0
+    assert "varied, stiffness_ratio = 100, gap = 1.5, skip = all" in page.read_text()
     capsys.readouterr()
     assert main(["plot", str(varied), "-o", str(first), "--at", "gap=0.7"]) == 2
     assert capsys.readouterr().err.endswith("gap = 0.7: must be one of 0.5, 1, 1.5\n")

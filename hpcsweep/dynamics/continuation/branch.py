@@ -2,19 +2,26 @@ r"""Follow a branch of periodic orbits by pseudo-arclength, with its special poi
 
 A step goes along the tangent and is corrected across it. Its length follows the angle by which the
 tangent turns: `ANGLE` is the target, `LARGEST_ANGLE` is refused. A step is also refused where the
-corrected point is farther from the predicted one than `ASTRAY` of the step, or where the number of
-unstable multipliers changes by more than the special points found on it explain.
+corrected point is farther from the predicted one than `ASTRAY` of the step, where the number of
+unstable multipliers changes by more than the special points found on it explain, or where a
+multiplier has a pole: it leaves the real axis at +infinity and comes back from -infinity, as it
+does between two branches, so that prod (1 + mu) and prod (1 - mu) change their signs at one place.
+
+At a grazing of a sharp stop the tangent turns with the square root of the distance s past it, at a
+first contact of Figure 3 by 1 rad within s = 1e-7: the steps there go down to 1e-9.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import Curve, Solution, solve, solve_at
 from hpcsweep.dynamics.continuation.events import (
     CODIMENSION_ONE,
+    PRECISION,
     Kind,
     Special,
     n_unstable,
@@ -26,11 +33,18 @@ LARGEST_ANGLE = 0.5
 ASTRAY = 0.5
 GROWTH = 2.0
 COLLAPSED = 1e-4
-"""Step within which an orbit comes to one of a period that divides its own."""
-ON_A_STEP = 1e-6
+"""Step within which an orbit comes to one of a period that divides its own, or to a crossing."""
+ON_DIVISOR = 1e-3
+"""Share of its distance from an orbit of a period that divides its own, below which it is one."""
+ON_A_STEP = 1e-8
 """Largest last move to an ordinary point of a branch: multipliers are accurate to about that."""
+OF_A_STEP, LEAST_MOVE = 0.01, 1e-10
+"""The same as a share of the step, where that is less, and the least that is asked of it."""
 CLOSED = 1e-3
 """Share of a step within which a closed branch comes back to its start."""
+
+HALVINGS = 30
+"""Of the share of a step at which a component has a value."""
 
 
 class Limits(NamedTuple):
@@ -52,7 +66,7 @@ class Limits(NamedTuple):
     high: float
     most_steps: int = 400
     largest: float = 0.05
-    smallest: float = 1e-7
+    smallest: float = 1e-11
     reach: float = 1e3
 
 
@@ -62,7 +76,7 @@ class Arc:
 
     Attributes
     ----------
-    curve : Curve
+    curve : Curve or Locus
     points : list of Solution
         In branch order, including folds, so that the parameter is monotone between neighbours.
     specials : list of (int, Special)
@@ -71,7 +85,7 @@ class Arc:
         Why it stops at its beginning and at its end.
     """
 
-    curve: Curve
+    curve: Any
     points: list[Solution]
     specials: list[tuple[int, Special]] = field(default_factory=list)
     ends: tuple[str, str] = ("", "")
@@ -82,7 +96,14 @@ class Arc:
         return np.array([one.y[-1] for one in self.points])
 
 
-def follow(curve: Curve, start: Solution, limits: Limits, born: bool = False) -> Arc:
+Step = tuple[Solution, list[Special], float, str]
+"""Point, special points before it, angle, and why the branch ends there or ""."""
+Stepper = Callable[[Any, Solution, np.ndarray, float, Limits], Step | None]
+
+
+def follow(
+    curve, start: Solution, limits: Limits, born: bool = False, step: Stepper | None = None
+) -> Arc:
     """Follow a branch from a point on it.
 
     Parameters
@@ -93,12 +114,15 @@ def follow(curve: Curve, start: Solution, limits: Limits, born: bool = False) ->
     born : bool
         Whether the branch begins there: then it is followed only along the tangent of `start`,
         otherwise to both sides.
+    step : callable, optional
+        As `step_of_branch`, the default: takes a step on another kind of curve.
     """
-    ahead = _walk(curve, start, limits)
+    step = step or step_of_branch
+    ahead = _walk(curve, start, limits, step)
     if born or ahead.ends[1] == "closed":
         begin = "birth" if born else "closed"
         return Arc(curve, ahead.points, ahead.specials, (begin, ahead.ends[1]))
-    back = _walk(curve, start._replace(tangent=-start.tangent), limits)
+    back = _walk(curve, start._replace(tangent=-start.tangent), limits, step)
     points = [turned(point) for point in reversed(back.points[1:])] + ahead.points
     offset, count = len(back.points) - 1, len(back.points)
     specials = [
@@ -118,14 +142,14 @@ def _turned_special(one: Special) -> Special:
     return one._replace(at=turned(one.at), change=change)
 
 
-def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
+def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
     """Follow a branch from a point on it along its tangent."""
     arc = Arc(curve, [start])
     starts = [_shifted(curve, start, shift) for shift in range(curve.period)]
     step, last, bend = limits.largest / 8, start, np.zeros_like(start.y)
     why = "most steps"
     while len(arc.points) <= limits.most_steps:
-        found = _step(curve, last, bend, step, limits)
+        found = take(curve, last, bend, step, limits)
         if found is None:
             step *= 0.5
             if step < limits.smallest:
@@ -156,18 +180,18 @@ def _walk(curve: Curve, start: Solution, limits: Limits) -> Arc:
     return arc
 
 
-def _step(curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: Limits):
-    """Take one step along the tangent, which turns by `bend` per length.
-
-    Return point, specials, angle and why the branch ends there, or None if the step is too long.
-    """
+def step_of_branch(
+    curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: Limits
+) -> Step | None:
+    """Take one step along the tangent, which turns by `bend` per length; None if it is too long."""
     try:
         guess = last.y + step * (last.tangent + 0.5 * step * bend)
-        point = solve(curve, guess, last.tangent, last, ON_A_STEP)
-        angle = float(np.arccos(min(float(point.tangent @ last.tangent), 1.0)))
-        if angle > LARGEST_ANGLE or np.linalg.norm(point.y - guess) > ASTRAY * step:
+        across = curve.border(last.tangent)
+        point = solve(curve, guess, across, last, _largest_move(step))
+        angle = angle_of_step(last, guess, point, step)
+        if angle is None:
             return None
-        if _collapses(curve, last, point):
+        if collapses(curve, last, point):
             return None if step > COLLAPSED else (last, [], 0.0, "halving")
         value, end = curve.split(point.y)[1], ""
         if not limits.low <= value <= limits.high:
@@ -185,6 +209,8 @@ def _step(curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: L
         specials = special_points(curve, last, point)
     except ArithmeticError:  # not converged, or the map has no image
         return None
+    if _has_pole(specials) or (step > COLLAPSED and _crosses(specials)):
+        return None
     explained = sum(CODIMENSION_ONE.get(one.kind, 0) for one in specials)
     change = abs(n_unstable(point.multipliers) - n_unstable(last.multipliers))
     if change > explained and step > 16 * limits.smallest:
@@ -192,12 +218,65 @@ def _step(curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: L
     return point, specials, angle, end
 
 
-def _shifted(curve: Curve, point: Solution, shift: int) -> Solution:
+def _largest_move(step: float) -> float:
+    """Return the largest last move of Newton's method to a point at the end of a step."""
+    return min(ON_A_STEP, max(OF_A_STEP * step, LEAST_MOVE))
+
+
+def _crosses(specials: list[Special]) -> bool:
+    """Return whether another branch crosses; a step that jumps to one nearby seems to, too."""
+    return any(one.kind is Kind.BRANCH_POINT for one in specials)
+
+
+def _has_pole(specials: list[Special]) -> bool:
+    """Return whether a multiplier goes from +infinity to -infinity among special points."""
+    flips = [one.fraction for one in specials if one.kind is Kind.DOUBLING]
+    ones = [one.fraction for one in specials if one.kind in (Kind.FOLD, Kind.BRANCH_POINT)]
+    return any(abs(flip - one) <= 2.0 * PRECISION for flip in flips for one in ones)
+
+
+def angle_of_step(last: Solution, guess: np.ndarray, point: Solution, step: float) -> float | None:
+    """Return the angle by which a step turns the tangent, None if it is too long."""
+    angle = float(np.arccos(min(float(point.tangent @ last.tangent), 1.0)))
+    astray = float(np.linalg.norm(point.y - guess)) > ASTRAY * step
+    return None if angle > LARGEST_ANGLE or astray else angle
+
+
+def on_cubic(
+    first: Solution, last: Solution, component: int, value: float
+) -> tuple[np.ndarray, float]:
+    """Return y where one component of it, monotone between two points, has a value; and the share.
+
+    Between them a curve is Hermite's cubic through both, with their tangents.
+    """
+    length = float(np.linalg.norm(last.y - first.y))
+    own, other = length * first.tangent[component], length * last.tangent[component]
+    low, high = 0.0, 1.0
+    rises = last.y[component] > first.y[component]
+    for _ in range(HALVINGS):
+        s = 0.5 * (low + high)
+        if (_cubic(s, first.y[component], last.y[component], own, other) < value) == rises:
+            low = s
+        else:
+            high = s
+    s = 0.5 * (low + high)
+    return _cubic(s, first.y, last.y, length * first.tangent, length * last.tangent), s
+
+
+def _cubic(s: float, first, last, first_slope, last_slope):
+    """Evaluate Hermite's cubic at s from 0 to 1."""
+    r = 1.0 - s
+    return r * r * ((1.0 + 2.0 * s) * first + s * first_slope) + s * s * (
+        (1.0 + 2.0 * r) * last - r * last_slope
+    )
+
+
+def _shifted(curve, point: Solution, shift: int) -> Solution:
     """Return the same orbit, its points counted from another one of them."""
-    turn, n = shift * curve.map.size, point.y.size - 1
+    turn, n = shift * curve.map.size, curve.period * curve.map.size
 
     def turned_by(vector: np.ndarray) -> np.ndarray:
-        return np.append(np.roll(vector[:n], -turn), vector[n])
+        return np.append(np.roll(vector[:n], -turn), vector[n:])
 
     matrices = np.roll(point.matrices, -shift, axis=0)
     y, tangent = turned_by(point.y), turned_by(point.tangent)
@@ -223,13 +302,16 @@ def _passes(start: Solution, last: Solution, point: Solution) -> float:
     return share if away <= max(sag, CLOSED * length) else 0.0
 
 
-def _collapses(curve: Curve, last: Solution, point: Solution) -> bool:
-    """Return whether an orbit passes, between two points, one of a period that divides its own."""
+def collapses(curve, last: Solution, point: Solution) -> bool:
+    """Return whether an orbit passes, between two points, one of a period that divides its own.
+
+    Or whether it comes to lie on the branch of that, whose orbits solve the same equations.
+    """
     for prime in (2, 3, 5, 7):
         if curve.period % prime == 0:
             shift = curve.period // prime
             before, after = (curve.split(one.y)[0] for one in (last, point))
             first, second = (x - np.roll(x, shift, axis=0) for x in (before, after))
-            if (first * second).sum() < 0:
+            if (first * second).sum() < ON_DIVISOR * (first * first).sum():
                 return True
     return False

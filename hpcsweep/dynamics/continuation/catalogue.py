@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
+from hpcsweep.dynamics.continuation.branch import COLLAPSED, Arc, Limits, follow, on_cubic
 from hpcsweep.dynamics.continuation.cycle import (
     Curve,
     Map,
@@ -29,9 +29,10 @@ from hpcsweep.dynamics.orbit import smallest_period
 
 FOLDS_OF_A_STEP = 8
 """Room for the folds of a last step."""
-HALVINGS = 30
 SAME = 1e-9
 """Distance of orbits that count as the same, in units of the state."""
+STRIDE = 8
+"""Steps of a new branch from one orbit that is sought on known branches to the next."""
 OFF = 0.2
 """Chords of a piece of a branch within which its points lie from the cubic through its ends."""
 
@@ -82,6 +83,8 @@ class Catalogue:
         Of branches that leave others.
     most_branches, most_points : int
         Room; a branch is followed only where there is room for its most points.
+    costly : bool
+        Whether a new value of the parameter is; see `Curve`.
     """
 
     def __init__(
@@ -92,8 +95,9 @@ class Catalogue:
         most_period: int,
         most_branches: int,
         most_points: float = math.inf,
+        costly: bool = False,
     ):
-        self._map, self._limits, self._scale = map_, limits, scale
+        self._map, self._limits, self._scale, self._costly = map_, limits, scale, costly
         self._most_period, self._most_branches = most_period, most_branches
         self._most_points = most_points
         self.branches: list[Branch] = []
@@ -115,7 +119,7 @@ class Catalogue:
         NotConvergedError
             If there is no orbit at these points.
         """
-        curve = Curve(self._map, len(points), self._scale)
+        curve = Curve(self._map, len(points), self._scale, self._costly)
         found = solve_at(curve, points, value)
         there = curve.split(found.y)[0]
         distance = float(np.abs(there - points).max())
@@ -139,7 +143,7 @@ class Catalogue:
         found = []
         for branch in self.branches:
             if branch.arc.curve.period == period:
-                for guess, _, _ in places_at(branch.arc, value):
+                for guess, _, _ in places_at(branch.arc, value / branch.arc.curve.scale):
                     there = branch.arc.curve.split(guess)[0]
                     with contextlib.suppress(NotConvergedError):
                         exact = solve_at(branch.arc.curve, there, value)
@@ -159,8 +163,47 @@ class Catalogue:
         if self.is_full:
             return -1
         arc = follow(curve, start, self._limits, born=parent >= 0)
+        arc, known = self.own_part(arc, start)
+        if len(arc.points) == 1 and known >= 0:
+            return known
         self.branches.append(Branch(arc, parent, searched))
         return len(self.branches) - 1
+
+    def own_part(self, arc: Arc, start: Solution) -> tuple[Arc, int]:
+        """Return the part of a new branch around its start that repeats no known one.
+
+        Where two branches nearly touch a step may jump from one to the other, which is then
+        followed again, to its end or until a step jumps away; every `STRIDE`-th orbit is tested.
+        Also return the known branch, -1 if there is none.
+        """
+        own = next(k for k, one in enumerate(arc.points) if one is start)
+        first, before = self._last_own(arc, own, 0)
+        last, after = self._last_own(arc, own, len(arc.points) - 1)
+        if before < 0 and after < 0:
+            return arc, -1
+        specials = [(k - first, one) for k, one in arc.specials if first < k <= last]
+        ends = "known" if before >= 0 else arc.ends[0], "known" if after >= 0 else arc.ends[1]
+        return Arc(arc.curve, arc.points[first : last + 1], specials, ends), max(before, after)
+
+    def _last_own(self, arc: Arc, own: int, end: int) -> tuple[int, int]:
+        """Return the last place from `own` to `end` before a known branch, and that, or -1."""
+        way = 1 if end > own else -1
+        for outside in (*range(own + way * STRIDE, end, way * STRIDE), *([end] * (end != own))):
+            known = self._known_at(arc, outside)
+            if known >= 0:
+                while abs(outside - own) > 1:
+                    middle = (own + outside) // 2
+                    if self._known_at(arc, middle) >= 0:
+                        outside = middle
+                    else:
+                        own = middle
+                return own, known
+            own = outside
+        return end, -1
+
+    def _known_at(self, arc: Arc, place: int) -> int:
+        """Return the known branch on which a point of another one lies, -1 for none."""
+        return self.branch_of(*arc.curve.split(arc.points[place].y))
 
     def _leave(self, parent: int, place: int, special: Special) -> Special:
         """Follow the branch that leaves at a special point; return it with its criticality."""
@@ -177,16 +220,35 @@ class Catalogue:
         number = -1
         if self._limits.low <= value <= self._limits.high:
             number = self.branch_of(points, value)
+            if number < 0:
+                number = self._ending_at(arc.curve, special, curve.period)
             if number < 0 and curve.period <= self._most_period:
                 number = self._follow(curve, start, parent)
         return special._replace(leaving=start, leads_to=number)
+
+    def _ending_at(self, curve: Curve, special: Special, period: int) -> int:
+        """Return the branch of a period that has come back to a special point, -1 for none.
+
+        It ends before the orbits that leave there nearest to it.
+        """
+        points = np.tile(curve.split(special.at.y)[0], (period // curve.period, 1))
+        own = [np.roll(points, shift, axis=0) for shift in range(curve.period)]
+        for number, branch in enumerate(self.branches):
+            arc = branch.arc
+            if arc.curve.period == period:
+                for why, end in zip(arc.ends, (arc.points[0], arc.points[-1]), strict=True):
+                    there = arc.curve.split(end.y)[0]
+                    near = min(float(np.abs(there - x).max()) for x in own) <= 2.0 * COLLAPSED
+                    if why == "halving" and near and abs(end.y[-1] - special.at.y[-1]) <= COLLAPSED:
+                        return number
+        return -1
 
 
 def _holds(arc: Arc, points: np.ndarray, value: float) -> bool:
     """Return whether an orbit, or one of its shifts, lies on a piece of a branch."""
     curve = arc.curve
     shifts = [np.roll(points, shift, axis=0) for shift in range(len(points))]
-    for guess, tangent, chord in places_at(arc, value):
+    for guess, tangent, chord in places_at(arc, value / curve.scale):
         there = curve.split(guess)[0]
         far = [float(np.abs(z - there).max()) for z in shifts]
         if min(far) > OFF * chord + SAME:
@@ -201,38 +263,18 @@ def _holds(arc: Arc, points: np.ndarray, value: float) -> bool:
     return False
 
 
-def places_at(arc: Arc, value: float) -> list[tuple[np.ndarray, np.ndarray, float]]:
-    """Return where a branch passes a value of the parameter: y and tangent, nearly, and the chord.
+def places_at(arc: Arc, at: float) -> list[tuple[np.ndarray, np.ndarray, float]]:
+    """Return where a curve passes a value of y's last component: y, tangent, nearly, and the chord.
 
     A piece is a cubic between its ends, with their tangents (Hermite); the parameter is monotone
     on it.
     """
-    at = value / arc.curve.scale
     ends = arc.heights
     found = []
     for piece in np.flatnonzero((ends[:-1] - at) * (ends[1:] - at) <= 0.0).tolist():
         first, last = arc.points[piece], arc.points[piece + 1]
-        chord = last.y - first.y
-        length = float(np.linalg.norm(chord))
-        own, other = length * first.tangent[-1], length * last.tangent[-1]
-        low, high = 0.0, 1.0
-        rises = last.y[-1] > first.y[-1]
-        for _ in range(HALVINGS):
-            s = 0.5 * (low + high)
-            if (_cubic(s, first.y[-1], last.y[-1], own, other) < at) == rises:
-                low = s
-            else:
-                high = s
-        s = 0.5 * (low + high)
-        y = _cubic(s, first.y, last.y, length * first.tangent, length * last.tangent)
+        y, s = on_cubic(first, last, -1, at)
         tangent = (1.0 - s) * first.tangent + s * last.tangent
-        found.append((y, tangent / np.linalg.norm(tangent), float(np.abs(chord).max())))
+        chord = float(np.abs(last.y - first.y).max())
+        found.append((y, tangent / np.linalg.norm(tangent), chord))
     return found
-
-
-def _cubic(s: float, first, last, first_slope, last_slope):
-    """Evaluate Hermite's cubic at s from 0 to 1."""
-    r = 1.0 - s
-    return r * r * ((1.0 + 2.0 * s) * first + s * first_slope) + s * s * (
-        (1.0 + 2.0 * r) * last - r * last_slope
-    )

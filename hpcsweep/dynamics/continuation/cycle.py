@@ -19,7 +19,7 @@ the three grazings of Figure 3's branch of period 1, and 2 or 3 elsewhere on it,
 """
 
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -30,8 +30,10 @@ CONTRACTS = 0.2
 """Factor by which moves must fall for the Jacobian to be kept."""
 REACHED = 1e-8
 """Largest move before the last, and of the last: the remaining distance is then rounding."""
+STEEP = 0.2
+"""Component of a tangent along the parameter from which points are sought at one value of it."""
 LARGEST_PRODUCT = 1e6
-"""Product of the norms of tangent maps up to which their product has its multipliers to 1e-10."""
+"""Growth of errors of tangent maps up to which their product has its multipliers to 1e-10."""
 
 
 class NotConvergedError(ArithmeticError):
@@ -39,25 +41,39 @@ class NotConvergedError(ArithmeticError):
 
 
 class Map(Protocol):
-    """A map with a parameter; points are in units in which they are of order 1."""
+    """A map with a parameter, or two; points are in units in which they are of order 1."""
 
     size: int
     """Dimension N."""
 
-    def image(self, x: np.ndarray, value: float) -> np.ndarray:
+    def image(self, x: np.ndarray, value: Any) -> np.ndarray:
         """Return F(x); raise `ArithmeticError` where there is none."""
         ...
 
-    def tangent(self, x: np.ndarray, value: float) -> tuple[np.ndarray, np.ndarray]:
+    def tangent(self, x: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return F(x) and dF/dx, shape (N, N)."""
         ...
 
-    def slope(self, x: np.ndarray, value: float) -> np.ndarray:
-        """Return dF/dlambda, shape (N,)."""
+    def slope(self, x: np.ndarray, value: Any, k: int = 0) -> np.ndarray:
+        """Return dF/dlambda, shape (N,), by parameter number `k` if there are two."""
         ...
 
-    def signature(self, points: np.ndarray, value: float) -> tuple[int, ...]:
+    def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
         """Count non-smooth events of the map along an orbit, (p, N); () for smooth maps."""
+        ...
+
+
+class Solvable(Protocol):
+    """A curve whose points on hyperplanes can be found."""
+
+    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
+        """Return across what a point is sought, between two where the curve goes along `way`."""
+        ...
+
+    def solve(
+        self, guess: np.ndarray, border: np.ndarray, near: "Solution | None" = None
+    ) -> "Solution":
+        """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
         ...
 
 
@@ -70,11 +86,23 @@ class Curve(NamedTuple):
     period : int
     scale : float
         Of the parameter: the last component of y is lambda / scale.
+    costly : bool
+        Whether a new value of the parameter is: then points are sought at one value, where the
+        curve is not nearly across the parameter.
     """
 
     map: Map
     period: int
     scale: float
+    costly: bool = False
+
+    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
+        """Return across what a point is sought: a direction of the curve, or the parameter's.
+
+        The latter where a value is costly and `way` and all `tangents` go along the parameter.
+        """
+        along = [np.sign(way[-1]) * one[-1] for one in (way, *tangents)]
+        return _along(way.size, way[-1]) if self.costly and min(along) >= STEEP else way
 
     def split(self, y: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the points of y, shape (p, N), and the value of the parameter."""
@@ -110,6 +138,19 @@ class Curve(NamedTuple):
         whole[:-1, -1] = slopes.ravel() * self.scale
         whole[-1] = border
         return whole
+
+    def solve(
+        self, guess: np.ndarray, border: np.ndarray, near: "Solution | None" = None
+    ) -> "Solution":
+        """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
+        return solve(self, guess, border, near)
+
+
+def _along(size: int, sign: float) -> np.ndarray:
+    """Return the direction of the parameter in which it grows, or falls."""
+    unit = np.zeros(size)
+    unit[-1] = np.copysign(1.0, sign)
+    return unit
 
 
 @lru_cache(maxsize=16)
@@ -154,7 +195,7 @@ class Solution(NamedTuple):
 
 
 def solve(
-    curve: Curve,
+    curve: Any,
     guess: np.ndarray,
     border: np.ndarray,
     near: Solution | None = None,
@@ -165,6 +206,7 @@ def solve(
     Parameters
     ----------
     curve : Curve
+        Or another one with `residual`, `linearise` and `bordered`.
     guess, border : ndarray, shape (p N + 1,)
         The tangent that is returned points along `border`.
     near : Solution, optional
@@ -185,14 +227,14 @@ def solve(
 
 
 def _solve(
-    curve: Curve,
+    curve: Any,
     guess: np.ndarray,
     border: np.ndarray,
     inverse: np.ndarray | None,
     reached: float,
 ) -> Solution:
     y, least, fresh_least = guess, np.inf, np.inf
-    off = np.zeros(y.size)
+    off, fixed = np.zeros(y.size), abs(border[-1]) == 1.0
     for _ in range(STEPS):
         fresh = inverse is None
         if inverse is None:
@@ -202,6 +244,8 @@ def _solve(
             off[:-1] = curve.residual(y)
         off[-1] = border @ (y - guess)
         move = inverse @ off
+        if fixed:
+            move[-1] = 0.0
         distance = float(np.abs(move).max())
         if fresh:
             if not distance < fresh_least:
@@ -217,6 +261,8 @@ def _solve(
     off[-1] = border @ (y - guess)
     inverse = np.linalg.inv(curve.bordered(matrices, slopes, border))
     move = inverse @ off
+    if fixed:  # to the last bit, so that it is one solver
+        move[-1] = 0.0
     if not np.abs(move).max() <= reached:
         raise NotConvergedError(f"Newton's method has not converged in {STEPS} steps")
     tangent = inverse[:, -1] / np.linalg.norm(inverse[:, -1])
@@ -226,15 +272,18 @@ def _solve(
 
 def solve_at(curve: Curve, points: np.ndarray, value: float) -> Solution:
     """Find the orbit near `points`, shape (p, N), at a value of the parameter; see `solve`."""
-    border = np.zeros(points.size + 1)
-    border[-1] = 1.0
-    return solve(curve, curve.join(points, value), border)
+    y = curve.join(points, value)
+    return solve(curve, y, _along(y.size, 1.0))
 
 
 def multipliers(matrices: np.ndarray) -> np.ndarray:
     """Return the eigenvalues of M_{p-1} ... M_0, largest modulus first, shape (N,).
 
-    Where the product would lose digits they are the p-th powers of the eigenvalues of the block
+    To first order a relative error of each M_i changes their product P by up to it times
+
+        sum_i |M_{p-1} ... M_{i+1}| |M_i| |M_{i-1} ... M_0|.
+
+    Where this is large they are the p-th powers of the eigenvalues of the block
     cyclic matrix of the M_i, which has each p times and is as well scaled as each M_i (Kressner,
     Numerical Methods for General and Structured Eigenvalue Problems, 2005, 3.3).
 
@@ -243,11 +292,15 @@ def multipliers(matrices: np.ndarray) -> np.ndarray:
     matrices : ndarray, shape (p, N, N)
     """
     p, n, _ = matrices.shape
-    if p == 1 or np.prod(np.linalg.norm(matrices, axis=(1, 2)).clip(1.0)) <= LARGEST_PRODUCT:
-        product = matrices[0]
-        for matrix in matrices[1:]:
-            product = matrix @ product
-        return floquet_multipliers(product)
+    if p == 1:
+        return floquet_multipliers(matrices[0])
+    before, after = [np.eye(n)], [np.eye(n)]
+    for first, last in zip(matrices, matrices[::-1], strict=True):
+        before.append(first @ before[-1])
+        after.append(after[-1] @ last)
+    sizes = [np.linalg.norm(x, axis=(1, 2)) for x in (before[:-1], matrices, after[-2::-1])]
+    if np.prod(sizes, axis=0).sum() <= LARGEST_PRODUCT:
+        return floquet_multipliers(before[-1])
     cyclic = np.zeros((p * n, p * n))
     for i, matrix in enumerate(matrices):
         ahead = (i + 1) % p * n

@@ -16,11 +16,11 @@ is a point of the branch. A point is known to about `PRECISION` of the step.
 
 from collections.abc import Callable
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, solve
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, Solvable
 
 PRECISION = 1e-12
 BISECTIONS = 44
@@ -48,7 +48,7 @@ class Special(NamedTuple):
 
     Attributes
     ----------
-    kind : Kind
+    kind : Kind, or on a locus Meeting
     at : Solution
     fraction : float
         Position between its two neighbouring points, from 0 to 1.
@@ -63,7 +63,7 @@ class Special(NamedTuple):
         Number of that branch in a catalogue, -1 for none.
     """
 
-    kind: Kind
+    kind: Any
     at: Solution
     fraction: float
     change: tuple[int, ...] = ()
@@ -92,7 +92,11 @@ class Tests(NamedTuple):
 
 def tests_of(point: Solution) -> Tests:
     """Evaluate the functions that vanish at special points."""
-    multipliers = point.multipliers.tolist()  # Python numbers: there are few
+    return tests_of_multipliers(point.multipliers.tolist())  # Python numbers: there are few
+
+
+def tests_of_multipliers(multipliers: list[complex]) -> Tests:
+    """Evaluate the functions for some multipliers."""
     fold = doubling = torus = complex(1.0)
     for i, mu in enumerate(multipliers):
         size = 1.0 + abs(mu)
@@ -110,18 +114,18 @@ def n_unstable(multipliers: np.ndarray) -> int:
 
 
 def between(
-    curve: Curve, first: Solution, last: Solution, fraction: float, near: Solution | None = None
+    curve: Solvable, first: Solution, last: Solution, fraction: float, near: Solution | None = None
 ) -> Solution:
     """Find the point at a fraction of the chord between two points.
 
     The point is sought along the tangent of `near`, a third point, if given.
     """
     chord = last.y - first.y
-    border = chord / np.linalg.norm(chord)
+    border = curve.border(chord / np.linalg.norm(chord), first.tangent, last.tangent)
     guess = first.y + fraction * chord
     if near is not None:
         guess = near.y + border @ (guess - near.y) / (border @ near.tangent) * near.tangent
-    return solve(curve, guess, border, near)
+    return curve.solve(guess, border, near)
 
 
 def special_points(curve: Curve, first: Solution, last: Solution) -> list[Special]:
@@ -135,15 +139,7 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
     found = []
 
     def sought(test: Callable[[Solution], float]) -> tuple[Solution, float]:
-        at = last
-
-        def value(fraction: float) -> float:
-            nonlocal at
-            at = between(curve, first, last, fraction, at)
-            return test(at)
-
-        fraction = _root(value, test(first), test(last))
-        return between(curve, first, last, fraction, at), fraction
+        return locate(curve, first, last, test)
 
     def along(point: Solution) -> float:
         return float(point.tangent[-1])
@@ -159,39 +155,86 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
         found.append(Special(Kind.DOUBLING, *sought(lambda p: tests_of(p).doubling)))
     if (one.torus < 0) != (other.torus < 0):
         at, fraction = sought(lambda p: tests_of(p).torus)
-        nearest = at.multipliers[np.argmin(np.abs(np.abs(at.multipliers) - 1.0))]
-        if abs(abs(nearest) - 1.0) < COMPLEX < abs(nearest.imag):
+        if on_unit_circle(at.multipliers):
             found.append(Special(Kind.TORUS, at, fraction))
     found += _grazings(curve, first, last)
     return sorted(found, key=lambda one: one.fraction)
+
+
+def locate(
+    curve: Solvable,
+    first: Solution,
+    last: Solution,
+    test: Callable[[Solution], float],
+    precision: float = PRECISION,
+) -> tuple[Solution, float]:
+    """Find where a function of the points of a curve vanishes between two of them.
+
+    Return the point, and its fraction of the chord, which is known to `precision`.
+    """
+    at, place = last, 1.0
+
+    def value(fraction: float) -> float:
+        nonlocal at, place
+        at, place = between(curve, first, last, fraction, at), fraction
+        return test(at)
+
+    fraction = _root(value, test(first), test(last), precision)
+    if fraction != place:
+        at = between(curve, first, last, fraction, at)
+    return at, fraction
+
+
+def locate_change(
+    curve: Solvable,
+    first: Solution,
+    last: Solution,
+    label: Callable[[Solution], tuple],
+    low: float,
+    own: tuple,
+    precision: float = PRECISION,
+) -> tuple[Solution, float, tuple]:
+    """Find by bisection where a label of the points of a curve is no longer `own`.
+
+    It is that at the fraction `low` of the chord, and another at its end. Return the point on the
+    far side, its fraction, and its label.
+    """
+    high, at, after = 1.0, last, label(last)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if not low < middle < high or high - low <= precision:
+            break
+        point = between(curve, first, last, middle, at)
+        seen = label(point)
+        if seen == own:
+            low = middle
+        else:
+            high, at, after = middle, point, seen
+    return at, high, after
+
+
+def on_unit_circle(multipliers: np.ndarray) -> bool:
+    """Return whether the multipliers nearest to the unit circle are a complex pair on it."""
+    nearest = multipliers[np.argmin(np.abs(np.abs(multipliers) - 1.0))]
+    return bool(abs(abs(nearest) - 1.0) < COMPLEX < abs(nearest.imag))
 
 
 def _grazings(curve: Curve, first: Solution, last: Solution) -> list[Special]:
     def counted(point: Solution) -> tuple[int, ...]:
         return curve.map.signature(*curve.split(point.y))
 
-    found = []
-    low, high, end = 0.0, 1.0, counted(last)
-    own = counted(first)
+    found: list[Special] = []
+    low, own, end = 0.0, counted(first), counted(last)
+    precision = PRECISION / min(1.0, float(np.linalg.norm(last.y - first.y)))
     while own != end:
-        inside, outside, at, after = low, high, last, end
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (inside + outside)
-            if not inside < middle < outside or outside - inside <= PRECISION:
-                break
-            point = between(curve, first, last, middle, at)
-            seen = counted(point)
-            if seen == own:
-                inside = middle
-            else:
-                outside, at, after = middle, point, seen
+        at, low, after = locate_change(curve, first, last, counted, low, own, precision)
         change = tuple(b - a for a, b in zip(own, after, strict=True))
-        found.append(Special(Kind.GRAZING, at, outside, change))
-        low, own = outside, after
+        found.append(Special(Kind.GRAZING, at, low, change))
+        own = after
     return found
 
 
-def _root(function: Callable[[float], float], first: float, last: float) -> float:
+def _root(function: Callable[[float], float], first: float, last: float, precision: float) -> float:
     """Return where a function on [0, 1] with known end values changes its sign."""
     from scipy.optimize import brentq  # takes a while to load
 
@@ -199,6 +242,6 @@ def _root(function: Callable[[float], float], first: float, last: float) -> floa
     if first == 0.0 or last == 0.0:
         return 0.0 if first == 0.0 else 1.0
     try:
-        return float(brentq(lambda s: ends.get(s) or function(s), 0.0, 1.0, xtol=PRECISION))
+        return float(brentq(lambda s: ends.get(s) or function(s), 0.0, 1.0, xtol=precision))
     except (RuntimeError, ValueError) as error:
         raise NotConvergedError(str(error)) from None

@@ -1,4 +1,4 @@
-r"""Orbits that no motion has told: Newton's method from many starts, with the known ones deflated.
+r"""Search for unknown orbits: Newton's method from many starts, with the known ones deflated.
 
 At a value of the parameter the orbits of period p are the zeros of G (`cycle`). With the known ones
 X_1, ..., X_m, in all their shifts, the zeros of

@@ -73,8 +73,8 @@ def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = No
         axis.label_outer()
     starts = job_of(results).study.starts
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * starts, 1)
-    told = f"{starts:,} starts a point, undecided {percent(float(undecided))}"
-    head(figure, "\n".join(filter(None, (caption(results), told, note_of(results)))), fontsize=10)
+    note = f"{starts:,} starts a point, undecided {percent(float(undecided))}"
+    head(figure, "\n".join(filter(None, (caption(results), note, note_of(results)))), fontsize=10)
     save(figure, path)
 
 

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
-from hpcsweep.dynamics.basins import ELSEWHERE
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures.inferred import VARIABLES as INFERRED
+from hpcsweep.figures.inferred import draw_cells, filled, need_cells, note_of
 from hpcsweep.figures.labels import displacement, velocity
+from hpcsweep.figures.options import CELLS
 from hpcsweep.figures.palette import (
     MOTION_COLOURS,
     MOTION_NAMES,
@@ -26,13 +28,14 @@ from hpcsweep.figures.style import (
     save,
     set_name,
 )
+from hpcsweep.studies.refine.variables import SOURCE
 
 NAME = "basins"
 DRAWS = "basins"
 HELP = """\
 basins of attraction on a slice of the initial states: the attractor that each
 start goes to"""
-OPTIONS = ()
+OPTIONS = (CELLS,)
 OTHERS = [
     (ELSEWHERE, "other attractors", OTHER_MOTION),
     *(
@@ -47,13 +50,15 @@ SIZE = 6.4, 6.9
 """Inches."""
 
 
-def load(frames):
-    """Read the labels and the attractors."""
+def load(frames, cells: bool | None = None):
+    """Read the labels and the attractors, of a refined map also what is inferred."""
+    if cells:
+        need_cells(frames)
     names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point")
-    return frames.gather((*names, "outcome"))
+    return frames.gather((*names, "outcome", *INFERRED)).assign_attrs(frames.audit())
 
 
-def draw(results, path: Path) -> None:
+def draw(results, path: Path, cells: bool | None = None) -> None:
     """Draw what `load` returned and write it to `path`; colours show the motion.
 
     Raises
@@ -64,16 +69,17 @@ def draw(results, path: Path) -> None:
     from matplotlib.colors import ListedColormap
 
     study = job_of(results).study
-    done = results["outcome"].values[0, :, 0] > 0
-    if not done.any():
+    labels = filled(results, "label")[0].reshape(study.vertical.size, study.horizontal.size)
+    if not labels.any():
         raise PlotError("no row of this slice is computed yet")
-    listed = attractors_of(results, int(np.argmax(done)))
+    if SOURCE in results and not results[SOURCE].values.any():
+        raise PlotError("the attractors of a refined map are known when it is complete")
+    listed = attractors_of(results, int(np.argmax(labels.any(axis=1))))
     keys = [(number, name, colour) for number, (name, colour, _) in listed.items()]
     keys += OTHERS
-    labels = results["label"].values[0, :, 0]
     index = np.full(labels.shape, -1)
     for place, (number, _, _) in enumerate(keys):
-        index[done[:, None] & (labels == number)] = place
+        index[labels == number] = place
     figure, axes = new_grid(1, 1, SIZE)
     axis = axes[0, 0]
     axis.pcolormesh(
@@ -86,6 +92,8 @@ def draw(results, path: Path) -> None:
         rasterized=True,
     )
     axis.set_facecolor(NOTHING)
+    if cells:
+        draw_cells(axis, results, study.vertical, study.horizontal)
     for _, colour, point in listed.values():
         _mark(axis, study, point, colour)
     first, second = (_label(study.structure, component) for component in study.components)
@@ -93,7 +101,8 @@ def draw(results, path: Path) -> None:
     axis.set_ylabel(second)
     _legend(figure, study, keys, index)
     amplitude = f"$A$ = {study.amplitude[0]:.6g}"
-    head(figure, f"{caption(results, float(study.omega[0]))},  {amplitude}", fontsize=10)
+    notes = f"{caption(results, float(study.omega[0]))},  {amplitude}", note_of(results)
+    head(figure, "\n".join(filter(None, notes)), fontsize=10)
     save(figure, path)
 
 
@@ -128,7 +137,7 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
 
     The first of a motion has the motion's colour, further ones have shades of it.
     """
-    one = results.isel(direction=0, row=row, amplitude=0)
+    one = results.isel({"direction": 0, "row": row, "amplitude": 0}, missing_dims="ignore")
     labels = job_of(results).structure.contact_labels
     found: dict[int, tuple[str, str, np.ndarray]] = {}
     seen: dict[int, int] = {}

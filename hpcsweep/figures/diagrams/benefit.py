@@ -116,11 +116,11 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
     draw_classes(axis, results, index, [colour for _, colour in SHADES])
     draw_grazing(axis, results, structure_of(results))
     count = int(known.sum())
-    told = "no such run"
+    note = "no such run"
     if count:
         share = percent(float((ratio[known] <= 1).mean()))
-        told = f"beneficial: {share} of {count} runs"
-    axis.set_title(f"{name}\n{told}", fontsize=9)
+        note = f"beneficial: {share} of {count} runs"
+    axis.set_title(f"{name}\n{note}", fontsize=9)
 
 
 def _legend(figure, results, classes) -> None:

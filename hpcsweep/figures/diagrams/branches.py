@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.dynamics.continuation.forced import ForcedMap
+from hpcsweep.figures.diagrams.special_curves import MARKS
 from hpcsweep.figures.labels import amplitude, choose_floors, displacement, frequency
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
-from hpcsweep.figures.palette import DARK_INK, GRAZING, MOTION_COLOURS, series_colour
+from hpcsweep.figures.overlay import Drawn, branches_of, run_of
+from hpcsweep.figures.palette import DARK_INK, MOTION_COLOURS
 from hpcsweep.figures.style import PlotError, head, new_figure, parameters, save
 
 NAME = "branches"
@@ -23,39 +24,32 @@ OPTIONS = (
     Option("--line", "line, from 0 (default: the first)", "line", {"type": whole_number(0, 10**9)}),
     SWEEP,
 )
-MARKS = {
-    Kind.FOLD: ("fold", "o", series_colour(1)),
-    Kind.DOUBLING: ("period doubling", "s", series_colour(0)),
-    Kind.TORUS: ("torus", "D", series_colour(2)),
-    Kind.BRANCH_POINT: ("branch point", "^", series_colour(3)),
-    Kind.GRAZING: ("grazing", "|", GRAZING),
-}
-"""Word, marker and colour of each kind of special point."""
 PANEL, PAGE = 1.75, 8.75
 """Height of a panel, and of all of them where there are many (inches)."""
 COLUMNS = 5
+STABLE, UNSTABLE, NOWHERE_STABLE = 1.8, 0.6, 0.2
+"""Widths of lines, the last of a branch that is unstable all along."""
 
 
-class Drawn(NamedTuple):
+class Read(NamedTuple):
     """What is drawn.
 
     Attributes
     ----------
     line : xarray.Dataset
-    branches : list of (period, value, stable, points)
-        By branch: arrays over its steps, points of shape (steps, period, 2n).
+    branches : list of Drawn
     runs : xarray.Dataset or None
         Runs of a sweep.
     study : Branches
     """
 
     line: Any
-    branches: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]
+    branches: list[Drawn]
     runs: Any
     study: Any
 
 
-def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Drawn:
+def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
     """Read a line, and the runs of a sweep at its frequency."""
     from hpcsweep.store import Frames
 
@@ -76,33 +70,11 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Drawn:
         finally:
             held.close()
     found = frames.dataset(line)
-    return Drawn(found, list(_branches(_of_line(found), study, line)), runs, study)
-
-
-def _of_line(line) -> dict[str, np.ndarray]:
-    return {name: line[name].values[0, 0, 0] for name in line.data_vars if line[name].ndim >= 3}
-
-
-def _branches(run: dict, study, line: int):
-    """Return period, values, stability and all stroboscopic points of each branch."""
-    place = float(study.amplitude[line]), float(study.omega[line])
-    forced = ForcedMap(study.structure, *place, study.parameter, study.settings.rtol)
-    for number, period in zip(
-        run["branch_id"].tolist(), run["branch_period"].tolist(), strict=True
-    ):
-        own = run["step_branch"] == number
-        if number and own.any():
-            points = np.empty((own.sum(), period, forced.size))
-            for k, (x, value) in enumerate(zip(run["point"][own], run["value"][own], strict=True)):
-                for turn in range(period):
-                    points[k, turn] = x
-                    if turn < period - 1:
-                        x = forced.image(x / forced.units, float(value)) * forced.units
-            yield period, run["value"][own], run["stable"][own] > 0, points
+    return Read(found, list(branches_of(run_of(found), study, line)), runs, study)
 
 
 def draw(
-    results: Drawn,
+    results: Read,
     path: Path,
     floors: Sequence[int] = (),
     line: int = 0,
@@ -111,7 +83,7 @@ def draw(
     """Draw a line, as `load` has read it, and write it to `path`."""
     del line, sweep
     found, branches, runs, study = results
-    run = _of_line(found)
+    run = run_of(found)
     if not branches:
         raise PlotError("no branch of this line is computed")
     structure = study.structure
@@ -155,24 +127,38 @@ def _draw_runs(axis, runs, floor: int) -> None:
     )
 
 
-def _draw_branches(axis, branches: list, floor: int) -> None:
-    """Draw each branch, cut where its stability changes; the piece between is unstable."""
-    for period, value, stable, points in branches:
-        both = stable[:-1] & stable[1:]
-        for steady, width in ((False, 0.6), (True, 1.8)):
-            ends = np.flatnonzero(both == steady)
-            for piece in np.split(ends, np.flatnonzero(np.diff(ends) > 1) + 1):
-                if piece.size:
-                    chosen = slice(piece[0], piece[-1] + 2)
-                    shown = points[chosen, :, floor]
-                    axis.plot(value[chosen], shown, color=_colour(period), lw=width, zorder=2)
+def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
+    """Draw each branch, cut where its stability changes."""
+    for one in branches:
+        unstable = UNSTABLE if one.stable.any() else NOWHERE_STABLE
+        for piece, steady in one.pieces():
+            shown, width = one.points[piece, :, floor], STABLE if steady else unstable
+            axis.plot(one.value[piece], shown, color=_colour(one.period), lw=width, zorder=2)
 
 
 def _draw_specials(axis, run: dict, floor: int) -> None:
+    """Mark special points: finely where no stable part is near, there no grazings.
+
+    None of a branch that is unstable all along.
+    """
+    held = _beside_stable(run)
+    partly = np.isin(run["special_branch"], run["step_branch"][run["stable"] > 0])
     for kind in MARKS:
-        own = run["special_kind"] == kind
-        looks = {**_looks(kind, 3.5), "markeredgewidth": 0.9, "zorder": 4}
-        axis.plot(run["special_value"][own], run["special_point"][own, floor], **looks)
+        for near, size, edge in ((True, 3.5, 0.9), (False, 1.2, 0.4)):
+            if near or kind is not Kind.GRAZING:
+                own = (run["special_kind"] == kind) & (held == near) & partly
+                looks = {**_looks(kind, size), "markeredgewidth": edge, "zorder": 4 if near else 3}
+                axis.plot(run["special_value"][own], run["special_point"][own, floor], **looks)
+
+
+def _beside_stable(run: dict) -> np.ndarray:
+    """Return of each special point whether a stable point of its branch is next to it."""
+    step, stable, branch = run["special_step"], run["stable"] > 0, run["step_branch"]
+    found = np.zeros(step.shape, bool)
+    for away in (-1, 0, 1):
+        at = np.clip(step + away, 0, branch.size - 1)
+        found |= stable[at] & (branch[at] == run["special_branch"])
+    return found
 
 
 def _looks(kind: Kind, size: float) -> dict[str, Any]:
@@ -197,10 +183,10 @@ def _handles(run: dict, runs: bool) -> list:
 
     periods = np.unique(np.minimum(run["branch_period"][run["branch_id"] > 0], 9)).tolist()
     names = {p: f"P{p}" if p < 9 else "P9 and longer" for p in periods}
-    handles = [Line2D([], [], color=_colour(p), lw=1.8, label=names[p]) for p in periods]
+    handles = [Line2D([], [], color=_colour(p), lw=STABLE, label=names[p]) for p in periods]
     handles += [
-        Line2D([], [], color=DARK_INK, lw=1.8, label="stable"),
-        Line2D([], [], color=DARK_INK, lw=0.6, label="unstable"),
+        Line2D([], [], color=DARK_INK, lw=STABLE, label="stable"),
+        Line2D([], [], color=DARK_INK, lw=UNSTABLE, label="unstable"),
     ]
     for kind, (word, _, _) in MARKS.items():
         if (run["special_kind"] == kind).any():

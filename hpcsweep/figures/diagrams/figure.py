@@ -73,6 +73,8 @@ class Figure(Protocol):
 
 def load_frame(frames: "Frames", omega: float | None = None, **_options):
     """Read the frame nearest to a frequency, default the first."""
-    from hpcsweep.figures.style import nearest_frame
+    from hpcsweep.figures.style import check_omega, nearest_frame
 
+    if omega is not None:
+        check_omega(frames.study.omega, omega)
     return frames.gather([*frames], [nearest_frame(frames.study.omega, omega)])

@@ -54,10 +54,10 @@ def draw(
             continue
         low, high = found.band(fine)
         axis.fill_between(fine, low, high, color=colour, alpha=0.2, linewidth=0)
-        told = rf"{name}  median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}".strip()
-        axis.plot(fine, found.probability(fine), color=colour, label=told)
+        label = rf"{name}  median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}".strip()
+        axis.plot(fine, found.probability(fine), color=colour, label=label)
     axis.set_xlabel(stripes.measure)
-    axis.set_ylabel(f"share of records that reach {threshold:g}")
+    axis.set_ylabel(f"share of records that reach {threshold:g} {stripes.unit}".rstrip())
     axis.set_xlim(0, stripes.intensity[-1])
     axis.set_ylim(0, 1.02)
     axis.legend(frameon=False, fontsize=8, title=stripes.label, title_fontsize=8)

@@ -43,6 +43,12 @@ def draw(results, path: Path, response: str | None = None, place: str | None = N
     axis.set_ylabel(stripes.measure)
     axis.set_xlim(left=0)
     axis.set_ylim(0, intensity[-1])
-    axis.legend(frameon=False, fontsize=8, title=f"{len(stripes.records)} records")
+    axis.legend(
+        frameon=False,
+        fontsize=8,
+        handlelength=3.5,
+        title=f"{len(stripes.records)} records",
+        title_fontsize=8,
+    )
     head(figure, responses.title(results), fontsize=9)
     save(figure, path)

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.labels import amplitude, unit
+from hpcsweep.figures.labels import amplitude
+from hpcsweep.figures.measures import LABELS, held_measures, measure_of
 from hpcsweep.figures.options import DIRECTION, OMEGA
 from hpcsweep.figures.palette import STOP, series_colour
 from hpcsweep.figures.style import (
@@ -27,16 +28,6 @@ HELP = """\
 peak drift of each storey, displacement and acceleration of each floor, force and
 impacts of each contact against the amplitude, one frame"""
 OPTIONS = (OMEGA, DIRECTION)
-PANELS = {
-    "storey_drift": ("peak storey drift", "length", "storey"),
-    "displacement": ("peak displacement", "length", "floor"),
-    "acceleration": ("peak floor acceleration", "acceleration", "floor"),
-    "contact_force": ("peak contact force", "force", "stop"),
-    "impacts": ("impacts a forcing period", "1", "stop"),
-    "impact_velocity": ("largest closing speed", "velocity", "stop"),
-    "impulse": ("impulse a forcing period", "impulse", "stop"),
-    "contact_time": ("share of time in contact", "1", "stop"),
-}
 MOST_LINES = 10
 """Storeys, floors or contacts that are drawn, the first."""
 load = load_frame
@@ -50,9 +41,9 @@ def draw(results, path: Path, omega: float | None = None, direction: str | None 
     PlotError
         If the file holds none of them.
     """
-    held = [name for name in PANELS if name in results]
-    if not held:
-        asked = ", ".join(f"output.{name}" for name in PANELS)
+    shown = held_measures(results)
+    if not shown:
+        asked = ", ".join(f"output.{name}" for name in LABELS)
         raise PlotError(f"the file holds none of them: set one of {asked} to true in the job")
     need_amplitudes(job_of(results).study)
     structure = structure_of(results)
@@ -61,21 +52,21 @@ def draw(results, path: Path, omega: float | None = None, direction: str | None 
     done = frame["outcome"].values == Outcome.COMPLETE
     if not done.any():
         raise PlotError("no run of this frame is complete yet")
-    figure, axes = new_figure(len(held), 1.2 + 2.3 * len(held))
-    for axis, name in zip(axes, held, strict=True):
-        label, quantity, dim = PANELS[name]
-        for place, which in enumerate(frame[dim].values.tolist()[:MOST_LINES]):
-            values = frame[name].isel({dim: place}).where(done)
+    figure, axes = new_figure(len(shown), 1.2 + 2.3 * len(shown))
+    for axis, name in zip(axes, shown, strict=True):
+        measure = measure_of(results, structure, name)
+        for place, words in enumerate(measure.places[:MOST_LINES]):
+            values = frame[name].isel({measure.dim: place}).where(done)
             axis.plot(
                 frame["amplitude"],
-                values,
+                values * measure.factor[place],
                 ".-",
                 markersize=3,
                 linewidth=0.8,
                 color=series_colour(place),
-                label=f"{'contact' if dim == 'stop' else dim} {which}",
+                label=words,
             )
-        axis.set_ylabel(label if quantity == "1" else label + unit(structure, quantity))
+        axis.set_ylabel(measure.label + measure.unit)
         axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)
         graze = structure.grazing_amplitude(float(frame["omega"]))

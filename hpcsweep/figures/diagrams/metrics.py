@@ -64,7 +64,10 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     head(figure, caption(results, value), fontsize=10)
     axes[0].legend(fontsize=8, markerscale=1.5)
     handles = axes[1].get_legend_handles_labels()[0]
-    foot(figure, handles, results, classes, 3)
+    # a column for each direction and one without stop: legends are filled column by column
+    n_columns = frame.sizes["direction"] + 1
+    handles = [handle for k in range(n_columns) for handle in handles[k::n_columns]]
+    foot(figure, handles, results, classes, n_columns)
     save(figure, path)
 
 

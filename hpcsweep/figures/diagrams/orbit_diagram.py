@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from hpcsweep.figures.labels import amplitude, choose_floors, displacement
 from hpcsweep.figures.options import FLOORS, OMEGA, Option
 from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, STOP, contact_colour, motion_index
 from hpcsweep.figures.style import (
+    CAPTION_ROOM,
     MARKERS,
     PlotError,
     caption,
@@ -50,6 +52,8 @@ OPTIONS = (
     ),
 )
 load = load_frame
+MOST_SHORTENED = 16
+"""Regions whose contact sets have no room above the panels and are listed below them."""
 MOST_SETS = 10
 """Contact sets that the legend names: the commonest."""
 MOST_COLUMNS = 6
@@ -225,6 +229,7 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
     total = edges[-1] - edges[0]
     top = axes[0]
     taken: list[float] = []
+    shortened: list[str] = []
     for number, region in enumerate(regions, 1):
         left, right = edges[region.first], edges[region.last + 1]
         if region.first > 0:
@@ -234,6 +239,9 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
         wide = share > LEAST_WIDTH
         room = max(int(LETTERS * share), LEAST_LETTERS)
         names = [contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
+        whole = [contact_name(c, labels).replace("none", "–") for c in region.contacts]
+        if not wide or names != whole:
+            shortened.append(f"({roman(number)}) {' / '.join(whole)}".replace("–", "no contact"))
         sets = "\n".join(names)
         label = f"({roman(number)})\n{sets}" if wide else f"({roman(number)})"
         middle = 0.5 * (left + right)
@@ -255,12 +263,22 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
             linespacing=1.05,
             rotation=0 if wide else 90,
         )
-    if len(regions) < 2:
+    return _words_of_regions(len(regions), shortened)
+
+
+def _words_of_regions(count: int, shortened: list[str]) -> str:
+    """Explain the numbers of regions, and list the contact sets that had no room."""
+    if count < 2:
         return ""
-    return (
-        f"(i) to ({roman(len(regions))}): amplitudes of one contact set, C: contacts that close; "
+    text = (
+        f"(i) to ({roman(count)}): amplitudes of one contact set, C: contacts that close; "
         "two sets: sweeps on two motions"
     )
+    if len(shortened) > MOST_SHORTENED:
+        more = f"and {len(shortened) - MOST_SHORTENED} more"
+        shortened = [*shortened[:MOST_SHORTENED], more]
+    unbroken = [entry.replace(" ", "\u00a0") for entry in shortened]
+    return "\n".join([text, *wrap(",  ".join(unbroken), CAPTION_ROOM)])
 
 
 def _legend(figure, groups: list[Group], color: str, results, classes, note: str) -> None:

@@ -16,16 +16,23 @@ from hpcsweep.figures.diagrams.mesh import (
     mark_strip,
     open_map,
 )
+from hpcsweep.figures.diagrams.special_curves import (
+    draw_specials,
+    special_keys,
+    with_specials,
+)
 from hpcsweep.figures.inferred import (
     draw_cells,
+    drawn_classes,
+    drawn_names,
     filled,
-    filled_classes,
     inferred,
+    is_by_period,
     need_cells,
     note_of,
 )
 from hpcsweep.figures.labels import exponent as exponent_label
-from hpcsweep.figures.options import CELLS, DIRECTION, Option
+from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
 from hpcsweep.figures.palette import (
     MOTION_COLOURS,
     MOTIONS,
@@ -61,6 +68,7 @@ OPTIONS = (
         {"choices": VALUES},
     ),
     CELLS,
+    BRANCHES,
 )
 ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
 """Motions whose share the legend states even if it is 0."""
@@ -71,11 +79,20 @@ MOST_PANELS = 9
 """Modes shown, the lowest."""
 
 
-def load(frames, direction: str | None = None, value: str | None = None, cells: bool | None = None):
-    """Read the map of one direction."""
+def load(
+    frames,
+    direction: str | None = None,
+    value: str | None = None,
+    cells: bool | None = None,
+    branches: Path | None = None,
+):
+    """Read the map of one direction, and special points of branches."""
     if cells:
         need_cells(frames)
-    return open_map(frames, value, direction)
+    results = open_map(frames, value, direction)
+    if branches is not None:
+        results = with_specials(results, branches, frames.study.structure)
+    return results
 
 
 def draw(
@@ -84,6 +101,7 @@ def draw(
     value: str = "period",
     direction: str | None = None,
     cells: bool | None = None,
+    branches: Path | None = None,
 ) -> None:
     """Draw the map of one direction and write it to `path`.
 
@@ -97,12 +115,15 @@ def draw(
         Default the first.
     cells : bool, optional
         Whether the cells of a refined map are outlined.
+    branches : Path, optional
+        File of branches, whose special points `load` has read.
 
     Raises
     ------
     PlotError
         If the file does not hold the variables to draw.
     """
+    del branches
     if value != "period":
         need(results, value)
     results = by_frequency(results)
@@ -120,33 +141,37 @@ def draw(
         "modal_norm": _modal_norms,
     }[value](figure, axes, results)
     if value != "period":
-        foot(figure, grazing_keys(results), results, classes_of(results))
+        foot(figure, grazing_keys(results) + special_keys(results), results, classes_of(results))
     for axis in axes.flat[:panels]:
         draw_grazing(axis, results, structure_of(results))
         mark_strip(axis, results)
+        if "special_kind" in results:
+            draw_specials(axis, results)
         if cells:
             draw_cells(axis, results)
         axis.label_outer()
     for axis in axes.flat[panels:]:
         axis.set_visible(False)
-    told = [f"{caption(results)},  {words_of(results)}", note_of(results)]
-    head(figure, "\n".join(filter(None, told)), fontsize=10)
+    notes = [f"{caption(results)},  {words_of(results)}", note_of(results)]
+    head(figure, "\n".join(filter(None, notes)), fontsize=10)
     save(figure, path)
 
 
 def _classes(figure, axes, results) -> None:
-    classes, periods = (values[0] for values in filled_classes(results))
+    classes, periods = (values[0] for values in drawn_classes(results))
     index = motion_index(classes, periods)
     draw_classes(axes[0, 0], results, index, MOTION_COLOURS)
     missing = classes == MotionClass.NOT_COMPUTED
     computed = max(int((~missing).sum()), 1)
-    entries = [
-        (name, colour, int((index == place).sum()) / computed)
+    shown = {
+        name: (colour, int((index == place).sum()) / computed)
         for place, (name, colour) in enumerate(MOTIONS)
         if name in ALWAYS or (index == place).any()
-    ]
+    }
+    named = drawn_names(shown, is_by_period(results))
+    entries = [(name, *entry) for name, entry in named.items()]
     of = "points" if inferred(results).any() else "runs"
-    keys = grazing_keys(results)
+    keys = grazing_keys(results) + special_keys(results)
     legend_of_shares(figure, entries, float(missing.mean()), "not computed", keys, of)
 
 

@@ -50,6 +50,6 @@ def draw(results, path: Path, response: str | None = None, scale: float | None =
     axes[0, 0].set_xlim(left=0)
     axes[0, 0].set_ylabel(dim)
     axes[0, 0].legend(frameon=False, fontsize=8)
-    told = responses.at_scale(study, at)
-    head(figure, f"{told}, {len(whole.records)} records\n{responses.title(results)}", fontsize=9)
+    where = responses.at_scale(study, at)
+    head(figure, f"{where}, {len(whole.records)} records\n{responses.title(results)}", fontsize=9)
     save(figure, path)

@@ -18,7 +18,7 @@ OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE)
 
 
 def load(frames, **_options):
-    """Read what tells the records of one structure, and the forces."""
+    """Read the facts about the records of one structure, and the forces."""
     return frames.gather(["outcome", "contact_force"])
 
 
@@ -45,7 +45,7 @@ def draw(
     figure, axes = new_figure(3 if names else 2, 6.2, 7.6)
     ground, moving = axes[:2]
     ground.plot(samples.times, factor * samples.acceleration / study.gravity, color="0.3", lw=0.6)
-    ground.set_ylabel("ground  [g]")
+    ground.set_ylabel("ground  [g]", fontsize=8)
     if names:
         k = names.index(place) if place else int(seen.force.max(axis=0).argmax())
         shown = np.flatnonzero(structure.directions[k]).tolist()

@@ -1,4 +1,4 @@
-"""What the figures of responses to records share: their options, and what they are drawn of."""
+"""Common parts of the figures of responses to records: options and data."""
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def title(results) -> str:
 
 
 def touches(stripes: Stripes) -> bool:
-    """Return whether contacts change any of the responses, as far as the file tells."""
+    """Return whether contacts change any of the responses, as far as the file shows."""
     if stripes.alone is None:
         return False
     apart = np.nan_to_num(np.abs(stripes.values - stripes.alone)).max()
@@ -116,4 +116,5 @@ def at_scale(study, place: int) -> str:
     """Write the intensity at one place of the scales."""
     quantity = study.measure.quantity
     named = unit(study.structure, quantity).strip(" []") if quantity != "1" else ""
-    return f"{study.measure} = {study.scale[place]:.4g} {named}".strip()
+    measure = study.measure.named(study.structure.unit_names.time)
+    return f"{measure} = {study.scale[place]:.4g} {named}".strip()

@@ -56,7 +56,8 @@ def draw(results, path: Path, omega: float | None = None) -> None:
         axis.set_title(f"({letter})", loc="left", fontsize=9)
     rest = [Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5)]
     rest[0].set_label("reached none of them")
-    legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS, rest)
+    note = f"{starts_text(results, frame)}; named in (a): identity and contact set"
+    legend(figure, frame, index, note, MOST_COLUMNS, rest)
     head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 

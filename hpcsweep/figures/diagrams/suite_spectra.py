@@ -24,12 +24,14 @@ MOST_MODES = 3
 
 
 def load(frames, **_options):
-    """Read what tells the records of one structure."""
+    """Read the facts about the records of one structure."""
     return frames.gather(["outcome"])
 
 
 def draw(results, path: Path) -> None:
     """Draw Sa over the period, in g, and write it to `path`."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     n = min(results.sizes["record"], MOST_RECORDS)
     study = job_of(results).study
     first = responses.samples_of(study, 0)
@@ -48,17 +50,21 @@ def draw(results, path: Path) -> None:
         axis.axvline(period, color=series_colour(1), linewidth=0.8)
         axis.annotate(
             rf" $T_{k + 1}$",
-            (period, 1.0),
+            (period, 0.98),
             xycoords=("data", "axes fraction"),
             va="top",
             fontsize=8,
         )
     time = study.structure.unit_names.time or "time"
     axis.set_xscale("log")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_xlabel(f"period  [{time}]")
     axis.set_ylabel("pseudo-acceleration, 5 %  [g]")
     axis.set_xlim(periods[0], periods[-1])
     axis.set_ylim(bottom=0)
-    axis.legend(frameon=False, fontsize=8, title=f"{n} records as they are")
+    title = f"{n} records as they are"
+    axis.legend(frameon=False, fontsize=8, handlelength=3.5, title=title, title_fontsize=8)
     head(figure, str(results.attrs["name"]), fontsize=9)
     save(figure, path)

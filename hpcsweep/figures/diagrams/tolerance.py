@@ -28,7 +28,7 @@ def draw(rows: list, path: Path) -> None:
         squeeze=False,
         layout="constrained",
     )
-    asked = sorted({row.rtol for row in rows})
+    tolerances = sorted({row.rtol for row in rows})
     for solver, axis in zip(solvers, axes[0], strict=True):
         for place, regime in enumerate(regimes):
             own = [row for row in rows if (row.solver, row.regime) == (solver, regime)]
@@ -42,7 +42,12 @@ def draw(rows: list, path: Path) -> None:
                 label=regime,
             )
         axis.loglog(
-            asked, asked, color="0.3", linewidth=1.2, linestyle="--", label="error = tolerance"
+            tolerances,
+            tolerances,
+            color="0.3",
+            linewidth=1.2,
+            linestyle="--",
+            label="error = tolerance",
         )
         axis.set_title(solver, fontsize=10)
         axis.set_xlabel("relative tolerance requested", fontsize=9)

@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.figures.diagrams.mesh import edges_of, grazing_key, legend_of_shares
-from hpcsweep.figures.inferred import filled_classes
+from hpcsweep.figures.inferred import drawn_classes, drawn_names, inferred, is_by_period, share_note
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.labels import unit
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option
 from hpcsweep.figures.palette import GRAZING, MOTION_COLOURS, MOTIONS, NOTHING, motion_index
 from hpcsweep.figures.style import (
     PlotError,
+    check_omega,
     direction_index,
     head,
     nearest_frame,
@@ -64,6 +65,10 @@ class Panels(NamedTuple):
         Of the job.
     structure : hpcsweep.Structure
         Of one part.
+    by_period : bool
+        Whether motions without a period share one class.
+    inferred : float
+        Share of the points that are inferred.
     """
 
     motion: np.ndarray
@@ -76,6 +81,8 @@ class Panels(NamedTuple):
     direction: str
     name: str
     structure: Any
+    by_period: bool
+    inferred: float
 
 
 def load(frames, omega: float | None = None, direction: str | None = None, over: str | None = None):
@@ -106,8 +113,10 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         raise PlotError(
             f"{len(panels)} panels are more than {MOST_PANELS}: choose {others} by --at"
         )
+    if omega is not None:
+        check_omega(frames.study.omega, omega)
     place = nearest_frame(frames.study.omega, omega)
-    motion, grazing, titles = [], [], []
+    motion, grazing, titles, from_cells = [], [], [], []
     for panel in panels:
         for row in rows:
             frames.choose(
@@ -115,10 +124,11 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
             )
             frame = frames.dataset(place)
             at = direction_index(frame, direction)
-            motion.append(motion_index(*(values[at, 0] for values in filled_classes(frame))))
+            from_cells.append(float(inferred(frame)[at, 0].mean()))
+            motion.append(motion_index(*(values[at, 0] for values in drawn_classes(frame))))
             grazing.append(frames.study.structure.grazing_amplitude(float(frame["omega"].item())))
-        told = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
-        titles.append(", ".join(" = ".join(pair) for pair in told))
+        pairs = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
+        titles.append(", ".join(" = ".join(pair) for pair in pairs))
     study, shape = frames.study, (len(panels), len(rows))
     return Panels(
         motion=np.array(motion).reshape(*shape, -1),
@@ -131,6 +141,8 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         direction=study.words[study.directions[at]],
         name=frames.whole.name,
         structure=study.structure,
+        by_period=is_by_period(frame),
+        inferred=float(np.mean(from_cells)),
     )
 
 
@@ -165,9 +177,9 @@ def draw(
         axis.set_xlabel(amplitude_label(results.structure))
         axis.set_ylabel(results.key)
         axis.label_outer()
-    _legend(figure, results.motion)
-    told = rf"{results.name},  $\Omega$ = {results.omega:.6g},  {results.direction}"
-    head(figure, told, fontsize=10)
+    _legend(figure, results)
+    title = rf"{results.name},  $\Omega$ = {results.omega:.6g},  {results.direction}"
+    head(figure, "\n".join(filter(None, (title, share_note(results.inferred)))), fontsize=10)
     save(figure, path)
 
 
@@ -201,15 +213,18 @@ def _panel(axis, results: Panels, panel: int) -> None:
     axis.set(xlim=limits, ylim=(edges[0], edges[-1]))
 
 
-def _legend(figure, index: np.ndarray) -> None:
+def _legend(figure, results: Panels) -> None:
+    index = results.motion
     done = max(int((index >= 0).sum()), 1)
-    entries = [
-        (name, colour, int((index == place).sum()) / done)
+    shown = {
+        name: (colour, int((index == place).sum()) / done)
         for place, (name, colour) in enumerate(MOTIONS)
         if (index == place).any()
-    ]
+    }
+    entries = [(name, *entry) for name, entry in drawn_names(shown, results.by_period).items()]
     blank = float((index < 0).mean())
-    legend_of_shares(figure, entries, blank, "not computed", [grazing_key()])
+    of = "points" if results.inferred else "runs"
+    legend_of_shares(figure, entries, blank, "not computed", [grazing_key()], of)
 
 
 def _words(name: str) -> str:

@@ -22,10 +22,13 @@ def as_runs(frame):
     Returns
     -------
     xarray.Dataset
-        Dimensions (direction, frame, amplitude, ...): a direction is a slot. Where a slot has no
-        attractor the motion is not computed.
+        Dimensions (direction, frame, amplitude, ...): a direction is a slot, which an attractor
+        keeps along the amplitudes. Where a slot has no attractor the motion is not computed.
     """
     one = frame.isel(direction=0, drop=True).rename(attractor="direction")
+    order = slots(one["attractor_id"].isel(omega=0).transpose("amplitude", "direction").values)
+    each = ("amplitude", np.arange(len(order)))
+    one = one.isel(direction=(("amplitude", "direction"), order), amplitude=each)
     held = one["attractor_id"] > 0
     for name in ("outcome", "cycles"):
         one[name] = one[name].where(held, one[name].dtype.type(0))
@@ -36,6 +39,32 @@ def as_runs(frame):
         kind = kind.where((one["contact"] > 0) | ~held, MotionClass.NO_CONTACT)
     one[MOTION] = kind.astype(np.int8)
     return one.transpose("direction", "omega", "amplitude", ...)
+
+
+def slots(identity: np.ndarray) -> np.ndarray:
+    """Return which attractor each slot has at each amplitude: the one that it had before.
+
+    A new one takes a slot that no other had at the amplitude before, if there is one.
+
+    Parameters
+    ----------
+    identity : ndarray of int, shape (n_amplitudes, K)
+        Identity of each attractor along the amplitudes, 0 for none.
+
+    Returns
+    -------
+    ndarray of int, shape (n_amplitudes, K)
+        Indices of attractors, and of empty places, a permutation at each amplitude.
+    """
+    order = np.empty_like(identity)
+    before = np.zeros(identity.shape[1], identity.dtype)
+    for own, row in zip(order, identity, strict=True):
+        own[:] = [row.tolist().index(one) if one and one in row else -1 for one in before]
+        new = [place for place in np.flatnonzero(row) if place not in own]
+        free = sorted(np.flatnonzero(own < 0), key=lambda slot: before[slot] != 0)
+        own[free] = [*new, *np.setdiff1d(np.arange(row.size), [*own, *new])]
+        before = row[own]
+    return order
 
 
 def as_study(study):

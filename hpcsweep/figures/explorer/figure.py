@@ -1,6 +1,6 @@
 """The explorer as a figure: its name, its options; `hpcsweep explore` makes it."""
 
-from hpcsweep.figures.options import Option, positive, whole_number
+from hpcsweep.figures.options import BRANCHES, Option, positive, whole_number
 
 NAME = "explorer"
 DRAWS = "motions"
@@ -10,6 +10,7 @@ Make one self-contained page: the map over (A, Omega); pointing at it shows the 
 that frame, clicking the phase portrait and numbers of that run."""
 MOST_MB = 150.0
 OPTIONS = (
+    BRANCHES,
     Option(
         "--points",
         "at most K stroboscopic points of a run (default: as many as keep the page small)",

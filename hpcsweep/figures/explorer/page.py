@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures.explorer.branches import pack_branches
 from hpcsweep.figures.explorer.encode import (
     predict_points,
     predict_rows,
@@ -43,6 +44,7 @@ SCRIPTS = (
     "map.js",
     "diagrams.js",
     "portraits.js",
+    "branches.js",
     "words.js",
     "main.js",
 )
@@ -141,9 +143,15 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         colour = _range(values, 1.0)
         codes = quantise(values, low, high, own)
         step = float(resolution(low, high, own))
-        add(name, codes, n_amplitudes, low=low, high=high, step=step, colour=colour)
+        notes = {"low": low, "high": high, "step": step, "colour": colour}
+        if name in study.labels:
+            label, place, unit_name = study.labels[name]
+            notes["label"] = f"{label}, {place}{_plain(unit_name)}"
+        add(name, codes, n_amplitudes, **notes)
     worst = _add_points(study, bits, add)
+    labels = study.structure.contact_labels
     return {
+        "branches": pack_branches(study.branches, labels, NAME_ROOM, add),
         "name": study.name,
         "structure": _structure(study.structure),
         "unitNames": {name: _unit_name(study.structure, name) for name in QUANTITIES},
@@ -170,7 +178,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         "motionLegend": [{"name": name, "colour": colour} for name, colour in MOTIONS],
         "longest": LONGEST,
         "outcomes": [*(o.name.lower().replace("_", " ") for o in Outcome), INFERRED_WORDS],
-        "contacts": [set_name(s, study.structure.contact_labels, NAME_ROOM) for s in sets],
+        "contacts": [set_name(s, labels, NAME_ROOM) for s in sets],
         "colours": _colours(study, sets),
     }, texts
 
@@ -248,8 +256,12 @@ def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
 
 def _unit_name(structure, quantity: str) -> str:
     """Return the name of a unit as in labels of figures; '' where it has none."""
-    name = unit(structure, quantity).strip().strip("[]")
-    return name.replace("$", "").replace(r"\omega_0", "ω₀").replace("^2", "²")
+    return _plain(unit(structure, quantity)).strip().strip("[]")
+
+
+def _plain(words: str) -> str:
+    """Return a label of figures as text without formulas."""
+    return words.replace("$", "").replace(r"\omega_0", "ω₀").replace("^2", "²")
 
 
 def _grazing(structure, omega: float) -> float | None:
@@ -270,9 +282,9 @@ def _structure(structure) -> dict:
 
     finite = math.isfinite(structure.sharpness)
     own = [stops(structure, floor) for floor in range(structure.n_floors)]
-    told = (f"{GREEK.get(s, s)} = {value}" if s else value for s, value in in_words(structure))
+    words = (f"{GREEK.get(s, s)} = {value}" if s else value for s, value in in_words(structure))
     return {
-        "words": ", ".join(told).replace("inf", "∞"),
+        "words": ", ".join(words).replace("inf", "∞"),
         "floors": structure.n_floors,
         "rho": structure.sharpness if finite else None,
         "stiffness": per_mass(mass, structure.stiffness_matrix).tolist(),
@@ -281,11 +293,12 @@ def _structure(structure) -> dict:
         "harmonics": [list(harmonic) for harmonic in structure.harmonics],
         "contacts": [
             {
+                "name": structure.contact_names[number],
                 "direction": entries(contact.direction),
                 "gap": contact.gap,
                 "push": entries(contact.stiffness * per_mass(mass, np.array(contact.direction))),
             }
-            for contact in structure.contacts
+            for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
         ],
         "stops": [[*right, *left] for right, left in own],
         "units": structure.state_units[[0, -1]].tolist(),

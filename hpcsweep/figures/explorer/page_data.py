@@ -8,19 +8,23 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures.explorer import attractors
-from hpcsweep.figures.inferred import filled, inferred
+from hpcsweep.figures.inferred import filled, filled_classes, inferred
 from hpcsweep.figures.labels import MOST_MODES
+from hpcsweep.figures.measures import Measure, held_measures, measure_of
+from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 
 POINT_BUDGET = 30_000_000
-"""Displacements of the orbit diagrams that a page holds unless told how many points a run has."""
+"""Most displacements of the orbit diagrams in a page, unless the points of a run are set."""
 
 INFERRED = len(Outcome)
 """Code, among those of outcomes, of points that are inferred from their cells."""
 MOST_CELLS = 20_000_000
 """Places of the map."""
+MOST_PLACES = 10
+"""Storeys, floors or contacts whose measures are shown, the first."""
 
 
 @dataclass
@@ -39,8 +43,8 @@ class PageData:
     codes : dict of str to ndarray of unsigned int, shape (n_frames, n_directions, n_amplitudes)
         `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it.
     values : dict of str to ndarray of float32, same shape
-        `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MOST_MODES` modes, as far as the
-        file has them.
+        `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MOST_MODES` modes, `storey_drift_1`,
+        ... and all other measures of the first `MOST_PLACES`, as far as the file has them.
     counts : ndarray of int, same shape
         Stroboscopic points kept of each run, 0 everywhere if the file has none.
     points : ndarray of float32, shape (sum of counts, n)
@@ -50,6 +54,8 @@ class PageData:
         Velocities of the floors at the first point, NaN where there is none.
     thinned : dict of str to int
         What was left out, for the page to report.
+    labels : dict of str to tuple of str
+        Of the values that are measures: label, place and unit.
     """
 
     name: str
@@ -64,8 +70,11 @@ class PageData:
     points: np.ndarray
     speed: np.ndarray
     thinned: dict[str, int] = field(default_factory=dict)
+    labels: dict[str, tuple[str, str, str]] = field(default_factory=dict)
     each: str = "direction"
-    """What the runs of a place are: of one ``direction`` each, or one ``attractor``."""
+    """Meaning of the runs of a place: one ``direction`` each, or one ``attractor``."""
+    branches: list[list[Drawn]] = field(default_factory=list)
+    """Of each frame, if any are shown."""
 
 
 def gather(
@@ -101,11 +110,7 @@ def gather(
     reader = Frames(path, attractors.HOLDS if several else "motions", at)
     study, grid = reader.study, Grid(reader)
     rows = range(0, grid.omega.size, frame_step)
-    if len(rows) * grid.amplitude.size > MOST_CELLS:
-        raise PlotError(
-            f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
-            f"{grid.amplitude.size} amplitudes, more than {MOST_CELLS} places"
-        )
+    _check_cells(path, len(rows), grid)
     n = study.structure.n_floors
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points
@@ -116,7 +121,10 @@ def gather(
         if several:
             chosen = attractors.as_runs(chosen)
         codes.append(_codes(chosen))
-        values.append(_values(chosen))
+        measures = {
+            name: measure_of(chosen, study.structure, name) for name in held_measures(chosen)
+        }
+        values.append(_values(chosen, measures))
         kept, u, v = _points(chosen, n, limit)
         counts.append(kept)
         points.append(u)
@@ -131,7 +139,7 @@ def gather(
             say(done, len(rows))
     reader.close()
     gathered = PageData(
-        name=reader.job.name,
+        name=", ".join(filter(None, (reader.job.name, reader.part))),
         structure=study.structure,
         omega=grid.omega[::frame_step],
         amplitude=grid.amplitude[::amplitude_step],
@@ -139,6 +147,7 @@ def gather(
         words=tuple(study.words[name] for name in study.directions),
         codes={name: np.stack([c[name] for c in codes]) for name in codes[0]},
         values={name: np.stack([v[name] for v in values]) for name in values[0]},
+        labels=_labels(measures),
         counts=np.stack(counts),
         points=np.concatenate(points),
         speed=np.stack(speed),
@@ -152,12 +161,38 @@ def gather(
     return attractors.as_study(gathered) if several else gathered
 
 
+def add_branches(study: PageData, path: Path) -> None:
+    """Add the branches of a file, at those of the frames where it has a line.
+
+    Raises
+    ------
+    StoreError, PlotError
+        If the file does not fit; one line for the user.
+    """
+    overlay = Overlay(path, study.structure)
+    try:
+        overlay.need(study.omega)
+        study.branches = [overlay.at(one) for one in study.omega.tolist()]
+    finally:
+        overlay.close()
+
+
+def _check_cells(path: Path, n_rows: int, grid) -> None:
+    """Refuse a map of too many places."""
+    if n_rows * grid.amplitude.size > MOST_CELLS:
+        raise PlotError(
+            f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
+            f"{grid.amplitude.size} amplitudes, more than {MOST_CELLS} places"
+        )
+
+
 def _codes(frame) -> dict[str, np.ndarray]:
     motion = frame[MOTION].values if MOTION in frame else classes_of(frame)
+    motion, period = filled_classes(frame, motion)
     outcome = np.where(inferred(frame), INFERRED, frame["outcome"].values)
     codes = {
-        "motion": filled(frame, MOTION, motion)[:, 0].astype(np.uint8),
-        "period": filled(frame, "orbit_period")[:, 0].astype(np.uint32),
+        "motion": motion[:, 0].astype(np.uint8),
+        "period": period[:, 0].astype(np.uint32),
         "outcome": outcome[:, 0].astype(np.uint8),
         "cycles": frame["cycles"].values[:, 0].astype(np.uint32),
     }
@@ -166,7 +201,7 @@ def _codes(frame) -> dict[str, np.ndarray]:
     return codes
 
 
-def _values(frame) -> dict[str, np.ndarray]:
+def _values(frame, measures: Mapping[str, Measure]) -> dict[str, np.ndarray]:
     values = {
         name: frame[name].values[:, 0].astype(np.float32)
         for name in ("drift", "lyapunov", *attractors.VALUES)
@@ -176,7 +211,19 @@ def _values(frame) -> dict[str, np.ndarray]:
         norms = frame["modal_norm"].values[:, 0].astype(np.float32)
         shown = min(norms.shape[-1], MOST_MODES)
         values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(shown)}
+    for name, measure in measures.items():
+        sizes = frame[name].values[:, 0] * measure.factor
+        for i in range(min(len(measure.places), MOST_PLACES)):
+            values[f"{name}_{i + 1}"] = sizes[..., i].astype(np.float32)
     return values
+
+
+def _labels(measures: Mapping[str, Measure]) -> dict[str, tuple[str, str, str]]:
+    return {
+        f"{name}_{i + 1}": (measure.label, place, measure.unit)
+        for name, measure in measures.items()
+        for i, place in enumerate(measure.places[:MOST_PLACES])
+    }
 
 
 def _points(frame, n: int, limit: int):

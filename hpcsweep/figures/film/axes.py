@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcsweep.figures.film.scene import WIDTH, Page, Scene
+from hpcsweep.figures.film.scene import STABLE, UNSTABLE, WIDTH, Page, Scene
 
 LETTER, SWATCH, LEGEND = 7.2, 44, WIDTH - 180
 """Widths of a letter and of a swatch with its gaps in a legend, and of all of it."""
@@ -56,11 +56,9 @@ def _panel(figure, scene: Scene, page: Page, panel: int) -> None:
     axis.tick_params(labelsize=9, labelbottom=panel == 0)
     axis.locator_params(axis="y", nbins=max(2, int((bottom - top) / (42 * scale))))
     low = bottom - top <= LOW_PANEL * scale
-    amplitude, unit = scene.axes
-    name = rf"u_{{{scene.floor(panel)}}}"
-    axis.set_ylabel(f"${name}$" if low else f"${name}(jT)${unit}")
+    axis.set_ylabel(scene.label(panel, low))
     if panel == 0:
-        axis.set_xlabel(amplitude)
+        axis.set_xlabel(scene.axes[0])
 
 
 def _omega_scale(figure, scene: Scene, page: Page) -> None:
@@ -90,6 +88,9 @@ def _legends(figure, scene: Scene, page: Page) -> None:
         Line2D([], [], linestyle="none", marker="o", markersize=5, color=colour, label=label)
         for colour, label in scene.point_legend()
     ]
+    if scene.branches:
+        for (colour, width), word in ((STABLE, "stable branch"), (UNSTABLE, "unstable")):
+            points.append(Line2D([], [], color=colour, linewidth=0.7 * width, label=word))
     bands = [Patch(color=colour, label=label) for colour, label in scene.contact_legend()]
     rows: dict[str, list] = {"points": points, "contact bands": bands}
     for row, (title, handles) in enumerate(rows.items()):

@@ -20,6 +20,8 @@ from hpcsweep.figures.film.piece import Film, Found, Request, is_gif
 from hpcsweep.figures.film.scene import WIDTH, Scene
 from hpcsweep.figures.film.workers import Workers
 from hpcsweep.figures.labels import amplitude, choose_floors, unit
+from hpcsweep.figures.measures import LABELS, measure_of
+from hpcsweep.figures.overlay import Overlay
 from hpcsweep.figures.style import PlotError, need_amplitudes, parameters
 from hpcsweep.store import Frames
 
@@ -58,14 +60,21 @@ def check(request: Request) -> None:
         )
     frames = Frames(request.file, at=request.at)
     try:
-        needed = ("poincare", *(("contact",) if request.color == "contact" else ()))
+        if request.show and request.show not in LABELS:
+            raise PlotError(f"--show {request.show}: must be one of {', '.join(LABELS)}")
+        needed = (request.show or "poincare", *(("contact",) if request.color == "contact" else ()))
         for name in needed:
             if name not in frames:
                 raise PlotError(
                     f"{request.file}: holds no {name}: set output.{name} = true in the job"
                 )
         need_amplitudes(frames.job.study)
-        choose_floors(frames.job.structure.n_floors, request.floors)
+        n = frames.job.structure.n_floors
+        if request.show:
+            n = len(measure_of(frames.dataset(0), frames.job.structure, request.show).places)
+        choose_floors(n, request.floors)
+        if request.branches:
+            _check_branches(request, frames)
         directions = frames.job.study.directions
         if request.direction not in ("both", *directions):
             raise PlotError(
@@ -74,6 +83,16 @@ def check(request: Request) -> None:
     finally:
         frames.close()
     video.find_ffmpeg()
+
+
+def _check_branches(request: Request, frames: Frames) -> None:
+    if request.show:
+        raise PlotError(f"--branches {request.branches}: does not go with --show")
+    overlay = Overlay(Path(str(request.branches)), frames.job.structure)
+    try:
+        overlay.need(np.sort(frames.job.study.omega)[:: request.every])
+    finally:
+        overlay.close()
 
 
 def make(
@@ -180,8 +199,11 @@ def _scene(film: Film, found: Found) -> Scene:
         for i, w in enumerate(job.structure.frequencies, 1)
         if low < w < high
     )
+    title, length = parameters(job.structure, room=None), unit(job.structure, "length")
+    if film.measure:
+        title, length = f"{film.measure.label};  {title}", film.measure.unit
     return Scene(
-        title=parameters(job.structure, room=None),
+        title=title,
         amplitude=job.study.amplitude,
         omega=(low, high),
         marks=marks,
@@ -195,7 +217,9 @@ def _scene(film: Film, found: Found) -> Scene:
         width=request.width or (GIF_WIDTH if is_gif(request) else WIDTH),
         floors=tuple(film.floors),
         labels=job.structure.contact_labels,
-        axes=(amplitude(job.structure), unit(job.structure, "length")),
+        axes=(amplitude(job.structure), length),
+        branches=film.overlay is not None,
+        places=tuple(film.measure.places[k] for k in film.floors) if film.measure else (),
     )
 
 

@@ -3,7 +3,7 @@
 Every frame paints its points, contact bands and frequency onto a copy of the axes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,9 +15,11 @@ from hpcsweep.figures.film.pixels import (
     fine_point,
     look_up,
     packed_colour,
+    polyline,
     text_mask,
 )
-from hpcsweep.figures.film.scene import Page, Scene
+from hpcsweep.figures.film.scene import STABLE, UNSTABLE, Page, Scene
+from hpcsweep.figures.overlay import Drawn
 from hpcsweep.figures.palette import DARK_INK, DIRECTIONS, MOTION_COLOURS, ink
 from hpcsweep.solvers.outcome import Outcome
 
@@ -46,7 +48,9 @@ class Painter:
         room = (page.right - page.left) / max(scene.amplitude.size, 1)
         self._radius = float(np.clip(0.3 * room, 1.0, 3.2 * max(page.scale, 0.6)))
 
-    def paint(self, omega: float, frame: Mapping[str, np.ndarray]) -> np.ndarray:
+    def paint(
+        self, omega: float, frame: Mapping[str, np.ndarray], branches: Sequence[Drawn] = ()
+    ) -> np.ndarray:
         """Paint one frame.
 
         Parameters
@@ -56,6 +60,8 @@ class Painter:
             ``poincare`` (direction, amplitude, point, floors shown), NaN where there is no point;
             ``orbit_period``, ``outcome`` and, where the colours need them, ``contact`` and
             ``motion`` (index in `palette.MOTIONS`), all (direction, amplitude).
+        branches : sequence of Drawn, optional
+            Beneath the points.
 
         Returns
         -------
@@ -64,9 +70,25 @@ class Painter:
         """
         canvas = self._background.copy()
         self._paint_bands(canvas, frame)
+        self._paint_branches(canvas, branches)
         self._paint_points(canvas, frame)
         self._paint_omega(canvas, omega)
         return canvas.view(np.uint8).reshape(self.page.height, self.page.width, 4)
+
+    def _paint_branches(self, canvas: np.ndarray, branches: Sequence[Drawn]) -> None:
+        flat, floors = canvas.reshape(-1), self.scene.floors or range(self.scene.n_panels)
+        pieces = [(one, *piece) for one in branches for piece in one.pieces()]
+        for one, piece, steady in sorted(pieces, key=lambda entry: entry[-1]):  # stable on top
+            colour, width = STABLE if steady else UNSTABLE
+            stamp = disc(0.5 * (width - 1) * self.page.scale)
+            for panel, turn in np.ndindex(self.scene.n_panels, one.period):
+                top, bottom, left, right = self.page.panels[panel]
+                rows = self.page.row(panel, one.points[piece, turn, floors[panel]])
+                x, y = polyline(self.page.column(one.value[piece]), rows)
+                for dy, dx in stamp:
+                    there = (y + dy >= top) & (y + dy < bottom)
+                    there &= (x + dx >= left) & (x + dx < right)
+                    flat[((y + dy) * self.page.width + x + dx)[there]] = packed_colour(colour)
 
     def _paint_points(self, canvas: np.ndarray, frame: Mapping[str, np.ndarray]) -> None:
         points = frame["poincare"][..., : self.scene.n_panels]

@@ -11,12 +11,14 @@ from hpcsweep.figures.film import video
 from hpcsweep.figures.film.frame import Painter
 from hpcsweep.figures.film.scene import Scene
 from hpcsweep.figures.labels import choose_floors
+from hpcsweep.figures.measures import Measure, measure_of
+from hpcsweep.figures.overlay import Overlay
 from hpcsweep.figures.palette import motion_index
 from hpcsweep.figures.style import classes_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
 
-VARIABLES = ("poincare", "orbit_period", "outcome")
+VARIABLES = ("orbit_period", "outcome")
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,11 @@ class Request:
     width : int
         In pixels, even; 0 for the default.
     floors : tuple of int
-        Shown, from 1; see `labels.choose_floors`.
+        Shown, from 1; see `labels.choose_floors`. Of a measure its storeys, floors or contacts.
+    show : str
+        Measure that is drawn in place of stroboscopic displacements; empty for these.
+    branches : Path or None
+        File of branches that lie under the points.
     at : dict
         Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
     """
@@ -51,6 +57,8 @@ class Request:
     color: str = "direction"
     width: int = 0
     floors: tuple[int, ...] = ()
+    show: str = ""
+    branches: Path | None = None
     at: Mapping[str, float | str] = field(default_factory=dict)
 
 
@@ -93,17 +101,26 @@ class Film:
         self.folder = folder
         self.frames = Frames(request.file, at=request.at)
         job = self.frames.job
-        self.variables = (*VARIABLES, *(("contact",) if "contact" in self.frames else ()))
+        self.measure: Measure | None = None
+        if request.show:
+            self.measure = measure_of(self.frames.dataset(0), job.structure, request.show)
+        contact = ("contact",) if "contact" in self.frames else ()
+        self.variables = (request.show or "poincare", *VARIABLES, *contact)
         wanted = job.study.directions if request.direction == "both" else (request.direction,)
         self.rows = [job.study.directions.index(name) for name in wanted]
         self.directions = wanted
         self.order = [int(k) for k in np.argsort(job.study.omega, kind="stable")[:: request.every]]
-        self.floors = choose_floors(job.structure.n_floors, request.floors)
+        n = len(self.measure.places) if self.measure else job.structure.n_floors
+        self.floors = choose_floors(n, request.floors)
+        self.overlay = Overlay(request.branches, job.structure) if request.branches else None
         self.painter: Painter | None = None
 
     def read(self, frame: int) -> dict[str, np.ndarray]:
         """Read one frame, runs that are not complete without points."""
         found = {k: v[self.rows] for k, v in self.frames.read(frame, self.variables).items()}
+        if self.measure:
+            values = found.pop(self.request.show) * self.measure.factor
+            found["poincare"] = values[..., None, :]
         found["poincare"] = found["poincare"][..., self.floors]
         found["poincare"][found["outcome"] != Outcome.COMPLETE] = np.nan
         if self.request.color == "period":
@@ -139,7 +156,9 @@ class Film:
         """Paint one frame; shape (height, width, 4)."""
         if self.painter is None:
             self.painter = Painter(scene)
-        return self.painter.paint(float(self.frames.job.study.omega[frame]), self.read(frame))
+        omega = float(self.frames.job.study.omega[frame])
+        branches = self.overlay.at(omega) if self.overlay else []
+        return self.painter.paint(omega, self.read(frame), branches)
 
     def encode(self, scene: Scene, frames: list[int], number: int) -> None:
         """Paint some frames and encode them as segment `number`."""

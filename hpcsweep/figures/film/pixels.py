@@ -50,6 +50,14 @@ def fine_point(radius: float) -> tuple[tuple[int, int], ...]:
     return tuple((dy, dx) for dy in steps for dx in steps)
 
 
+def polyline(columns: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the columns and rows of all pixels of a line through some."""
+    count = np.maximum(np.abs(np.diff(columns)), np.abs(np.diff(rows))).clip(1)
+    place = np.append(0, np.cumsum(count))
+    every = np.arange(place[-1] + 1)
+    return tuple(np.rint(np.interp(every, place, x)).astype(np.int64) for x in (columns, rows))
+
+
 @lru_cache(maxsize=1024)
 def text_mask(text: str, size: int) -> np.ndarray:
     """Draw text; return its coverage from 0 to 1, shape (rows, columns)."""

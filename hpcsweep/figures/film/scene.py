@@ -4,11 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, contact_colour
+from hpcsweep.figures.palette import DARK_INK, DIRECTIONS, MOTIONS, contact_colour
 from hpcsweep.figures.style import LEGEND_ROOM, set_name
 
 WIDTH = 1280
 """Width (pixels) for which the sizes below are meant; other widths scale them."""
+STABLE, UNSTABLE = (DARK_INK, 3), ("#8c8c8c", 1)
+"""Colour of a branch, and width in pixels."""
 LEFT, RIGHT, HEADER, BAND, GAP, FOOTER = 92, 28, 92, 20, 12, 112
 ALL_PANELS, LEAST_PANEL, MOST_PANEL = 720, 56, 240
 """Height of all panels together, and bounds of one."""
@@ -48,7 +50,11 @@ class Scene:
     labels : tuple of str
         `Structure.contact_labels`; empty: of a stop on the right of each floor shown.
     axes : tuple of str
-        Label of the amplitude, and the unit of the displacements.
+        Label of the amplitude, and the unit of the displacements or of the measure.
+    places : tuple of str
+        Storeys, floors or contacts, where a measure is drawn: one a panel.
+    branches : bool
+        Whether branches lie under the points.
     """
 
     title: str
@@ -66,15 +72,21 @@ class Scene:
     floors: tuple[int, ...] = ()
     labels: tuple[str, ...] = ()
     axes: tuple[str, str] = ("forcing amplitude $A$", "")
+    places: tuple[str, ...] = ()
+    branches: bool = False
 
     @property
     def n_panels(self) -> int:
         """Number of floors shown."""
         return len(self.low)
 
-    def floor(self, panel: int) -> int:
-        """Return the number of the floor in a panel (from 0), from 1."""
-        return (self.floors[panel] if self.floors else panel) + 1
+    def label(self, panel: int, short: bool) -> str:
+        """Label the vertical axis of a panel (from 0)."""
+        _, unit = self.axes
+        if self.places:
+            return self.places[panel] + ("" if short else unit)
+        floor = (self.floors[panel] if self.floors else panel) + 1
+        return f"$u_{{{floor}}}$" if short else f"$u_{{{floor}}}(jT)${unit}"
 
     def contact_colour(self, contact: int) -> str:
         """Return the colour of a contact set."""

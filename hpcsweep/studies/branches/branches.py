@@ -4,8 +4,8 @@ A *line* is where all but the parameter is fixed: along the amplitude there is o
 frequency of the job, along the frequency one for each amplitude, along a number of the structure
 one for each pair. A line is a run and a task of its own: its seeds are the periodic motions that
 the files have on it. Each is taken in turn, in the order of the files; one that lies on a branch
-found before is told so, of any other the branch is followed. Then follow the branches that leave
-these, and, if the job has starts, those of orbits that a search finds
+found before gets its number, of any other the branch is followed. Then follow the branches that
+leave these, and, if the job has starts, those of orbits that a search finds
 (`hpcsweep.dynamics.continuation.catalogue`, `.search`). So the numbers of branches depend on the
 files and the job alone.
 """
@@ -17,13 +17,21 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS, PARAMETERS, check_parameter
-from hpcsweep.model.structure import Structure
+from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS, PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.branches.curves import read_curves
+from hpcsweep.studies.branches.keys import (
+    largest_step_of,
+    lines_of,
+    need_parameter,
+    seeds_of,
+    span_of,
+)
 from hpcsweep.studies.branches.seeds import Where
 from hpcsweep.studies.branches.tally import BranchTally
 from hpcsweep.studies.branches.variables import (
     COMMIT,
+    CURVE_VARIABLES,
     LINE_AMPLITUDE,
     LINE_OMEGA,
     RUN,
@@ -34,11 +42,14 @@ from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 START = "branches"
-MOST = {"steps": 100_000, "max_branches": 10_000, "max_points": 10_000_000, "max_seeds": 10_000_000}
+MOST = {
+    "steps": 100_000,
+    **{"max_branches": 10_000, "max_points": 10_000_000, "max_seeds": 10_000_000},
+    **{"max_curves": 10_000, "max_curve_points": 10_000_000},
+}
 MOST_STARTS = 1_000_000
 SPECIALS_SHARE = 8
 """Points of branches, as stored, to one special point."""
-MIN_OMEGA = 1e-4
 AGAIN = 5
 """Points of branches that `validate` computes again."""
 
@@ -62,6 +73,12 @@ class Branches(IndependentRuns):
         Room of a line; of special points an eighth of `max_points`.
     starts, seed : int
         Starts of the search for further orbits, and the seed of their sequence.
+    curves : tuple of str
+        Kinds of special points whose curves over A and Omega are followed.
+    curve_span : (float, float) or None
+        Lowest and highest frequency of curves.
+    max_curves, max_curve_points : int
+        Room of a line; of meetings an eighth of `max_curve_points`.
     """
 
     seeds: tuple[str, ...]
@@ -74,11 +91,15 @@ class Branches(IndependentRuns):
     max_seeds: int = 4000
     starts: int = 0
     seed: int = 0
+    curves: tuple[str, ...] = ()
+    curve_span: tuple[float, float] | None = None
+    max_curves: int = 256
+    max_curve_points: int = 5000
 
     kind: ClassVar[str] = "branches"
     task_noun: ClassVar[str] = "line"
     why_whole: ClassVar[str] = (
-        "branches of a line are told apart in the order in which they are found"
+        "branches of a line are numbered in the order in which they are found"
     )
     words: ClassVar[dict[str, str]] = {START: "branches through the motions of files"}
     direction_name: ClassVar[str] = "what is followed"
@@ -86,6 +107,7 @@ class Branches(IndependentRuns):
         "branches": (
             *("seeds", "parameter", "span", "steps", "largest_step", "max_branches"),
             *("max_points", "max_seeds", "starts", "seed"),
+            *("curves", "curve_span", "max_curves", "max_curve_points"),
         ),
         "sweep": ("omega", "frequency", "amplitude"),
     }
@@ -93,6 +115,8 @@ class Branches(IndependentRuns):
     frame_dim: ClassVar[str] = "line"
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
+    always: ClassVar[frozenset[str]] = frozenset(["impacts"])
+    """An orbit's signature counts them."""
     carried: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[str] = "branches"
     point_dim: ClassVar[str] = "step"
@@ -112,22 +136,23 @@ class Branches(IndependentRuns):
         if parameter not in PARAMETERS:
             limit = f"must be one of {', '.join(PARAMETERS)}"
             raise values.error("branches.parameter", parameter, limit)
-        _check_parameter(values, structure, parameter)
+        need_parameter(values, structure, parameter)
         omega = values.frequencies("sweep.omega")
         amplitude = values.amplitudes("sweep.amplitude")
-        span = _span(values, parameter, omega, amplitude)
-        lines = _lines(parameter, omega, amplitude, span)
+        span = span_of(values, parameter, omega, amplitude)
+        lines = lines_of(parameter, omega, amplitude, span)
         common["settings"] = replace(settings, metrics=frozenset(), classify_cycles=None)
         return cls(
             omega=lines[0],
             amplitude=lines[1],
             directions=(START,),
-            seeds=_seeds(values),
+            seeds=seeds_of(values),
             parameter=parameter,
             span=span,
-            largest_step=_largest_step(values, cls.largest_step),
+            largest_step=largest_step_of(values, cls.largest_step),
             starts=values.whole("branches.starts", cls.starts, 0, MOST_STARTS),
             seed=values.whole("branches.seed", cls.seed, 0, 2**62),
+            **read_curves(values, parameter, omega),
             **{
                 name: values.whole(f"branches.{name}", getattr(cls, name), 1, most)
                 for name, most in MOST.items()
@@ -166,13 +191,19 @@ class Branches(IndependentRuns):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the lines, in the order of the file."""
-        return list(VARIABLES)
+        return [*VARIABLES, *(CURVE_VARIABLES if self.curves else ())]
 
     @property
     def dimensions(self) -> dict[str, int]:
         """Size of every dimension."""
         n = self.structure.n_floors
+        of_curves = {
+            "curve": self.max_curves,
+            "curve_step": self.max_curve_points,
+            "meeting": max(self.max_curve_points // SPECIALS_SHARE, 1),
+        }
         return super().dimensions | {
+            **(of_curves if self.curves else {}),
             "branch": self.max_branches,
             "step": self.max_points,
             "special": max(self.max_points // SPECIALS_SHARE, 1),
@@ -193,6 +224,8 @@ class Branches(IndependentRuns):
             "seed": numbered(size["seed"], "periodic motion of the files"),
             "number": numbered(size["number"], "multiplier, largest modulus first", first=1),
         }
+        for name in ("curve", "curve_step", "meeting") if self.curves else ():
+            coordinates[name] = numbered(size[name], f"{name}, of each curve in turn")
         del coordinates["omega"], coordinates["mode"]
         return coordinates
 
@@ -272,50 +305,3 @@ class Branches(IndependentRuns):
         values = {"omega": ("Omega", self.omega), "amplitude": ("A", self.amplitude)}
         fixed = [one for name, one in values.items() if name != self.parameter]
         return ", ".join(f"{symbol} = {each[task]:.6g}" for symbol, each in fixed)
-
-
-def _seeds(values) -> tuple[str, ...]:
-    given = values.get("branches.seeds")
-    listed = given if isinstance(given, list) else [given]
-    if not listed or not all(isinstance(one, str) and one for one in listed):
-        raise values.error("branches.seeds", given, "must be a results file, or a list of them")
-    return tuple(listed)
-
-
-def _check_parameter(values, structure: Structure, parameter: str) -> None:
-    """Refuse a number that the structure does not have as one."""
-    try:
-        check_parameter(structure, parameter)
-    except ValueError as error:
-        raise values.error("branches.parameter", parameter, str(error)) from None
-
-
-def _span(values, parameter: str, omega: np.ndarray, amplitude: np.ndarray) -> tuple[float, float]:
-    """Read the span; default, along A and Omega, that of the job's own."""
-    own = {"omega": omega, "amplitude": amplitude}.get(parameter, np.empty(0))
-    default = [float(own.min()), float(own.max())] if own.size > 1 else None
-    given = values.get("branches.span", default)
-    if not isinstance(given, list) or len(given) != 2:
-        raise values.error("branches.span", given, "must be [low, high]")
-    low, high = (values.number("branches.span", one) for one in given)
-    if not -1e200 <= low < high <= 1e200:
-        raise values.error("branches.span", given, "must have low below high, both at most 1e200")
-    least = {"omega": MIN_OMEGA}.get(parameter, 0.0)
-    if low < least:
-        raise values.error("branches.span", given, f"{parameter} must be at least {least:g}")
-    return low, high
-
-
-def _lines(parameter: str, omega: np.ndarray, amplitude: np.ndarray, span) -> np.ndarray:
-    """Return frequency and amplitude of each line, the parameter's at the end of its span."""
-    ends = np.array(span[1:])
-    first = ends if parameter == "omega" else omega
-    second = ends if parameter == "amplitude" else amplitude
-    return np.array([each.ravel() for each in np.meshgrid(first, second, indexing="ij")])
-
-
-def _largest_step(values, default: float) -> float:
-    value = values.number("branches.largest_step", values.get("branches.largest_step", default))
-    if not 0 < value <= 1:
-        raise values.error("branches.largest_step", value, "must lie above 0, at most 1")
-    return value

@@ -23,7 +23,8 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
     list of (int, str)
         Row and what is wrong there.
     """
-    return listed({**_of_branches(rows), **_of_points(study, rows), **_of_seeds(rows)})
+    broken = {**_of_branches(rows), **_of_points(study, rows), **_of_seeds(rows)}
+    return listed(broken | (_of_curves(study, rows) if study.curves else {}))
 
 
 def _of_branches(rows: dict) -> dict[str, Any]:
@@ -64,6 +65,31 @@ def _of_points(study, rows: dict) -> dict[str, Any]:
         "special points have a kind and a step": (
             special & ~((rows["special_kind"] > 0) & (step >= 0) & (step < branch.shape[1]))
         ).any(axis=1),
+    }
+
+
+def _of_curves(study, rows: dict) -> dict[str, Any]:
+    ids, step = rows["curve_id"], rows["curve_of_step"]
+    number, n_curves = np.arange(1, ids.shape[1] + 1), rows["n_curves"][:, None]
+    outside = np.zeros(step.shape, bool)
+    for name, (low, high) in (("amplitude", study.span), ("omega", study.curve_span)):
+        slack = ROUNDING * (high - low)
+        at = rows[f"curve_{name}"]
+        with np.errstate(invalid="ignore"):
+            outside |= ~((at >= low - slack) & (at <= high + slack))
+    return {
+        "curves are numbered from 1": ((ids > 0) & (ids != number)).any(axis=1),
+        "n_curves counts them": (ids > 0).sum(axis=1) != rows["n_curves"],
+        "curves have a kind, a period and two ends": (
+            (ids > 0) & ~((rows["curve_kind"] > 0) & (rows["curve_period"] > 0))
+            | (ids > 0) & ~((rows["curve_begins"] > 0) & (rows["curve_ends"] > 0))
+        ).any(axis=1),
+        "points of curves lie in the spans": ((step > 0) & outside).any(axis=1),
+        "points, meetings and special points are on curves of the line": (
+            (step > n_curves).any(axis=1)
+            | (rows["meeting_curve"] > n_curves).any(axis=1)
+            | (rows["special_curve"] > n_curves).any(axis=1)
+        ),
     }
 
 

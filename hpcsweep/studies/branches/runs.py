@@ -13,6 +13,7 @@ from hpcsweep.dynamics.continuation.search import search
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
+from hpcsweep.studies.branches.curves import store_curves
 from hpcsweep.studies.branches.seeds import Seed, Seeds, read_seeds
 from hpcsweep.studies.branches.variables import End, Origin, Reason
 
@@ -49,6 +50,7 @@ def line_of(study, line: int, poll: Callable[[], None] | None = None) -> dict[st
         longest,
         study.max_branches,
         study.max_points,
+        forced.is_costly,
     )
     sizes = study.dimensions
     rows = {
@@ -65,7 +67,10 @@ def line_of(study, line: int, poll: Callable[[], None] | None = None) -> dict[st
     _store_branches(rows, catalogue)
     _store_points(rows, study, forced, catalogue)
     _store_specials(rows, study, forced, catalogue)
-    rows["cycles"][0] = min(forced.periods, np.iinfo(np.int32).max)
+    periods = forced.periods
+    if study.curves:
+        periods += store_curves(rows, study, line, catalogue, poll)
+    rows["cycles"][0] = min(periods, np.iinfo(np.int32).max)
     rows["outcome"][0] = Outcome.COMPLETE
     return rows
 
@@ -107,11 +112,11 @@ def _whole(seed: Seed, forced: ForcedMap, value: float) -> np.ndarray:
 
 
 def _checksum(seeds: Seeds) -> int:
-    told = hashlib.blake2b(digest_size=8)
+    hashed = hashlib.blake2b(digest_size=8)
     for seed in seeds.periodic:
-        told.update(np.array([seed.omega, seed.amplitude, seed.period], "<f8").tobytes())
-        told.update(np.ascontiguousarray(seed.points, "<f8").tobytes())
-    return int.from_bytes(told.digest(), "little")
+        hashed.update(np.array([seed.omega, seed.amplitude, seed.period], "<f8").tobytes())
+        hashed.update(np.ascontiguousarray(seed.points, "<f8").tobytes())
+    return int.from_bytes(hashed.digest(), "little")
 
 
 def _store_branches(rows: dict, catalogue: Catalogue) -> None:

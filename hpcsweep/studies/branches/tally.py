@@ -5,8 +5,10 @@ from collections import Counter
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.dynamics.continuation.meetings import Meeting
+from hpcsweep.dynamics.continuation.plane import KINDS
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.branches.variables import Origin, Reason
+from hpcsweep.studies.branches.variables import Met, Origin, Reason
 from hpcsweep.studies.tally import count, failures, share, shares
 
 
@@ -20,6 +22,8 @@ class BranchTally:
         self.reasons = np.zeros(len(Reason), int)
         self.kinds = np.zeros(len(Kind) + 1, int)
         self.periods: Counter[int] = Counter()
+        self.curves = self.curve_points = self.asked = self.followed = 0
+        self.meetings = np.zeros(len(Met) + 1, int)
         self.cycles = self.points = self.stable = self.others = 0
         self.seeds = self.covered = 0
         self.missed: list[dict] = []
@@ -40,6 +44,8 @@ class BranchTally:
         count(self.periods, line["branch_period"].values[held])
         kinds = line["special_kind"].values
         self.kinds += np.bincount(kinds[kinds > 0], minlength=self.kinds.size)
+        if study.curves:
+            self._add_curves(line, study)
         self.points += int((line["step_branch"].values > 0).sum())
         self.stable += int((line["stable"].values > 0).sum())
         self.cycles += int(line["cycles"].values.sum())
@@ -60,6 +66,17 @@ class BranchTally:
                 }
             )
 
+    def _add_curves(self, line, study) -> None:
+        kinds, branch = (line[f"special_{x}"].values for x in ("kind", "branch"))
+        period = np.take_along_axis(line["branch_period"].values, np.maximum(branch, 1) - 1, -1)
+        asked = np.isin(kinds, [KINDS[name] for name in study.curves])
+        self.curves += int(line["n_curves"].values.sum())
+        self.curve_points += int((line["curve_of_step"].values > 0).sum())
+        self.asked += int((asked & (period <= study.settings.max_orbit_period)).sum())
+        self.followed += int((line["special_curve"].values > 0).sum())
+        met = line["meeting_kind"].values
+        self.meetings += np.bincount(met[met > 0], minlength=self.meetings.size)
+
     def told(self) -> dict:
         """Return what was counted: numbers, strings, lists and dicts."""
         branches = int(self.sources.sum())
@@ -77,6 +94,7 @@ class BranchTally:
             "special_points": {
                 kind.name.lower().replace("_", " "): int(self.kinds[kind]) for kind in Kind
             },
+            **({"curves": self._told_of_curves()} if self.asked else {}),
             "seeds": self.seeds,
             "seeds_covered": share(self.covered, self.seeds),
             "seeds_missed": self.missed,
@@ -86,6 +104,15 @@ class BranchTally:
             "contact_sets": {},
             "largest": {},
             "failures": failures(self.outcomes),
+        }
+
+    def _told_of_curves(self) -> dict:
+        return {
+            "curves": self.curves,
+            "points": self.curve_points,
+            "special_points": self.asked,
+            "followed": share(self.followed, self.asked),
+            "meetings": {one.value: int(self.meetings[k]) for k, one in enumerate(Meeting, 1)},
         }
 
 

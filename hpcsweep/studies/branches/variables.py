@@ -3,6 +3,7 @@
 from dataclasses import replace
 from enum import IntEnum
 
+from hpcsweep.dynamics.continuation.meetings import Meeting
 from hpcsweep.studies.study import Variable
 from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, STATES
 
@@ -18,6 +19,8 @@ class End(IntEnum):
     HALVING = 5
     NOT_FOLLOWED_ON = 6
     OUT_OF_REACH = 7
+    KNOWN = 8
+    RESONANCE = 9
 
 
 class Reason(IntEnum):
@@ -38,6 +41,8 @@ class Origin(IntEnum):
     SEARCH = 3
 
 
+Met = IntEnum("Met", [one.name for one in Meeting])  # type: ignore[misc]
+"""Numbers of the kinds of meetings in the file, from 1."""
 RUN = ("direction", "line", "amplitude")
 """Dimensions of a line."""
 BRANCH, STEP = (*RUN, "branch"), (*RUN, "step")
@@ -94,4 +99,23 @@ VARIABLES = (
     Variable("seeds_checksum", RUN, "<u8", "1", "checksum of the seeds"),
     replace(CYCLES, dims=RUN),
     replace(OUTCOME, dims=RUN),
+)
+CURVE, CURVE_STEP, MEETING = (*RUN, "curve"), (*RUN, "curve_step"), (*RUN, "meeting")
+CURVE_VARIABLES = (
+    Variable("special_curve", SPECIAL, "<i4", "1", "curve on which it lies, 0 if none is followed"),
+    Variable("curve_id", CURVE, "<i4", "1", "number of the curve, 0 for none"),
+    Variable("curve_kind", CURVE, "<i1", "1", "special points on it, as special_kind"),
+    Variable("curve_period", CURVE, "<i4", "forcing periods", "period of its orbits"),
+    Variable("curve_begins", CURVE, "<i1", "1", "why it does not go on before its first step"),
+    Variable("curve_ends", CURVE, "<i1", "1", "why it does not go on after its last step"),
+    Variable("curve_of_step", CURVE_STEP, "<i4", "1", "curve of a point, 0 for none"),
+    Variable("curve_amplitude", CURVE_STEP, "<f8", *AMPLITUDE),
+    Variable("curve_omega", CURVE_STEP, "<f8", *OMEGA),
+    Variable("curve_point", (*CURVE_STEP, "state"), "<f8", STATES, "a stroboscopic point there"),
+    Variable("curve_unstable", CURVE_STEP, "<i1", "1", "multipliers outside the unit circle"),
+    Variable("meeting_curve", MEETING, "<i4", "1", "curve that meets another or ends, 0 for none"),
+    Variable("meeting_kind", MEETING, "<i1", "1", "what is there"),
+    Variable("meeting_amplitude", MEETING, "<f8", *AMPLITUDE),
+    Variable("meeting_omega", MEETING, "<f8", *OMEGA),
+    Variable("n_curves", RUN, "<i4", "1", "curves of the line"),
 )

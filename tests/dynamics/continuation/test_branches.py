@@ -119,6 +119,49 @@ def test_a_subcritical_doubling_of_figure_3_is_seen_by_integration():
     assert np.abs(leaving.points[0] - leaving.points[1]).max() > 1e-4
 
 
+@pytest.mark.parametrize("sharpness", [np.inf, 1e6])
+def test_a_branch_passes_the_grazings_of_sharp_stops_from_either_side(sharpness):
+    structure = Structure(3, sharpness=sharpness)
+    found = []
+    for amplitude in (0.01, 0.05):  # below and above the first contact
+        z = stroboscopic_points(structure, amplitude, 0.445, np.zeros(6), 1000)[-1]
+        found.append(branch(structure, amplitude, 0.445, z, 1, span=(0.005, 0.25)))
+    below, above = found
+    for one in found:
+        assert one.attrs["begins"] == one.attrs["ends"] == "end of the span"
+    grazing = below.special_value.values[0]
+    assert below.special_kind.values[0] == "grazing"
+    if sharpness == np.inf:
+        exact = structure.grazing_amplitude(0.445)
+        assert grazing == pytest.approx(exact, abs=1e-12)
+    assert below.special_kind.values.tolist() == above.special_kind.values.tolist()
+    np.testing.assert_allclose(below.special_value, above.special_value, rtol=0, atol=1e-10)
+    assert np.count_nonzero(below.special_kind.values == "fold") == 4
+
+
+def test_a_branch_does_not_jump_where_a_multiplier_has_a_pole():
+    # a soft stop pulls before it pushes: motions that dwell there repel by 1e6 a period
+    structure = Structure(3, sharpness=1e3)
+    z = stroboscopic_points(structure, 0.01, 0.445, np.zeros(6), 1000)[-1]
+    found = branch(structure, 0.01, 0.445, z, 1, span=(0.005, 0.25), steps=2000)
+    largest = found.multiplier.values[:, 0]
+    assert np.abs(largest).max() > 1e5
+    assert largest.real[np.abs(largest) > 100].max() < 0
+    assert found.attrs["ends"] == "not followed on"
+
+
+def test_a_branch_does_not_jump_to_its_own_other_side():
+    # with the damping as described both sides of a fold at 0.16763 come near each other before it
+    structure = load_job("jobs/paper/figure3-described.toml").structure
+    z = stroboscopic_points(structure, 0.035, 0.445, np.zeros(6), 2000)[-1]
+    z = stroboscopic_points(structure, 0.0355, 0.445, z, 500)[-1]
+    found = branch(structure, 0.0355, 0.445, z, 1, span=(0.035, 0.25), steps=2000)
+    assert found.value.values[[0, -1]].tolist() == [0.035, 0.25]
+    kinds = found.special_kind.values.tolist()
+    assert kinds.count("branch_point") == 0
+    assert kinds.count("doubling") == 12
+
+
 def test_derivatives_by_parameters():
     z = np.array([0.207, 0.236, 0.482, -0.562, -0.234, -0.139])
     forced = ForcedMap(FIGURE_3, 0.06, 0.445)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from maps_in_closed_form import Delayed, Henon, Logistic
 
-from hpcsweep.dynamics.continuation.branch import Limits, follow
+from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, multipliers, solve_at
 from hpcsweep.dynamics.continuation.events import Kind
@@ -52,6 +52,26 @@ def test_branches_of_the_logistic_map_are_found_once_and_are_supercritical():
         assert catalogue.add(points[:, None], 3.2).branch == 1
     assert catalogue.add(np.array([[0.5]]), 2.0).branch == 0
     assert len(catalogue.branches) == 4
+
+
+def test_a_branch_ends_where_a_step_has_led_onto_a_known_one():
+    # of the logistic map's fixed points x = 0 and x = 1 - 1 / r, which cross at r = 1
+    catalogue = catalogue_of(Logistic(), [0.6], 2.5, 1.5, 2.9, 1)
+    known = catalogue.branches[0].arc
+    first = follow(known.curve, solve_at(known.curve, np.array([[0.0]]), 2.0), Limits(1.5, 2.9))
+    away = [one for one in first.points if one.y[-1] < 2.3]
+    jumped = [one for one in known.points if one.y[-1] > 2.3]
+    back = [one for one in first.points if one.y[-1] > 2.7]
+    short = [one for one in jumped if one.y[-1] < 2.7]
+    for points, ends, left in (
+        (away + short + back, ("end of the span", "known"), away),
+        (away + jumped, ("end of the span", "known"), away),
+        (jumped[::-1] + away[::-1], ("known", "end of the span"), away[::-1]),
+        (first.points, first.ends, first.points),
+    ):
+        arc, number = catalogue.own_part(Arc(known.curve, points, [], first.ends), away[-2])
+        assert (arc.points, arc.ends) == (left, ends)
+        assert number == (0 if "known" in ends else -1)
 
 
 def test_folds_and_doublings_of_the_henon_map():

@@ -67,7 +67,8 @@ async function decodeStudy(meta) {
     data: {},
   };
   for (const [name, spec] of Object.entries(meta.arrays)) {
-    study.data[name] = await decodeArray(name, spec);
+    const numbers = await decodeArray(name, spec);
+    study.data[name] = spec.float32 ? new Float32Array(numbers.buffer) : numbers;
   }
   if (study.data.points) {
     study.starts = undoPoints(

@@ -29,8 +29,10 @@ function quantities(study) {
     const norm = name.match(/^modal_norm_(\d+)$/);
     const [label, short] = norm
       ? [`mean modal norm η, mode ${norm[1]}`, `modal norm η${subscript(norm[1])}`]
-      : labels[name] || [];
-    if (label) list.push({ ...valueQuantity(study, name, label), short });
+      : labels[name] || [study.arrays[name].label, study.arrays[name].label];
+    // of a storey, floor or contact
+    const measure = study.arrays[name].label ? name.replace(/_\d+$/, "") : null;
+    if (label) list.push({ ...valueQuantity(study, name, label), short, measure });
   }
   return list;
 }

@@ -20,6 +20,8 @@ function padded(low, high, share = 0.07) {
   return [low - margin, high + margin];
 }
 
+const LEAST_PANEL = 64; // height of a floor's diagram in pixels
+
 function horizontalLine(u, y, colour) {
   if (y < u.scales.y.min || y > u.scales.y.max) return;
   const at = u.valToPos(y, "y", true);
@@ -34,7 +36,7 @@ function horizontalLine(u, y, colour) {
 }
 
 class OrbitDiagrams {
-  // `events`: choose(amplitude index), zoom(range of A or null)
+  // `events`: choose(amplitude index), zoom(range of A or null), branch(point or null)
   constructor(element, study, events) {
     this.element = element;
     this.study = study;
@@ -44,6 +46,8 @@ class OrbitDiagrams {
     this.panels = [];
     this.edges = cellEdges(study.amplitude);
     this.everyFrame = null;
+    this.branches = study.branches.length ? new Branches(study) : null;
+    this.pointed = null; // point of a branch
     this.motion = null; // quantity that colours the points; null: their direction
   }
 
@@ -59,6 +63,10 @@ class OrbitDiagrams {
       panel.plot.over.addEventListener("click", (event) => this.click(panel, event));
       panel.plot.over.addEventListener("pointerdown", (e) => (panel.down = e.clientX));
       panel.plot.over.addEventListener("dblclick", () => this.events.zoom(null));
+      if (this.branches) {
+        panel.plot.over.addEventListener("pointermove", (event) => this.point(panel, event));
+        panel.plot.over.addEventListener("pointerleave", () => this.events.branch(null));
+      }
       return panel;
     });
   }
@@ -66,7 +74,8 @@ class OrbitDiagrams {
   size(last, count) {
     const room = Math.max(240, 0.44 * window.innerHeight);
     const width = Math.max(320, this.element.clientWidth);
-    return { width, height: Math.round(room / count) + (last ? 36 : 0) };
+    const height = Math.max(LEAST_PANEL, Math.round(room / count));
+    return { width, height: height + (last ? 36 : 0) };
   }
 
   options(panel, last, count) {
@@ -103,6 +112,12 @@ class OrbitDiagrams {
     if (cell >= 0) this.events.choose(cell);
   }
 
+  point({ plot, floor }, event) {
+    const box = plot.over.getBoundingClientRect();
+    const place = [event.clientX - box.left, event.clientY - box.top];
+    this.events.branch(this.branches.nearest(plot, this.frame, floor, ...place));
+  }
+
   zoomToSelection(u) {
     if (u.select.width < 6) return;
     const at = (left) => u.posToVal(left, "x");
@@ -136,6 +151,7 @@ class OrbitDiagrams {
     for (const stop of study.structure.stops[panel.floor]) {
       horizontalLine(u, stop, study.colours.stop);
     }
+    if (this.branches) this.branches.draw(u, this.frame, panel.floor, this.pointed);
     if (study.data.points) {
       this.paint(u, panel);
       u.ctx.drawImage(panel.canvas, u.bbox.left, u.bbox.top);

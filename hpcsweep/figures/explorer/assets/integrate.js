@@ -93,7 +93,7 @@ class Integrator {
         tau += used;
         z.set(next);
         k[0].set(k[6]);
-        if (visit) visit(z);
+        if (visit) visit(z, tau);
         if (last) return true;
       }
       if (!last || error > 1) h = Math.min(used * factor, longest);

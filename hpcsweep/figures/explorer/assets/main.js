@@ -19,6 +19,7 @@ class Explorer {
     this.portraitCount = 0;
     this.diagrams = new OrbitDiagrams(byId("diagrams"), study, {
       choose: (amplitude) => this.choose(this.shown().frame, amplitude),
+      branch: (point) => this.pointBranch(point),
       zoom: (a) => this.map.setView({ ...this.map.view, a: a || this.map.whole().a }),
     });
     this.portraits = new Portraits(byId("portraits"), study);
@@ -110,6 +111,29 @@ class Explorer {
       `Ω = ${shortNumber(study.omega[frame], 6)}; ${words.join("; ")}`;
   }
 
+  // Show a point of a branch while it is pointed at, else the selected run.
+  pointBranch(point) {
+    const { pointed } = this.diagrams;
+    if (pointed === point || (pointed && point && pointed.branch === point.branch && pointed.k === point.k)) return;
+    this.diagrams.pointed = point;
+    this.later();
+    this.showNumbers();
+    this.showPortrait();
+  }
+
+  showBranch(point) {
+    const omega = this.study.omega[this.diagrams.frame];
+    const { branches } = this.diagrams;
+    byId("portrait-title").textContent =
+      `Phase portrait of branch ${point.branch.number} at A = ` +
+      `${shortNumber(branches.value(point), 6)}, Ω = ${shortNumber(omega, 6)}`;
+    const orbit = branches.orbit(point, omega);
+    this.portraits.show(orbit);
+    this.orbit = orbit;
+    byId("portrait-note").textContent =
+      orbit.failed ? "The integration failed." : branches.words(orbit);
+  }
+
   showView(view) {
     this.diagrams.range = view.a;
     this.later();
@@ -126,6 +150,7 @@ class Explorer {
   }
 
   // Groups of floors to be shown at once; of many the first, the middle and the top come first.
+  // The last group has all.
   floorGroups() {
     const { nFloors } = this.study;
     const groups = nFloors > MANY_FLOORS ? [[0, (nFloors - 1) >> 1, nFloors - 1]] : [];
@@ -133,6 +158,7 @@ class Explorer {
       const last = Math.min(first + FLOORS_AT_ONCE, nFloors);
       groups.push(Array.from({ length: last - first }, (_, i) => first + i));
     }
+    if (groups.length > 1) groups.push(Array.from({ length: nFloors }, (_, i) => i));
     return groups;
   }
 
@@ -159,12 +185,22 @@ class Explorer {
   numbers(run) {
     const { study } = this;
     const { frame, amplitude } = this.pin;
+    const { pointed, branches } = this.diagrams;
+    if (pointed) {
+      return [
+        [`A${unit(study, "acceleration")}`, shortNumber(branches.value(pointed), 7)],
+        [`Ω${unit(study, "frequency")}`, shortNumber(study.omega[this.diagrams.frame], 7)],
+        ...branches.numbers(pointed)];
+    }
     const rows = [
       [`A${unit(study, "acceleration")}`, shortNumber(study.amplitude[amplitude], 7)],
       [`Ω${unit(study, "frequency")}`, shortNumber(study.omega[frame], 7)],
-      [study.each, study.directions[this.direction]],
+      [study.each === "attractor" && isChaotic(study, run) ? "attractor or transient" : study.each,
+        study.directions[this.direction]],
     ];
-    for (const q of this.quantities) {
+    // of the measures the one that the map shows, at all its places
+    const shown = this.quantities.filter((q) => !q.measure || q.measure === this.quantity.measure);
+    for (const q of shown) {
       rows.push([q.short || q.label, q.name(run)]);
     }
     rows.push(["outcome", study.outcomes[study.data.outcome[run]]]);
@@ -174,6 +210,8 @@ class Explorer {
 
   showNumbers() {
     const run = this.study.run(this.pin.frame, this.direction, this.pin.amplitude);
+    byId("numbers").caption.textContent =
+      this.diagrams.pointed ? "Point of a branch" : "Selected run";
     const body = byId("numbers").tBodies[0];
     body.replaceChildren(
       ...this.numbers(run).map(([name, value]) => {
@@ -192,6 +230,10 @@ class Explorer {
     const { study, direction } = this;
     const { frame, amplitude } = this.pin;
     const ticket = ++this.portraitCount;
+    if (this.diagrams.pointed) {
+      this.showBranch(this.diagrams.pointed);
+      return;
+    }
     const run = study.run(frame, direction, amplitude);
     const note = byId("portrait-note");
     byId("portrait-title").textContent =
@@ -231,6 +273,7 @@ class Explorer {
     fill("direction", study.directions.map((d, i) => [i, d]));
     const groups = this.floorGroups();
     const groupName = (floors) => {
+      if (floors.length === study.nFloors) return "all";
       const [first, last] = [floors[0], floors[floors.length - 1]];
       if (last - first >= floors.length) return floors.map((floor) => floor + 1).join(", ");
       return last > first ? `${first + 1}–${last + 1}` : String(last + 1);
@@ -247,6 +290,7 @@ class Explorer {
       this.quantity = this.quantities.find((q) => q.id === event.target.value);
       this.only = null;
       this.recolour();
+      this.showNumbers();
       this.later();
     });
     byId("direction").addEventListener("change", (e) => this.setDirection(Number(e.target.value)));

@@ -1,11 +1,26 @@
 // Phase portraits of the selected run: (u, v) of some floors, orbit and stroboscopic points.
 
+const PORTRAITS_IN_A_ROW = 4;
+
 class Portraits {
   constructor(element, study) {
     this.element = element;
     this.study = study;
     this.panels = [];
     this.orbit = null;
+    this.large = false;
+    element.addEventListener("click", () => this.enlarge(!this.large));
+    document.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") this.enlarge(false);
+    });
+  }
+
+  // Show the portraits over the whole window, or in their place.
+  enlarge(large) {
+    if (large === this.large) return;
+    this.large = large;
+    this.element.classList.toggle("large", large);
+    this.resize();
   }
 
   layout(floors) {
@@ -19,7 +34,13 @@ class Portraits {
   }
 
   size(count) {
-    const side = Math.floor((this.element.parentElement.clientWidth - 2 * count) / count);
+    const columns = Math.min(count, PORTRAITS_IN_A_ROW);
+    if (this.large) {
+      const rows = Math.ceil(count / columns);
+      const { clientWidth, clientHeight } = this.element;
+      return { width: Math.floor(clientWidth / columns) - 8, height: Math.floor(clientHeight / rows) - 8 };
+    }
+    const side = Math.floor((this.element.parentElement.clientWidth - 2 * columns) / columns);
     const height = Math.max(150, Math.min(280, 0.3 * window.innerHeight));
     return { width: Math.max(110, Math.min(side, 340)), height };
   }
@@ -35,7 +56,7 @@ class Portraits {
       legend: { show: false },
       cursor: { show: false },
       axes: [
-        { ...small, label: `u${i}${unit(this.study, "length")}`, size: 22, space: 26 },
+        { ...small, label: `u${i}${unit(this.study, "length")}`, size: 22, space: () => (this.large ? 60 : 26) },
         { ...small, label: `v${i}${unit(this.study, "velocity")}`, size: 50, space: 24 },
       ],
       hooks: { draw: [(u) => this.draw(u, panel)] },

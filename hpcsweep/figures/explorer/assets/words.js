@@ -27,17 +27,30 @@ function portraitNote(study, orbit, frame, run, period) {
     `(rounded to ${shortNumber(study.resolution.points, 2)}).${judged}`;
 }
 
+// Whether a run is chaotic: as long as it was followed, so that it may be a transient.
+function isChaotic(study, run) {
+  return study.motions[study.data.motion[run]].name === "chaotic";
+}
+
 // Notes on the keys, the units and what was left out or rounded, one paragraph each.
 function notes(study) {
   const t = study.thinned;
   const words = [
     "Point at the map: orbit diagram of that frame. Click: phase portrait and numbers of that " +
-      "run. Click into the orbit diagram: another amplitude. Drag a box or turn the wheel: zoom; " +
+      "run. Click into the orbit diagram: another amplitude. Click the portraits: larger. Drag a box or turn the wheel: zoom; " +
       "double click: whole map. A legend entry shows its class alone.",
     `Keys on the map: arrows move the pointed run (with Shift by 20), Enter selects it, ` +
       `Escape returns to the selected one, + − 0 zoom, D changes the ${study.each}.`,
+    ...(study.branches.length
+      ? ["Branches of periodic orbits lie beneath the orbit diagrams of those frequencies that the " +
+         "file of branches has. Point at one: multipliers, signature and phase portrait of that orbit."] : []),
     ...(study.each === "attractor"
-      ? ["Attractors are numbered by falling share of the starts, at each place anew."] : []),
+      ? ["An attractor keeps its number and colour along A, at each frequency anew, while it is " +
+         "followed; new ones are numbered by falling share of the starts."] : []),
+    ...(study.motions.some(({ name }, code) => name === "chaotic" && study.data.motion.includes(code))
+      ? ["Chaotic means: as long as the run was followed (periods integrated). It may be a long " +
+         "transient, which ends on another motion, and then it is no attractor; hpcsweep summary " +
+         "FILE --transients K measures what share of such runs lasts."] : []),
     (study.unitNames.length === "gaps"
       ? "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. "
       : "Lengths and times are in the units in which the structure was given. ") +
@@ -74,6 +87,7 @@ function describeDiagrams(study, by) {
   const entries = by === "motion"
     ? [["", "points by motion, colours as on the map of motions"]]
     : study.words.map((name, i) => [study.colours.directions[i], name]);
+  if (study.branches.length) entries.push(["", "branches: stable full, unstable thin"]);
   if (study.grazing.some((a) => a !== null)) entries.push([study.colours.grazing, "grazing"]);
   byId("diagram-legend").replaceChildren(
     ...entries.map(([colour, name]) => {

@@ -1,0 +1,301 @@
+r"""Follow a special point of orbits, or where a measure of theirs is given, over two parameters.
+
+The orbits of period p over two parameters are a surface in p N + 2 dimensions, with y = (X,
+lambda_1 / scale_1, lambda_2 / scale_2). A hyperplane, across . (y - at) = 0, cuts it in a curve, a
+`Slice`, which is like a branch: special points of a kind are sought on it as they are on a branch,
+where a function of the orbit vanishes or its signature changes (`events`). So no second derivative
+of the map is needed, and at a grazing there is none. Where lambda_2 changes along the locus the
+hyperplane is that of one lambda_2: if that is the frequency of a structure, a point needs few
+solvers. Elsewhere it is across the locus, so that turning points and cusps are passed.
+
+A step goes along the tangent, as on a branch, and is corrected across it. The tangent is the
+direction of a second point of the locus, at `APART` of the step.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.dynamics.continuation.branch import on_cubic
+from hpcsweep.dynamics.continuation.cycle import Map, NotConvergedError, Solution, solve
+from hpcsweep.dynamics.continuation.events import (
+    PRECISION,
+    Kind,
+    locate,
+    locate_change,
+    tests_of,
+)
+
+STEEP = 0.05
+"""Component of a tangent along lambda_2 from which points are sought at one lambda_2."""
+WIDTHS = (1e-4, 2e-3, 0.02, 0.2, 2.0, 20.0)
+"""Shares of a step to either side of a guess within which the locus is sought, as they are tried.
+A step is refused where more than `branch.ASTRAY` was needed."""
+APART, LEAST_APART = 1e-4, 1e-6
+"""Distance of the point that gives the tangent: share of the step, and the least, in units of y."""
+FIRST = 1e-3
+"""Distance that counts as the step to the first point, in units of y."""
+
+
+class Slice(NamedTuple):
+    """The curve of the orbits of one period on a hyperplane, over two parameters.
+
+    Attributes
+    ----------
+    map : Map
+        Its value is a pair.
+    period : int
+    scale : ndarray, shape (2,)
+    across, at : ndarray, shape (p N + 2,)
+        The hyperplane across . (y - at) = 0.
+    """
+
+    map: Map
+    period: int
+    scale: np.ndarray
+    across: np.ndarray
+    at: np.ndarray
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the hyperplane is that of one lambda_2."""
+        return abs(self.across[-1]) == 1.0
+
+    def split(self, y: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
+        """Return the points of y, shape (p, N), and the values of the parameters."""
+        first, second = (y[-2:] * self.scale).tolist()
+        if self.is_fixed:  # to the last bit, so that it is one solver
+            second = float(self.at[-1] * self.scale[1])
+        return y[:-2].reshape(self.period, -1), (first, second)
+
+    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
+        """Return across what a point is sought: along the slice."""
+        del tangents
+        return way
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """Evaluate G and the distance from the hyperplane, shape (p N + 1,)."""
+        points, value = self.split(y)
+        images = np.array([self.map.image(x, value) for x in points])
+        return self._misses(images, points, y)
+
+    def linearise(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Evaluate the residual, the tangent maps, (p, N, N), and the slopes, (p, N, 2)."""
+        points, value = self.split(y)
+        images, slopes = np.empty_like(points), np.zeros((*points.shape, 2))
+        matrices = np.empty((*points.shape, self.map.size))
+        for i, x in enumerate(points):
+            images[i], matrices[i] = self.map.tangent(x, value)
+            for k in range(1 if self.is_fixed else 2):  # no step goes along a fixed lambda_2
+                slopes[i, :, k] = self.map.slope(x, value, k)
+        return self._misses(images, points, y), matrices, slopes
+
+    def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
+        """Return the Jacobian of the residual, and `border` below it, shape (p N + 2, p N + 2)."""
+        p, n, _ = slopes.shape
+        whole = np.zeros((p * n + 2, p * n + 2))
+        whole[: p * n, : p * n] = -np.roll(np.eye(p * n), n, axis=1)
+        for i, matrix in enumerate(matrices):
+            rows = slice(i * n, (i + 1) * n)
+            whole[rows, rows] += matrix
+        whole[: p * n, -2:] = slopes.reshape(-1, 2) * self.scale
+        whole[-2], whole[-1] = self.across, border
+        return whole
+
+    def solve(
+        self, guess: np.ndarray, border: np.ndarray, near: Solution | None = None
+    ) -> Solution:
+        """Find the point on the hyperplane through `guess` across `border`; see `cycle.solve`."""
+        return solve(self, guess, border, near)
+
+    def _misses(self, images: np.ndarray, points: np.ndarray, y: np.ndarray) -> np.ndarray:
+        misses = (images - np.roll(points, -1, axis=0)).ravel()
+        return np.append(misses, self.across @ (y - self.at))
+
+
+SIDES: dict[Kind | None, Callable[[Solution], float]] = {
+    Kind.FOLD: lambda point: tests_of(point).fold,
+    Kind.DOUBLING: lambda point: tests_of(point).doubling,
+    Kind.TORUS: lambda point: tests_of(point).torus,
+}
+"""Functions of a point that vanish at special points of a kind."""
+
+
+@dataclass(frozen=True, eq=False)
+class Locus:
+    """The curve over two parameters on which a special point lies.
+
+    Attributes
+    ----------
+    map : Map
+        Its value is a pair.
+    period : int
+    scale : ndarray, shape (2,)
+    spans : ((float, float), (float, float))
+        Of both parameters.
+    kind : Kind or None
+        None where `side` is given.
+    change : tuple of int
+        Of a grazing: of the signature, along or against the normal.
+    side : callable, optional
+        Function of the points of an orbit, shape (p, N), and of the values that vanishes on it.
+    """
+
+    map: Map
+    period: int
+    scale: np.ndarray
+    spans: tuple[tuple[float, float], tuple[float, float]]
+    kind: Kind | None
+    change: tuple[int, ...] = ()
+    side: Callable[[np.ndarray, tuple[float, float]], float] | None = None
+
+    def split(self, y: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
+        """Return the points of y, shape (p, N), and the values of the parameters."""
+        first, second = (y[-2:] * self.scale).tolist()
+        return y[:-2].reshape(self.period, -1), (first, second)
+
+    def signature(self, point: Solution) -> tuple[int, ...]:
+        """Return the signature of an orbit."""
+        return self.map.signature(*self.split(point.y))
+
+    def start(self, points: np.ndarray, values: tuple[float, float]) -> Solution:
+        """Find the point of the locus near an orbit, shape (p, N).
+
+        It is sought at the same lambda_2, or, where the locus keeps that, at the same lambda_1.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is none.
+        """
+        y = np.append(points.ravel(), np.array(values) / self.scale)
+        try:
+            return self._start(y, _unit(y.size, -1))
+        except NotConvergedError:
+            return self._start(y, _unit(y.size, -2))
+
+    def _start(self, y: np.ndarray, across: np.ndarray) -> Solution:
+        cut = Slice(self.map, self.period, self.scale, across, y)
+        try:
+            _, matrices, slopes = cut.linearise(y)
+        except ArithmeticError as error:
+            raise NotConvergedError(str(error)) from None
+        # the direction of the branch: the null vector of the other rows
+        normal = np.linalg.svd(cut.bordered(matrices, slopes, across)[:-1])[2][-1]
+        return self._with_tangent(
+            self._cross(y, normal, across, None, FIRST), across, across, FIRST
+        )
+
+    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
+        """Return across what a point is sought: along the locus."""
+        del tangents
+        return way
+
+    def solve(
+        self, guess: np.ndarray, border: np.ndarray, near: Solution | None = None
+    ) -> Solution:
+        """Find the point of the locus near a guess.
+
+        Parameters
+        ----------
+        guess, border : ndarray, shape (p N + 2,)
+            Near the tangent, which is returned pointing along it.
+        near : Solution
+            A point of the locus, with its inverse.
+        """
+        assert near is not None
+        assert near.inverse is not None
+        steep = abs(border[-1]) >= STEEP
+        across = _unit(border.size, -1) if steep else border / np.linalg.norm(border)
+        step = max(float(np.linalg.norm(guess - near.y)), LEAST_APART)
+        found = self._cross(guess, near.inverse[:, -1], across, near, step)
+        return self._with_tangent(found, border, across, step)
+
+    def clipped(self, last: Solution, point: Solution) -> tuple[Solution, str]:
+        """Return the point where a step leaves the spans, and that it does; else the step's."""
+        values = self.split(point.y)[1]
+        for k, (low, high) in enumerate(self.spans):
+            if not low <= values[k] <= high:
+                border = (low if values[k] < low else high) / self.scale[k]
+                own = k - 2
+                guess, _ = on_cubic(last, point, own, border)
+                guess[own] = border
+                assert point.inverse is not None
+                across = _unit(guess.size, own)
+                step = float(np.linalg.norm(point.y - last.y))
+                at = self._cross(guess, point.inverse[:, -1], across, point, step)
+                at.y[own] = border
+                return at._replace(tangent=point.tangent), "end of the span"
+        return point, ""
+
+    def _with_tangent(
+        self, at: Solution, border: np.ndarray, across: np.ndarray, step: float
+    ) -> Solution:
+        apart = max(APART * step, LEAST_APART)
+        assert at.inverse is not None
+        guess = at.y + apart * border
+        other = self._cross(guess, at.inverse[:, -1], across, at, apart)
+        away = other.y - at.y
+        tangent = away / np.linalg.norm(away)
+        return at._replace(tangent=tangent if tangent @ border > 0 else -tangent)
+
+    def _cross(
+        self,
+        guess: np.ndarray,
+        normal: np.ndarray,
+        across: np.ndarray,
+        near: Solution | None,
+        step: float,
+    ) -> Solution:
+        """Find the point of the locus near a guess, on the hyperplane through it.
+
+        It is sought along `normal`, the direction of the slice, to both sides.
+        """
+        cut = Slice(self.map, self.period, self.scale, across, guess)
+        normal = normal - (across @ normal) * across
+        normal = normal / np.linalg.norm(normal)
+        centre = cut.solve(guess, normal, near)
+        for share in WIDTHS:
+            low, high = (
+                cut.solve(centre.y + way * share * step * centre.tangent, centre.tangent, centre)
+                for way in (-1.0, 1.0)
+            )
+            found = self._between(cut, low, high)
+            if found is not None:
+                if cut.is_fixed:
+                    found.y[-1] = guess[-1]
+                return found
+        raise NotConvergedError("the locus is not near")
+
+    def _between(self, cut: Slice, low: Solution, high: Solution) -> Solution | None:
+        """Return the point of the locus between two of a slice, None if there is none."""
+        precision = PRECISION / min(1.0, float(np.linalg.norm(high.y - low.y)))
+        if self.kind is Kind.GRAZING:
+
+            def counted(point: Solution) -> tuple[int, ...]:  # of the contacts that graze
+                whole = self.map.signature(*cut.split(point.y))
+                return tuple(n for n, c in zip(whole, self.change, strict=True) if c)
+
+            own = np.array([c for c in self.change if c])
+            before, after = counted(low), counted(high)
+            change = np.subtract(after, before)
+            if not (np.array_equal(change, own) or np.array_equal(change, -own)):
+                return None
+            return locate_change(cut, low, high, counted, 0.0, before, precision)[0]
+
+        def side(point: Solution) -> float:
+            if self.side is not None:
+                return self.side(*cut.split(point.y))
+            return SIDES[self.kind](point)
+
+        if (side(low) < 0) == (side(high) < 0):
+            return None
+        return locate(cut, low, high, side, precision)[0]
+
+
+def _unit(size: int, place: int) -> np.ndarray:
+    unit = np.zeros(size)
+    unit[place] = 1.0
+    return unit

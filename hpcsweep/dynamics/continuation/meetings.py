@@ -1,0 +1,185 @@
+r"""Find where loci of special points end and meet: special points of codimension two.
+
+Along the locus of a kind the multiplier, or the pair, that it is about is set aside. Those that
+remain pass 1, -1 or the unit circle where it meets the locus of another kind. A second multiplier
+that passes 1 on a locus of folds, or -1 on one of doublings, is a strong resonance, 1:1 or 1:2, and
+so is a pair of a torus that becomes real, where the locus ends; at 1:3 and 1:4 the angle of the
+pair is 120 and 90 degrees (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 9). A locus of
+folds turns back in a cusp, where its tangent has no component along the parameters. Where the
+signature changes a contact grazes.
+"""
+
+from collections.abc import Callable
+from enum import Enum
+from functools import partial
+
+import numpy as np
+
+from hpcsweep.dynamics.continuation.branch import Limits, Step, angle_of_step, collapses
+from hpcsweep.dynamics.continuation.cycle import Solution
+from hpcsweep.dynamics.continuation.events import (
+    Kind,
+    Special,
+    locate,
+    locate_change,
+    on_unit_circle,
+    tests_of_multipliers,
+)
+from hpcsweep.dynamics.continuation.locus import Locus
+
+PRECISION, ROUGH = 1e-10, 1e-6
+"""Share of a step to which a meeting is located, and a change of the signature."""
+
+
+class Meeting(Enum):
+    """Ends and meetings of loci."""
+
+    CUSP = "cusp"
+    RESONANCE_1 = "resonance 1:1"
+    RESONANCE_2 = "resonance 1:2"
+    RESONANCE_3 = "resonance 1:3"
+    RESONANCE_4 = "resonance 1:4"
+    FOLD_DOUBLING = "fold-doubling"
+    FOLD_TORUS = "fold-torus"
+    DOUBLING_TORUS = "doubling-torus"
+    DOUBLE_TORUS = "double torus"
+    GRAZING_FOLD = "grazing-fold"
+    GRAZING_DOUBLING = "grazing-doubling"
+    GRAZING_TORUS = "grazing-torus"
+    DOUBLE_GRAZING = "double grazing"
+    FOLD = "fold"
+    DOUBLING = "doubling"
+    TORUS = "torus"
+    GRAZING = "grazing"
+
+
+WITH: dict[Kind | None, tuple[Meeting, ...]] = {
+    Kind.FOLD: (
+        *(Meeting.RESONANCE_1, Meeting.FOLD_DOUBLING, Meeting.FOLD_TORUS, Meeting.GRAZING_FOLD),
+    ),
+    Kind.DOUBLING: (
+        *(Meeting.FOLD_DOUBLING, Meeting.RESONANCE_2),
+        *(Meeting.DOUBLING_TORUS, Meeting.GRAZING_DOUBLING),
+    ),
+    Kind.TORUS: (
+        *(Meeting.FOLD_TORUS, Meeting.DOUBLING_TORUS),
+        *(Meeting.DOUBLE_TORUS, Meeting.GRAZING_TORUS),
+    ),
+    Kind.GRAZING: (
+        *(Meeting.GRAZING_FOLD, Meeting.GRAZING_DOUBLING),
+        *(Meeting.GRAZING_TORUS, Meeting.DOUBLE_GRAZING),
+    ),
+    None: (Meeting.FOLD, Meeting.DOUBLING, Meeting.TORUS, Meeting.GRAZING),
+}
+"""What meets the locus of a kind, None for a level, where a fold, doubling, torus or grazing is."""
+ANGLES = {
+    Meeting.RESONANCE_1: 1.0,
+    Meeting.RESONANCE_2: -1.0,
+    Meeting.RESONANCE_3: -0.5,
+    Meeting.RESONANCE_4: 0.0,
+}
+"""Cosine of the angle of a torus' pair at a resonance."""
+ENDS = Meeting.RESONANCE_1, Meeting.RESONANCE_2
+Test = Callable[[Solution], float]
+
+
+def step_of_locus(
+    locus: Locus, last: Solution, bend: np.ndarray, step: float, limits: Limits
+) -> Step | None:
+    """Take one step along a locus, as `branch.step_of_branch` along a branch."""
+    del limits
+    try:
+        guess = last.y + step * (last.tangent + 0.5 * step * bend)
+        point = locus.solve(guess, last.tangent, last)
+        angle = angle_of_step(last, guess, point, step)
+        if angle is None or collapses(locus, last, point):
+            return None
+        point, end = locus.clipped(last, point)
+        if not np.linalg.norm(point.y - last.y) > 0:
+            return last, [], 0.0, end
+        found = meetings(locus, last, point)
+    except ArithmeticError:  # not converged, or the map has no image
+        return None
+    for place, one in enumerate(found):
+        if locus.kind is Kind.TORUS and one.kind in ENDS:
+            return one.at, found[: place + 1], angle, one.kind.value
+    return point, found, angle, end
+
+
+def meetings(locus: Locus, first: Solution, last: Solution) -> list[Special]:
+    """Find the ends and meetings between two neighbouring points of a locus, in their order."""
+    found = []
+    for meeting, test in _tests(locus.kind, first, last).items():
+        if (test(first) < 0) != (test(last) < 0):
+            at, fraction = locate(locus, first, last, test, PRECISION)
+            pair = meeting is WITH[locus.kind][2]
+            if not pair or on_unit_circle(np.array(others(locus.kind, at.multipliers))):
+                found.append(Special(meeting, at, fraction))
+    own, low = locus.signature(first), 0.0
+    while own != locus.signature(last):
+        at, low, after = locate_change(
+            locus, first, last, locus.signature, low, own, precision=ROUGH
+        )
+        change = tuple(b - a for a, b in zip(own, after, strict=True))
+        found.append(Special(WITH[locus.kind][3], at, low, change))
+        own = after
+    return sorted(found, key=lambda one: one.fraction)
+
+
+def others(kind: Kind | None, multipliers: np.ndarray) -> list[complex]:
+    """Return the multipliers without the one, or the pair, that the locus of a kind is about."""
+    rest = multipliers.tolist()
+    if kind is Kind.TORUS:
+        for one in _pair(rest):
+            rest.remove(one)
+    elif kind in (Kind.FOLD, Kind.DOUBLING):
+        at = 1.0 if kind is Kind.FOLD else -1.0
+        rest.remove(min(rest, key=lambda mu: abs(mu - at)))
+    return rest
+
+
+def _pair(multipliers: list[complex]) -> tuple[complex, complex]:
+    """Return the two multipliers whose product is nearest to 1."""
+    pairs = [(one, mu) for i, mu in enumerate(multipliers) for one in multipliers[:i]]
+    return min(pairs, key=lambda pair: abs(pair[0] * pair[1] - 1.0))
+
+
+def _again(at: float, point: Solution) -> float:
+    """Return the sum over i of prod_(j != i) (1 - mu_j / at) / (1 + |mu_j|).
+
+    It is the derivative of the characteristic polynomial, scaled: smooth where a second multiplier
+    passes the value of the first one.
+    """
+    factors = (1.0 - point.multipliers / at) / (1.0 + np.abs(point.multipliers))
+    return float(sum(np.prod(np.delete(factors, i)) for i in range(factors.size)).real)
+
+
+def _off_angle(meeting: Meeting, point: Solution) -> float:
+    """Return how far the cosine of the angle of a torus' pair is from that of a resonance."""
+    one, other = _pair(point.multipliers.tolist())
+    return (one + other).real / 2 - ANGLES[meeting]
+
+
+def _tests(kind: Kind | None, first: Solution, last: Solution) -> dict[Meeting, Test]:
+    """Return functions of a point that change their signs at meetings."""
+    with_fold, with_doubling, with_torus, _ = WITH[kind]
+
+    def test(name: str, point: Solution) -> float:
+        return getattr(tests_of_multipliers(others(kind, point.multipliers)), name)
+
+    tests: dict[Meeting, Test] = {
+        with_fold: partial(test, "fold"),
+        with_doubling: partial(test, "doubling"),
+        with_torus: partial(test, "torus"),
+    }
+    if kind is Kind.FOLD:
+        tests[with_fold] = partial(_again, 1.0)
+    elif kind is Kind.DOUBLING:
+        tests[with_doubling] = partial(_again, -1.0)
+    if kind is Kind.TORUS:
+        for meeting in ANGLES:
+            tests[meeting] = partial(_off_angle, meeting)
+    turn = last.tangent[-2:] - first.tangent[-2:]
+    if kind is Kind.FOLD and first.tangent[-2:] @ last.tangent[-2:] < 0:
+        tests[Meeting.CUSP] = lambda p: float(p.tangent[-2:] @ turn)
+    return tests

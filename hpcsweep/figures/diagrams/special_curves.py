@@ -1,0 +1,89 @@
+"""Special points of branches over amplitude and frequency, and their curves, laid over a map."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.figures.overlay import Overlay
+from hpcsweep.figures.palette import GRAZING, series_colour
+
+MARKS = {
+    Kind.FOLD: ("fold", "o", series_colour(1)),
+    Kind.DOUBLING: ("period doubling", "s", series_colour(0)),
+    Kind.TORUS: ("torus", "D", series_colour(2)),
+    Kind.BRANCH_POINT: ("branch point", "^", series_colour(3)),
+    Kind.GRAZING: ("grazing", "|", GRAZING),
+}
+"""Word, marker and colour of each kind of special point."""
+SPECIALS = ("special_kind", "special_value")
+CURVES = ("curve_kind", "curve_of_step", "curve_amplitude", "curve_omega")
+
+
+def with_specials(results, path: Path, structure):
+    """Add the special points and curves of a file of branches to the results of a map.
+
+    Raises
+    ------
+    PlotError
+        If the file holds no branches of the amplitude, or those of another structure.
+    """
+    held = Overlay(path, structure)
+    try:
+        study = held.study
+        names = (*SPECIALS, *(CURVES if study.curves else ()))
+        lines = held.frames.gather(names)
+    finally:
+        held.close()
+    of = {name: lines[name].values[0, :, 0] for name in names}
+    kind = of["special_kind"]
+    line, place = np.nonzero(kind)
+    found = results.assign(
+        special_kind=("special", kind[line, place]),
+        special_amplitude=("special", of["special_value"][line, place]),
+        special_omega=("special", study.omega[line]),
+    )
+    if study.curves:
+        line, step = np.nonzero(of["curve_of_step"])
+        number = of["curve_of_step"][line, step]
+        found = found.assign(
+            curve_number=("curve_step", line * study.max_curves + number),
+            curve_kind=("curve_step", of["curve_kind"][line, number - 1]),
+            curve_amplitude=("curve_step", of["curve_amplitude"][line, step]),
+            curve_omega=("curve_step", of["curve_omega"][line, step]),
+        )
+    return found
+
+
+def draw_specials(axis, results) -> None:
+    """Draw what `with_specials` has added, in the limits of the axis."""
+    limits = axis.get_xlim(), axis.get_ylim()
+    for kind, (_, _, colour) in MARKS.items():
+        own = results["special_kind"].values == kind
+        axis.plot(
+            results["special_amplitude"].values[own],
+            results["special_omega"].values[own],
+            **_looks(colour, 2.6),
+        )
+    if "curve_number" in results:
+        for _, one in results.groupby("curve_number"):
+            colour = MARKS[Kind(int(one["curve_kind"][0]))][-1]
+            axis.plot(one["curve_amplitude"].values, one["curve_omega"].values, color=colour, lw=1)
+    axis.set(xlim=limits[0], ylim=limits[1])
+
+
+def special_keys(results) -> list:
+    """Return the legend keys of the special points."""
+    from matplotlib.lines import Line2D
+
+    there = np.unique(results["special_kind"].values).tolist() if "special_kind" in results else []
+    return [
+        Line2D([], [], label=word, **_looks(colour, 5.0))
+        for kind, (word, _, colour) in MARKS.items()
+        if kind in there
+    ]
+
+
+def _looks(colour: str, size: float) -> dict:
+    edge = {"markeredgecolor": "white", "markeredgewidth": 0.3}
+    return {"linestyle": "none", "marker": "o", "color": colour, "markersize": size, **edge}

@@ -1,0 +1,59 @@
+"""Branches in the explorer: beneath the orbit diagrams, each point with all that is known of it."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from hpcsweep.figures.overlay import Drawn
+from hpcsweep.figures.palette import MOTION_COLOURS
+from hpcsweep.figures.style import set_name
+
+
+def pack_branches(
+    frames: Sequence[Sequence[Drawn]], labels, room: int, add: Callable[..., None]
+) -> list[list[dict]]:
+    """Add the arrays of branches to a page, and describe the branches of each frame.
+
+    All points stand one after the other: of the arrays over steps `branch_value`,
+    `branch_stable`, `branch_contact` and `branch_multiplier` a branch takes `count` from `step`, of
+    `branch_point` period x count states from `state`. Numbers are float32, bit for bit.
+
+    Parameters
+    ----------
+    frames : sequence of sequence of Drawn
+        Branches of each frame.
+    labels
+        `Structure.contact_labels`.
+    room : int
+        Letters of a contact set's name.
+    add : callable
+        Take the name of an array, its numbers and notes on it.
+    """
+    every = [one for frame in frames for one in frame]
+    if not every:
+        return []
+    sets, contact = np.unique(np.concatenate([one.contact for one in every]), return_inverse=True)
+    mu = np.concatenate([one.multipliers for one in every])
+    states = np.concatenate([one.points.reshape(-1, one.points.shape[-1]) for one in every])
+    for name, numbers in (
+        ("branch_value", np.concatenate([one.value for one in every])),
+        ("branch_point", states.T),
+        ("branch_multiplier", np.concatenate((mu.real, mu.imag), axis=1).T),
+    ):
+        add(name, np.ascontiguousarray(numbers, "<f4").view("<u4"), float32=True)
+    add("branch_stable", np.concatenate([one.stable for one in every]).astype(np.uint8))
+    names = [set_name(int(one), labels, room) for one in sets]
+    add("branch_contact", contact.astype(np.uint16), names=names)
+    told: list[list[dict]] = []
+    step = state = 0
+    for frame in frames:
+        told.append([])
+        for one in frame:
+            count = one.value.size
+            colour = MOTION_COLOURS[min(one.period, 9)]
+            told[-1].append(
+                {"number": one.number, "period": one.period, "colour": colour}
+                | {"count": count, "step": step, "state": state}
+            )
+            step, state = step + count, state + count * one.period
+    return told

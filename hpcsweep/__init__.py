@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hpcsweep.solvers.solver import stroboscopic_points
     from hpcsweep.store import meanings, open_results
     from hpcsweep.store.branches import branch
+    from hpcsweep.store.curves import curve
     from hpcsweep.store.trajectory import trajectory
     from hpcsweep.studies.attractors.runs import attractors
 
@@ -39,6 +40,7 @@ __all__ = [
     "branch",
     "capacity",
     "cloud",
+    "curve",
     "first_contact_scale",
     "fractiles",
     "fragility",
@@ -72,6 +74,7 @@ _HOME = {
     "meanings": "hpcsweep.store",
     "open_results": "hpcsweep.store",
     "branch": "hpcsweep.store.branches",
+    "curve": "hpcsweep.store.curves",
     "orbit": "hpcsweep.dynamics.continuation.periodic",
     "trajectory": "hpcsweep.store.trajectory",
     "intensity": "hpcsweep.earthquakes.intensity",

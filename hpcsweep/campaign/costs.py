@@ -102,13 +102,13 @@ class TaskCosts:
         return int(self._runs.sum() + self._pilot_runs.sum())
 
     def left(self, task: int) -> float:
-        """Estimate the cost (s) of what is left of a task; 1 a run if nothing is known."""
+        """Estimate the remaining cost (s) of a task; 1 a run if nothing is known."""
         if self._left is None:
             self._left = self.all_left().tolist()
         return self._left[task]
 
     def all_left(self) -> np.ndarray:
-        """Estimate the cost (s) of what is left of every task, shape (n_tasks,)."""
+        """Estimate the remaining cost (s) of every task, shape (n_tasks,)."""
         return np.bincount(self._table.task, self._left_runs * self._per_run().flat[self._cell])
 
     def remaining(self, n_computing: int = 1) -> float | None:
@@ -149,18 +149,18 @@ class TaskCosts:
         """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
         return np.bincount(self._table.task, self._table.n_runs * self._per_run().flat[self._cell])
 
-    def pieces(self, most: int) -> list[np.ndarray]:
-        """Estimate the cost (s) of the pieces of every task, in path order.
+    def blocks(self, most: int) -> list[np.ndarray]:
+        """Estimate the cost (s) of the blocks of every task, in path order.
 
-        Consecutive blocks of one cell are one piece. With more than `most` pieces each task is one,
+        Consecutive blocks of one cell count as one. With more than `most` of them each task is one,
         and with more than `most` tasks several together are one.
         """
         cost = self._table.n_runs * self._per_run().flat[self._cell]
         task, cell = self._table.task, self._cell
         starts = np.flatnonzero((np.diff(task, prepend=-1) != 0) | (np.diff(cell, prepend=-1) != 0))
         if starts.size <= most:
-            pieces, owner = np.add.reduceat(cost, starts), task[starts]
-            return np.split(pieces, np.flatnonzero(np.diff(owner)) + 1)
+            blocks, owner = np.add.reduceat(cost, starts), task[starts]
+            return np.split(blocks, np.flatnonzero(np.diff(owner)) + 1)
         totals = self.totals()
         together = -(-totals.size // most)
         return list(np.add.reduceat(totals, np.arange(0, totals.size, together))[:, None])

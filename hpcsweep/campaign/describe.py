@@ -7,6 +7,7 @@ import numpy as np
 from hpcsweep.job import Job
 from hpcsweep.model.description import few, in_words
 from hpcsweep.model.unit_names import is_in_gaps, unit_of
+from hpcsweep.studies.independent import IndependentRuns
 
 MOST_MODES = 12
 """Number of lowest modes that are listed."""
@@ -19,8 +20,8 @@ WIDE = 0.05
 def describe(job: Job) -> list[str]:
     """Describe the structure and the study of a job, line by line, warnings last."""
     study, structure = job.study, job.structure
-    told = ", ".join(f"{s} = {v}" if s else v for s, v in in_words(structure))
-    lines = [f"structure:  {told}", f"units:      {_units(structure)}"]
+    words = ", ".join(f"{s} = {v}" if s else v for s, v in in_words(structure))
+    lines = [f"structure:  {words}", f"units:      {_units(structure)}"]
     lines += [f"varied:     {axis.key}: {_listed(axis.values)}" for axis in study.axes]
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
@@ -67,17 +68,17 @@ def _cycles(structure, omega: float) -> str:
 
 
 def _modes(structure) -> list[str]:
-    """List natural frequencies, periods, damping ratios and mode shapes."""
+    """Return lines with natural frequencies, periods, damping ratios and mode shapes."""
     frequencies, ratios = structure.frequencies, structure.damping_ratios
     lines = []
     for i, omega in enumerate(frequencies[:MOST_MODES]):
         shape = structure.modes[:, i]
         shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
-        told = ", ".join(f"{value:.3g}" for value in shape[:MOST_MODES])
+        entries = ", ".join(f"{value:.3g}" for value in shape[:MOST_MODES])
         more = ", ..." if shape.size > MOST_MODES else ""
         lines.append(
             f"mode {i + 1:<3}    omega = {omega:.6g}{_cycles(structure, omega)}, period "
-            f"{2 * np.pi / omega:.6g}, damping ratio {ratios[i]:.4g}, shape ({told}{more})"
+            f"{2 * np.pi / omega:.6g}, damping ratio {ratios[i]:.4g}, shape ({entries}{more})"
         )
     if frequencies.size > MOST_MODES:
         lines.append(
@@ -88,7 +89,7 @@ def _modes(structure) -> list[str]:
 
 
 def _starts(study, structure) -> list[str]:
-    """List the box of starts of a study of attractors or basins."""
+    """Return lines with the box of starts of a study of attractors or basins."""
     n, variables = structure.n_floors, getattr(study, "starting_range", {})
     return [
         f"starts:     {name} from {low:.6g} to {high:.6g}"
@@ -137,24 +138,28 @@ def _amplitudes(study) -> np.ndarray:
     return np.unique(np.concatenate([own.amplitudes_of(k) for k in range(min(own.n_frames, 200))]))
 
 
+def _range(values: np.ndarray) -> str:
+    """Format the lowest and the highest of some values, or the only one."""
+    return " to ".join(dict.fromkeys(f"{value:.6g}" for value in (values.min(), values.max())))
+
+
 def _grazing(study, structure) -> list[str]:
-    """List the range of frequencies and amplitudes, and where contact begins."""
+    """Return lines with the ranges of frequency and amplitude, and of first contact."""
     omega, amplitude = _omega(study), _amplitudes(study)
-    low, high = float(omega.min()), float(omega.max())
     unit = _named(structure, "acceleration")
-    cycles = _cycles(structure, low)
+    cycles = ""
+    if structure.unit_names.time:
+        cycles = f" = {_range(omega / (2 * np.pi))} {unit_of(structure, 'cycles')}"
     lines = [
-        f"frequency:  {low:.6g} to {high:.6g}{_named(structure, 'frequency')}"
-        + (f"{cycles} to {high / (2 * np.pi):.6g}" if cycles else ""),
-        f"amplitude:  {amplitude.min():.6g} to {amplitude.max():.6g}{unit}",
+        f"frequency:  {_range(omega)}{_named(structure, 'frequency')}{cycles}",
+        f"amplitude:  {_range(amplitude)}{unit}",
     ]
     omegas, grazes = _grazing_amplitudes(study, structure)
     if np.isfinite(grazes).any():
         least, most = int(grazes.argmin()), int(np.where(np.isfinite(grazes), grazes, 0).argmax())
-        lines.append(
-            f"grazing:    the free motion touches from A = {grazes[least]:.6g} (Omega = "
-            f"{omegas[least]:.6g}) to {grazes[most]:.6g}{unit} (Omega = {omegas[most]:.6g}) on"
-        )
+        ends = dict.fromkeys((least, most))
+        text = " to ".join(f"{grazes[k]:.6g}{unit} (Omega = {omegas[k]:.6g})" for k in ends)
+        lines.append(f"grazing:    the free motion first touches at A = {text}")
     else:
         lines.append("grazing:    there is no contact")
     return lines
@@ -179,9 +184,12 @@ def _warnings(study, structure) -> Iterator[str]:
         least = float(np.min(structure.stiffness_ratio))
         if least > 0:
             yield f"the contact is softer than a storey: stiffness_ratio = {least:g}"
+    elif structure.matrices is not None:
+        yield from _soft_contacts(structure)
     _, grazes = _grazing_amplitudes(study, structure)
     amplitude = _amplitudes(study)
-    if amplitude.size > 1 and "final_state" in study.carried and 0 < grazes.min() < np.inf:
+    is_path = "final_state" in study.carried and not isinstance(_one(study), IndependentRuns)
+    if amplitude.size > 1 and is_path and 0 < grazes.min() < np.inf:
         step, least = float(np.diff(amplitude).max()), float(grazes.min())
         if step > WIDE * least and amplitude.max() > least:
             yield (
@@ -189,3 +197,16 @@ def _warnings(study, structure) -> Iterator[str]:
                 f"amplitude {least:.4g}: the transient after a step touches where the steady "
                 "motion does not"
             )
+
+
+def _soft_contacts(structure) -> Iterator[str]:
+    """Yield one line if contacts are softer than the structure is to a force along them."""
+    directions = np.array([contact.direction for contact in structure.matrices.contacts])
+    flexible = np.linalg.pinv(structure.stiffness_matrix)
+    given = np.array([contact.stiffness for contact in structure.matrices.contacts])
+    yielding = given * np.einsum("ki,ij,kj->k", directions, flexible, directions)
+    soft = (yielding > 0) & (yielding < 1)
+    if soft.any():
+        names = ", ".join(np.array([*structure.contact_names.values()])[soft].tolist())
+        least = given[soft].min()
+        yield f"contact {names}: softer than the structure along it, stiffness {least:.4g}"

@@ -22,12 +22,14 @@ from hpcsweep.parallel.schedule import (
 )
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.store import Layout, read_history
+from hpcsweep.studies.refine.refinement import Refinement, map_shape, refinement_of
+from hpcsweep.studies.refine.rounds import n_least
 
 SAMPLE_SECONDS = 5.0
 """Default time of the sample (s)."""
 RANKS = tuple(2**k for k in range(13))
-MOST_PIECES = 200_000
-"""Most pieces of tasks in a simulation; beyond it each task is one."""
+MOST_BLOCKS = 200_000
+"""Most blocks of tasks in a simulation; beyond it each task is one."""
 COPIES = 3
 """Copies of a block of results that a rank holds at once: computed, ordered, checked."""
 MPI_BYTES = 40_000_000
@@ -93,12 +95,12 @@ def predict(
     message_seconds: float = MESSAGE_SECONDS,
 ) -> list[Prediction]:
     """Simulate the job's schedule on numbers of ranks."""
-    pieces = forecast.costs.pieces(MOST_PIECES)
+    blocks = forecast.costs.blocks(MOST_BLOCKS)
     # between two polls a computing master does a run or a start, or one period
     cycles = job.settings.transient_cycles + job.settings.sampling_cycles
     each_period = SOLVERS[job.settings.solver].polls_each_period
     poll = forecast.run_seconds / (cycles if each_period else job.study.polls_per_run)
-    return [simulate(pieces, n, message_seconds=message_seconds, poll_seconds=poll) for n in ranks]
+    return [simulate(blocks, n, message_seconds=message_seconds, poll_seconds=poll) for n in ranks]
 
 
 def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) -> list[str]:
@@ -172,6 +174,17 @@ def study_text(study) -> str:
     return f"{' x '.join(sizes)} = {study.n_runs} runs ({study.kind.replace('_', ' ')})"
 
 
+def refined_text(study, refinement: Refinement, forecast: Forecast) -> str:
+    """Format how many points of a refined map are computed at least."""
+    least = n_least(map_shape(study), refinement)
+    seconds = forecast.run_seconds * least
+    return (
+        f"refined:    all numbers are those of all points, the most there can be; the coarsest "
+        f"cells and the first draw of the audit are {least} points "
+        f"({100 * least / study.n_runs:.2g} %, {seconds:.3g} s), the least"
+    )
+
+
 def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
     """Time a stratified sample of runs and extrapolate.
 
@@ -185,6 +198,7 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
     forecast, peak = sample(job, seconds), memory.peak()
     predictions = predict(job, forecast)
     total, error = forecast.run_seconds * study.n_runs, forecast.error * study.n_runs
+    refinement = refinement_of(study)
     lines = [
         f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
         *describe(job),
@@ -192,6 +206,7 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
         f"one run:    {1e3 * forecast.run_seconds:.4g} ms +- {1e3 * forecast.error:.2g} ms "
         f"({forecast.n_timed} runs timed, spread over frames and amplitudes)",
         f"in all:     {total / 3600:.3g} +- {error / 3600:.2g} core-hours ({total:.4g} s)",
+        *([refined_text(study, refinement, forecast)] if refinement else []),
         memory_text(job, peak),
         *ranks_text(job, forecast, predictions),
         *slurm_text(job, forecast, predictions, peak),

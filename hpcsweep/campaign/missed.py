@@ -54,13 +54,14 @@ def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndar
         apart = np.abs(runs.study.omega - omega)
         own = int(apart.argmin())
         if apart[own] > SAME * omega:
-            raise StoreError(f"{sweep}: holds no frame at Omega = {omega!r}, as {found.path} does")
+            problem = f"holds no frame at Omega = {omega:.12g}, as {found.path} does"
+            raise StoreError(f"{sweep}: {problem}")
         wanted, there = found.study.amplitudes_of(frame), runs.study.amplitudes_of(own)
         place = np.abs(there[:, None] - wanted).argmin(axis=0)
         wrong = np.abs(there[place] - wanted) > SAME * np.maximum(wanted, 1e-300)
         if wrong.any():
             first = float(wanted[wrong][0])
-            raise StoreError(f"{sweep}: holds no amplitude {first!r}, as {found.path} does")
+            raise StoreError(f"{sweep}: holds no amplitude {first:.12g}, as {found.path} does")
         rows.append((own, place))
     return rows
 

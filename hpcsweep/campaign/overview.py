@@ -1,7 +1,7 @@
 """Report the progress of many campaigns: a row each, cheap enough for hundreds of files.
 
-Only what a row needs is read: a few attributes, which blocks have a checksum, the outcomes, and the
-journal. Checksums are not verified; `hpcsweep.campaign.status` reports more of one file.
+Only the data of a row are read: a few attributes, which blocks have a checksum, the outcomes, and
+the journal. Checksums are not verified; `hpcsweep.campaign.status` reports more of one file.
 """
 
 import html

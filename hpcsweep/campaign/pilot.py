@@ -1,10 +1,10 @@
 """Costs of tasks that rank 0 knows: from the journal, a pilot, and the blocks done.
 
-What the pilot is worth, as makespan over the least possible one, without it and with it (simulated
-with the measured costs, learning from blocks in both): 1.16 and 1.03 for the 48 frames of
-`jobs/paper/gaps.toml` on 16 ranks, 1.40 and 1.14 on 32; 1.33 and 1.18 for 40 frames of the whole
-study on 4 ranks; nothing (1.36 and 1.37) for the same with the damping as described. It also makes
-the time that is left known from the start.
+Makespan over the least possible one, without the pilot and with it (simulated with the measured
+costs, updated from blocks in both): 1.16 and 1.03 for the 48 frames of `jobs/paper/gaps.toml` on 16
+ranks, 1.40 and 1.14 on 32; 1.33 and 1.18 for 40 frames of the whole study on 4 ranks; nothing (1.36
+and 1.37) for the same with the damping as described. It also makes the remaining time known from
+the start.
 """
 
 import time
@@ -83,7 +83,7 @@ class KnownCosts:
             self.tasks.done(place)
 
     def left(self, task: int) -> float:
-        """Estimate the cost (s) of what is left of a task; 0 where costs are not needed."""
+        """Estimate the remaining cost (s) of a task; 0 where costs are not needed."""
         return self.tasks.left(task) if self.wanted and self._comm.size > 1 else 0.0
 
     def seconds_left(self) -> float | None:

@@ -20,7 +20,7 @@ def note(text: str) -> None:
 
 
 def say_line(text: str) -> None:
-    """Write one line to standard error; where that fails, drop it and go on."""
+    """Write one line to standard error; where that fails, drop it."""
     try:
         print(text, file=sys.stderr, flush=True)
     except (OSError, ValueError):

@@ -218,7 +218,7 @@ class Queue:
 
 
 def _every(seconds: float, always: Callable[[], None], then: Callable[[], None]) -> Callable:
-    """Return a function that calls `always`, and `then` once in so many seconds."""
+    """Return a function that calls `always`, and `then` at most once in an interval."""
     due = [time.monotonic() + seconds]
 
     def tick() -> None:

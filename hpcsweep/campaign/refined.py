@@ -31,9 +31,9 @@ COMPUTED = (Source.COMPUTED, Source.AUDIT)
 
 
 class RoundCosts(KnownCosts):
-    """What is left of a round: all points are taken to cost the same, so that no pilot is needed.
+    """Remaining cost of a round, with equal costs of all points, so that no pilot is needed.
 
-    How many rounds follow nobody knows.
+    The number of further rounds is unknown.
     """
 
     def __init__(self, comm, study, output: Path):
@@ -42,7 +42,7 @@ class RoundCosts(KnownCosts):
         self._left = self._done = 0
 
     def begin(self, sizes: list[int]) -> None:
-        """Begin a round of tasks of so many points."""
+        """Begin a round of tasks, given their numbers of points."""
         self._sizes, self._left = sizes, sum(sizes)
 
     def n_samples(self) -> int:
@@ -72,7 +72,7 @@ class RefinedWork(Work):
     """A refined map: the tasks of one round after the other; see `Work`."""
 
     def _scan(self, say) -> None:
-        """Verify what the file holds, each rank its share of the frames."""
+        """Verify the contents of the file, each rank its share of the frames."""
         del say
         blocks, study = self._campaign.blocks, self.study
         self._refinement: Refinement = study.refine
@@ -83,7 +83,7 @@ class RefinedWork(Work):
         self._inferred = 0
         inferred, sound = Inferred(blocks), True
         audit = inferred.audit()
-        known = [(np.zeros(0, int), np.zeros((0, 1 + len(self._refinement.variables)), np.uint64))]
+        known = [(np.zeros(0, int), self._refinement.no_labels)]
         try:
             for place in inferred.places[self._comm.rank :: self._comm.size]:
                 if self._flag.is_set():
@@ -136,7 +136,7 @@ class RefinedWork(Work):
         return np.zeros(0, int)
 
     def begin(self, points: np.ndarray) -> None:
-        """Make the tasks of a round: at most so many points of a frame."""
+        """Return the tasks of a round, each with a limited number of points of a frame."""
         frame = points // self._shape[-1]
         cuts = np.flatnonzero(np.diff(frame)) + 1
         whole = np.split(points, cuts) if points.size else []
@@ -149,7 +149,7 @@ class RefinedWork(Work):
         self._round_costs.begin([len(part) for part in self._tasks])
 
     def newly_inferred(self) -> int:
-        """Count the points that were inferred since this was asked before."""
+        """Count the points inferred since the last call."""
         count, self._inferred = self._inferred, 0
         return count
 
@@ -169,16 +169,17 @@ class RefinedWork(Work):
         if new:
             parts = [self.study.part_of(blocks[k]) for k in new]
             part, (_, frame, _) = parts[0][0], parts[0][1].first
-            amplitudes = part.amplitudes_of(frame)[[inner.first[-1] for _, inner in parts]]
-            found = part.rows(frame, amplitudes, start, poll)
+            places = np.array([inner.first[-1] for _, inner in parts])
+            found = part.runs_at(frame, places, start, poll)
             for place, k in enumerate(new):
                 rows[k] = {name: values[place : place + 1] for name, values in found.items()}
-        failures = Failures()
-        for block, own in zip(blocks, rows, strict=True):
+        whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}
+        labels, failures = self._refinement.labels(whole), Failures()
+        for block, own, failed in zip(blocks, rows, labels[:, 0], strict=True):
             self._campaign.write_block(block, start, own)
-            failures.add(self._failed(block, own))
+            if failed:
+                failures.add(self._failed(block, own))
         seconds = round(time.perf_counter() - begun, 6)
-        labels = np.concatenate([self._refinement.labels(own) for own in rows])
         cost = BlockCost(blocks[new[0]].place, len(new), seconds) if new else None
         report((task, labels, cost, failures))
 

@@ -92,11 +92,11 @@ def _runs(
         done[study.block(place).runs] = True
     n_done = int(done.sum())
     failed = np.argwhere(done & (outcome != Outcome.COMPLETE))
-    told: dict = {}
+    audit: dict = {}
     known = done
     if inferred is not None:
         mask = inferred.mask()
-        told = inferred.told(mask)
+        audit = inferred.told(mask)
         known = done if mask is None else done | mask
     frames = known.all(axis=_axes(study.run_dims, "direction", study.run_dims[-1]))
     return {
@@ -107,7 +107,7 @@ def _runs(
         "runs_total": study.n_runs,
         "frames_done": int(frames.sum()),
         "frames_total": int(frames.size),
-        **told,
+        **audit,
         "complete": bool(known.all()),
         "periods_per_run": float(runs["cycles"][done].mean())
         if n_done and "cycles" in runs
@@ -180,14 +180,14 @@ def _frame_seconds(layout: Layout, history: History) -> dict | None:
     if not timed.size:
         return None
     order = np.argsort(whole[tuple(timed.T)], kind="stable")
-    told: dict = {"frames": len(timed), "median": float(np.median(whole[tuple(timed.T)]))}
+    costs: dict = {"frames": len(timed), "median": float(np.median(whole[tuple(timed.T)]))}
     for name, which in (("costliest", order[-1]), ("cheapest", order[0])):
         place = tuple(timed[which].tolist())
         run = study.describe(study.block(place).first)
         run = {key: value for key, value in run.items() if key != study.run_dims[-1]}
         run.pop("direction", None)
-        told |= {name: float(whole[place]), f"{name}_at": run}
-    return told
+        costs |= {name: float(whole[place]), f"{name}_at": run}
+    return costs
 
 
 def _axes(dims: tuple[str, ...], *names: str) -> tuple[int, ...]:
@@ -212,7 +212,7 @@ def _master(session: Session | None) -> dict | None:
 
 def _session(session: Session) -> dict:
     """Return one session as a dict."""
-    told = {
+    described = {
         "started": session.started,
         "ranks": session.ranks,
         "hosts": session.hosts,
@@ -224,7 +224,7 @@ def _session(session: Session) -> dict:
     }
     seconds = session.write_seconds
     if session.written_bytes and session.rank_seconds and seconds is not None:
-        told["written_bytes"] = session.written_bytes
-        told["write_bytes_per_second"] = session.written_bytes / seconds if seconds else None
-        told["write_share"] = seconds / session.rank_seconds
-    return told
+        described["written_bytes"] = session.written_bytes
+        described["write_bytes_per_second"] = session.written_bytes / seconds if seconds else None
+        described["write_share"] = seconds / session.rank_seconds
+    return described

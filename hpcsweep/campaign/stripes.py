@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hpcsweep.model.unit_names import unit_of
+from hpcsweep.studies.variables import DRIFT_RATIO, percent_of_height
 
 if TYPE_CHECKING:
     from hpcsweep.earthquakes.fragility import Fragility
@@ -20,7 +21,7 @@ RESPONSES = {
     "force": ("contact_force", "peak contact force"),
     "impacts": ("impacts", "impacts"),
 }
-"""Variables of the file, and what they are called, by the names of responses."""
+"""Variables of the file and their labels, by the names of responses."""
 
 
 class StripesError(ValueError):
@@ -33,13 +34,15 @@ class Stripes(NamedTuple):
     intensity: np.ndarray
     """Scales, shape (s,)."""
     measure: str
-    """What they are of, and its unit."""
+    """Measure of the scales, and its unit."""
     values: np.ndarray
     """Responses, shape (records, s); NaN where they are not known."""
     alone: np.ndarray | None
     """The same without contacts, where the file has it."""
     label: str
-    """What the response is, with its unit."""
+    """Label of the response, with its unit."""
+    unit: str
+    """Of the response; empty for numbers."""
     records: tuple[str, ...]
 
 
@@ -66,27 +69,31 @@ def stripes_of(results, study, response: str = "drift", place: str | None = None
     if response not in RESPONSES:
         raise StripesError(f"response {response!r}: must be one of {', '.join(RESPONSES)}")
     name, label = RESPONSES[response]
+    structure, measure = study.structure, study.measure
     if name not in results:
         raise StripesError(f"the results hold no {name}: the structure has no contacts")
     array = results[name]
     dim = str(array.dims[-1])
     names = [str(one) for one in array[dim].values]
     chosen = places_of(names, place)
-    factor, unit = 1.0, unit_of(study.structure, _quantity(response))
-    if response == "drift" and "storey_height" in results:
-        factor, unit = 100.0 / results["storey_height"].values[chosen], "%"
-        label = "peak storey drift ratio"
+    factor, unit = np.ones(1), unit_of(structure, _quantity(response))
+    percent = percent_of_height(results)
+    if response == "drift" and percent is not None:
+        factor, unit = percent[chosen], "%"
+        label = DRIFT_RATIO
     if place is not None:
         label += f" of {place}"
     alone = f"{name}_alone"
     return Stripes(
         intensity=results["scale"].values,
-        measure=f"{study.measure}{_label(unit_of(study.structure, study.measure.quantity))}",
+        measure=measure.named(structure.unit_names.time)
+        + _label(unit_of(structure, measure.quantity)),
         values=(array.values[..., chosen] * factor).max(axis=-1).astype(float),
         alone=(results[alone].values[..., chosen] * factor).max(axis=-1)
         if alone in results
         else None,
         label=label + _label(unit),
+        unit="" if unit == "1" else unit,
         records=tuple(str(one) for one in results["record"].values),
     )
 

@@ -42,7 +42,7 @@ def summarize(path: str | Path) -> dict:
             frames.choose(place)
             for frame in range(frames.study.n_frames):
                 tally.add(frames.dataset(frame), frames.study)
-        told = frames.audit()
+        audit = frames.audit()
     finally:
         frames.close()
     size, structure = path.stat(), study.structure
@@ -61,7 +61,7 @@ def summarize(path: str | Path) -> dict:
         "directions": list(study.directions),
         "runs_total": study.n_runs,
         "runs_done": tally.done,
-        **told,
+        **audit,
         "cost": total_cost(read_history(path)),
         "file_bytes": size.st_size,
         "disk_bytes": size.st_blocks * 512,

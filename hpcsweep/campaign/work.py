@@ -30,7 +30,7 @@ class Failures:
     first: list[dict] = field(default_factory=list)
 
     def add(self, other: "Failures") -> None:
-        """Add what a block reports."""
+        """Add the failures that a block reports."""
         self.counts.update(other.counts)
         self.first += other.first[: LISTED_FAILURES - len(self.first)]
 
@@ -79,7 +79,7 @@ class Work:
         self._scan(say)
 
     def _scan(self, say) -> None:
-        """Verify what the file holds (collective)."""
+        """Verify the contents of the file (collective)."""
         scan = Scan(self._comm, self._campaign.blocks, self._flag, say)
         self.scanned, self.todo, self.done_runs = scan.finished, scan.todo, scan.done_runs
         self._done = scan.done

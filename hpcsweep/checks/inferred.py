@@ -1,4 +1,4 @@
-"""Whether what a refined map says of its points follows from the points that were computed."""
+"""Check that the inferred points of a refined map follow from its computed points."""
 
 import numpy as np
 
@@ -41,6 +41,7 @@ def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
     for k, place in enumerate(inferred.places):
         rows = inferred.frame(place, audit) or {}
         for name, row in rows.items():
-            if not np.array_equal(values[name].reshape(-1, row.size)[k], row):
+            own = values[name].reshape(-1, *row.shape)[k]
+            if own.astype(row.dtype).tobytes() != row.tobytes():
                 problems.append((place, f"{name} does not follow from the computed points"))
     return problems

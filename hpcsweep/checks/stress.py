@@ -181,8 +181,8 @@ def _random_runs(case: Case) -> Answer:
                 problem = f"{now - taken} steps under a cap of {CAP}"
             taken = now
             if problem:
-                told = f"{structure}, omega {omega!r}, A {amplitude!r}, z {z.tolist()}"
-                wrong.append(f"run {k}: {problem} ({told})")
+                where = f"{structure}, omega {omega!r}, A {amplitude!r}, z {z.tolist()}"
+                wrong.append(f"run {k}: {problem} ({where})")
     finally:
         flow_map.MAX_STEPS = own_cap
     counts = ", ".join(f"{name} {count}" for name, count in found.most_common())

@@ -33,7 +33,7 @@ LISTED = 20
 MOST_DRAWS = 10_000
 """Runs drawn in search of complete ones."""
 LOCATING_SECONDS = 60.0
-"""Time given to computing damaged blocks again, to tell which bytes are damaged."""
+"""Time limit (s) for recomputing damaged blocks, to find the damaged bytes."""
 
 
 @dataclass
@@ -131,7 +131,7 @@ def _again(study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAg
 
 
 def _place(study, block: Block) -> str:
-    """Name the frame and the direction of a block, or its record."""
+    """Return the frame and the direction of a block, or its record, in words."""
     found = study.describe(block.first)
     del found[study.run_dims[-1]]
     if "direction" not in study.run_dims:
@@ -142,7 +142,7 @@ def _place(study, block: Block) -> str:
 
 
 def _along(study, block: Block, row: int) -> str:
-    """Name a row of a block along the last axis of the runs."""
+    """Return a row of a block in words, along the last axis of the runs."""
     last = study.run_dims[-1]
     return run_name({last: study.describe(block.run(row))[last]})
 

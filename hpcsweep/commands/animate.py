@@ -80,6 +80,8 @@ def _make(options, comm) -> tuple[int, str]:
         color=options.color,
         width=options.width,
         floors=tuple(options.floors or ()),
+        show=options.show,
+        branches=options.branches,
         at=options.at,
     )
     problem = None

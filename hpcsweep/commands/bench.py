@@ -30,12 +30,12 @@ POINTS = 500
 def _parts(text: str) -> list[str]:
     from hpcsweep.bench import PARTS
 
-    asked = [part for part in text.split(",") if part]
-    wrong = [part for part in asked if part not in PARTS]
-    if wrong or not asked:
+    parts = [part for part in text.split(",") if part]
+    wrong = [part for part in parts if part not in PARTS]
+    if wrong or not parts:
         name = wrong[0] if wrong else text
         raise argparse.ArgumentTypeError(f"'{name}' is none of {', '.join(PARTS)}")
-    return asked
+    return parts
 
 
 def add_to(commands) -> None:
@@ -105,12 +105,12 @@ def _requested(options) -> list[str]:
     """Return the parts to measure, in order."""
     from hpcsweep.bench import PARTS
 
-    asked = set(options.only or [])
+    parts = set(options.only or [])
     if options.ratio:
-        asked.add("ratio")
+        parts.add("ratio")
     if options.skips:
-        asked.add("skips")
-    return [part for part in PARTS if part in asked or not asked]
+        parts.add("skips")
+    return [part for part in PARTS if part in parts or not parts]
 
 
 def _bench(options) -> int:

@@ -80,7 +80,7 @@ CLOSED_PIPE = 141
 
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""What the system says of a write to a device that takes no more."""
+"""Errors of the system for a write to a full device."""
 
 
 class _Parser(argparse.ArgumentParser):

@@ -28,7 +28,7 @@ def add_to(commands) -> None:
 
 def _explore(options) -> int:
     from hpcsweep.figures.explorer.page import PageTooLarge, build_page, check_size, write_page
-    from hpcsweep.figures.explorer.page_data import gather
+    from hpcsweep.figures.explorer.page_data import add_branches, gather
     from hpcsweep.figures.style import PlotError
     from hpcsweep.store import StoreError
 
@@ -49,6 +49,8 @@ def _explore(options) -> int:
             at=options.at,
             say=_progress if sys.stderr.isatty() else None,
         )
+        if options.branches is not None:
+            add_branches(study, options.branches)
         page, sizes = build_page(study, options.bits)
         check_size(sizes, options.max_mb * 1e6)
     except (StoreError, PlotError, PageTooLarge) as error:

@@ -76,7 +76,7 @@ def _threshold(options, results, study) -> int:
     stripes = stripes_of(results, study, options.response, options.place)
     reached = capacity(stripes.intensity, stripes.values, options.threshold)
     parts = fractiles(reached.scale, PARTS).tolist()
-    told = {
+    sums = {
         "response": stripes.label,
         "measure": stripes.measure,
         "threshold": options.threshold,
@@ -86,23 +86,23 @@ def _threshold(options, results, study) -> int:
         "later_crossings": int((reached.later_crossings > 0).sum()),
     }
     found = fit(stripes, options.threshold)
-    told |= {
+    sums |= {
         "median": found.median,
         "median_interval": list(found.median_interval),
         "dispersion": found.dispersion,
         "dispersion_interval": list(found.dispersion_interval),
     }
     if options.json:
-        finite = {k: v if np.isfinite(v) else None for k, v in told["capacity"].items()}
-        print(json.dumps({**told, "capacity": finite}, indent=1))
+        finite = {k: v if np.isfinite(v) else None for k, v in sums["capacity"].items()}
+        print(json.dumps({**sums, "capacity": finite}, indent=1))
         return 0
     capacities = ", ".join(f"{100 * p:g} % {v:.4g}" for p, v in zip(PARTS, parts, strict=True))
-    low, high = told["median_interval"]
-    least, most = told["dispersion_interval"]
+    low, high = sums["median_interval"]
+    least, most = sums["dispersion_interval"]
     print(
-        f"{stripes.label}: threshold {options.threshold:g}, {told['records']} records\n"
-        f"  capacity    {capacities} of {stripes.measure}; {told['never']} records never reach it\n"
-        f"  crossings   {told['later_crossings']} records fall below it again\n"
+        f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records\n"
+        f"  capacity    {capacities} of {stripes.measure}; {sums['never']} records never reach it\n"
+        f"  crossings   {sums['later_crossings']} records fall below it again\n"
         f"  fragility   median {found.median:.4g} ({low:.4g} to {high:.4g}), dispersion "
         f"{found.dispersion:.4f} ({least:.4f} to {most:.4f})"
     )

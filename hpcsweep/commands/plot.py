@@ -16,7 +16,7 @@ NAME_WIDTH = 10
 RESOLUTIONS = 50, 1200
 """Pixels an inch, least and most."""
 MAPS = {"motions": "map", "attractors": "number"}
-"""Default figure where runs are scattered, by what a file holds."""
+"""Default figure of scattered runs, by the kind of results."""
 
 
 def add_to(commands) -> None:
@@ -50,7 +50,7 @@ def _complete(plot: argparse.ArgumentParser) -> None:
         help="pixels an inch (default: %(default)s)",
     )
     add_at(plot)
-    add_options(plot, known.values(), told=True)
+    add_options(plot, known.values(), named=True)
 
 
 def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
@@ -77,7 +77,7 @@ def _plot(options) -> int:
         # points of a list have no amplitudes in common, those of a refined map are not all computed
         default = _defaults(known)[study.holds]
         if study.is_list or refinement_of(study):
-            default = MAPS[study.holds]
+            default = MAPS.get(study.holds, default)
         kind = options.kind or default
     except StoreError as error:
         complain(str(error))

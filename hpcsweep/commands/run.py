@@ -171,7 +171,7 @@ def _read(options) -> list:
 
 
 def _print_endings(endings) -> None:
-    """Print how each job ended, and what is left."""
+    """Print how each job ended, and the remaining runs."""
     from hpcsweep.campaign.run import COMPLETE, STOPPED
 
     words = {COMPLETE: "complete", STOPPED: "stopped in good order; run again to resume"}

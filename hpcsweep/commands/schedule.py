@@ -89,21 +89,21 @@ def _costs(source: Path) -> tuple:
 
 def _replay(comm, known, seconds: float) -> dict | None:
     """Sleep through the job's costs, scaled; compare with the simulation on rank 0."""
-    from hpcsweep.campaign.forecast import MOST_PIECES
+    from hpcsweep.campaign.forecast import MOST_BLOCKS
     from hpcsweep.parallel import replay
     from hpcsweep.parallel.schedule import MESSAGE_SECONDS, simulate
 
     messages = replay.time_messages(comm)
-    pieces = None
+    blocks = None
     if comm.rank == 0:
-        pieces = known[1].costs.pieces(MOST_PIECES)
-        bound = simulate(pieces, comm.size).bound
-        pieces = [piece * (seconds / bound) for piece in pieces]
-    makespan, traffic = replay.replay(comm, pieces)
-    if pieces is None:
+        blocks = known[1].costs.blocks(MOST_BLOCKS)
+        bound = simulate(blocks, comm.size).bound
+        blocks = [block * (seconds / bound) for block in blocks]
+    makespan, traffic = replay.replay(comm, blocks)
+    if blocks is None:
         return None  # the master compares
     each = 1 / messages.capacity if messages else MESSAGE_SECONDS
-    predicted = simulate(pieces, comm.size, message_seconds=each, poll_seconds=replay.SLICE)
+    predicted = simulate(blocks, comm.size, message_seconds=each, poll_seconds=replay.SLICE)
     return {
         "ranks": comm.size,
         "predicted": predicted.makespan,

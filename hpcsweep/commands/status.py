@@ -1,4 +1,4 @@
-"""`hpcsweep status`: tell what is done in a results file."""
+"""`hpcsweep status`: report what of a results file is computed."""
 
 import json
 import sys
@@ -151,7 +151,7 @@ def inferred_text(count: int, audit: dict | None) -> str:
 
 
 def _describe_motions(state: dict) -> list[str]:
-    """List the periods integrated, and what only one kind of study reports."""
+    """Return the periods integrated, and the lines of only one kind of study."""
     lines = []
     if "runs_spared" in state:
         if state["periods_per_run"] is not None:
@@ -178,14 +178,14 @@ def _describe_motions(state: dict) -> list[str]:
 
 
 def _frame(frames: dict, which: str) -> str:
-    """Write what a frame cost and which it is."""
+    """Format the cost of a frame, and its name."""
     from hpcsweep.studies.run_names import run_name
 
     return f"{frames[which]:.3g} s ({run_name(frames[f'{which}_at'])})"
 
 
 def _describe_work(state: dict) -> list[str]:
-    """List rate, remaining time, cost by frame and the master's load."""
+    """Return rate, remaining time, cost by frame and the master's load."""
     lines = []
     if state["runs_per_second"] is not None:
         line = (

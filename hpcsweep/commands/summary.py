@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hpcsweep.commands import RAW, USER_ERROR, complain
 from hpcsweep.commands.status import inferred_text
+from hpcsweep.figures.options import whole_number
 
 HELP = """\
 Summarise studies: what they cost, how much work was spared, what shares of the runs are periodic,
@@ -28,6 +29,13 @@ def add_to(commands) -> None:
     form.add_argument(
         "--markdown", action="store_true", help="a Markdown table with a column for each file"
     )
+    summary.add_argument(
+        "--transients",
+        type=whole_number(1),
+        metavar="N",
+        help="continue N chaotic runs of each file, drawn at random, by 10,000 forcing periods, "
+        "and say what share of chaos outlives them",
+    )
     summary.set_defaults(function=_summary)
 
 
@@ -37,6 +45,11 @@ def _summary(options) -> int:
 
     try:
         found = [summarize(path) for path in options.files]
+        if options.transients:
+            from hpcsweep.checks.transients import outliving
+
+            for summary in found:
+                summary["transients"] = outliving(summary["file"], options.transients)
     except StoreError as error:
         complain(str(error))
         return USER_ERROR
@@ -94,7 +107,7 @@ def _rows(summary: dict, together: list[dict]) -> dict[str, str]:
 
 
 def _own_rows(summary: dict) -> dict[str, str]:
-    """Write what only studies of one kind tell."""
+    """Format the lines of only one kind of study."""
     if "measure" in summary:
         return _record_rows(summary)
     if "branches" in summary:
@@ -132,6 +145,12 @@ def _motion_rows(summary: dict, together: list[dict]) -> dict[str, str]:
             rows[name] += f": {', '.join(parts)}"
     if summary["classes"] and not summary["tells_chaos"]:
         rows["chaotic"] = "not told: the file holds neither motion nor lyapunov"
+    if (later := summary.get("transients")) and later["share"] is not None:
+        rows["chaos that lasts"] = (
+            f"{_percent(later['share'])} of chaotic runs outlive {later['periods']} more periods "
+            f"({later['outlive']} of {later['samples']} drawn, {later['undecided']} undecided; "
+            f"95 %: {_percent(later['low'])} to {_percent(later['high'])})"
+        )
     window = summary.get("window_test")
     if window and window["runs"]:
         rows["window test"] = (
@@ -149,12 +168,15 @@ def _inferred_rows(summary: dict) -> dict[str, str]:
     if "audit" not in summary:
         return {}
     share = summary["runs_inferred"] / summary["runs_total"]
-    told = inferred_text(summary["runs_inferred"], summary["audit"])
-    return {"inferred": f"{_percent(share)} of the map, {told}; all shares below are of runs"}
+    share_text = inferred_text(summary["runs_inferred"], summary["audit"])
+    of = "all of these" if "basins" in summary else "runs"
+    return {"inferred": f"{_percent(share)} of the map, {share_text}; all shares below are of {of}"}
 
 
 def _noun(summary: dict) -> str:
     """Return the noun for a run of a study."""
+    if "basins" in summary and "audit" in summary:
+        return "start"
     for key, noun in (("basins", "row"), ("branches", "line")):
         if key in summary:
             return noun
@@ -197,7 +219,8 @@ def _attractor_rows(summary: dict) -> dict[str, str]:
     }
     for number, entry in summary["numbers"].items():
         rows[f"points with {number} attractors"] = _share(entry)
-    rows["starts"] = str(summary["starts"])
+    if noun != "start":
+        rows["starts"] = str(summary["starts"])
     for name in ("undecided", "failed", "elsewhere"):
         rows[f"starts {name}"] = _share(summary[f"starts_{name}"])
     rows["attractors"] = str(summary["attractors"])
@@ -215,6 +238,11 @@ def _branch_rows(summary: dict) -> dict[str, str]:
         "points stable": _share(summary["points_stable"]),
     }
     rows |= {f"points of {name}": str(n) for name, n in summary["special_points"].items()}
+    if "curves" in summary:
+        told = summary["curves"]
+        rows["curves"] = f"{told['curves']}, {told['points']} points"
+        rows["special points on a curve"] = _share(told["followed"])
+        rows["meetings"] = ", ".join(f"{k} {n}" for k, n in told["meetings"].items() if n) or "0"
     rows["seeds"] = (
         f"{summary['seeds']}, and {summary['motions_not_periodic']} motions not periodic"
     )

@@ -70,7 +70,7 @@ def _warmup(options) -> int:
     warm_up_all(say, options.jobs)
     for study in studies:
         if study.settings.solver == "flow":
-            warm_up(study.settings, say, options.jobs, specialised_to=study.structure)
+            warm_up(study.settings, say, options.jobs, study.structure, specialised=True)
     seconds = time.perf_counter() - begun
     folders = " and ".join(map(str, kept_in()))
     where = f"in {folders}" if folders else "are not kept"

@@ -42,7 +42,7 @@ MAX_HEADER = 50
 UNEVEN = 0.02
 """Largest deviation of a time from equal steps, in steps: times are written with few digits."""
 SAME_STEP = 1e-9
-"""Relative difference below which a step is taken for the shortest number that it is near."""
+"""Relative difference below which a step is replaced by the nearest short number."""
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
 NUMBERS = re.compile(NUMBER)

@@ -5,7 +5,7 @@ of the part p of n values is the smallest of them that at least p n values do no
 one of the values, and means the same of responses at a scale, and of capacities, some of which are
 infinite. The capacity of a record is the smallest scale whose response reaches a threshold. A curve
 of a structure that pounds may fall below the threshold again and rise once more: later crossings
-are counted, so that nobody takes such a curve for a simple one.
+are counted, so that such a curve is not mistaken for a simple one.
 """
 
 import math

@@ -29,7 +29,7 @@ KEPT = 16
 
 @dataclass(frozen=True)
 class Measure:
-    """What a scale is of: an intensity measure of records.
+    """Measure of a scale: an intensity measure of records.
 
     Attributes
     ----------
@@ -50,7 +50,11 @@ class Measure:
         return {"factor": "1", "pgv": "velocity"}.get(self.by, "acceleration")
 
     def __str__(self) -> str:
-        periods = ", ".join(f"{period:.6g}" for period in self.periods)
+        return self.named()
+
+    def named(self, time: str = "") -> str:
+        """Return the name with its periods, in a unit of time."""
+        periods = ", ".join(f"{period:.6g} {time}".strip() for period in self.periods)
         names = {"factor": "scale factor", "avgsa": "AvgSA", "sa": "Sa"}
         name = names.get(self.by, self.by.upper())
         return f"{name}({periods}; {100 * self.damping_ratio:g} %)" if periods else name
@@ -148,7 +152,7 @@ def checked_record(source: Files | Synthetic, facts: Facts, i: int) -> Record:
     Raises
     ------
     ValueError, OSError
-        If it cannot be read, or is not the one of which the facts are.
+        If it cannot be read, or differs from the record of the facts.
     """
     record = source.record(i)
     if digest_of(record) != facts.digest:
@@ -158,7 +162,7 @@ def checked_record(source: Files | Synthetic, facts: Facts, i: int) -> Record:
 
 @lru_cache(maxsize=KEPT)
 def _read(path: str, unit: str, gravity: float, dt: float | None, changed: tuple) -> Record:
-    del changed  # a file that is written anew is read again
+    del changed  # a file that has been rewritten is read again
     return read_record(path, unit, gravity, dt)
 
 

@@ -38,7 +38,7 @@ MAX_RECORDS = 1000
 UNIFORMS = 12
 """Uniform numbers whose sum has variance 1."""
 NOISY = 0.9
-"""Part of the duration that has noise; in the rest the ground comes to rest."""
+"""Fraction of the duration with noise; in the rest the ground comes to rest."""
 LEFT = 0.01
 """Envelope where noise ends."""
 
@@ -264,7 +264,7 @@ def _at_rest(a: np.ndarray, dt: float) -> np.ndarray:
     steps = len(a) - 1
     j = np.arange(steps + 1)
     s = j / steps
-    # what a sample adds to velocity and displacement at the end, over dt and dt^2
+    # contribution of a sample to final velocity and displacement, over dt and dt^2
     to_velocity = np.ones(steps + 1)
     to_velocity[[0, -1]] = 0.5
     to_displacement = (steps - j).astype(float)

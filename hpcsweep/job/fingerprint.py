@@ -11,7 +11,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 
 import numpy as np
 
-MEANING_VERSION = 2
+MEANING_VERSION = 3
 """Part of the fingerprint; raised when the same job text comes to mean other results."""
 
 
@@ -20,7 +20,7 @@ TOLD_OTHERWISE = (
     *("source", "gravity"),
 )
 """Fields of the parts, one that `Structure` also holds with a value for each mode, and where the
-samples of records come from, which their checksums tell."""
+samples of records come from, which their checksums identify."""
 
 
 def fingerprint(study) -> str:

@@ -18,7 +18,7 @@ from hpcsweep.job.paths import path_of
 from hpcsweep.job.suites import with_found
 from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import MAX_VALUES, Values
-from hpcsweep.job.vary import read_varied
+from hpcsweep.job.vary import read_varied, unused
 from hpcsweep.model import arguments
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
@@ -90,7 +90,8 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
         text, source, notes = resolve(path, settings, every_key(), _drop_inherited)
     except TreeError as error:
         raise JobError(str(error)) from None
-    return replace(parse_job(text, source, path.stem, path.parent), notes=tuple(notes))
+    job = parse_job(text, source, path.stem, path.parent)
+    return replace(job, notes=(*notes, *job.notes))
 
 
 INSTEAD = {
@@ -149,7 +150,7 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     reason = not_refinable(study)
     if reason:
         raise JobError(f"{source}: {reason}")
-    return Job(name=_name(values, default_name), text=text, study=study)
+    return Job(name=_name(values, default_name), text=text, study=study, notes=unused(values, tree))
 
 
 def read_study(source: str, tree: Mapping):
@@ -158,7 +159,6 @@ def read_study(source: str, tree: Mapping):
     study = _kind(values)
     values.check_tables(keys_of(study), _keys_of_others(study))
     structure = structures.read_structure(values)
-    structures.refuse_dashpots(values, structure)
     return study.read(
         values,
         structure=structure,

@@ -79,14 +79,6 @@ def read_structure(values: Values) -> Structure:
     return replace(structure, unit_names=_unit_names(values, structure))
 
 
-def refuse_dashpots(values: Values, structure: Structure) -> None:
-    """Refuse contacts with a dashpot: only the reference solver computes them."""
-    largest = float(structure.contact_damping.max(initial=0.0))
-    if largest > 0:
-        limit = "must be 0 (restitution 1): no solver computes dashpots yet"
-        raise values.error("structure.contact.damping", largest, limit)
-
-
 def _unit_names(values: Values, structure: Structure) -> UnitNames:
     """Read the table ``units``: names that label quantities in the user's own units."""
     table = values.table("units")

@@ -1,8 +1,8 @@
-"""What a job's records are, found out once: a job that is loaded holds it from then on.
+"""Establish the facts about a job's records once: a loaded job holds them from then on.
 
 The files that ``records.files`` names are searched for and read, the suite of ``records.synthetic``
 is made; of each record ``records.found`` then has a name, a checksum and the intensity measures.
-Whoever opens a file of results reads its job with these, and needs no record.
+A results file is read with the facts in its job, without the records.
 """
 
 import glob

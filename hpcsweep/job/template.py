@@ -4,7 +4,7 @@ TEMPLATE = """\
 # A job of hpcsweep: TOML. It is complete, and takes seconds:
 #     mpirun -n 2 hpcsweep run FILE.toml       computes FILE.h5; hpcsweep run FILE.toml works too
 #     hpcsweep plot FILE.h5 -o FILE.png        draws it
-#     hpcsweep run FILE.toml --dry-run         tells what a larger one will cost
+#     hpcsweep run FILE.toml --dry-run         predicts the cost of a larger one
 #
 # A key behind a # has its default, which is shown; take the # away to give it another value.
 #
@@ -25,10 +25,10 @@ TEMPLATE = """\
 # or, with points = [[A, Omega], [A, Omega], ...] here and neither omega nor amplitude below, the
 # points of that list. With refine = {levels = 4, on = ["class", "contact"], wrong = 0.003,
 # seed = 0} a grid of points is computed only where something happens: cells of 2**levels steps a
-# side (levels from 1 to 12) are cut until their points agree in the class of motion and the
-# contacts, points inside are inferred, and of these some are computed until the share of wrong ones
-# is less than wrong (between 0 and 1); seed draws them. It has no directions. "attractors": at each
-# amplitude all attractors that
+# side (levels from 1 to 12) are cut until their points agree in the class of motion ("period": in
+# the orbit period alone) and the contacts, points inside are inferred, and of these some are
+# computed until the share of wrong ones is less than wrong (between 0 and 1); seed draws them. It
+# has no directions. "attractors": at each amplitude all attractors that
 # starts = 459 states of a box reach (displacement = [-1.0, 1.0] and velocity = [-1.0, 1.0], or n
 # pairs each; seed = 0 gives them), after those of the amplitude before. It has no directions, but
 # max_attractors = 8 that are stored, confidence = 0.95 of the intervals of their shares,
@@ -38,7 +38,8 @@ TEMPLATE = """\
 # which attractor the starts of a slice go; components = ["u_1", "v_1"] of the state are those of
 # the slice, horizontal = {from = -1.0, to = 1.0, count = 200} their values along a row and
 # vertical = the same from row to row, the others those of initial_state; starts = 459 of the slice
-# find the attractors. "records": the response to ground-motion records, each at several scales,
+# find the attractors; refine = {levels = 4, wrong = 0.003} maps the slice likewise, each
+# start then on its own. "records": the response to ground-motion records, each at several scales,
 # from rest; it has the table [records], at the end, in place of forcing and sweep. "branches": the
 # curves of periodic orbits, stable or not, through all motions of results files; it has the table
 # [branches], at the end.
@@ -50,8 +51,8 @@ TEMPLATE = """\
 
 # Distance of the floors at rest from the stops on their right and on their left, of any sign, inf
 # where there is none: one number, or a list of n. Likewise the masses and the stiffnesses of the
-# storeys, above 0: whoever gives them (mass = [2e4, 1e4, 1e4], storey_stiffness = 3e7) gives all in
-# units of one's own.
+# storeys, above 0: a job with these (mass = [2e4, 1e4, 1e4], storey_stiffness = 3e7) has units of
+# its own.
 #gap = 1.0
 #gap_left = inf
 
@@ -61,7 +62,7 @@ TEMPLATE = """\
 # rho, sharpness of the contact spring in S(u) = 1/(1 + exp(-rho (u - 1))), per gap: at least 0;
 # inf is the piecewise linear stop. With it stops may have a dashpot beside their spring, given by
 # the restitution of a collision, above 0 and at most 1, one number or a list of n; with
-# tension = true it may pull on the way out. (No solver computes dashpots yet: they are refused.)
+# tension = true it may pull on the way out.
 #sharpness = 1e4
 
 # zeta, damping ratio of the free structure's modes: at least 0, one number for all of them, or a
@@ -70,7 +71,7 @@ TEMPLATE = """\
 
 # In place of a building: [structure.matrices] with mass and stiffness, if wanted damping, forcing
 # and drift, and [[structure.contact]] with direction, gap, stiffness, and if wanted damping of a
-# dashpot and tension; see docs/job-files.md.
+# dashpot and tension; see docs/structures.md.
 # Or buildings that pound each other, from left to right, two [[building]] or more with mass,
 # storey_stiffness or period, storey_height, damping_ratio or rayleigh, and name, and [pounding]
 # with gap, stiffness, and if wanted restitution or damping, tension, sharpness. [units] with
@@ -109,8 +110,8 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 #period_tolerance = 1e-6
 
 # Forcing periods for which a run whose motion these leave open is integrated on, until it is known
-# to be periodic, chaotic or on a torus; the next run starts from where they ended all the same. A
-# whole number from 0, which takes what they tell, to 10000000; default: 50000, with bdf 0.
+# to be periodic, chaotic or on a torus; the next run starts from where they ended in either case. A
+# whole number from 0, which takes the window alone, to 10000000; default: 50000, with bdf 0.
 #classify_cycles = 50000
 
 # State at which each frame begins: "rest", or a list of 2 n numbers, u_1 .. u_n, v_1 .. v_n.
@@ -129,7 +130,7 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 #skip = "all"
 
 [output]
-# Results wanted: true or false.
+# Results to compute: true or false.
 #poincare = true      # stroboscopic points (u in gaps, v in gaps omega_0)
 #contact = true       # which floors touch the stop
 #drift = true         # peak interstorey drift, in A/Omega^2
@@ -163,8 +164,8 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 # intensities to which each is scaled, or values = [...]; by = "factor", "pga", "pgv", "sa", or
 # "avgsa" with periods = [...]; default: the records as they are. tail = 0.0 is the time of free
 # motion after each. In the table output of such a study stand times = true, the times of peaks,
-# alone = true, peaks without contacts, and block. What hpcsweep has found out of the records,
-# found = [...], it adds by itself.
+# alone = true, peaks without contacts, history = 0.02, the motion itself at this step (default:
+# none), and block. What hpcsweep has found out of the records, found = [...], it adds by itself.
 
 # Branches of study.kind = "branches":
 #[branches]
@@ -175,7 +176,11 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 # sweep.amplitude or sweep.omega). steps = 2000 is the most points to either side of a motion,
 # largest_step = 0.05 the longest step, in units of the state and of the span; max_branches = 64,
 # max_points = 20000 and max_seeds = 4000 are stored of a line; starts = 0 is the number of starts,
-# seed = 0 gives them, of a search for orbits that no motion tells.
+# seed = 0 gives them, of a search for orbits that no motion tells. curves = ["fold", "doubling",
+# "torus", "grazing"] (default: []) are followed over A and Omega from the special points of each
+# line, of orbits up to max_orbit_period, half way to the next line and to the ends of
+# curve_span = [low, high] (default: that of sweep.omega); max_curves = 256 and
+# max_curve_points = 5000 are stored of a line.
 
 # Keys of study, structure, sweep or solver that take a number or a word, with several values each:
 # a list or a range. All is computed at every value of one with every value of another, in one file

@@ -3,6 +3,7 @@
 import difflib
 import math
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class Values:
 
     def error(self, key: str, value: object, limit: str) -> JobError:
         """Return the error for a value that is not allowed."""
-        shown = repr(float(value)) if isinstance(value, np.floating) else repr(value)
+        shown = repr(float(value) if isinstance(value, np.floating) else value)
         if len(shown) > 60:
             shown = shown[:57] + "..."
         return JobError(f"{self.source}: {key} = {shown}: {limit}")
@@ -162,12 +163,17 @@ class Values:
                 limit = f'does not go with {key}: take one away (= "unset" where it is inherited)'
                 raise self.error(cycles, self.get(cycles), limit)
             key = cycles
-        omega = self.numbers(key, ascending=False)
-        if key == cycles:
-            omega = 2 * math.pi * omega
-        if np.any(omega <= 0):
-            raise self.error(key, omega[omega <= 0][0], "must be greater than 0")
-        self.check_range(key, omega=omega)
+        given = self.numbers(key, ascending=False)
+        if np.any(given <= 0):
+            raise self.error(key, given[given <= 0][0], "must be greater than 0")
+        if key != cycles:
+            self.check_range(key, omega=given)
+            return given
+        omega = 2 * math.pi * given
+        wrong = (omega < MIN_OMEGA) | (omega > MAX_OMEGA)
+        if wrong.any():
+            limits = f"from {MIN_OMEGA / (2 * math.pi):.4g} to {MAX_OMEGA / (2 * math.pi):.4g}"
+            raise self.error(key, given[wrong][0], f"must be {limits}")
         return omega
 
     def check_range(self, key: str, omega=(), amplitude=()) -> None:
@@ -211,7 +217,7 @@ class Values:
                 raise self.error(f"{key}.count", count, f"must be from 2 to {MAX_VALUES}")
             if not math.isfinite(high - low):
                 raise self.error(f"{key}.to", high, "must be nearer to from")
-            return np.linspace(low, high, count)
+            return _grid(low, (Fraction(repr(high)) - Fraction(repr(low))) / (count - 1), count)
         step = self.number(f"{key}.step", given["step"])
         if not (0 < step <= high - low and (high - low) / step < MAX_VALUES):
             raise self.error(
@@ -221,4 +227,15 @@ class Values:
                 f"{MAX_VALUES} values",
             )
         n_steps = math.floor((high - low) / step * (1 + 1e-12) + 1e-9)
-        return low + step * np.arange(n_steps + 1)
+        return _grid(low, Fraction(repr(step)), n_steps + 1)
+
+
+def _grid(low: float, step: Fraction, count: int) -> np.ndarray:
+    """Return the numbers nearest to low + k step, low as it is written: 0.06, not 0.059999...
+
+    A quotient of whole numbers is rounded once by Python, whatever their size.
+    """
+    first = Fraction(repr(low))
+    unit = math.lcm(first.denominator, step.denominator)
+    start, way = int(first * unit), int(step * unit)
+    return np.fromiter(((start + k * way) / unit for k in range(count)), float, count)

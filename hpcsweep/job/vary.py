@@ -68,6 +68,12 @@ class Parts:
                 tree[table] = {**tree.get(table, {}), key: axis.values[at]}
         return tree
 
+    def tree_as_given(self) -> dict:
+        """Return the job with its own values of the keys that are varied, the first of others."""
+        tree = self.tree_at((0,) * len(self.axes))
+        given = {table: own for table, own in self.tree.items() if isinstance(own, Mapping)}
+        return tree | {table: {**tree[table], **own} for table, own in given.items()}
+
 
 def read_varied(
     values: Values, tree: Mapping, read: Callable[[str, Mapping], RunGrid]
@@ -92,10 +98,24 @@ def read_varied(
         base = parts((0,) * len(axes))
     except TreeError as error:
         raise JobError(f"{error}, in vary") from None
+    if unused(values, tree):
+        # what is given beside vary is not used, but has to be right
+        read(values.source, parts.tree_as_given())
     study = Varied(base, axes, parts)
     for place in itertools.islice(study.places(), 1, None):
         _check_shape(values, study, place)
     return study
+
+
+def unused(values: Values, tree: Mapping) -> tuple[str, ...]:
+    """Return a message for each key that is given beside ``vary``."""
+    given = _flat(values, tree["vary"]) if "vary" in tree else ()
+    parted = [key.partition(".") for key in given]
+    return tuple(
+        f"not used: {table}.{key} ([vary] gives its values)"
+        for table, _, key in parted
+        if key in tree.get(table, {})
+    )
 
 
 def _flat(values: Values, table: object) -> dict[str, object]:

@@ -70,7 +70,7 @@ def run(
     on_report : callable (rank, value)
         Called on rank 0.
     cost : callable
-        Estimate the cost (s) of what is left of a task, as of the last report; called repeatedly on
+        Estimate the remaining cost (s) of a task, as of the last report; called repeatedly on
         rank 0. The costliest tasks are handed out first, equal ones in order.
     traffic : Traffic, optional
         Filled on rank 0.

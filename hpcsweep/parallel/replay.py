@@ -60,15 +60,15 @@ def time_messages(comm) -> Messages | None:
 
 
 def replay(
-    comm, pieces: Sequence[np.ndarray] | None, computing_master: bool | None = None
+    comm, blocks: Sequence[np.ndarray] | None, computing_master: bool | None = None
 ) -> tuple[float, farm.Traffic]:
-    """Sleep through all pieces on all ranks, as the farm schedules them (collective).
+    """Sleep through all blocks on all ranks, as the farm schedules them (collective).
 
     Parameters
     ----------
     comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
-    pieces : sequence of ndarray
-        Cost (s) of the pieces of each task; used on rank 0.
+    blocks : sequence of ndarray
+        Cost (s) of the blocks of each task; used on rank 0.
     computing_master : bool, optional
         As `farm.run`.
 
@@ -78,17 +78,17 @@ def replay(
         Seconds, on rank 0.
     traffic : farm.Traffic
     """
-    pieces = comm.bcast(pieces)
-    known, traffic = ExactCosts(pieces), farm.Traffic()
+    blocks = comm.bcast(blocks)
+    known, traffic = ExactCosts(blocks), farm.Traffic()
     ended = [0.0]
 
     def compute(task, poll, report, first=0) -> int | None:
-        for position in range(first, len(pieces[task])):
-            due = time.monotonic() + pieces[task][position]
+        for position in range(first, len(blocks[task])):
+            due = time.monotonic() + blocks[task][position]
             while (rest := due - time.monotonic()) > 0:
                 time.sleep(min(rest, SLICE))
                 poll()
-            last = position + 1 == len(pieces[task])
+            last = position + 1 == len(blocks[task])
             if report((task, position)) and not last:
                 return position + 1
         return None
@@ -103,7 +103,7 @@ def replay(
     with StopFlag() as flag:
         farm.run(
             comm,
-            range(len(pieces)),
+            range(len(blocks)),
             compute,
             flag,
             on_report,

@@ -1,16 +1,16 @@
 """Schedule tasks on ranks: the rule that the farm follows, and a simulation of it.
 
-A task is a path: its pieces are done one after another, but not necessarily on one rank. With work
+A task is a path: its blocks are done one after another, but not necessarily on one rank. With work
 W on N ranks and costliest task d, no schedule ends before max(W / N, d). This rule comes close to
 the bound for any costs:
 
 * a free rank takes the costliest waiting task;
 * a waiting task that needs as long as the fair share W(t) / N of the remaining work must start now,
-or it alone ends late. The running task with the least left is recalled after its piece, and waits
+or it alone ends late. The running task with the least left is recalled after its block, and waits
 in its turn.
 
 Without the second rule (only costliest first, Graham 1969) three equal tasks on two ranks take 4/3
-of the bound. With it, and small pieces, they meet the bound of McNaughton (1959): as long as no
+of the bound. With it, and small blocks, they meet the bound of McNaughton (1959): as long as no
 rank idles and no waiting task is longer than the fair share, both shrink at the same rate.
 """
 
@@ -57,7 +57,7 @@ class Schedule:
     ----------
     tasks : iterable of int
     left : callable (task)
-        Estimate the cost (s) of what is left of a task, as of its last piece. Called repeatedly, so
+        Estimate the remaining cost (s) of a task, as of its last block. Called repeatedly, so
         the estimate may improve. Equal tasks go in order.
     n_computing : int
         Ranks that compute.
@@ -88,7 +88,7 @@ class Schedule:
         return -task
 
     def progress(self, task: int, now: float) -> None:
-        """Record that a running task has finished a piece."""
+        """Record that a running task has finished a block."""
         if task in self._since:
             self._left[task] = max(self._left[task] - (now - self._since[task]), 0.0)
             self._since[task] = now
@@ -143,20 +143,20 @@ class ExactCosts:
 
     Parameters
     ----------
-    pieces : sequence of ndarray
-        Cost (s) of the pieces of each task, in order.
+    blocks : sequence of ndarray
+        Cost (s) of the blocks of each task, in order.
     """
 
-    def __init__(self, pieces: Sequence[np.ndarray]):
-        self._rest = [np.append(np.cumsum(piece[::-1])[::-1], 0.0).tolist() for piece in pieces]
-        self._done = [0] * len(pieces)
+    def __init__(self, blocks: Sequence[np.ndarray]):
+        self._rest = [np.append(np.cumsum(block[::-1])[::-1], 0.0).tolist() for block in blocks]
+        self._done = [0] * len(blocks)
 
-    def done(self, task: int, piece: int, seconds: float) -> None:
-        """Record that a piece is done."""
-        self._done[task] = piece + 1
+    def done(self, task: int, block: int, seconds: float) -> None:
+        """Record that a block is done."""
+        self._done[task] = block + 1
 
     def left(self, task: int) -> float:
-        """Return the cost (s) of what is left of a task."""
+        """Return the remaining cost (s) of a task."""
         return self._rest[task][self._done[task]]
 
 
@@ -197,7 +197,7 @@ def ranks_that_help(costs: Sequence[float] | np.ndarray) -> float:
 
 
 def simulate(
-    pieces: Sequence[np.ndarray],
+    blocks: Sequence[np.ndarray],
     n_ranks: int,
     *,
     costs=None,
@@ -210,8 +210,8 @@ def simulate(
 
     Parameters
     ----------
-    pieces : sequence of ndarray
-        True cost (s) of the pieces of each task, in order.
+    blocks : sequence of ndarray
+        True cost (s) of the blocks of each task, in order.
     n_ranks : int
     costs : object with `done` and `left`, optional
         The master's estimates (`ExactCosts`, `campaign.costs.TaskCosts`). Default: the true costs.
@@ -229,9 +229,9 @@ def simulate(
     Prediction
     """
     return _Simulation(
-        pieces,
+        blocks,
         n_ranks,
-        costs or ExactCosts(pieces),
+        costs or ExactCosts(blocks),
         message_seconds,
         poll_seconds,
         switch_seconds,
@@ -242,16 +242,16 @@ def simulate(
 class _Simulation:
     """State of one simulation; arguments as `simulate`."""
 
-    def __init__(self, pieces, n_ranks, costs, message, poll, switch, computing_master):
-        self._pieces = [np.asarray(piece, float).tolist() for piece in pieces]
+    def __init__(self, blocks, n_ranks, costs, message, poll, switch, computing_master):
+        self._blocks = [np.asarray(block, float).tolist() for block in blocks]
         self._n_ranks = n_ranks
         self._costs = costs
         self._message, self._poll, self._switch = message, poll, switch
         self._computing = computing_master or n_ranks == 1
         self._schedule = Schedule(
-            range(len(pieces)), costs.left, n_ranks if self._computing else n_ranks - 1
+            range(len(blocks)), costs.left, n_ranks if self._computing else n_ranks - 1
         )
-        self._position = [0] * len(pieces)
+        self._position = [0] * len(blocks)
         self._of_rank: dict[int, int] = {}
         self._last_report: dict[int, float] = {}
         self._unreported: dict[int, list[tuple]] = {rank: [] for rank in range(n_ranks)}
@@ -277,8 +277,8 @@ class _Simulation:
             for task in self._schedule.recalls(now):
                 self._recalled.add(task)
                 self._serve(now)
-        total = sum(map(sum, self._pieces))
-        costliest = max(map(sum, self._pieces), default=0.0)
+        total = sum(map(sum, self._blocks))
+        costliest = max(map(sum, self._blocks), default=0.0)
         return Prediction(
             n_ranks=self._n_ranks,
             makespan=end,
@@ -310,10 +310,10 @@ class _Simulation:
 
     def _next_piece(self, rank: int, now: float) -> None:
         task = self._of_rank[rank]
-        heapq.heappush(self._events, (now + self._pieces[task][self._position[task]], rank))
+        heapq.heappush(self._events, (now + self._blocks[task][self._position[task]], rank))
 
     def _report(self, rank: int, now: float) -> None:
-        """Report to the master what a rank has done."""
+        """Report the finished blocks of a rank to the master."""
         for task, position, seconds in self._unreported[rank]:
             self._costs.done(task, position, seconds)
         self._unreported[rank].clear()
@@ -321,7 +321,7 @@ class _Simulation:
         self._schedule.progress(self._of_rank[rank], now)
 
     def _piece_ended(self, rank: int, now: float) -> bool:
-        """Record the end of a piece; return whether the rank is free."""
+        """Record the end of a block; return whether the rank is free."""
         if rank == 0 and self._master_debt > 0:
             heapq.heappush(self._events, (now + self._master_debt, rank))
             self._master_debt = 0.0
@@ -329,8 +329,8 @@ class _Simulation:
         task = self._of_rank[rank]
         position = self._position[task]
         self._position[task] = position + 1
-        self._unreported[rank].append((task, position, self._pieces[task][position]))
-        if position + 1 == len(self._pieces[task]):
+        self._unreported[rank].append((task, position, self._blocks[task][position]))
+        if position + 1 == len(self._blocks[task]):
             self._report(rank, now)
             self._schedule.end(task)
         elif task in self._recalled:

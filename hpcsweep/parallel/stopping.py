@@ -16,7 +16,7 @@ class Stop(Exception):
 
 
 class LauncherLostError(RuntimeError):
-    """Raised where the launcher has died, perhaps with other ranks: nobody will answer."""
+    """Raised where the launcher has died, perhaps with other ranks: messages stay unanswered."""
 
 
 class StopFlag:

@@ -64,7 +64,7 @@ def each(function: Callable, items: Iterable, limit: Callable) -> Iterator[tuple
     items : iterable
         Picklable.
     limit : callable
-        Return the time (s) that an item may take. After a hang a new process goes on.
+        Return the time limit (s) of an item. After a hang a new process continues.
     """
     worker = None
     try:

@@ -6,6 +6,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import Arc, Limits
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
+from hpcsweep.dynamics.continuation.cycle import Solution
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.periodic import find
 from hpcsweep.model.arguments import count, finite_vector, positive
@@ -74,7 +75,7 @@ def branch(
         count("steps", steps, 1, MOST_STEPS),
         positive("largest_step", largest_step),
     )
-    catalogue = Catalogue(forced, limits, scale, period, 1)
+    catalogue = Catalogue(forced, limits, scale, period, 1, costly=forced.is_costly)
     catalogue.add(start.y[:-1].reshape(period, -1), value)
     catalogue.grow()
     return dataset_of(catalogue.branches[0].arc, forced)
@@ -86,55 +87,27 @@ def dataset_of(arc: Arc, forced: ForcedMap):
 
     curve = arc.curve
     structure, units = forced.structure, forced.units
-    n, period = structure.n_floors, curve.period
-    states = [curve.split(one.y) for one in arc.points]
-    seen = [forced.observe(*state) for state in states]
-    drift = [
-        float(normalised_drift(one.peak_drift, *forced.at(value)[1:]))
-        for one, (_, value) in zip(seen, states, strict=True)
-    ]
-    places = [place for place, _ in arc.specials]
+    n = structure.n_floors
     specials = [one for _, one in arc.specials]
-    special = [curve.split(one.at.y) for one in specials]
     no_change = (0,) * len(structure.contacts)
     leaving = np.full((len(specials), 2 * n), np.nan)
     leaving_value = np.full(len(specials), np.nan)
     for k, one in enumerate(specials):
         if one.leaving is not None:
             leaving[k], leaving_value[k] = one.leaving.y[: 2 * n] * units, one.leaving.y[-1]
-    length, speed = (unit_of(structure, kind) for kind in ("length", "velocity"))
-    names = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
-
-    def points_of(found) -> np.ndarray:
-        return np.array([z * units for z, _ in found]).reshape(len(found), period, 2 * n)
-
-    def values_of(found) -> np.ndarray:
-        return np.array([value for _, value in found], float)
-
-    multiplier = [one.multipliers for one in arc.points]
+    variables, coordinates = orbit_variables(arc, forced)
+    stable = [abs(one.multipliers[0]) < 1.0 for one in arc.points]
     return xarray.Dataset(
         {
-            "value": ("step", values_of(states), {"long_name": forced.parameter}),
-            "point": (
-                ("step", "turn", "state"),
-                points_of(states),
-                {"units": f"{length}, {speed}", "long_name": "stroboscopic points"},
-            ),
-            "multiplier": (("step", "multiplier_number"), np.array(multiplier)),
-            "stable": ("step", np.array([abs(one[0]) < 1.0 for one in multiplier])),
-            "contact": (
-                "step",
-                np.array([one.contact for one in seen], np.uint64),
-            ),
-            "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
+            **variables,
+            "value": ("step", values_of(curve, arc.points), {"long_name": forced.parameter}),
+            "stable": ("step", np.array(stable)),
             "special_kind": ("special", [one.kind.name.lower() for one in specials]),
-            "special_value": ("special", values_of(special), {"long_name": forced.parameter}),
-            "special_point": (("special", "turn", "state"), points_of(special)),
-            "special_multiplier": (
-                ("special", "multiplier_number"),
-                np.array([one.at.multipliers for one in specials]).reshape(-1, 2 * n),
+            "special_value": (
+                "special",
+                values_of(curve, [one.at for one in specials]),
+                {"long_name": forced.parameter},
             ),
-            "special_step": ("special", np.array(places, int)),
             "change": (
                 ("special", "contact_number"),
                 np.array([one.change or no_change for one in specials], int).reshape(
@@ -146,15 +119,53 @@ def dataset_of(arc: Arc, forced: ForcedMap):
             "leaving_value": ("special", leaving_value * curve.scale),
         },
         coords={
-            "state": names,
+            **coordinates,
             "contact_number": [structure.contact_names[k] for k in structure.contact_numbers],
         },
         attrs={
             "parameter": forced.parameter,
-            "period": period,
+            "period": curve.period,
             "amplitude": forced.amplitude,
             "omega": forced.omega,
             "begins": arc.ends[0],
             "ends": arc.ends[1],
         },
     )
+
+
+def values_of(curve, points: list[Solution]) -> np.ndarray:
+    """Return the value of the parameter, or the pair of values, at each point of a curve."""
+    return np.array([curve.split(one.y)[1] for one in points], float)
+
+
+def orbit_variables(arc: Arc, forced: ForcedMap) -> tuple[dict, dict]:
+    """Return what branches and curves hold of their orbits: variables and coordinates."""
+    curve, structure, units = arc.curve, forced.structure, forced.units
+    n, period = structure.n_floors, curve.period
+    states = [curve.split(one.y) for one in arc.points]
+    seen = [forced.observe(*state) for state in states]
+    drift = [
+        float(normalised_drift(one.peak_drift, *forced.at(value)[1:]))
+        for one, (_, value) in zip(seen, states, strict=True)
+    ]
+    specials = [one.at for _, one in arc.specials]
+    length, speed = (unit_of(structure, kind) for kind in ("length", "velocity"))
+    attributes = {"units": f"{length}, {speed}", "long_name": "stroboscopic points"}
+
+    def points_of(found: list[Solution]) -> np.ndarray:
+        points = [curve.split(one.y)[0] * units for one in found]
+        return np.array(points).reshape(len(found), period, 2 * n)
+
+    def multipliers_of(found: list[Solution]) -> np.ndarray:
+        return np.array([one.multipliers for one in found], complex).reshape(len(found), 2 * n)
+
+    variables = {
+        "point": (("step", "turn", "state"), points_of(arc.points), attributes),
+        "multiplier": (("step", "multiplier_number"), multipliers_of(arc.points)),
+        "contact": ("step", np.array([one.contact for one in seen], np.uint64)),
+        "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
+        "special_point": (("special", "turn", "state"), points_of(specials), attributes),
+        "special_multiplier": (("special", "multiplier_number"), multipliers_of(specials)),
+        "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
+    }
+    return variables, {"state": [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]}

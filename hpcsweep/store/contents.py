@@ -8,7 +8,7 @@ from functools import cached_property
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5ds, h5i, h5o, h5s
+from h5py import h5a, h5d, h5ds, h5i, h5o, h5s, h5t
 
 NOTES = ("units", "long_name")
 
@@ -16,8 +16,8 @@ NOTES = ("units", "long_name")
 def attribute(owner: h5py.File | h5py.Dataset, name: str) -> object:
     """Read an attribute like h5py, with a short cut for single strings, which most are."""
     found = h5a.open(owner.id, name.encode(errors="surrogateescape"))
-    kind = h5py.check_string_dtype(found.dtype) if found.shape == () else None
-    if kind is None or kind.length is not None:
+    kind = found.get_type()
+    if found.shape != () or not (isinstance(kind, h5t.TypeStringID) and kind.is_variable_str()):
         return owner.attrs[name]
     value: np.ndarray = np.empty(1, object)
     found.read(value)

@@ -147,16 +147,16 @@ class Frames:
         for task in self.study.tasks_of(frame):
             for own, block, valid in self._valid(task) if task in begun else ():
                 if valid:
-                    rows = self._blocks.read(block)
                     at = list(own.runs)
                     del at[self._axis]
                     for name in names:
                         if name not in derived:
-                            found[name][tuple(at)] = rows[name]
+                            rows = self._blocks.read_rows(name, block.first, block.n_runs)
+                            found[name][tuple(at)] = rows
         if derived:
             inferred = self._inferred.frame((*self.place, 0, frame)) or {}
             for name in derived:
-                found[name][0] = inferred.get(name, 0)
+                found[name][0] = inferred.get(name, found[name][0])
         return found
 
     def audit(self) -> dict:

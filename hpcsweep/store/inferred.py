@@ -1,4 +1,4 @@
-"""What a refined map holds beside its runs, and when it is believed.
+"""Inferred values of a refined map, and when they are valid.
 
 The variables are those of `hpcsweep.studies.refine.variables`. They follow from the committed runs,
 and are written when no run is left to do: all of them first, then, after they have reached the
@@ -32,8 +32,9 @@ class Inferred:
         self._blocks = blocks
         layout = blocks.layout
         self.variables = frame_variables(layout)
-        self._n = layout.sizes["amplitude"]
+        self._n = layout.sizes[layout.study.run_dims[-1]]
         self._shape = tuple(layout.sizes[dim] for dim in layout.commit.dims[:-1])
+        self.shapes = {v.name: layout.shape(v)[len(self._shape) :] for v in self.variables}
         self.places: list[Place] = list(np.ndindex(*self._shape))
 
     def audit(self) -> np.ndarray:
@@ -55,17 +56,17 @@ class Inferred:
         return int.from_bytes(digest.digest(), "little") | 1
 
     def frame(self, place: Place, audit: np.ndarray | None = None) -> dict[str, np.ndarray] | None:
-        """Read a frame, arrays of shape (n_amplitudes,); None if its checksum does not hold."""
+        """Read a frame, arrays without its axes; None if its checksum does not hold."""
         stored = int(self._blocks.read_rows(INFERRED, place, 1)[0])
         if not stored:
             return None
         read = self._blocks.read_rows
-        rows = {v.name: read(v.name, (*place, 0), self._n) for v in self.variables}
+        rows = {name: read(name, (*place, 0), shape[0]) for name, shape in self.shapes.items()}
         audit = self.audit() if audit is None else audit
         return rows if stored == self.checksum(place, rows, audit) else None
 
     def labels(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
-        """Read what the committed points of a frame are told by.
+        """Read the labels of the committed points of a frame.
 
         Returns
         -------
@@ -77,7 +78,7 @@ class Inferred:
         blocks = self._blocks
         refinement: Refinement = blocks.study.refine
         first = int(np.ravel_multi_index((*place, 0), (*self._shape, self._n)))
-        points, labels = [], [np.zeros((0, 1 + len(refinement.variables)), np.uint64)]
+        points, labels = [], [refinement.no_labels]
         for at in np.flatnonzero(blocks.read_rows("commit", (*place, 0), self._n)).tolist():
             rows = blocks.believed(blocks.study.block((*place, at)))
             if rows is not None:
@@ -86,7 +87,7 @@ class Inferred:
         return np.array(points, int), np.concatenate(labels)
 
     def unknown(self) -> list[Place]:
-        """Return the frames of which nothing is inferred yet; none if the map is complete."""
+        """Return the frames without inferred values; none if the map is complete."""
         audit = self.audit()
         return [place for place in self.places if self.frame(place, audit) is None]
 
@@ -114,7 +115,7 @@ class Inferred:
 
 
 def frame_variables(layout: Layout) -> list[Variable]:
-    """Return the derived variables that have a value for each point."""
+    """Return the derived variables that have values for each frame."""
     return [v for v in layout.derived if v.name not in (AUDIT, INFERRED)]
 
 
@@ -129,8 +130,10 @@ def write_inferred(campaign: Campaign, values: dict[str, np.ndarray]) -> None:
         Of `hpcsweep.studies.refine.variables.derived_values`.
     """
     inferred = Inferred(campaign.blocks)
-    shape = (len(inferred.places), -1)
-    frames = {v.name: values[v.name].astype(v.dtype).reshape(shape) for v in inferred.variables}
+    frames = {
+        v.name: values[v.name].astype(v.dtype).reshape(-1, *inferred.shapes[v.name])
+        for v in inferred.variables
+    }
     sums = []
     for k, place in enumerate(inferred.places):
         rows = {name: array[k] for name, array in frames.items()}

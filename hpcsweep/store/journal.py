@@ -9,7 +9,10 @@ import json
 import math
 import os
 import time
+from functools import partial
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from hpcsweep.job.paths import beside
 from hpcsweep.store.create import reason
@@ -20,6 +23,8 @@ WRITE_INTERVAL = 1.0
 
 
 LONGEST_LINE = 2**20
+TOGETHER = 1000
+"""Lines that are parsed at once."""
 LATEST = 2.0**36
 """Latest valid time (s since the epoch); later ones cannot be shown."""
 
@@ -81,21 +86,31 @@ class Journal:
         list of dict
             Each has a ``kind`` (str) and a finite ``time`` (float).
         """
-        records = []
+        found: list[Any] = []
         # reading a pipe would block
         if not self.path.is_file():
             return []
-        try:
-            with self.path.open("rb") as file:
-                while line := file.readline(LONGEST_LINE):
-                    # RecursionError: brackets nested too deeply
-                    with contextlib.suppress(ValueError, RecursionError):
-                        record = json.loads(line)
-                        if _is_record(record):
-                            records.append(record)
-        except OSError:
-            return records
-        return records
+        with contextlib.suppress(OSError), self.path.open("rb") as file:
+            each = iter(partial(file.readline, LONGEST_LINE), b"")
+            while lines := list(islice(each, TOGETHER)):
+                found += _parsed(lines)
+        return [record for record in found if _is_record(record)]
+
+
+def _parsed(lines: list[bytes]) -> list[Any]:
+    """Parse lines, all at once if each is sound, which takes half the time."""
+    found: list[Any] = []
+    # RecursionError: brackets nested too deeply
+    with contextlib.suppress(ValueError, RecursionError):
+        found = json.loads(b"[%b]" % b",".join(lines))
+        # parts of one value may be on two lines
+        if len(found) == len(lines):
+            return found
+    found = []
+    for line in lines:
+        with contextlib.suppress(ValueError, RecursionError):
+            found.append(json.loads(line))
+    return found
 
 
 def _is_record(record: object) -> bool:

@@ -34,12 +34,12 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.branches.variables import End, Origin, Reason
+from hpcsweep.studies.branches.variables import End, Met, Origin, Reason
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import derived_coordinates, derived_variables
 from hpcsweep.studies.study import Variable
 
-LAYOUT_VERSION = 2
+LAYOUT_VERSION = 3
 FORMAT = "hpcsweep campaign"
 
 
@@ -70,6 +70,10 @@ FLAGS: dict[str, type[IntEnum]] = {
     "special_kind": Kind,
     "begins": End,
     "ends": End,
+    "curve_kind": Kind,
+    "curve_begins": End,
+    "curve_ends": End,
+    "meeting_kind": Met,
     "found_by": Origin,
     "seed_reason": Reason,
     "source": Source,
@@ -147,7 +151,7 @@ class Layout:
     def attributes(self) -> dict[str, object]:
         """Attributes that identify the job."""
         settings, structure = self.study.settings, self.study.structure
-        told = {"structure": description.as_text(structure)} if structure.foreign else {}
+        described = {"structure": description.as_text(structure)} if structure.foreign else {}
         return {
             "format": FORMAT,
             "layout_version": LAYOUT_VERSION,
@@ -156,7 +160,7 @@ class Layout:
             "job": self.text,
             "solver": settings.solver,
             "rtol": settings.rtol,
-            **told,
+            **described,
         }
 
     def file_size(self) -> int:
@@ -170,7 +174,7 @@ def _named(variable: Variable, structure) -> Variable:
 
 
 def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:
-    """Return what the numbers of a variable mean, as the CF conventions tell it; often nothing."""
+    """Return the CF attributes that give the meaning of a variable's numbers; often none."""
     if variable.name in CONTACT_SETS and structure.contact_names:
         masks = [1 << (number - 1) for number in structure.contact_names]
         names = [name.replace(" ", "_") for name in structure.contact_names.values()]

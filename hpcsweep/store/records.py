@@ -134,10 +134,13 @@ def _check(record: dict) -> None:
     """
     for key, value in record.items():
         expected = _KINDS.get(key)
-        if expected is None or (value is None and key in _MAYBE):
+        if expected is None:
             continue
-        values = value if isinstance(value, list) else [value]
-        if isinstance(value, list) != (key in _LISTS) or not all(map(expected, values)):
+        if key in _LISTS and isinstance(value, list):
+            good = all(map(expected, value))
+        else:
+            good = key not in _LISTS and expected(value)
+        if not good and not (value is None and key in _MAYBE):
             raise ValueError(f"{key} = {value!r:.40}")
 
 

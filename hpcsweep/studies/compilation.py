@@ -5,9 +5,9 @@ The kernels for any structure are compiled once. Kernels specialised to the stru
 user requests them.
 """
 
-import importlib
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,6 @@ processes compile them."""
 REFINED_SHARE = 0.1
 """Share of the histories of a refined map that are computed, about."""
 
-RECORD_MAP = "hpcsweep.solvers.flow.record_map"
 SILENCE = 10.0
 """Seconds between two lines."""
 
@@ -46,24 +45,27 @@ def announced(say: Callable[[str], None], kernels: str) -> Callable[[int, int], 
     return tell
 
 
-def is_compiled(settings: SweepSettings, specialised_to: Structure | None = None) -> bool:
+def is_compiled(
+    settings: SweepSettings, structure: Structure | None = None, specialised: bool = False
+) -> bool:
     """Return whether the cache is known to hold what runs with these settings call.
 
     Parameters
     ----------
     settings : SweepSettings
-    specialised_to : Structure, optional
+    structure, specialised
         See `warm_up`.
     """
     SOLVERS[settings.solver].load()
-    return settings.solver == "flow" and not missing(_specialised(specialised_to))
+    return settings.solver == "flow" and not missing(_needed(settings, structure, specialised))
 
 
 def warm_up(
     settings: SweepSettings,
     say: Callable[[str], None] | None = None,
     jobs: int | None = None,
-    specialised_to: Structure | None = None,
+    structure: Structure | None = None,
+    specialised: bool = False,
 ) -> None:
     """Compile, or load from disk, what runs with these settings call, by running a few periods.
 
@@ -74,24 +76,25 @@ def warm_up(
         Called with the progress of compilation, if there is anything to compile.
     jobs : int, optional
         Processes that compile; default one for each available processor.
-    specialised_to : Structure, optional
-        Compile the kernels specialised to it in place of those for any structure (solver `flow`).
+    structure : Structure, optional
+        Compile only what its runs call; default what those of any structure do.
+    specialised : bool
+        Compile kernels specialised to the structure (solver `flow`).
     """
     SOLVERS[settings.solver].load()
-    structure = Structure(1, 10.0)
+    example = Structure(1, 10.0) if structure is None or not specialised else structure
     if settings.solver == "flow":
-        kernels = "kernels" if specialised_to is None else "kernels specialised to the structure"
+        kernels = "kernels specialised to the structure" if specialised else "kernels"
         tell = None if say is None else announced(say, kernels)
-        specialised = _specialised(specialised_to)
-        load_all(tell, processors() if jobs is None else jobs, specialised)
-        if specialised_to is not None:
+        needed = _needed(settings, structure, specialised)
+        load_all(needed, tell, processors() if jobs is None else jobs)
+        if specialised:
             from hpcsweep.solvers.flow.specialised import use
 
-            use(specialised)
-            structure = specialised_to
-    solver = make_solver(settings.solver, structure, 1.0, settings.rtol)
-    z = np.zeros(2 * structure.n_floors)
-    amplitude = 1.0 if specialised_to is None else 0.0
+            use(example)
+    solver = make_solver(settings.solver, example, 1.0, settings.rtol)
+    z = np.zeros(2 * example.n_floors)
+    amplitude = 0.0 if specialised else 1.0
     if "converged" in settings.skip:
         solver.settle(z, amplitude, 1, 1, SETTLED, SETTLED)
     else:
@@ -104,37 +107,53 @@ def warm_up(
 
 def is_compiled_for_records() -> bool:
     """Return whether the cache is known to have what responses to records call."""
-    importlib.import_module(RECORD_MAP)
-    return not missing(None)
+    return not missing(_record_kernels())
 
 
 def warm_up_records(say: Callable[[str], None] | None = None) -> None:
     """Compile what responses to records call, or load it from the disk."""
-    importlib.import_module(RECORD_MAP)
-    load_all(None if say is None else announced(say, "kernels"), processors(), None)
+    load_all(_record_kernels(), None if say is None else announced(say, "kernels"), processors())
 
 
-def worth_specialising(study: Any, n_ranks: int | None) -> Structure | None:
-    """Return the structure of a study if its histories on `n_ranks` repay specialisation."""
+def worth_specialising(study: Any, n_ranks: int | None) -> bool:
+    """Return whether the histories of a study on `n_ranks` repay kernels of their own."""
     if n_ranks is None or study.settings.solver != "flow":
-        return None
+        return False
     histories = study.n_runs * study.polls_per_run
     if getattr(study, "refine", None) is not None:
         histories *= REFINED_SHARE
-    return study.structure if histories >= SPECIALISED_FROM * n_ranks else None
+    return histories >= SPECIALISED_FROM * n_ranks
 
 
 def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
     """Compile, or load, what runs with any settings and responses to records call."""
-    importlib.import_module(RECORD_MAP)
+    every = SweepSettings(metrics=frozenset(METRICS))
+    needed = dict.fromkeys([*_needed(every, None, False), *_record_kernels()])
+    tell = None if say is None else announced(say, "kernels")
+    load_all(list(needed), tell, processors() if jobs is None else jobs)
     for name in SOLVERS:
-        warm_up(SweepSettings(solver=name, metrics=frozenset(METRICS)), say, jobs)
+        warm_up(replace(every, solver=name), say, jobs)
 
 
-def _specialised(structure: Structure | None):
-    """Return the kernels specialised to a structure, None for those for any structure."""
-    if structure is None:
-        return None
-    from hpcsweep.solvers.flow.specialised import specialised_kernels
+def settings_of(study: Any) -> SweepSettings:
+    """Return the settings with all metrics that the runs of a study compute."""
+    return replace(study.settings, metrics=study.settings.metrics | study.always)
 
-    return specialised_kernels(structure)
+
+def kernel_set(settings: SweepSettings, structure: Structure) -> tuple:
+    """Return what identifies all that runs of a structure with these settings call."""
+    needed = _needed(settings, structure, False) if settings.solver == "flow" else ()
+    return settings, *needed
+
+
+def _needed(settings: SweepSettings, structure: Structure | None, specialised: bool) -> list[Any]:
+    # imported late: the solver may be another one
+    from hpcsweep.solvers.flow.specialised import needed_kernels
+
+    return needed_kernels(structure, specialised, settings.measures != 0)
+
+
+def _record_kernels() -> list[Any]:
+    from hpcsweep.solvers.flow.record_map import KERNELS
+
+    return KERNELS

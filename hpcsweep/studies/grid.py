@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from hpcsweep.studies.variables import (
     numbered,
     run_variables,
     states,
+    storey_heights,
 )
 
 
@@ -72,14 +73,13 @@ class RunGrid:
     without: ClassVar[tuple[str, ...]] = ()  # tables of which it knows its own keys alone
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int]
-    frame_dim: ClassVar[str] = "omega"
-    """Dimension of the frames."""
+    frame_dim: ClassVar[str] = "omega"  # dimension of the frames
     run_dims: ClassVar[tuple[str, ...]] = RUN
     grid_fields: ClassVar[tuple[str, ...]] = ()
     commit: ClassVar[Variable] = COMMIT
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
-    axes: ClassVar[tuple[Axis, ...]] = ()
-    """Further axes that are varied; see `hpcsweep.studies.vary`."""
+    axes: ClassVar[tuple[Axis, ...]] = ()  # further ones that are varied; see `studies.vary`
+    always: ClassVar[frozenset[str]] = frozenset()  # metrics that its runs compute unasked
     holds: ClassVar[str] = "motions"
     point_dim: ClassVar[str] = "point"
     """Dimension of the stroboscopic points."""
@@ -124,6 +124,10 @@ class RunGrid:
     ) -> dict[str, np.ndarray]:
         """Compute runs of a frame in the given order, from the present state of its path."""
         raise NotImplementedError
+
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll=None) -> dict:
+        """Compute the runs of a frame at places along its last axis, as `rows` does."""
+        return self.rows(frame, self.amplitudes_of(frame)[places], state, poll)
 
     @cached_property
     def moving(self) -> Structure:
@@ -221,7 +225,7 @@ class RunGrid:
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known in advance, with their values."""
-        return []
+        return storey_heights(self.structure) if "storey" in self.coordinates else []
 
     def block(self, place: tuple[int, ...]) -> Block:
         """Return the block with an index in ``commit``: direction, frame, number along the path."""
@@ -274,19 +278,16 @@ class RunGrid:
             "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
         }
 
-    def compute(
-        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def compute(self, block: Block, state: np.ndarray, poll=None) -> dict[str, np.ndarray]:
         """Compute a block from the present state of its path; rows in file order."""
         _, frame, low = block.first
-        amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs][block.order]
-        result = self.rows(frame, amplitudes, state, poll)
+        result = self.runs_at(frame, np.arange(low, low + block.n_runs)[block.order], state, poll)
         return {name: np.ascontiguousarray(values[block.order]) for name, values in result.items()}
 
     def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
         """Compute one run alone from a state."""
         _, frame, at = block.run(row)
-        return self.rows(frame, self.amplitudes_of(frame)[at : at + 1], state)
+        return self.runs_at(frame, np.array([at]), state)
 
     def part_of(self, block: Block) -> tuple["RunGrid", Block]:
         """Return the part to which a block belongs, and the block with its index there."""
@@ -296,7 +297,7 @@ class RunGrid:
         """Return the study itself, as there are no `axes`."""
         return self
 
-    def with_settings(self, **changes: Any) -> "RunGrid":
+    def with_settings(self, **changes: Any) -> Self:
         """Return the same study with other settings."""
         return replace(self, settings=replace(self.settings, **changes))
 
@@ -306,15 +307,14 @@ class RunGrid:
         """Time a few runs of a frame, after an untimed one that reaches the attractor."""
         frame = int(share * self.omega.size)
         at = int(along * (max(self.n_amplitudes - n_runs - 1, 0) + 1))
-        amplitudes = self.amplitudes_of(frame)[at : at + n_runs + 1]
-        arrived = self.end_state(self.rows(frame, amplitudes[:1], self.initial_state, poll), -1)
+        places = np.arange(at, min(at + n_runs + 1, self.n_amplitudes))
+        arrived = self.end_state(self.runs_at(frame, places[:1], self.initial_state, poll), -1)
         state = arrived if np.isfinite(arrived).all() else self.initial_state
-        amplitudes = amplitudes[1:] if amplitudes.size > 1 else amplitudes
+        places = places[1:] if places.size > 1 else places
+        middle = (at + 0.5 * places.size) / self.n_amplitudes
         begun = time.perf_counter()
-        self.rows(frame, amplitudes, state, poll)
-        seconds = time.perf_counter() - begun
-        middle = (at + 0.5 * amplitudes.size) / self.n_amplitudes
-        return (frame, middle), amplitudes.size, seconds
+        self.runs_at(frame, places, state, poll)
+        return (frame, middle), places.size, time.perf_counter() - begun
 
     def tally(self) -> Any:
         """Return a tally of runs for ``summary``."""
@@ -339,12 +339,12 @@ class RunGrid:
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled, worth_specialising
+        from hpcsweep.studies.compilation import is_compiled, settings_of, worth_specialising
 
-        return is_compiled(self.settings, worth_specialising(self, n_ranks))
+        return is_compiled(settings_of(self), self.structure, worth_specialising(self, n_ranks))
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks=None) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import warm_up, worth_specialising
+        from hpcsweep.studies.compilation import settings_of, warm_up, worth_specialising
 
-        warm_up(self.settings, say, specialised_to=worth_specialising(self, n_ranks))
+        warm_up(settings_of(self), say, None, self.structure, worth_specialising(self, n_ranks))

@@ -1,11 +1,18 @@
 """Base of studies whose blocks depend on no other: each is a task of its own."""
 
+import numpy as np
+
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Block, Path
 
 
 class IndependentRuns(RunGrid):
     """A grid of runs without a path: every block is a task, each run starts afresh."""
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of a refined map, by key of the job."""
+        return {"sweep.omega": self.omega, "sweep.amplitude": self.amplitude}
 
     def task_of(self, direction, frame, number):
         """Return the task of blocks: every block is one."""

@@ -1,4 +1,4 @@
-"""How a run is called in a sentence: by what tells it from the others of its study."""
+"""Name runs in messages, by what distinguishes them within their study."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +7,7 @@ SYMBOLS = {"omega": "Omega", "amplitude": "A", "direction": ""}
 
 
 def run_name(described: Mapping[str, Any]) -> str:
-    """Write what tells a run: what `Study.describe` returns, or a part of it, on one line."""
+    """Format the name of a run, from `Study.describe` or a part of it, on one line."""
     last = [name for name in SYMBOLS if name in described]
     others = [name for name in described if name not in (*SYMBOLS, "outcome")]
     shown = []

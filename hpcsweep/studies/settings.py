@@ -10,7 +10,7 @@ FLOOR_MEASURES = ("displacement", "acceleration")
 MEASURES = ("storey_drift", *FLOOR_MEASURES, *CONTACT_MEASURES)
 """Peaks over the window of each storey, floor and contact, and the impacts of each contact."""
 METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov", *MEASURES)
-"""Results a job may ask for; the final state, period, cycles and outcome are always kept."""
+"""Optional results of a job; the final state, period, cycles and outcome are always kept."""
 
 SKIP_RULES = ("linear", "converged", "newton")
 """Rules by which periods are not integrated because their result is known; see `sweep`."""

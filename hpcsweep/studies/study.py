@@ -194,7 +194,7 @@ class Work(Protocol):
     initial_state: np.ndarray
     """State from which the first run of every task starts, shape (2n,)."""
     carried: tuple[str, ...]
-    """Variables that tell what the run after a run starts from."""
+    """Variables that hold the start of the next run."""
 
     def path(self, task: int) -> Sequence[Block]:
         """Return the blocks of a task in the order of computation."""
@@ -307,9 +307,9 @@ class Report(Protocol):
     kind: str
     """Name in job files."""
     task_noun: str
-    """What a task is called."""
+    """Noun for a task."""
     why_whole: str
-    """Why a task cannot be cut further, as a user is told."""
+    """Why a task cannot be cut further, in words for users."""
     n_frames: int
     """Sweeps over the last axis, of each direction."""
     status_variables: tuple[str, ...]

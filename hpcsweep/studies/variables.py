@@ -74,7 +74,9 @@ RUN_VARIABLES = (
     ),
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")
+STOREY_HEIGHT = Variable("storey_height", ("storey",), "<f8", "length", "height of each storey")
 COMMIT = Variable("commit", ("direction", "omega", "block"), "<u8", "1", "checksum of a block")
+DRIFT_RATIO = "peak storey drift ratio"
 AMPLITUDE = ("acceleration", "forcing amplitude A")
 OMEGA = ("frequency", "forcing frequency Omega")
 """Units and long names."""
@@ -97,6 +99,20 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
 def measures_of_each(each: tuple[str, ...]) -> list[Variable]:
     """Return the measures as variables with leading dimensions `each`."""
     return [replace(v, dims=(*each, v.dims[-1])) for v in RUN_VARIABLES if v.name in MEASURES]
+
+
+def storey_heights(structure) -> list[tuple[Variable, np.ndarray]]:
+    """Return the heights of the storeys as a variable, where they are known."""
+    heights = structure.names.storey_heights
+    return [(STOREY_HEIGHT, np.array(heights))] if heights else []
+
+
+def percent_of_height(results) -> np.ndarray | None:
+    """Return 100 over the height of each storey, None where results hold no heights.
+
+    The product with a drift is its ratio to the height, in percent.
+    """
+    return 100.0 / results["storey_height"].values if "storey_height" in results else None
 
 
 def numbered(count: int, long_name: str, first: int = 0) -> Coordinate:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.model.unit_names import unit_of
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Axis, Block, BlockTable, Coordinate, Path, Place, Variable
 
@@ -179,32 +180,45 @@ class Varied:
         return f"{self.describe_part(self._place(number))}, {self.base.describe_task(inner)}"
 
     def describe_part(self, place: Place) -> str:
-        """Describe a part by the values of the axes."""
-        return ", ".join(f"{name} = {_short(v)}" for name, v in self.values_at(place).items())
+        """Describe a part by the values of the axes, with units that have names."""
+        structure = self.base.structure
+        named = any(structure.unit_names)
+        return ", ".join(
+            f"{axis.name} = {_short(axis.values[at])}"
+            + (f" {unit_of(structure, axis.units)}" if named and axis.units != "1" else "")
+            for axis, at in zip(self.axes, place, strict=True)
+        )
 
     def is_compiled(self, n_ranks: int | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
         if self.base.holds == "responses":
             return self.base.is_compiled(n_ranks)
-        from hpcsweep.studies.compilation import is_compiled, worth_specialising
+        from hpcsweep.studies.compilation import is_compiled, settings_of, worth_specialising
 
-        specialised_to = worth_specialising(self, n_ranks)
-        return all(is_compiled(part.settings, specialised_to) for part in self._parts_by_solver())
+        specialised = worth_specialising(self, n_ranks)
+        return all(
+            is_compiled(settings_of(part), part.structure, specialised)
+            for part in self._parts_by_kernels()
+        )
 
     def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         if self.base.holds == "responses":
             self.base.warm_up(say, n_ranks)
             return
-        from hpcsweep.studies.compilation import warm_up, worth_specialising
+        from hpcsweep.studies.compilation import settings_of, warm_up, worth_specialising
 
-        for part in self._parts_by_solver():
-            warm_up(part.settings, say, specialised_to=worth_specialising(self, n_ranks))
+        specialised = worth_specialising(self, n_ranks)
+        for part in self._parts_by_kernels():
+            warm_up(settings_of(part), say, structure=part.structure, specialised=specialised)
 
-    def _parts_by_solver(self) -> list[RunGrid]:
-        """Return parts that together call all kernels: one for each value of a solver key."""
-        shape = [len(a.values) if a.key.startswith("solver.") else 1 for a in self.axes]
-        return [self.part(place) for place in np.ndindex(*shape)]
+    def _parts_by_kernels(self) -> list[RunGrid]:
+        """Return parts that together call all kernels, one for each set of these."""
+        from hpcsweep.studies.compilation import kernel_set, settings_of
+
+        shape = [len(a.values) if _picks_kernels(a.key) else 1 for a in self.axes]
+        parts = (self.part(place) for place in np.ndindex(*shape))
+        return list({kernel_set(settings_of(one), one.structure): one for one in parts}.values())
 
     def _place(self, number: int) -> Place:
         return tuple(int(at) for at in np.unravel_index(number, self.shape))
@@ -230,6 +244,11 @@ SHARED = frozenset(
 @lru_cache(maxsize=PARTS_KEPT)
 def _part(study: Varied, place: Place) -> RunGrid:
     return study.make(place)
+
+
+def _picks_kernels(key: str) -> bool:
+    """Return whether values of a key may need kernels that others do not: solvers, dashpots."""
+    return key.startswith("solver.") or key.endswith(("restitution", "damping", "sharpness"))
 
 
 def _short(value: object) -> str:

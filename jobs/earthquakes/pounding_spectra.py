@@ -101,9 +101,10 @@ def draw(results, path: Path) -> None:
             x, y, ratio.sel(building_1_mass=mass).values, norm=scale, cmap="PuOr_r"
         )
         axis.set_title(
-            f"drift of A over that alone, gap 2 cm, mass B/A = {mass / 1e6:g}", fontsize=8
+            f"drift of A over that alone\ngap 2 cm, mass B/A = {mass / 1e6:g}", fontsize=8
         )
     bar = figure.colorbar(drawn, ax=axes[0], ticks=[0.25, 0.5, 1, 2, 4])
+    bar.ax.minorticks_off()
     bar.ax.set_yticklabels(["1/4", "1/2", "1", "2", "4"])
     bar.set_label("median of the records", fontsize=8)
     found = separations(results)

@@ -3,8 +3,8 @@
 Each claim is answered yes, no or cannot tell, with our numbers, for the damping of each file.
 Claims 1 to 5, 8 and 9 are about Omega = 0.445 (figure3.toml), 6 and 7 about maps over Omega and A
 (figure6.toml and figure6-beta100.toml, or bluecrystal.toml and bluecrystal-beta100.toml; of two
-maps the one of more runs counts). Chaos is told by the largest Lyapunov exponent: jobs must set
-output.lyapunov = true.
+maps the one of more runs counts). Chaos is identified by the largest Lyapunov exponent: jobs must
+set output.lyapunov = true.
 """
 
 import argparse

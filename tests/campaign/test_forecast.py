@@ -10,7 +10,7 @@ from hpcsweep.parallel.schedule import Prediction
 
 
 def bound(costs, n):
-    """The bound that no schedule beats, as a prediction."""
+    """Return the bound that no schedule beats, as a prediction."""
     makespan = max(sum(costs) / n, max(costs))
     efficiency = sum(costs) / (n * makespan)
     return Prediction(n, makespan, makespan, efficiency, recalls=0, messages=0, master_load=0.0)
@@ -56,11 +56,11 @@ def test_lines_have_margins_in_the_units_of_slurm(makespan, memory, time, megaby
 
 
 def test_dry_run_prints_the_lines_that_fit_its_table(tmp_path, small_job):
-    told = hpcsweep(0, "run", small_job, "--dry-run", cwd=tmp_path).stdout
-    lines = [line for line in told.splitlines() if line.startswith("#SBATCH")]
+    reported = hpcsweep(0, "run", small_job, "--dry-run", cwd=tmp_path).stdout
+    lines = [line for line in reported.splitlines() if line.startswith("#SBATCH")]
     asked = dict(line.removeprefix("#SBATCH --").split("=") for line in lines)
     assert list(asked) == ["ntasks", "cpus-per-task", "time", "mem-per-cpu"]
-    rows = re.findall(r"^ +(\d+) +\S+ s +(\S+) %", told, re.MULTILINE)
+    rows = re.findall(r"^ +(\d+) +\S+ s +(\S+) %", reported, re.MULTILINE)
     efficiency = {int(ranks): float(percent) for ranks, percent in rows}
     n_ranks = int(asked["ntasks"])
     # the largest power of two in the table that keeps the efficiency, or less than twice it
@@ -69,7 +69,7 @@ def test_dry_run_prints_the_lines_that_fit_its_table(tmp_path, small_job):
     # four frames
     assert n_ranks <= 5
     assert asked["time"] == "00:15:00"
-    memory = float(re.search(r"about (\d+) MB a rank", told)[1])
+    memory = float(re.search(r"about (\d+) MB a rank", reported)[1])
     assert (
         1.25 * memory * 1e6 <= int(asked["mem-per-cpu"][:-1]) * 2**20 < 1.25 * memory * 1e6 + 1.1e8
     )

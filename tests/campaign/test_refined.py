@@ -1,13 +1,15 @@
-"""Campaigns of refined maps: the same bytes on any ranks and after any kill; who tells what."""
+"""Campaigns of refined maps: equal bytes on any ranks and after any kill; reports of commands."""
 
 import json
 import random
+import re
 import signal
 
 import faults
 import h5py
 import numpy as np
 import pytest
+import xarray
 from tools import GRID, SMALL, TWO_STOPS, assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
@@ -16,10 +18,16 @@ from hpcsweep.campaign.run import COMPLETE, STOPPED, run_all
 from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures.diagrams import vary_map
+from hpcsweep.figures.diagrams.mesh import open_map
+from hpcsweep.figures.inferred import drawn_names, filled_classes, is_by_period, share_note
+from hpcsweep.figures.style import percent
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Frames, pack
+from hpcsweep.studies.refine.audit import n_drawn
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import last_look
 
@@ -71,7 +79,7 @@ def test_what_is_computed_equals_all_points_and_the_audit_bounds_what_is_inferre
     assert np.array_equal(inferred, results["outcome"].values == 0)
     assert 0.1 < inferred.mean() < 0.9
     assert (source == Source.AUDIT).any()
-    assert np.array_equal(inferred, results["cell"].values > 0)
+    assert np.array_equal(inferred, results["cell"].values != 0)
     for name in ("drift", "motion", "contact", "orbit_period", "final_state"):
         mine, all_of_it = results[name].values[~inferred], whole[name].values[~inferred]
         assert np.array_equal(mine, all_of_it, equal_nan=True), name
@@ -190,6 +198,41 @@ def test_stopped_between_rounds_and_resumed(refined, tmp_path):
     assert_same_datasets(refined, path)
 
 
+def test_refined_by_the_period(refined, tmp_path):
+    """The cells of this map are those of the class: no motions without a period lie beside it."""
+    text = MAP.replace("wrong = 0.2", 'on = ["period", "contact"], wrong = 0.2')
+    path = made(text, tmp_path / "map.h5")
+    results, by_class = open_results(path), open_results(refined)
+    assert "inferred_motion" not in results
+    for name in ("source", "cell", "inferred_orbit_period", "inferred_contact"):
+        assert np.array_equal(results[name], by_class[name]), name
+    assert validate(path, samples=0).problems == []
+    frames = Frames(path)
+    classes, periods = filled_classes(open_map(frames))
+    frames.close()
+    assert np.array_equal(periods, by_class["orbit_period"] + by_class["inferred_orbit_period"])
+    kinds = by_class["motion"].values + by_class["inferred_motion"].values
+    unknown = (by_class["source"] == Source.INFERRED) & (kinds > MotionClass.PERIODIC)
+    assert np.array_equal(classes, np.where(unknown, MotionClass.UNDECIDED, kinds))
+    assert hpcsweep(0, "plot", path, "-o", tmp_path / "map.png").returncode == 0
+    assert hpcsweep(0, "explore", path, "-o", tmp_path / "page.html").returncode == 0
+    window = text.replace("transient_cycles", "classify_cycles = 0\ntransient_cycles")
+    assert parse_job(window, "job", "job").study.refine.variables == ["orbit_period", "contact"]
+
+
+def test_inferred_motions_without_a_period_are_undecided():
+    values = {"outcome": [1, 0, 0, 0], "source": [1, 2, 2, 2], "orbit_period": [0, 0, 0, 0]}
+    values |= {"inferred_orbit_period": [0, 3, 0, 1], "inferred_contact": [0, 4, 4, 0]}
+    results = xarray.Dataset({name: ("run", np.array(v)) for name, v in values.items()})
+    classes, periods = filled_classes(results, np.array([MotionClass.CHAOTIC, 0, 0, 0]))
+    known = MotionClass.PERIODIC, MotionClass.UNDECIDED, MotionClass.NO_CONTACT
+    assert classes.tolist() == [MotionClass.CHAOTIC, *known]
+    assert periods.tolist() == [0, 3, 0, 1]
+    names = {"no contact": 1, "undecided": 2, "quasi-periodic": 0, "chaotic": 0}
+    assert drawn_names(names, is_by_period(results)) == {"no contact": 1, "no period found": 2}
+    assert drawn_names(names, False) == names
+
+
 @pytest.mark.slow
 def test_in_three_parameters(tmp_path):
     whole = open_results(made(THREE.replace(COARSE, 'kind = "points"'), tmp_path / "whole.h5"))
@@ -202,6 +245,14 @@ def test_in_three_parameters(tmp_path):
     assert np.array_equal(mine[~inferred], every[~inferred])
     wrong = (results["inferred_motion"].values != every)[inferred].mean()
     assert wrong <= last_look(results["audit"].values).high
+    frames = Frames(path)
+    frame = int(np.argmax(inferred.mean(axis=(0, 1, 3))))
+    panels = vary_map.load(frames, omega=float(results["omega"][frame]))
+    frames.close()
+    shown = inferred[:, 0, frame]
+    assert panels.inferred == pytest.approx(shown.mean())
+    assert share_note(panels.inferred).startswith(percent(1 - float(shown.mean())))
+    assert share_note(0.0) == ""
     frames = Frames(path, at={"gap": 1.01})
     assert np.array_equal(frames.dataset(3)["cell"], results["cell"].sel(gap=1.01).isel(omega=[3]))
     frames.close()
@@ -307,6 +358,16 @@ def test_what_cannot_be_refined_gets_one_line_and_nothing_is_written(tmp_path, c
         assert done.returncode == 2
         assert len(done.stderr.splitlines()) == 1
         assert [*tmp_path.iterdir()] == [job]
+
+
+def test_a_dry_run_says_what_is_computed_at_least(refined, tmp_path):
+    job = tmp_path / "job.toml"
+    job.write_text(MAP)
+    said = hpcsweep(0, "run", job, "--dry-run", cwd=tmp_path).stdout
+    (line,) = (line for line in said.splitlines() if line.startswith("refined:"))
+    least = int(re.search(r"(\d+) points", line)[1])
+    assert least == 5 * 4 + 4 * 3 + n_drawn(0.2, 1, RUNS)
+    assert least < status(refined)["runs_done"]
 
 
 def test_status_as_json_is_json(refined):

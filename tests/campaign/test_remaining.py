@@ -1,4 +1,4 @@
-"""The remaining time that is told, against a replay of recorded costs.
+"""The reported remaining time, against a replay of recorded costs.
 
 The costs have the shape of the whole study: 2,000 frames, those below Omega = 0.23 thirty times as
 costly as the rest, runs of one place that differ by a factor of two, costliest frames first.
@@ -70,8 +70,8 @@ def test_the_remaining_time_is_right_from_the_first_minute_on(ranks, seed):
             continue
         asked += 1
         if truth > 0.01 * total:
-            told = estimate(ranks)
-            assert abs(told / truth - 1) < 0.25, (clock, told, truth)
+            reported = estimate(ranks)
+            assert abs(reported / truth - 1) < 0.25, (clock, reported, truth)
     assert asked > 20
 
 
@@ -107,20 +107,20 @@ def test_one_rank_is_told_the_time_too(tmp_path):
     from hpcsweep.store import read_history
 
     job = parse_job(STUDY.replace("2000", "4"), "study", "study")
-    told = []
+    reported = []
 
     class Display(Silent):
         def expect(self, remaining):
             self.remaining = remaining
 
         def advance(self, runs):
-            told.append(self.remaining())
+            reported.append(self.remaining())
 
     path = tmp_path / "one.h5"
     assert campaign.run(job, path, Serial(), progress=lambda *_: Display()) == 0
     assert len(read_history(path).samples) == n_samples(job.study)
-    assert all(np.isfinite(told))
-    assert told[0] > told[-1] == 0
+    assert all(np.isfinite(reported))
+    assert reported[0] > reported[-1] == 0
 
 
 def test_what_a_rank_does_besides_its_runs_is_in_the_remaining_time(tmp_path, monkeypatch):

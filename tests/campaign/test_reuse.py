@@ -96,9 +96,9 @@ def test_of_two_files_each_gives_what_it_has_and_a_damaged_block_is_not_taken(tm
     whole = made(text, tmp_path / "anew.h5")
     taken = made(text, tmp_path / "new.h5", [low, high])
     assert_same_datasets(whole, taken)
-    told = reused(taken)
-    assert told[f"from {high}"] == 44
-    assert told[f"from {low}"] == 40
+    reported = reused(taken)
+    assert reported[f"from {high}"] == 44
+    assert reported[f"from {low}"] == 40
 
 
 @pytest.mark.parametrize(
@@ -120,8 +120,29 @@ def test_an_earlier_file_of_something_else_is_refused_and_nothing_written(tmp_pa
     assert not [*tmp_path.glob("new.h5*")]
 
 
+@pytest.mark.parametrize(
+    ("old", "said"),
+    [
+        ("old.h5", "is of another structure (sharpness)"),
+        ("none.h5", "none.h5: cannot be read"),
+        ("text.h5", "text.h5: not an HDF5 file"),
+        (".", "cannot be read: it is a folder"),
+    ],
+)
+def test_the_command_refuses_such_a_file_in_one_line(tmp_path, old, said):
+    made(SMALL, tmp_path / "old.h5")
+    (tmp_path / "text.h5").write_text("text")
+    (tmp_path / "new.toml").write_text(SMALL.replace("sharpness = 4e3", "sharpness = 5e3"))
+    before = sorted(tmp_path.iterdir())
+    done = hpcsweep(0, "run", "new.toml", "--reuse", old, cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert sorted(tmp_path.iterdir()) == before
+
+
 def test_rows_of_basins_are_not_taken_even_of_the_same_job(tmp_path):
-    """All rows have one frequency and one amplitude: their place in the grid does not tell them."""
+    """All rows have one frequency and one amplitude: their place in the grid tells nothing."""
     earlier = made(BASINS, tmp_path / "old.h5")
     with pytest.raises(StoreError, match="runs of basins depend on the whole job"):
         run_all([(parse_job(BASINS, "job", "job"), tmp_path / "n.h5")], Serial(), reuse=[earlier])

@@ -44,7 +44,7 @@ class StopsAfterACommit(StopFlag):
         self.runs, self.looks = 0, 0
 
     def advance(self, runs: int) -> None:
-        """Count what the progress display is told."""
+        """Count the calls of the progress display."""
         self.runs += runs
 
     def is_set(self) -> bool:

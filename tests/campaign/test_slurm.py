@@ -68,7 +68,7 @@ def log_of(folder: Path) -> str:
 
 
 def blocks(script: str) -> dict[str, str]:
-    """The functions of a script and its place for modules and launcher."""
+    """Return the functions of a script and its place for modules and launcher."""
     text = (ROOT / "slurm" / script).read_text()
     found = dict(re.findall(r"^(\w+\(\)) \{\n(.*?)^\}$", text, re.MULTILINE | re.DOTALL))
     found["edit 2"] = re.search(r"^# Edit, 2 of 2:.*?\n\n", text, re.MULTILINE | re.DOTALL)[0]
@@ -127,8 +127,8 @@ def test_once_stops_at_the_signal_and_submitted_again_completes(
 def test_slurm_takes_the_lines_that_a_dry_run_prints(cluster, tmp_path):
     job_file = tmp_path / "small.toml"
     job_file.write_text(SMALL.replace("count = 4", "count = 2"))
-    told = hpcsweep(0, "run", job_file, "--dry-run", cwd=tmp_path).stdout
-    lines = re.findall(r"^#SBATCH .*$", told, re.MULTILINE)
+    reported = hpcsweep(0, "run", job_file, "--dry-run", cwd=tmp_path).stdout
+    lines = re.findall(r"^#SBATCH .*$", reported, re.MULTILINE)
     script = edited("once.sh", tmp_path, launchers()["srun"])
     text = re.sub(r"^#SBATCH --(ntasks|time)=.*\n", "", script.read_text(), flags=re.MULTILINE)
     script.write_text(text.replace("\n#SBATCH", "\n" + "\n".join([*lines, "#SBATCH"]), 1))

@@ -30,64 +30,66 @@ def file(tmp_path_factory):
 
 
 def test_a_summary_counts_what_the_file_holds(file):
-    told, results = summarize(file), store.open_results(file)
+    reported, results = summarize(file), store.open_results(file)
     classes = classes_of(results)
-    assert told["runs_done"] == told["runs_total"] == classes.size == 88
+    assert reported["runs_done"] == reported["runs_total"] == classes.size == 88
     for kind, share in class_shares(classes).items():
-        entry = told["classes"][CLASS_NAMES[kind]]
+        entry = reported["classes"][CLASS_NAMES[kind]]
         assert entry["runs"] == (classes == kind).sum()
         assert entry["share"] == pytest.approx(share)
-        for direction, kinds in zip(told["directions"], classes, strict=True):
-            shown = told["by_direction"][direction][CLASS_NAMES[kind]]
+        for direction, kinds in zip(reported["directions"], classes, strict=True):
+            shown = reported["by_direction"][direction][CLASS_NAMES[kind]]
             assert shown["runs"] == (kinds == kind).sum()
-    assert sum(entry["share"] for entry in told["classes"].values()) == pytest.approx(1)
-    assert told["classes"]["periodic"]["runs"] > 0
+    assert sum(entry["share"] for entry in reported["classes"].values()) == pytest.approx(1)
+    assert reported["classes"]["periodic"]["runs"] > 0
     period = results["orbit_period"].values[classes == MotionClass.PERIODIC]
-    assert {p: e["runs"] for p, e in told["periods"].items()} == {
+    assert {p: e["runs"] for p, e in reported["periods"].items()} == {
         int(p): int((period == p).sum()) for p in np.unique(period)
     }
     contact = results["contact"].values
     sets = {0: "none", 1: "C1", 2: "C2", 3: "C12"}
-    assert {name: e["runs"] for name, e in told["contact_sets"].items()} == {
+    assert {name: e["runs"] for name, e in reported["contact_sets"].items()} == {
         sets[int(c)]: int((contact == c).sum()) for c in np.unique(contact)
     }
-    assert told["periods_per_run"] == pytest.approx(results["cycles"].values.mean())
-    assert told["skip_rules"]["newton"]["runs"] == (results["skip_rule"] == SkipRule.NEWTON).sum()
-    assert sum(entry["runs"] for entry in told["skip_rules"].values()) == 88
-    assert told["cost"]["runs_timed"] == 88
-    assert told["cost"]["wall_seconds"] >= 0.5 * told["cost"]["core_seconds"] > 0
-    assert told["file_bytes"] == file.stat().st_size
+    assert reported["periods_per_run"] == pytest.approx(results["cycles"].values.mean())
+    assert (
+        reported["skip_rules"]["newton"]["runs"] == (results["skip_rule"] == SkipRule.NEWTON).sum()
+    )
+    assert sum(entry["runs"] for entry in reported["skip_rules"].values()) == 88
+    assert reported["cost"]["runs_timed"] == 88
+    assert reported["cost"]["wall_seconds"] >= 0.5 * reported["cost"]["core_seconds"] > 0
+    assert reported["file_bytes"] == file.stat().st_size
 
 
 def test_a_summary_tells_the_largest_of_each_measure(tmp_path, capsys):
     path = tmp_path / "measured.h5"
     job = parse_job(SMALL + "impacts = true\ncontact_force = true\n", "study", "study")
     assert campaign.run(job, path, Serial()) == 0
-    told, results = summarize(path)["largest"], store.open_results(path)
-    assert list(told) == ["contact_force", "impacts"]
-    for name, most in told.items():
+    reported, results = summarize(path)["largest"], store.open_results(path)
+    assert list(reported) == ["contact_force", "impacts"]
+    for name, most in reported.items():
         there = results[name].sel(omega=most["omega"], amplitude=most["amplitude"], stop=most["of"])
         assert float(there.max()) == most["value"] == float(results[name].max())
     assert cli.main(["summary", str(path)]) == 0
-    assert f"{told['contact_force']['value']:.4g} k gaps" in capsys.readouterr().out
+    assert f"{reported['contact_force']['value']:.4g} k gaps" in capsys.readouterr().out
 
 
 def test_only_what_is_there_is_counted(tmp_path):
     job = parse_job(SMALL, "x", "x")
     path = tmp_path / "empty.h5"
     store.create(path, store.Layout(job), provenance.collect("none", ["here"]))
-    told = summarize(path)
-    assert told["runs_done"] == 0
-    assert told["cost"] is told["periods_per_run"] is None
-    assert told["contact_sets"] == told["periods"] == {}
-    assert {entry["share"] for entry in told["classes"].values()} == {None}
-    assert told["failures"] == {
+    reported = summarize(path)
+    assert reported["runs_done"] == 0
+    assert reported["cost"] is reported["periods_per_run"] is None
+    assert reported["contact_sets"] == reported["periods"] == {}
+    assert {entry["share"] for entry in reported["classes"].values()} == {None}
+    assert reported["failures"] == {
         o.name: 0 for o in (Outcome.NON_FINITE, Outcome.STEP_LIMIT, Outcome.SOLVER_FAILED)
     }
 
 
 def test_sessions_add_up_and_a_block_done_twice_counts_once(tmp_path):
-    def told(records):
+    def reported(records):
         journal = tmp_path / "x.h5.journal"
         journal.write_text("".join(json.dumps(record) + "\n" for record in records))
         return total_cost(store.read_history(tmp_path / "x.h5"))
@@ -106,7 +108,7 @@ def test_sessions_add_up_and_a_block_done_twice_counts_once(tmp_path):
         block(512.0, 1, 12.0),
         {"kind": "end", "time": 513.0, "reason": "complete"},
     ]
-    assert told(records) == {
+    assert reported(records) == {
         "sessions": 2,
         "ranks": [2, 4],
         "wall_seconds": 25.0,
@@ -115,7 +117,7 @@ def test_sessions_add_up_and_a_block_done_twice_counts_once(tmp_path):
         "runs_per_second": 4.0,
         "runs_per_core_second": 100 / 22,
     }
-    assert told([]) is told(records[:1]) is None
+    assert reported([]) is reported(records[:1]) is None
 
 
 def test_the_command_writes_text_tables_and_json(file, tmp_path, capsys):

@@ -6,7 +6,7 @@ by our own flow map, by a compiled DOP853 (the tableau of scipy's) and by `bdf`.
 for the first few starts alone, and their cost is that of one start times `STARTS`. All is processor
 time of one process.
 
-With --ranks the same small study is run on so many ranks, in turn, and its processor time told.
+With --ranks the same small study is run on so many ranks, in turn, and its processor time reported.
 """
 
 import argparse
@@ -161,13 +161,13 @@ def at_points() -> None:
             each = (time.process_time() - begun) / FEW[way]
             open_ones = labels.count(-1) / len(labels)
             if way == "flow":
-                told = ", ".join(f"{labels.count(k) / STARTS:.3f}" for k in range(len(found)))
-                told += f"; none {open_ones:.3f}"
+                reported = ", ".join(f"{labels.count(k) / STARTS:.3f}" for k in range(len(found)))
+                reported += f"; none {open_ones:.3f}"
             else:
-                told = f"of {FEW[way]} starts: none {open_ones:.2f}"
+                reported = f"of {FEW[way]} starts: none {open_ones:.2f}"
             print(
                 f"| {name} | {PLAIN} periods by {way} | {FEW[way]} | {PLAIN} | {1e3 * each:.3g} | "
-                f"{each * STARTS:.3g} | {each * STARTS / own:.3g} | {told} |",
+                f"{each * STARTS:.3g} | {each * STARTS / own:.3g} | {reported} |",
                 flush=True,
             )
 

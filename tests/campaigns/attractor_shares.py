@@ -29,7 +29,7 @@ SAME = 0.05
 
 
 def main() -> None:
-    """Compare, point by point, and tell the sums."""
+    """Compare, point by point, and print the sums."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("points", type=int)
     parser.add_argument("starts", type=int)
@@ -38,7 +38,7 @@ def main() -> None:
     parser.add_argument("--several", action="store_true", help="points with two attractors or more")
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
-    told = Counter()
+    tally = Counter()
     largest = 0.0
     for number in range(options.points):
         structure = Structure(damping_ratio=DESCRIBED if number % 2 else 0.05)
@@ -52,15 +52,18 @@ def main() -> None:
         for one in plain.attractors:
             twin = _twin(one, own.attractors, structure.state_units)
             if twin is None:
-                told["missed"] += 1
+                tally["missed"] += 1
                 largest = max(largest, one.share)
                 words.append(f"missed, share {one.share:.5f}")
                 continue
             good = twin.share_low <= one.share <= twin.share_high
-            told["held"], told["compared"] = told["held"] + good, told["compared"] + 1
+            tally["held"], tally["compared"] = (
+                tally["held"] + good,
+                tally["compared"] + 1,
+            )
             sole = len(own.attractors) == 1 == len(plain.attractors)
-            told["several held"] += good and not sole
-            told["several"] += not sole
+            tally["several held"] += good and not sole
+            tally["several"] += not sole
             words.append(
                 f"{one.share:.5f}{' in ' if good else ' not in '}"
                 f"[{twin.share_low:.4f}, {twin.share_high:.4f}]"
@@ -74,9 +77,9 @@ def main() -> None:
             flush=True,
         )
     print(
-        f"{told['held']} of {told['compared']} intervals hold, {told['several held']} of "
-        f"{told['several']} where there are several; {told['missed']} missed, the largest of share "
-        f"{largest}"
+        f"{tally['held']} of {tally['compared']} intervals hold, {tally['several held']} of "
+        f"{tally['several']} where there are several; {tally['missed']} missed, the largest of "
+        f"share {largest}"
     )
     assert largest <= 3 * PROMISED
 

@@ -35,7 +35,7 @@ FINEST, A_LEVEL = 1e-10, 40
 CIRCLE = 0.02
 """Distance from the unit circle within which a multiplier has come to it."""
 BEYOND = 10
-"""Steps beyond the end at which the motion is told that takes its place."""
+"""Steps beyond the end at which the next motion is reported."""
 ROUND = 300
 """Steps beyond the interval of the file in which a fine sweep looks for the change."""
 
@@ -159,9 +159,11 @@ def main(path: str, step: float) -> None:
             first = fine.at(begin, results["point"].values[place, slot])
             own, after = fine.follow(first, way * step, round(coarse / step) + ROUND)
             ends = sorted((begin, float(amplitudes[place + way])))
-            told = f"| {number} | {event} {ends[0]:.4f} .. {ends[1]:.4f} | {first.name(labels)} | "
+            reported = (
+                f"| {number} | {event} {ends[0]:.4f} .. {ends[1]:.4f} | {first.name(labels)} | "
+            )
             if after is None:
-                print(f"{told}not found | | | | | |")
+                print(f"{reported}not found | | | | | |")
                 continue
             lasts = refined(fine, own[-1], way * step)
             end = lasts[-1]
@@ -173,7 +175,7 @@ def main(path: str, step: float) -> None:
             shown = f"{mu.real:.4f}" if abs(mu.imag) < 1e-9 else f"{mu:.3f}"
             inside = ends[0] - step <= end.amplitude <= ends[1] + step
             print(
-                f"{told}{end.amplitude:.9f}{'' if inside else ' (outside)'} | {shown} | "
+                f"{reported}{end.amplitude:.9f}{'' if inside else ' (outside)'} | {shown} | "
                 f"{law(lasts):.2f} | {verdict(mu)} | {beyond.name(labels)} | {returned} |",
                 flush=True,
             )

@@ -4,7 +4,7 @@
 
 OLD and NEW are clones with a `.venv` each. What a version has computed before into DIR/<version> is
 not computed again. Data are compared by name, as bytes in the order of the axes, so that files
-whose dimensions have other names compare as well; what one file alone holds is told.
+whose dimensions have other names compare as well; what only one file holds is reported.
 """
 
 import argparse
@@ -28,6 +28,10 @@ CASES = {
         JOBS / "ci.toml",
         "[solver]\nmethod = 'bdf'\n[sweep]\nomega = [0.6, 0.8]\n"
         "amplitude = {from = 0.01, to = 0.3, count = 6}\n",
+    ),
+    "records": (
+        JOBS / "earthquakes/two-buildings.toml",
+        "[records]\nscale = {by = 'sa', period = 0.78, from = 0.25, to = 15.0, count = 8}\n",
     ),
     "points": (PAPER / "points.toml", ""),
     "classified": (PAPER / "figure3-classified.toml", ""),

@@ -34,12 +34,16 @@ PATIENCE = 60.0
 
 
 def read_state(pid: int) -> str:
-    """Return a process's state letter, "" if there is none (a zombie counts as none)."""
+    """Return a process's state letter, "" if there is none.
+
+    A zombie counts as none once its last thread has ended: until then it holds its locks.
+    """
     try:
-        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     except OSError:
         return ""
-    return "" if state in "ZX" else state
+    state, threads = fields[0], int(fields[17])
+    return "" if state in "ZX" and threads <= 1 else state
 
 
 @dataclass
@@ -49,6 +53,8 @@ class Processes:
     launcher: subprocess.Popen
     mark: str
     begun: float = field(default_factory=time.monotonic)
+    seen: set[int] = field(default_factory=set)
+    """All that `all` has found: those that are ending have no environment any more."""
 
     def all(self) -> dict[int, dict[str, str]]:
         """Environment of each living process, by its id."""
@@ -62,6 +68,7 @@ class Processes:
                 if needle in variables and read_state(int(entry.name)):
                     pairs = (v.decode(errors="replace").partition("=") for v in variables if v)
                     found[int(entry.name)] = {key: value for key, _, value in pairs}
+        self.seen |= found.keys()
         return found
 
     def ranks(self) -> dict[int, int]:
@@ -88,6 +95,14 @@ class Processes:
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
 
+    def kill_after(self, path: Path, least: int, seed: int = 1) -> bool:
+        """Kill all once blocks are committed, and wait for the end; return whether they were."""
+        reached = wait_for_commits(self, path, least)
+        self.send(signal.SIGKILL, "all", random.Random(seed))
+        self.end()
+        self.finish()
+        return reached
+
     def finish(self, patience: float = PATIENCE) -> tuple[int | None, str, str]:
         """Wait for the end; exit code (None: it hung), output and errors."""
         try:
@@ -101,15 +116,18 @@ class Processes:
     def wait_for_orphans(self, seconds: float) -> list[int]:
         """Wait until every process is gone; give those that are not."""
         deadline = time.monotonic() + seconds
-        while (left := list(self.all())) and time.monotonic() < deadline:
+        while True:
+            left = [pid for pid in {*self.all(), *self.seen} if read_state(pid)]
+            if not left or time.monotonic() > deadline:
+                return left
             time.sleep(0.02)
-        return left
 
     def end(self) -> None:
-        """Kill whatever is left of it."""
+        """Kill whatever is left of it, and wait until it is gone."""
         for pid in self.all():
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
+        self.wait_for_orphans(PATIENCE)
 
 
 def start(
@@ -185,7 +203,7 @@ def valid(path: Path) -> set[tuple[int, int, int]]:
 
 
 def wait_for_commits(process: Processes, path: Path, least: int) -> bool:
-    """Wait until blocks are committed; tell whether they were before the campaign ended."""
+    """Wait until blocks are committed; return whether they were before the campaign ended."""
     deadline = time.monotonic() + PATIENCE
     while process.launcher.poll() is None and time.monotonic() < deadline:
         if len(committed(path)) >= least:
@@ -195,7 +213,7 @@ def wait_for_commits(process: Processes, path: Path, least: int) -> bool:
 
 
 def flip_bit(path: Path, place: tuple[int, int, int], rng: random.Random) -> str:
-    """Flip one bit of a committed block; say of which variable."""
+    """Flip one bit of a committed block; return its variable."""
     with Blocks(path, Layout(job_of(path))) as blocks:
         block = blocks.study.block(place)
         name = rng.choice(blocks.variables)

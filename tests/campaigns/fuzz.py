@@ -3,8 +3,8 @@
 Each case damages one thing at random (bytes of a results file, its journal, a job's text, the
 moment at which a file goes away, the environment of a command) and asks all that read it. It must
 end in one of the `ALLOWED` ways. What else happens, an exception that is no line for the user, a
-wrong number, more than `MOST_SECONDS` or `MOST_BYTES`, is counted as `OTHERWISE` and told with the
-seed that does it again.
+wrong number, more than `MOST_SECONDS` or `MOST_BYTES`, is counted as `OTHERWISE` and reported with
+the seed that does it again.
 """
 
 import argparse
@@ -43,6 +43,8 @@ from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Layout, StoreError, WriteError, open_layout, open_results, pack
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.offsets import Offsets
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import Block, Study
 
 ALLOWED = (
     "result equal",
@@ -63,7 +65,7 @@ MOST_BYTES = 2**30
 SHARE_RUN = 0.25
 """Of damaged files that are run again too."""
 READERS = ("hpcsweep.store.reader", "hpcsweep.store.frames", "hpcsweep.campaign.status")
-"""Where `open_layout` is asked; `validate` and `run` do not ask it and look for themselves."""
+"""Commands that call `open_layout`; `validate` and `run` check for themselves."""
 WEIGHTS = {
     "metadata": 4,
     "data": 3,
@@ -310,13 +312,12 @@ class Patient:
         layout = Layout(job)
         if layout.file_size() <= 0 or not job.fingerprint:
             raise Unexpected("a job without a size")
-        for frame in {int(study.omega.argmax()), int(study.omega.argmin())}:
-            amplitudes = study.amplitudes_of(frame)
-            quick = study.with_settings(transient_cycles=0, sampling_cycles=1, max_points=None)
-            deadline = time.monotonic() + 0.1
-            for amplitude in {float(amplitudes[0]), float(amplitudes[-1])}:
-                with contextlib.suppress(_TimeIsUp):
-                    quick.rows(frame, [amplitude], study.initial_state, partial(_until, deadline))
+        for task in {0, study.n_tasks - 1}:
+            try:
+                _start(*study.part_of(study.path(task)[0]))
+            except StoreError as error:  # seeds of branches, of a file that is not there
+                one_line(error)
+                return "refused in one line"
         return "accepted, every solver starts"
 
     # moments
@@ -406,6 +407,20 @@ class _TimeIsUp(Exception):
 def _until(deadline: float) -> None:
     if time.monotonic() > deadline:
         raise _TimeIsUp
+
+
+def _start(part: Study, block: Block) -> None:
+    """Start runs of a part of a study: at the ends of its frequencies, or those of a block."""
+    if not isinstance(part, RunGrid):
+        with contextlib.suppress(_TimeIsUp):
+            part.compute(block, part.initial_state, partial(_until, time.monotonic() + 0.1))
+        return
+    quick = part.with_settings(transient_cycles=0, sampling_cycles=1, max_points=None)
+    for frame in {int(part.omega.argmax()), int(part.omega.argmin())}:
+        poll = partial(_until, time.monotonic() + 0.1)
+        for place in {0, len(part.amplitudes_of(frame)) - 1}:
+            with contextlib.suppress(_TimeIsUp):
+                quick.runs_at(frame, np.array([place]), part.initial_state, poll)
 
 
 def _quoted(text: str) -> str:
@@ -602,7 +617,7 @@ def fuzz(cases: int, seed: int, kinds: list[str]) -> tuple[dict[str, Counter], l
     weights = [WEIGHTS[kind] for kind in kinds]
     items = [(kind, seed + n) for n, kind in enumerate(rng.choices(kinds, weights, k=cases))]
     table: dict[str, Counter] = {kind: Counter() for kind in kinds}
-    told = []
+    reported = []
     # in memory, where there is a file system of that kind: nobody pulls its plug
     base = Path("/dev/shm") if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(prefix="fuzz", dir=base) as folder:
@@ -615,13 +630,13 @@ def fuzz(cases: int, seed: int, kinds: list[str]) -> tuple[dict[str, Counter], l
                 outcome, what = (OTHERWISE, answer.reason) if lost else answer
                 table[item[0]][outcome] += 1
                 if outcome == OTHERWISE:
-                    told.append(f"{item[0]!r}, seed {item[1]}: {what}")
-                    print(told[-1], file=sys.stderr, flush=True)
+                    reported.append(f"{item[0]!r}, seed {item[1]}: {what}")
+                    print(reported[-1], file=sys.stderr, flush=True)
                 if done % 100 == 0:
                     print(f"{done} of {cases}", file=sys.stderr, flush=True)
         except KeyboardInterrupt:
             print("stopped; so far:", file=sys.stderr)
-    return table, told
+    return table, reported
 
 
 def as_text(table: dict[str, Counter]) -> str:
@@ -645,13 +660,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args(arguments)
     begun = time.monotonic()
-    table, told = fuzz(options.cases, options.seed, options.kind or list(WEIGHTS))
+    table, reported = fuzz(options.cases, options.seed, options.kind or list(WEIGHTS))
     if options.json:
-        print(json.dumps({"table": table, "otherwise": told}, indent=1))
+        print(json.dumps({"table": table, "otherwise": reported}, indent=1))
     else:
         print(as_text(table))
-        print(*told, f"{time.monotonic() - begun:.0f} s", sep="\n")
-    return 1 if told else 0
+        print(*reported, f"{time.monotonic() - begun:.0f} s", sep="\n")
+    return 1 if reported else 0
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ SLOWER = 3.0
 
 @dataclass(frozen=True)
 class Jump:
-    """One run that was settled by a jump."""
+    """A run that ended with a jump."""
 
     omega: float
     amplitude: float

@@ -88,7 +88,7 @@ class Patient:
         return process
 
     def wait(self, process: faults.Processes, early: float = 0.15, late: int = 0) -> bool:
-        """Wait for a random moment; tell whether the campaign has begun to compute.
+        """Wait for a random moment; return whether the campaign has begun to compute.
 
         Parameters
         ----------
@@ -292,7 +292,7 @@ NEED_RANKS = {"orphaned rank"}
 
 
 def transports() -> dict[str, bool]:
-    """Tell for each transport whether it is to be had here."""
+    """Return for each transport whether it is available here."""
     return {"pwrite": True, "offset": True, "mpio": bool(h5py.get_config().mpi)}
 
 

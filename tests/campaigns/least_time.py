@@ -41,7 +41,7 @@ class Repeating(Watched):
 
 
 def parts(name: str, result, arguments) -> list[Part]:
-    """Say what a call has integrated."""
+    """Return the parts that a call has integrated."""
     if name != "follow_orbits":
         found = [(arguments[0], float(arguments[1]), periods_of(name, result, arguments))]
     else:
@@ -103,7 +103,7 @@ def main() -> None:
     arguments = parser.parse_args()
     for job in arguments.jobs:
         study, frames = load_job(job).study, slice(arguments.first, None, arguments.every)
-        warm_up(study.settings, specialised_to=study.structure)
+        warm_up(study.settings, structure=study.structure, specialised=True)
         print(
             f"{job.name}: {study.omega[frames].size} frames\n{measure(study, frames)}", flush=True
         )

@@ -186,19 +186,19 @@ def labelled(case: Case) -> Label:
         kept = logarithms[WINDOW // 10 :]
         batches = kept[: len(kept) // BATCHES * BATCHES].reshape(BATCHES, -1).mean(axis=1)
         mean, error = float(batches.mean()), float(batches.std(ddof=1) / math.sqrt(BATCHES))
-        told = {"growth": mean, "error": error, "floor": floor_of(points), "periods": done}
+        reported = {"growth": mean, "error": error, "floor": floor_of(points), "periods": done}
         if window >= 1 and mean > max(SURE * error, LEAST):
-            return Label("chaotic", **told)
+            return Label("chaotic", **reported)
         returns = [halves(points, period) for period in range(1, LONGEST + 1)]
         period = 1 + int(np.argmin([last for _, last in returns]))
         first, last = returns[period - 1]
         if last <= NEAR and last < SLOW * first:
             smallest, own = orbit(case, z, period)
             if own < 1:
-                return Label("periodic", smallest, own, **told)
-        if window >= 1 and abs(mean) <= max(error, LEAST) and told["floor"] <= FLOOR:
-            return Label("quasi-periodic", **told)
-    return Label("not told", **told)
+                return Label("periodic", smallest, own, **reported)
+        if window >= 1 and abs(mean) <= max(error, LEAST) and reported["floor"] <= FLOOR:
+            return Label("quasi-periodic", **reported)
+    return Label("not told", **reported)
 
 
 def sort_of(kind: MotionClass, period: int, factor: float, growth: float, points) -> str:
@@ -300,7 +300,7 @@ def decided(case: Case) -> Case:
     )
 
 
-def told(cases: list[Case], labels: list[Label]) -> None:
+def reported(cases: list[Case], labels: list[Label]) -> None:
     """Print the table, what differs, and how far multipliers and exponents are apart."""
     names = ("periodic", "quasi-periodic", "chaotic", "not told")
     table = Counter((case.sort, label.kind) for case, label in zip(cases, labels, strict=True))
@@ -379,7 +379,7 @@ def main() -> None:
     for path in options.labels:
         labels = [old or new for old, new in zip(labels, read(path, Label), strict=True)]
     both = [(case, label) for case, label in zip(cases, labels, strict=True) if label]
-    told(*map(list, zip(*both, strict=True)))
+    reported(*map(list, zip(*both, strict=True)))
     for case, label in both:
         if (case.kind, case.period) != (label.kind, label.period):
             print(f"other: {case}\n    {label}")

@@ -6,10 +6,10 @@
     random_points.py --explain before.npz after.npz
 
 Motions that wander before they settle may settle on another attractor for a difference in the last
-digit. How many do is told by one version alone, from rest and from a state `--nudge` off it. Of the
-runs that differ `--explain` tells which are so: this version computes each from `TRIES` states that
-are off rest by up to `--nudge` (`OFF` if none is given), and finds both motions among them, or the
-other one at least, or not. The exit code is 1 if a difference is left unexplained.
+digit. How many do is known from one version alone, from rest and from a state `--nudge` off it. Of
+the runs that differ `--explain` tells which are so: this version computes each from `TRIES` states
+that are off rest by up to `--nudge` (`OFF` if none is given), and finds both motions among them, or
+the other one at least, or not. The exit code is 1 if a difference is left unexplained.
 
 Points are drawn from the map of the whole study, half of them with each damping; each is a run from
 rest and, where that has contact, one more at an amplitude that is 1e-3 of it larger, from where the
@@ -102,8 +102,8 @@ def agree(one: dict, k: int, other: dict, j: int) -> tuple[bool, float]:
     return distance <= ORBIT and one["contact"][k] == other["contact"][j], distance
 
 
-def told(one: dict, k: int) -> str:
-    """Say what a run found."""
+def motion(one: dict, k: int) -> str:
+    """Return the motion of a run in words."""
     motion, period = CLASS_NAMES[MotionClass(one["motion"][k])], one["orbit_period"][k]
     return f"{motion} P{period} C{one['contact'][k]:b} exponent {one['lyapunov'][k]:.4g}"
 
@@ -122,7 +122,7 @@ def compare(before: dict, after: dict, nudge: float = 0.0) -> int:
         kinds[kind] += 1
         print(
             f"{('printed', 'described')[int(damping)]} Omega {omega:.6f} A {amplitude:.6f} "
-            f"run {int(row)}: {told(before, k)} | {told(after, k)} | {distance:.1e}{counts}",
+            f"run {int(row)}: {motion(before, k)} | {motion(after, k)} | {distance:.1e}{counts}",
             flush=True,
         )
     print(f"{len(before['at'])} runs, orbits of those that agree by {worst:.1e} at most")
@@ -133,7 +133,7 @@ def compare(before: dict, after: dict, nudge: float = 0.0) -> int:
 
 
 def reason(before: dict, after: dict, k: int, nudge: float) -> tuple[str, str]:
-    """Tell by runs from beside rest why a run differs: what they find, and how often."""
+    """Explain by runs from near rest why a run differs: what they find, and how often."""
     damping, omega, amplitude, row = before["at"][k]
     tries = beside_rest(int(damping), omega, amplitude, nudge)
     own = range(int(row), 2 * TRIES, 2)

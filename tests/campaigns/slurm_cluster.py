@@ -63,7 +63,7 @@ PartitionName=main Nodes=ALL Default=YES MaxTime=1-0 State=UP
 
 
 class SlurmError(RuntimeError):
-    """Slurm is missing, or does not do what it is asked."""
+    """Raised where Slurm is missing, or fails a request."""
 
 
 class Cluster:
@@ -246,7 +246,7 @@ class Cluster:
         return self.slurm("sbatch", "--parsable", *line, cwd=cwd, **extra).strip()
 
     def job(self, job_id: str) -> dict[str, str]:
-        """What ``scontrol show job`` tells; empty once Slurm has forgotten the job."""
+        """Output of ``scontrol show job``; empty once Slurm has forgotten the job."""
         text = self.slurm("scontrol", "show", "job", job_id, check=False)
         return dict(re.findall(r"(\S+?)=(\S*)", text.partition("\n\n")[0]))
 
@@ -267,7 +267,7 @@ class Cluster:
         return job
 
     def start_now(self, job_id: str) -> None:
-        """Let a requeued job start without its two minutes of waiting."""
+        """Start a requeued job without its two minutes of waiting."""
         self.wait(job_id, "PENDING")
         # slurmd takes a credential of the same second as the requeue for the one just revoked
         time.sleep(2)
@@ -280,7 +280,7 @@ class Cluster:
 
 
 def launchers() -> dict[str, str]:
-    """What starts hpcsweep with this environment's MPI under Slurm."""
+    """Return the commands that start hpcsweep with this environment's MPI under Slurm."""
     version = subprocess.run(
         [sys.executable, "-c", "from mpi4py import MPI; print(MPI.Get_library_version())"],
         capture_output=True,

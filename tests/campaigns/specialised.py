@@ -30,7 +30,7 @@ COLUMNS = ("points", "and growth", "observed", "and growth", "tangent map")
 
 
 def calls(solver, z, amplitude):
-    """What is timed, in the order of `COLUMNS`."""
+    """Return the calls to time, in the order of `COLUMNS`."""
     return (
         lambda: solver.points(z, amplitude, PERIODS),
         lambda: solver.grow(z, amplitude, PERIODS),
@@ -46,7 +46,7 @@ def main() -> None:
     print("|---|---|---|" + "---|" * len(COLUMNS))
     for name, omega, amplitude in CASES:
         study = load_job(PAPER / f"{name}.toml").study
-        warm_up(study.settings, specialised_to=study.structure)
+        warm_up(study.settings, structure=study.structure, specialised=True)
         solver = FlowMap(study.structure, omega)
         kernels = (specialised.FOR_ANY, solver._kernels)
         assert solver.is_specialised

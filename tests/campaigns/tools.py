@@ -22,7 +22,7 @@ JOBS = ROOT / "jobs"
 PAPER = JOBS / "paper"
 DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 """Damping ratios of the building as the paper describes it: jobs/paper/figure3-described.toml."""
-LIMIT = 300
+LIMIT = 900
 """Seconds after which a command hangs."""
 
 SMALL = """
@@ -116,7 +116,7 @@ def of_study(job, kind: type):
 
 
 def mpirun() -> str:
-    """The mpirun that goes with this environment's mpi4py."""
+    """Return the mpirun that goes with this environment's mpi4py."""
     asked = os.environ.get("HPCSWEEP_MPIRUN")
     if asked:
         return asked
@@ -211,13 +211,15 @@ def python(code: str, *arguments: object, cwd: Path | None = None, **extra: str)
     return done
 
 
-def _in_a_fork(main: Callable, told: list[str], cwd: Path | None) -> subprocess.CompletedProcess:
+def _in_a_fork(
+    main: Callable, reported: list[str], cwd: Path | None
+) -> subprocess.CompletedProcess:
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         child = fork(lambda: _alone(main, cwd, out.fileno(), err.fileno()))
         code = _exit_code(child)
         out.seek(0)
         err.seek(0)
-        return subprocess.CompletedProcess(told, code, out.read().decode(), err.read().decode())
+        return subprocess.CompletedProcess(reported, code, out.read().decode(), err.read().decode())
 
 
 def fork(function: Callable[[], int | None]) -> int:
@@ -249,7 +251,7 @@ def _exit_code(child: int) -> int:
 
 
 def _alone(main: Callable, cwd: Path | None, out: int, err: int) -> int:
-    """Be a program; return its exit code."""
+    """Run as a program; return its exit code."""
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(out, 1)
     os.dup2(err, 2)
@@ -288,7 +290,7 @@ def run_script(ranks: int, script: Path, *arguments: object, cwd: Path | None = 
 
 
 def datasets(path: Path) -> dict[str, np.ndarray]:
-    """Every dataset of a file, as raw bytes."""
+    """Return every dataset of a file, as raw bytes."""
     found = {}
     with h5py.File(path, "r", locking=False) as file:
         for name, data in file.items():

@@ -195,7 +195,7 @@ def test_variables_of_another_form_or_place_are_found(whole, copy):
 
 
 def altered(**changes):
-    """A study whose results are changed before they are committed."""
+    """Return a study whose results are changed before they are committed."""
 
     class Altered(AmplitudeSweep):
         def rows(self, *arguments):

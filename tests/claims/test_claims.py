@@ -25,7 +25,7 @@ YES, NO, CANNOT_TELL = Verdict.YES, Verdict.NO, Verdict.CANNOT_TELL
 
 
 def sweep(period, contact, growth=-50.0, drift=1.0, modal=None, both=True) -> Sweep:
-    """A sweep with given rows: lists for one direction, or pairs of lists."""
+    """Return a sweep with given rows: lists for one direction, or pairs of lists."""
     period = np.atleast_2d(period)
     d = 2 if both else 1
     period = np.broadcast_to(period, (d, period.shape[1]))

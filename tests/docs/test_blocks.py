@@ -13,11 +13,11 @@ import pytest
 from test_docs import PAGES, blocks, every_page
 from tools import ROOT, environment, hpcsweep, mpirun, python
 
-from hpcsweep.job import JobError, load_job
+from hpcsweep.job import load_job
 from hpcsweep.job.tree import merge, write
 
-LANGUAGES = {"sh", "python", "toml", "text", "diff", "math"}
-DIRECTIVES = {"{code-cell}", "{eval-rst}", "{include}", "{toctree}"}
+LANGUAGES = {"sh", "python", "toml", "text", "math"}
+DIRECTIVES = {"{code-cell}", "{eval-rst}", "{include}", "{literalinclude}", "{toctree}"}
 MARK = "-- end of a block --"
 RANGE = {"from": 0.01, "to": 0.2, "count": 17}
 SWEEP = {"sweep": {"omega": {**RANGE, "from": 0.1}, "amplitude": RANGE}}
@@ -115,10 +115,7 @@ def test_toml_is_read_as_a_job(page, folder):
         )
         path = folder / f"{page.stem}-{number}.toml"
         path.write_text(block if "extends" in tree else write(whole, {}))
-        try:
-            assert load_job(path).study.n_runs > 0
-        except JobError as refused:
-            assert "no solver computes dashpots yet" in str(refused)  # noqa: PT017
+        assert load_job(path).study.n_runs > 0
 
 
 def completed(tree: dict) -> dict:

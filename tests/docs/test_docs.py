@@ -18,7 +18,8 @@ import hpcsweep as hpcsweep_api
 from hpcsweep.campaign.run import COMPLETE, FAILED, REFUSED, STOPPED
 from hpcsweep.commands.cli import CLOSED_PIPE, build_parser
 from hpcsweep.job import JobError, parse_job
-from hpcsweep.job.reading import KINDS, keys_of
+from hpcsweep.job.key_meanings import KEY_MEANINGS
+from hpcsweep.job.reading import every_key
 from hpcsweep.solvers.outcome import REMEDIES
 from hpcsweep.studies.settings import MEASURES
 
@@ -57,7 +58,7 @@ def spans(text: str) -> list[str]:
 
 
 def anchors(text: str) -> set[str]:
-    """The anchors GitHub gives a page's headings."""
+    """Return the anchors that GitHub gives a page's headings."""
     headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in headings}
 
@@ -148,11 +149,12 @@ def test_command_lines_are_found_and_mistakes_in_them_are_refused(capsys):
 
 
 def test_the_exercises_apply():
-    exercises = blocks((ROOT / "docs" / "extending.md").read_text(), "diff")
+    exercises = sorted((DOCS / "exercises").glob("*.diff"))
     assert len(exercises) == 5
     for exercise in exercises:
+        assert f"exercises/{exercise.name}" in (DOCS / "extending.md").read_text()
         done = subprocess.run(
-            ["git", "apply", "--check"], input=exercise, text=True, cwd=ROOT, capture_output=True
+            ["git", "apply", "--check", exercise], text=True, cwd=ROOT, capture_output=True
         )
         assert done.returncode == 0, done.stderr
 
@@ -164,18 +166,17 @@ def known_keys(start: str) -> list[str]:
     return str(refused.value).partition("known are ")[2].split(", ")
 
 
-def test_every_key_of_a_job_is_described():
-    described = spans((ROOT / "docs" / "job-files.md").read_text())
-    tables = [
-        key
-        for key in known_keys("")
-        if key not in ("name", "vary", "building", "records", "branches")
-    ]
-    keys = [f"{table}.{key}" for table in tables for key in known_keys(f"[{table}]\n")]
-    for own in ("records", "branches"):
-        keys += [f"{own}.{key}" for key in keys_of(KINDS[own])[own]]
-    assert len(keys) > 20
-    assert [key for key in ["name", "vary", "building", *keys] if key not in described] == []
+def test_every_key_of_a_job_is_described_and_no_other():
+    described = [key for keys in KEY_MEANINGS for key in keys.split(", ")]
+    tables = {table: keys for table, keys in every_key().items() if table and keys}
+    named = [f"{table}.{key}" for table, keys in tables.items() for key in keys]
+    top = [key for key in known_keys("") if not tables.get(key) or key == "building"]
+    assert len(named) > 60
+    assert sorted({*named, *top, "extends"} - set(described)) == []
+    own = {key for key in described if key.count(".") < 2}
+    assert sorted(own - {*named, *top, "extends"}) == []
+    rows = spans(generated()["job-keys.md"])
+    assert [key for key in described if key not in rows] == []
 
 
 def test_every_variable_and_attribute_of_a_file_is_described(small_job, tmp_path):
@@ -203,9 +204,9 @@ def test_every_room_has_its_page_of_words():
 @pytest.mark.parametrize(
     "text", [SMALL + MEASURED + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST, RECORDS]
 )
-def test_every_name_in_a_file_is_in_the_glossary(text):
+def test_every_name_in_a_file_is_in_the_glossary_or_among_the_variables(text):
     study = parse_job(text, "job.toml", "job").study
-    named = spans((ROOT / "docs" / "glossary.md").read_text())
+    named = spans((ROOT / "docs" / "glossary.md").read_text() + generated()["variables.md"])
     held = [study.commit, *study.variables, *(variable for variable, _ in study.given)]
     names = {*study.dimensions, *(variable.name for variable in held), study.kind}
     assert sorted(names - set(named)) == []

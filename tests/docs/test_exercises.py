@@ -9,12 +9,7 @@ import pytest
 from tools import ROOT, SMALL, assert_same_datasets, environment, mpirun
 
 pytestmark = pytest.mark.slow
-PAGE = (ROOT / "docs" / "extending.md").read_text()
-
-
-def exercise(title: str) -> str:
-    """The diff below a heading of the page."""
-    return PAGE.split(f"\n## {title}\n")[1].split("```diff\n")[1].split("```")[0]
+EXERCISES = ROOT / "docs" / "exercises"
 
 
 @pytest.fixture
@@ -22,11 +17,11 @@ def copy(tmp_path):
     """Return what copies the program, applies an exercise to it, and runs its commands."""
     folder = tmp_path / "copy"
 
-    def applied(title: str):
+    def applied(name: str):
         ignored = shutil.ignore_patterns("__pycache__")
-        for name in ("hpcsweep", "jobs", "tests/job", "tests/campaigns"):
-            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
-        subprocess.run(["git", "apply"], input=exercise(title), text=True, cwd=folder, check=True)
+        for part in ("hpcsweep", "jobs", "tests/job", "tests/campaigns"):
+            shutil.copytree(ROOT / part, folder / part, ignore=ignored)
+        subprocess.run(["git", "apply", EXERCISES / f"{name}.diff"], cwd=folder, check=True)
 
         def run(*arguments, ranks=0, code=0) -> str:
             launcher = [mpirun(), "-n", str(ranks)] if ranks else []
@@ -51,7 +46,7 @@ def copy(tmp_path):
 
 
 def test_a_figure(copy):
-    folder, hpcsweep, _ = copy("A figure")
+    folder, hpcsweep, _ = copy("figure")
     (folder / "small.toml").write_text(SMALL)
     hpcsweep("run", "small.toml")
     assert "forcing periods integrated, against the amplitude" in hpcsweep("plot", "--help")
@@ -60,7 +55,7 @@ def test_a_figure(copy):
 
 
 def test_a_field_of_the_structure(copy):
-    folder, hpcsweep, run = copy("A field of the structure")
+    folder, hpcsweep, run = copy("field")
     job = SMALL.replace("damping_ratio = 0.05", "damping_ratio = 0.05\nstorey_damping = 0.3")
     (folder / "damped.toml").write_text(job)
     (folder / "small.toml").write_text(SMALL)
@@ -85,7 +80,7 @@ def test_a_field_of_the_structure(copy):
 
 
 def test_a_forcing(copy):
-    folder, hpcsweep, run = copy("A forcing")
+    folder, hpcsweep, run = copy("forcing")
     job = SMALL.replace("count = 4", "count = 2")
     (folder / "square.toml").write_text(f"{job}\n[forcing]\nsquare = 8\n")
     hpcsweep("run", "square.toml", ranks=2)
@@ -112,20 +107,20 @@ def test_a_forcing(copy):
 
 
 def test_a_solver(copy):
-    folder, hpcsweep, _ = copy("A solver")
+    folder, hpcsweep, _ = copy("solver")
     few = SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 3")
     (folder / "radau.toml").write_text(f'{few}\n[solver]\nmethod = "radau"\n')
     hpcsweep("run", "radau.toml", ranks=2)
     (folder / "flow.toml").write_text(few)
     hpcsweep("run", "flow.toml")
-    told = [json.loads(hpcsweep("summary", f"{k}.h5", "--json"))[0] for k in ("radau", "flow")]
-    assert [one["runs_done"] for one in told] == [12, 12]
-    assert told[0]["contact_sets"] == told[1]["contact_sets"]
+    reported = [json.loads(hpcsweep("summary", f"{k}.h5", "--json"))[0] for k in ("radau", "flow")]
+    assert [one["runs_done"] for one in reported] == [12, 12]
+    assert reported[0]["contact_sets"] == reported[1]["contact_sets"]
     assert "sound" in hpcsweep("validate", "radau.h5", "--samples", "3")
 
 
 def test_a_study(copy):
-    folder, hpcsweep, _ = copy("A study")
+    folder, hpcsweep, _ = copy("study")
     job = SMALL.replace("block = 4", "")
     (folder / "along.toml").write_text(f'{job}\n[study]\nkind = "frequency_sweep"\n')
     hpcsweep("run", "along.toml", ranks=2)
@@ -136,6 +131,10 @@ def test_a_study(copy):
     assert state["study"] == "frequency_sweep"
     assert "sound" in hpcsweep("validate", "along.h5", "--samples", "3")
     hpcsweep("plot", "along.h5", "--kind", "map", "-o", "map.png")
-    told = json.loads(hpcsweep("summary", "along.h5", "--json"))[0]
-    assert told["runs_done"] == told["runs_total"] == 88
-    assert (told["frames"], told["amplitudes"], told["directions"]) == (4, 11, ["up", "down"])
+    reported = json.loads(hpcsweep("summary", "along.h5", "--json"))[0]
+    assert reported["runs_done"] == reported["runs_total"] == 88
+    assert (reported["frames"], reported["amplitudes"], reported["directions"]) == (
+        4,
+        11,
+        ["up", "down"],
+    )

@@ -1,4 +1,4 @@
-"""Figures of responses to records, and what `hpcsweep fragility` tells and writes."""
+"""Figures of responses to records, and what `hpcsweep fragility` prints and writes."""
 
 import csv
 import json
@@ -79,15 +79,15 @@ def test_fragility_and_capacities_are_those_of_the_stripes(folder):
     done = hpcsweep(
         *(0, "fragility", "job.h5", "--threshold", "0.5", "--place", "B", "--json"), cwd=folder
     )
-    told = json.loads(done.stdout)
+    reported = json.loads(done.stdout)
     results = open_results(folder / "job.h5")
     drift = results.storey_drift.sel(storey=["B1", "B2", "B3"]).max("storey").values / 3.2
     exceeded = (drift >= 0.005).sum(axis=0)
     found = package.fragility(results["scale"].values, exceeded, 8)
-    assert told["median"] == pytest.approx(found.median, rel=1e-12)
-    assert told["dispersion"] == pytest.approx(found.dispersion, rel=1e-12)
+    assert reported["median"] == pytest.approx(found.median, rel=1e-12)
+    assert reported["dispersion"] == pytest.approx(found.dispersion, rel=1e-12)
     reached = [results["scale"].values[np.argmax(row >= 0.005)] for row in drift]
-    assert told["capacity"]["0.5"] == np.sort(reached)[3]
+    assert reported["capacity"]["0.5"] == np.sort(reached)[3]
     study = parse_job(TEXT, "job", "job").study
     assert fit(stripes_of(results, study, "drift", "B"), 0.5).median == found.median
 

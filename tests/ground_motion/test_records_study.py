@@ -85,6 +85,26 @@ def test_every_run_is_the_plain_response(tmp_path):
             np.testing.assert_allclose(own, plain, rtol=0, atol=1e-9 * size, err_msg=name)
 
 
+def test_histories_are_those_of_the_plain_response(tmp_path):
+    job, path, results = computed(FACTORS.replace("[output]", "[output]\nhistory = 0.1"), tmp_path)
+    assert results["time"].values == pytest.approx(0.1 * np.arange(111))
+    displacement, force = results["history_displacement"], results["history_force"]
+    assert displacement.dims == ("record", "scale", "time", "floor")
+    n = job.study.structure.n_floors
+    for record, scale in ((0, 3), (2, 1)):
+        run = {"record": record, "scale": scale}
+        state = response(job.study.structure, SUITE[record], float(results["scale"][scale]))
+        at_end = displacement.isel(run)[100].values  # of the record, before its tail
+        np.testing.assert_allclose(at_end, state.final_state[:n], rtol=0, atol=1e-12)
+        velocity = results["history_velocity"].isel(run)[100].values
+        np.testing.assert_allclose(velocity, state.final_state[n:], rtol=0, atol=1e-11)
+    peak = np.abs(displacement).max("time")
+    assert (peak <= results["displacement"] * (1 + 1e-9)).all()
+    largest, stored = force.max("time"), results["contact_force"]
+    np.testing.assert_allclose(largest, stored, rtol=1e-9, atol=1e-9 * float(stored.max()))
+    assert validate(path).sound
+
+
 def test_without_the_rules_the_same_is_computed(tmp_path, calls):
     job, _, results = computed(FACTORS + GAPS, tmp_path)
     spared = len(calls)
@@ -243,6 +263,8 @@ def test_a_bad_record_is_one_line(tmp_path, name):
         ("[output]", "[forcing]\nharmonics = []\n[output]", ("forcing.harmonics", "study.kind")),
         ("[output]", "[output]\npoincare = true", ("output.poincare", "study.kind")),
         ("[output]", "[output]\ntimes = 1", ("output.times", "true or false")),
+        ("[output]", "[output]\nhistory = 0.03", ("output.history", "0.03", "0.02", "multiple")),
+        ("[output]", "[output]\nhistory = -1", ("output.history", "above 0")),
         ("[output]", '[solver]\nskip = ["newton"]\n[output]', ("solver.skip", "linear, ratio")),
         ("[output]", '[vary]\n"records.tail" = [0.0, 1.0]\n[output]', ("vary", "records.tail")),
     ],
@@ -258,12 +280,26 @@ def test_mistakes_name_key_and_limit(old, new, words):
         assert word in message
 
 
-def test_another_solver_than_there_is_for_records_is_refused():
-    from hpcsweep.solvers.response import SOLVERS
+@pytest.mark.slow
+def test_the_other_solver_computes_records_plainly(tmp_path):
+    text = (
+        RECORDS.replace(
+            "count = 4, seed = 3, dt = 0.02, duration = 10.0", "count = 1, seed = 3, duration = 1.0"
+        )
+        .replace("from = 0.5, to = 5.0, count = 5", "values = [5.0]")
+        .replace("tail = 1.0", "tail = 0.1")
+    )
+    _, _, flow = computed(text, tmp_path, "flow")
+    _, path, bdf = computed(f'{text}[solver]\nmethod = "bdf"\n', tmp_path, "bdf")
+    assert flow["impacts"].values.sum() > 0
+    assert bdf["skip_rule"].values.max() == SkipRule.NONE
+    np.testing.assert_array_equal(bdf["impacts"], flow["impacts"])
+    for name in ("storey_drift", "floor_acceleration", "contact_force", "impulse"):
+        np.testing.assert_allclose(bdf[name], flow[name], rtol=1e-2, atol=1e-3 * flow[name].max())
+    assert validate(path, 1).sound
 
-    if "bdf" not in SOLVERS:
-        with pytest.raises(JobError, match=r"solver\.method = .*bdf.*of records must be flow"):
-            parse_job(f'{RECORDS}[solver]\nmethod = "bdf"\n', "job.toml", "job")
+
+def test_scales_of_records_are_of_studies_of_records():
     with pytest.raises(JobError, match=r"goes with study\.kind = "):
         parse_job(f"{RECORDS.replace('kind =', '#')}", "job.toml", "job")
 

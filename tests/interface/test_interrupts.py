@@ -57,21 +57,21 @@ def be_interrupted(call: str, pipe: int) -> None:
 
 
 def seconds_to_hear(call: str) -> float:
-    """Start a call, interrupt it while it computes, and tell how long it goes on."""
+    """Start a call, interrupt it while it computes, and return how long it goes on."""
     names()
     end, pipe = os.pipe()
-    with os.fdopen(end) as told:
+    with os.fdopen(end) as reported:
         pid = fork(functools.partial(be_interrupted, call, pipe))
         os.close(pipe)
         try:
-            assert told.readline() == "started\n"
+            assert reported.readline() == "started\n"
             before = cpu_seconds(pid)
             while cpu_seconds(pid) < before + INSIDE:
                 assert os.waitpid(pid, os.WNOHANG) == (0, 0), "the call has ended by itself"
                 time.sleep(0.01)
             begun = time.monotonic()
             os.kill(pid, signal.SIGINT)
-            assert told.readline() == "heard\n"
+            assert reported.readline() == "heard\n"
             return time.monotonic() - begun
         finally:
             with contextlib.suppress(ProcessLookupError, ChildProcessError):

@@ -88,6 +88,12 @@ def test_missing_key_and_file_are_named(tmp_path):
         load_job(tmp_path / "latin.toml")
 
 
+@pytest.mark.parametrize("given", ["from=0.01, to=0.3, step=0.01", "from=0.01, to=0.3, count=30"])
+def test_values_of_a_range_are_those_that_one_would_write(given):
+    found = job(f"[sweep]\nomega=1\namplitude={{{given}}}").study.amplitude
+    assert found.tolist() == [float(f"{k / 100:.2f}") for k in range(1, 31)]
+
+
 def test_step_includes_the_end_it_hits_and_no_value_beyond():
     found = job("[sweep]\nomega=1\namplitude={from=0.005, to=0.25, step=0.001}").study.amplitude
     assert found.size == 246

@@ -72,7 +72,7 @@ def test_a_key_without_its_mark_takes_effect():
 
 
 def shown(key: str) -> str:
-    """What the template says of a key: the lines of comment before it."""
+    """Return the comment of the template before a key."""
     before = re.split(rf"^#?{key} = .*$", TEMPLATE, flags=re.MULTILINE)[0]
     return " ".join(line.removeprefix("# ") for line in before.split("\n\n")[-1].splitlines())
 

@@ -1,4 +1,4 @@
-"""Structures in job files: what is read, what is refused, and what a file tells of them."""
+"""Structures in job files: what is read, what is refused, and what files store of them."""
 
 import dataclasses
 import json
@@ -302,27 +302,27 @@ def test_the_file_tells_its_structure(text, tmp_path):
     path.write_text(text + SWEEP + "transient_cycles = 3\nsampling_cycles = 4\n")
     assert main(["run", str(path), "-o", str(tmp_path / "x.h5")]) == 0
     with h5py.File(tmp_path / "x.h5") as file:
-        told = json.loads(file.attrs["structure"])
+        reported = json.loads(file.attrs["structure"])
     made = load_job(path).structure
-    assert told == describe(made)
-    assert np.array_equal(told["stiffness"], made.stiffness_matrix)
-    assert [contact["number"] for contact in told["contacts"]] == list(made.contact_numbers)
+    assert reported == describe(made)
+    assert np.array_equal(reported["stiffness"], made.stiffness_matrix)
+    assert [contact["number"] for contact in reported["contacts"]] == list(made.contact_numbers)
     results = open_results(tmp_path / "x.h5")
     met = np.bitwise_or.reduce(results["contact"].values.ravel())
     assert int(met) & ~sum(1 << (k - 1) for k in made.contact_numbers) == 0
-    # told again by the file alone
+    # described again by the file alone
     again = Structure.from_matrices(
-        told["mass"],
-        told["stiffness"],
+        reported["mass"],
+        reported["stiffness"],
         [
             Contact(**{key: c[key] for key in ("direction", "gap", "stiffness")})
-            for c in told["contacts"]
+            for c in reported["contacts"]
         ],
-        damping=told["damping"],
-        forcing=told["forcing"],
-        sharpness=told["sharpness"],
-        harmonics=told["harmonics"],
-        drift=told["drift"],
+        damping=reported["damping"],
+        forcing=reported["forcing"],
+        sharpness=reported["sharpness"],
+        harmonics=reported["harmonics"],
+        drift=reported["drift"],
     )
     assert again.contacts == made.contacts
     assert np.array_equal(again.damping_matrix, made.damping_matrix)

@@ -43,8 +43,8 @@ def parse(text: str):
 def test_units_label_the_file_and_change_nothing_else():
     plain, named = parse(OWN), parse(UNITS + OWN)
     assert plain.fingerprint == named.fingerprint
-    told = {v.name: v.units for v in Layout(named).variables}
-    assert told["poincare"] == "m; m/s"
+    reported = {v.name: v.units for v in Layout(named).variables}
+    assert reported["poincare"] == "m; m/s"
     assert Layout(named).coordinates["amplitude"].units == "m/s^2"
     assert Layout(named).coordinates["omega"].units == "rad/s"
     assert Layout(plain).coordinates["amplitude"].units == "length/time^2"
@@ -122,8 +122,8 @@ def test_a_job_is_described_in_its_units_and_warned_of(tmp_path, capsys):
         "acceleration m/s^2, force N, frequency rad/s",
         f"omega = {first:.6g} = {first / (2 * math.pi):.6g} Hz",
         "A2-B2: gap 0.05 m, stiffness 2e+09",
-        "rad/s = 2 Hz to 3",
-        "grazing:    the free motion touches from A = ",
+        " = 2 to 3 Hz",
+        "grazing:    the free motion first touches at A = ",
     ):
         assert words in said
     lowest = parse(TWO).structure.grazing_amplitude(4 * math.pi)
@@ -147,6 +147,11 @@ def test_what_looks_like_a_mistake_is_a_line(old, new, words):
     found = warnings(parse(text.replace(old, new)))
     assert any(words in line for line in found), found
     assert describe(parse(text.replace(old, new)))[-1].startswith("warning: ")
+
+
+def test_a_stiffness_of_pounding_with_too_few_digits_is_a_line():
+    (found,) = warnings(parse(TWO.replace("stiffness = 2e9", "stiffness = 2e7")))
+    assert found == "contact A1-B1, A2-B2: softer than the structure along it, stiffness 2e+07"
 
 
 def test_inherited_keys_without_use_go_with_a_line(tmp_path):

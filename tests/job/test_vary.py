@@ -33,6 +33,12 @@ def test_every_value_of_one_key_goes_with_every_value_of_another():
     assert len(set(seen.values())) == 6
 
 
+def test_a_key_beside_vary_is_told_to_be_unused():
+    assert parse_job(SMALL + TWO, "job.toml", "job").notes == (
+        "not used: structure.stiffness_ratio ([vary] gives its values)",
+    )
+
+
 CONTACTS = """
 [structure]
 [structure.matrices]
@@ -155,3 +161,13 @@ def test_no_key_has_the_name_of_another_or_of_something_in_the_file(job):
     held = {variable.name for variable in (*study.variables, study.commit)} | {*study.dimensions}
     tables_alone = {"contact"}
     assert held & {*keys} <= {key.split(".")[1] for key in NEVER} | tables_alone
+
+
+def test_what_is_given_beside_vary_has_to_be_right():
+    text = SMALL + "[vary]\nstructure.gap = [0.5, 1.0]\n"
+    for given, message in (('"5 cm"', "gap must be a number, is '5 cm'"), ("[1, 2, 3]", "gap")):
+        wrong = text.replace("[sweep]", f"gap = {given}\n\n[sweep]", 1)
+        with pytest.raises(JobError, match=message):
+            parse_job(wrong, "job", "job")
+    right = text.replace("[sweep]", "gap = 0.7\n\n[sweep]", 1)
+    assert parse_job(right, "job", "job").study.axes[0].values == (0.5, 1.0)

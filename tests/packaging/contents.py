@@ -35,14 +35,14 @@ def check_wheel(path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         names = set(archive.namelist())
         (metadata,) = (name for name in names if name.endswith(".dist-info/METADATA"))
-        told = Parser().parsestr(archive.read(metadata).decode())
+        reported = Parser().parsestr(archive.read(metadata).decode())
     code = {name for name in names if ".dist-info/" not in name}
     assert code == tracked(*CODE), code ^ tracked(*CODE)
-    assert told["Version"] == PROJECT["version"]
-    assert told["Description-Content-Type"] == "text/markdown"
+    assert reported["Version"] == PROJECT["version"]
+    assert reported["Description-Content-Type"] == "text/markdown"
     licences = {"LICENSE", "NOTICE"}
     assert licences <= {Path(name).name for name in names}
-    assert sorted(told.get_all("Provides-Extra")) == sorted(PROJECT["optional-dependencies"])
+    assert sorted(reported.get_all("Provides-Extra")) == sorted(PROJECT["optional-dependencies"])
 
 
 def check_sdist(path: Path) -> None:

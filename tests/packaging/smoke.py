@@ -115,7 +115,7 @@ class Installed:
 
 
 def listed(text: str) -> set[str]:
-    """Names of the commands that --help lists."""
+    """Return the names of the commands that --help lists."""
     return set(re.findall(r"^    (\w+) ", text.split("COMMAND\n")[1].split("options:")[0], re.M))
 
 
@@ -171,7 +171,7 @@ def check(hpcsweep: Installed) -> None:
             assert Path(picture).read_bytes().startswith(b"\x89PNG")
     for film in ("study.mp4", "study.gif"):
         hpcsweep("animate", "study.h5", "--width", "640", "-o", film, makes=film)
-    hpcsweep("explore", "study.h5", "-o", "study.html", makes="study.html")
+    hpcsweep("explore", "study.h5", "--branches", "curves.h5", makes="study.html")
     assert "<html" in Path("study.html").read_text()
     hpcsweep("pack", "study.h5", "-o", "packed.h5", makes="packed.h5")
     assert json.loads(hpcsweep("status", "packed.h5", "--json"))["complete"]

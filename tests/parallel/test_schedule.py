@@ -34,7 +34,7 @@ def journal(path, kind: str) -> list[dict]:
 
 
 def hundredfold(rng, n_tasks: int, n_pieces: int = 16) -> list[np.ndarray]:
-    """Tasks of 1 to 100 s, their cost spread unevenly over their pieces."""
+    """Tasks of 1 to 100 s, their cost spread unevenly over their blocks."""
     shares = rng.dirichlet(np.full(n_pieces, 3.0), n_tasks)
     return list(10 ** rng.uniform(0, 2, n_tasks)[:, None] * shares)
 
@@ -44,45 +44,45 @@ def test_makespan_is_within_a_tenth_of_the_bound_for_costs_a_hundredfold_apart(n
     rng = np.random.default_rng(n_tasks)
     worst = 0.0
     for _ in range(4):
-        pieces = hundredfold(rng, n_tasks)
-        limit = ranks_that_help([piece.sum() for piece in pieces])
+        blocks = hundredfold(rng, n_tasks)
+        limit = ranks_that_help([block.sum() for block in blocks])
         for n_ranks in sorted({2, 3, max(1, int(limit / 2)), int(limit), int(limit) + 1}):
-            found = simulate(pieces, n_ranks, computing_master=True)
+            found = simulate(blocks, n_ranks, computing_master=True)
             assert found.makespan >= found.bound * (1 - 1e-12)
             worst = max(worst, found.makespan / found.bound)
     assert worst < 1.10
 
 
 def test_equal_tasks_that_do_not_divide_by_the_ranks_are_shared():
-    pieces = [np.full(40, 0.25)] * 3
-    shared = simulate(pieces, 2)
+    blocks = [np.full(40, 0.25)] * 3
+    shared = simulate(blocks, 2)
     assert shared.makespan < 1.03 * shared.bound
     assert shared.recalls > 0
-    # the control: in one piece each, costliest first is Graham's 4/3 of the bound
-    whole = simulate([piece.sum(keepdims=True) for piece in pieces], 2)
+    # the control: in one block each, costliest first is Graham's 4/3 of the bound
+    whole = simulate([block.sum(keepdims=True) for block in blocks], 2)
     assert whole.makespan == pytest.approx(4 / 3 * whole.bound, rel=1e-2)
 
 
 def test_a_dedicated_master_costs_one_rank_and_no_more():
     rng = np.random.default_rng(3)
-    pieces = hundredfold(rng, 400)
+    blocks = hundredfold(rng, 400)
     n_ranks = 48
     assert schedule.computing_ranks(n_ranks) == n_ranks - 1
-    found = simulate(pieces, n_ranks)
-    total = sum(piece.sum() for piece in pieces)
+    found = simulate(blocks, n_ranks)
+    total = sum(block.sum() for block in blocks)
     assert total / (n_ranks - 1) <= found.makespan < 1.05 * total / (n_ranks - 1)
     assert found.makespan < 1.10 * found.bound
 
 
 def test_the_master_is_no_bottleneck_on_4096_ranks():
     rng = np.random.default_rng(4)
-    pieces = [np.full(4, cost / 4) for cost in 10 ** rng.uniform(0, 2, 6000)]
-    found = simulate(pieces, 4096)
+    blocks = [np.full(4, cost / 4) for cost in 10 ** rng.uniform(0, 2, 6000)]
+    found = simulate(blocks, 4096)
     assert found.master_load < 0.2
     reports = 4096 / schedule.report_interval(4096)
     assert reports * schedule.MESSAGE_SECONDS <= 0.1
     # the control: a master a hundred times slower is one
-    slow = simulate(pieces, 4096, message_seconds=1e-2)
+    slow = simulate(blocks, 4096, message_seconds=1e-2)
     assert slow.makespan > 1.2 * found.makespan
 
 
@@ -92,8 +92,8 @@ class _Believed:
     def __init__(self, study):
         self.costs, self._study = TaskCosts(study), study
 
-    def done(self, task, piece, seconds):
-        block = self._study.path(task)[piece]
+    def done(self, task, position, seconds):
+        block = self._study.path(task)[position]
         self.costs.measured(BlockCost(block.place, block.n_runs, seconds))
         self.costs.done(block.place)
 
@@ -142,16 +142,16 @@ def test_costs_are_interpolated_and_corrected_by_what_was_measured():
     known.measured(BlockCost((1, 60, 3), 10, 22.0))
     assert known.totals()[51] > 320 * 2.02
     for most in (10**6, 200, 50):
-        pieces = known.pieces(most)
-        assert sum(piece.sum() for piece in pieces) == pytest.approx(known.totals().sum())
-        assert sum(piece.size for piece in pieces) <= most
+        blocks = known.blocks(most)
+        assert sum(block.sum() for block in blocks) == pytest.approx(known.totals().sum())
+        assert sum(block.size for block in blocks) <= most
     exact = TaskCosts(study)
     for direction in range(2):
         for block in range(16):
             exact.measured(BlockCost((direction, 7, block), 10, 1.0 + block + direction))
     assert exact.totals()[7] == pytest.approx(sum(1.0 + b + d for d in (0, 1) for b in range(16)))
     # the down sweep begins at the largest amplitudes
-    assert exact.pieces(10**6)[7][8:] == pytest.approx([5.0 + 4.0 * k for k in range(8)])
+    assert exact.blocks(10**6)[7][8:] == pytest.approx([5.0 + 4.0 * k for k in range(8)])
 
 
 def test_costs_of_single_points_are_told_apart():
@@ -194,9 +194,9 @@ jobs = {
 }
 computing = sys.argv[1] == "computing"
 found = []
-for name, pieces in jobs.items():
-    makespan, traffic = replay.replay(comm, pieces, computing)
-    told = simulate(pieces, comm.size, computing_master=computing, poll_seconds=replay.SLICE)
+for name, blocks in jobs.items():
+    makespan, traffic = replay.replay(comm, blocks, computing)
+    told = simulate(blocks, comm.size, computing_master=computing, poll_seconds=replay.SLICE)
     found.append((name, makespan, told.makespan, told.bound, traffic.recalls, told.recalls))
 replay.EMPTY_TASKS = 500
 messages = replay.time_messages(comm)
@@ -223,13 +223,13 @@ def test_predicted_makespan_is_the_measured_one_on_oversubscribed_ranks(tmp_path
     done = run_script(ranks, script, master)
     assert done.returncode == 0, done.stderr
     found, capacity = json.loads(done.stdout)
-    for name, measured, predicted, bound, moved, told in found:
+    for name, measured, predicted, bound, moved, reported in found:
         assert measured > 0.99 * bound, name
         # who is free first may differ by chance and with it the schedule, both ways
         assert measured > 0.92 * predicted, name
         # sleeping ranks wake up late on a busy machine
         assert measured < 1.15 * predicted + 0.15, name
-        if name == "equal" and told:
+        if name == "equal" and reported:
             assert moved > 0
     assert capacity is None if ranks == 1 else capacity > 1000
 
@@ -259,13 +259,13 @@ def test_frames_that_move_between_ranks_give_the_same_bytes(tmp_path):
 def test_schedule_predicts_from_a_file_and_says_where_ranks_cease_to_help(tmp_path, small_job):
     path = tmp_path / "small.h5"
     assert hpcsweep(0, "run", small_job, "-o", path).returncode == 0
-    told = json.loads(hpcsweep(0, "schedule", path, "--json").stdout)
-    assert [p["n_ranks"] for p in told["predictions"]] == [2**k for k in range(13)]
-    assert told["runs_timed"] == told["runs"] == 88
-    frames = np.array(told["frame_seconds"])
-    assert told["ranks_that_help"] == pytest.approx(frames.sum() / frames.max())
+    reported = json.loads(hpcsweep(0, "schedule", path, "--json").stdout)
+    assert [p["n_ranks"] for p in reported["predictions"]] == [2**k for k in range(13)]
+    assert reported["runs_timed"] == reported["runs"] == 88
+    frames = np.array(reported["frame_seconds"])
+    assert reported["ranks_that_help"] == pytest.approx(frames.sum() / frames.max())
     measured = sum(block["seconds"] for block in journal(path, "block"))
-    assert told["core_seconds"] == pytest.approx(measured, rel=1e-6)
+    assert reported["core_seconds"] == pytest.approx(measured, rel=1e-6)
     shown = hpcsweep(0, "schedule", path, "--ranks", "2,64").stdout
     assert re.search(r"beyond about \d ranks more do not help", shown)
     (tmp_path / "small.h5.journal").unlink()
@@ -277,12 +277,12 @@ def test_schedule_predicts_from_a_file_and_says_where_ranks_cease_to_help(tmp_pa
 
 def test_dry_run_states_the_bytes_the_memory_and_the_limit(tmp_path):
     job = JOBS / "ci.toml"
-    told = hpcsweep(0, "run", job, "--dry-run", cwd=tmp_path).stdout
-    size = int(re.search(r"(\d+) bytes", told)[1])
-    memory = float(re.search(r"about (\d+) MB a rank", told)[1])
-    assert "core-hours" in told
-    assert "cannot be cut" in told
-    assert re.search(r"^ +4096 ", told, re.MULTILINE)
+    reported = hpcsweep(0, "run", job, "--dry-run", cwd=tmp_path).stdout
+    size = int(re.search(r"(\d+) bytes", reported)[1])
+    memory = float(re.search(r"about (\d+) MB a rank", reported)[1])
+    assert "core-hours" in reported
+    assert "cannot be cut" in reported
+    assert re.search(r"^ +4096 ", reported, re.MULTILINE)
     assert list(tmp_path.iterdir()) == []
     path = tmp_path / "ci.h5"
     assert hpcsweep(0, "run", job, "-o", path).returncode == 0

@@ -51,9 +51,9 @@ def test_what_numbers_mean_is_told_as_cf_has_it(small_job, tmp_path):
     for form in ("as written", "packed"):
         if form == "packed":
             pack(path)
-        told = open_results(path)["outcome"].attrs
+        reported = open_results(path)["outcome"].attrs
         meanings = dict(
-            zip(told["flag_values"].tolist(), told["flag_meanings"].split(), strict=True)
+            zip(reported["flag_values"].tolist(), reported["flag_meanings"].split(), strict=True)
         )
         assert meanings == {int(one): one.name.lower() for one in Outcome}
         with h5py.File(path, locking=False) as file:

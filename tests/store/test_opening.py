@@ -37,7 +37,7 @@ def copy(whole, tmp_path) -> Path:
 
 
 def refused(path: Path, what: str) -> None:
-    """Every reader says in one line what is wrong; `validate` says that it is not sound."""
+    """Check that every reader refuses a file in one line, and `validate` calls it not sound."""
     before = path.read_bytes()
     for reader in READERS:
         with pytest.raises(DamagedError) as error:

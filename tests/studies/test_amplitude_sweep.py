@@ -115,7 +115,7 @@ def test_described_chaos_where_the_paper_says(tmp_path):
 
 @pytest.mark.parametrize("skip", [("linear", "converged"), ("linear", "converged", "newton")])
 def test_skip_rules_give_the_results_of_the_plain_procedure(skip):
-    """Wherever the window procedure has itself settled, which a strict tolerance tells."""
+    """Wherever the window procedure itself has converged, by a strict tolerance."""
     amplitude = np.linspace(0.005, 0.25, 50)
     structure = Structure()
     settings = SweepSettings(period_tolerance=1e-8)

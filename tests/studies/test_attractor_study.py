@@ -1,8 +1,8 @@
-"""The study of attractors: equal on any number of ranks, resumed, told by every command."""
+"""The study of attractors: equal on any number of ranks, resumed, all commands."""
 
+import itertools
 import json
 import shutil
-import signal
 
 import faults
 import h5py
@@ -14,6 +14,7 @@ from tools import assert_same_datasets, hpcsweep
 import hpcsweep as package
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
+from hpcsweep.figures.explorer.attractors import slots
 from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.model.structure import Structure
@@ -47,10 +48,7 @@ def test_larger_blocks_give_the_same_results(tmp_path, whole):
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
     cut = tmp_path / "cut.h5"
     process = faults.start(2, "run", job, "-o", cut, sync=0.0)
-    faults.wait_for_commits(process, cut, 1)
-    process.send(signal.SIGKILL, "all", faults.random.Random(1))
-    process.end()
-    process.finish()
+    process.kill_after(cut, 1)
     assert len(faults.valid(cut)) >= 1
     assert hpcsweep(0, "run", job, "-o", cut).returncode == 0
     assert_same_datasets(whole, cut)
@@ -129,10 +127,10 @@ def test_every_command_tells_it(tmp_path, whole):
     assert state["starts"] == 18 * 24
     assert state["most_attractors"] == int(open_results(whole)["n_attractors"].max())
     assert "attractors a point" in hpcsweep(0, "status", whole).stdout
-    (told,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
-    assert told["runs_done"] == 18
-    assert told["attractors"] == int((open_results(whole)["attractor_id"] > 0).sum())
-    assert sum(entry["runs"] for entry in told["numbers"].values()) == 18
+    (reported,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
+    assert reported["runs_done"] == 18
+    assert reported["attractors"] == int((open_results(whole)["attractor_id"] > 0).sum())
+    assert sum(entry["runs"] for entry in reported["numbers"].values()) == 18
     assert "points with 2 attractors" in hpcsweep(0, "summary", whole).stdout
     sweep = tmp_path / "sweep.toml"
     settings = JOB.split("[structure]")[1].replace("max_points = 32\n", "")
@@ -161,31 +159,42 @@ def test_every_command_tells_it(tmp_path, whole):
         assert "holds" in done.stderr
 
 
-def test_the_explorer_shows_each_attractor_in_the_place_of_a_direction(tmp_path, whole):
+def test_the_explorer_keeps_each_attractor_in_a_place_of_its_own(tmp_path, whole):
     study, results = gather(whole), open_results(whole).isel(direction=0)
     assert study.each == "attractor"
-    n = int(results["n_attractors"].max())
+    n = len(study.directions)
+    assert int(results["n_attractors"].max()) <= n <= results.sizes["attractor"]
     assert study.directions == ("1", "2", "3", "4")[:n]
     assert study.words == tuple(f"attractor {name}" for name in study.directions)
-    held = results["attractor_id"].transpose("omega", "attractor", "amplitude").values[:, :n] > 0
-    motion, period = study.codes["motion"], study.codes["period"]
-    assert np.array_equal(motion > 0, held)
-    stored = results["orbit_period"].transpose("omega", "attractor", "amplitude").values[:, :n]
-    assert np.array_equal(period, stored)
-    shares = results["share"].transpose("omega", "attractor", "amplitude").values[:, :n]
-    assert np.array_equal(study.values["share"], shares.astype(np.float32), equal_nan=True)
-    number = results["n_attractors"].values[:, None]
-    assert np.array_equal(study.values["number"], np.where(held, number, np.nan), equal_nan=True)
-    counts = results["n_points"].transpose("omega", "attractor", "amplitude").values[:, :n]
-    assert np.array_equal(study.counts, counts)
-    assert len(study.points) == counts.sum()
-    points = results["poincare"].values
-    at = study.counts[0, 0, :4].sum()
-    assert study.points[at, 0] in points[0, 4, 0, :, 0].astype(np.float32)
-    done = hpcsweep(0, "explore", whole, "-o", tmp_path / "page.html")
-    assert done.returncode == 0, done.stderr
-    assert f"3 frames x 6 amplitudes x {n} attractors" in done.stdout
-    assert '"each": "attractor"' in (tmp_path / "page.html").read_text()
+    identity, share, period = (
+        results[name].transpose("omega", "amplitude", "attractor").values
+        for name in ("attractor_id", "share", "orbit_period")
+    )
+    number = np.broadcast_to(results["n_attractors"].values[:, None], study.codes["motion"].shape)
+    for frame, row in np.ndindex(identity.shape[:2]):
+        held = identity[frame, row] > 0
+        shown = study.codes["motion"][frame, :, row] > 0
+        assert shown.sum() == held.sum()
+        places = np.flatnonzero(shown)
+        assert np.isnan(study.values["number"][frame, ~shown, row]).all()
+        assert np.array_equal(study.values["number"][frame, shown, row], number[frame, shown, row])
+        stored = np.stack((share[frame, row, held].astype(np.float32), period[frame, row, held]))
+        codes, values = study.codes["period"], study.values["share"]
+        drawn = np.stack((values[frame, places, row], codes[frame, places, row]))
+        assert sorted(stored.T.tolist()) == sorted(drawn.T.tolist())
+
+
+def test_places_of_attractors_are_kept_along_the_amplitudes():
+    identity = np.array([[1, 0, 0], [2, 1, 0], [3, 1, 2], [3, 0, 0], [4, 3, 0]])
+    order = slots(identity)
+    assert np.sort(order).tolist() == [[0, 1, 2]] * 5
+    shown = np.take_along_axis(identity, order, axis=1)
+    assert shown[0].tolist() == [1, 0, 0]
+    assert shown[1].tolist()[0] == 1
+    for before, after in itertools.pairwise(shown):
+        for place, one in enumerate(before):
+            assert not one or one not in after or after[place] == one
+    assert [sorted(row) for row in shown.tolist()] == [sorted(row) for row in identity.tolist()]
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,7 @@
-"""The study of basins: known answers, equal on any number of ranks, resumed, told by commands."""
+"""The study of basins: known answers, equal on any number of ranks, resumed, all commands."""
 
 import json
 import shutil
-import signal
 
 import faults
 import h5py
@@ -13,9 +12,9 @@ from tools import assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
-from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.attractors import AttractorSearch
-from hpcsweep.dynamics.basins import ELSEWHERE, Basins
+from hpcsweep.dynamics.basins import Basins
 from hpcsweep.figures.diagrams.basins import attractors_of
 from hpcsweep.figures.palette import MOTION_COLOURS, MOTION_NAMES
 from hpcsweep.job import JobError, parse_job
@@ -43,10 +42,7 @@ def whole(job):
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
     cut = tmp_path / "cut.h5"
     process = faults.start(2, "run", job, "-o", cut, sync=0.0)
-    faults.wait_for_commits(process, cut, 1)
-    process.send(signal.SIGKILL, "all", faults.random.Random(1))
-    process.end()
-    process.finish()
+    process.kill_after(cut, 1)
     assert len(faults.valid(cut)) >= 1
     assert hpcsweep(0, "run", job, "-o", cut).returncode == 0
     assert_same_datasets(whole, cut)
@@ -90,10 +86,12 @@ def test_rows_that_contradict_themselves_are_told(whole):
     ):
         broken = {**rows, name: rows[name].copy()}
         broken[name][0, 0] = value
-        assert any(word in told for _, told in study.check(study.block((0, 2, 0)), broken))
+        assert any(word in reported for _, reported in study.check(study.block((0, 2, 0)), broken))
     broken = {**rows, "label": rows["label"].copy()}
     broken["label"][0, 0] = 7
-    assert any("is labelled" in told for _, told in study.check(study.block((0, 2, 0)), broken))
+    assert any(
+        "is labelled" in reported for _, reported in study.check(study.block((0, 2, 0)), broken)
+    )
 
 
 def test_each_start_goes_where_it_goes_when_it_is_decided_alone(whole):
@@ -181,8 +179,8 @@ def test_every_command_tells_it(tmp_path, whole):
     assert state["study"] == "basins"
     assert state["starts"] == 63
     assert "periods; undecided 0" in hpcsweep(0, "status", whole).stdout
-    (told,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
-    assert sum(entry["runs"] for entry in told["basins"].values()) == 63
+    (reported,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
+    assert sum(entry["runs"] for entry in reported["basins"].values()) == 63
     assert "starts to 1, P1" in hpcsweep(0, "summary", whole).stdout
     assert "row" in hpcsweep(0, "schedule", whole).stdout
     picture = tmp_path / "picture.png"

@@ -101,8 +101,10 @@ class OneByOne(Batch):
     def _done(self, row, amplitude, rule, seen, cycles, exponent, period=1):
         kind = MotionClass.PERIODIC if seen.contact else MotionClass.NO_CONTACT
         points, solver = seen.points[-period:], self._solver
-        told = seen.contact, seen.peak_drift, seen.modal_norm, seen.measures
-        result = Result(period, cycles, points[-1], points, period, *told, *3 * (exponent,), kind)
+        reported = seen.contact, seen.peak_drift, seen.modal_norm, seen.measures
+        result = Result(
+            period, cycles, points[-1], points, period, *reported, *3 * (exponent,), kind
+        )
         store(row, solver.structure, solver.omega, amplitude, result)
         row["skip_rule"][:] = rule
         return points[-1].copy()

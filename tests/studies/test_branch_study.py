@@ -1,6 +1,9 @@
 """The study of branches: all motions of a file lie on them, on any number of ranks, resumed."""
 
 import json
+import os
+import random
+import runpy
 import shutil
 import signal
 
@@ -10,10 +13,19 @@ import numpy as np
 import pytest
 from tools import TWO_STOPS, assert_same_datasets, hpcsweep
 
-from hpcsweep import open_results, orbit
+from hpcsweep import Structure, open_results, orbit
 from hpcsweep.checks.validate import validate
+from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.figures.cielab import rgb
+from hpcsweep.figures.diagrams.special_curves import with_specials
+from hpcsweep.figures.film.film import _scene
+from hpcsweep.figures.film.frame import Painter
+from hpcsweep.figures.film.piece import Film, Request
+from hpcsweep.figures.film.scene import STABLE, UNSTABLE, Page
+from hpcsweep.figures.style import PlotError
 from hpcsweep.job import JobError, parse_job
 
+KILLS = int(os.environ.get("KILLS", "8"))
 SWEEP = f"""
 {TWO_STOPS}
 [sweep]
@@ -98,12 +110,33 @@ def test_on_any_number_of_ranks_the_file_is_the_same(folder, whole, ranks):
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(folder, whole):
     cut = folder / "cut.h5"
     process = faults.start(2, "run", folder / "job.toml", "-o", cut, sync=0.0)
-    faults.wait_for_commits(process, cut, 1)
-    process.send(signal.SIGKILL, "all", faults.random.Random(1))
-    process.end()
-    process.finish()
+    process.kill_after(cut, 1)
     assert hpcsweep(0, "run", folder / "job.toml", "-o", cut).returncode == 0
     assert_same_datasets(whole, cut)
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_killed_again_and_again_it_equals_the_uninterrupted_one(tmp_path):
+    """Eight kills of one, two or three ranks, at random times; thirty lines."""
+    sweep = SWEEP.replace("[0.9, 1.0, 1.1]", "{from = 0.9, to = 1.1, count = 30}")
+    (tmp_path / "sweep.toml").write_text(sweep)
+    seeds, rng = tmp_path / "sweep.h5", random.Random(7)
+    assert hpcsweep(2, "run", tmp_path / "sweep.toml", "-o", seeds).returncode == 0
+    job, path, kills = tmp_path / "job.toml", tmp_path / "cut.h5", 0
+    job.write_text(BRANCHES.format(seeds=seeds))
+    assert hpcsweep(0, "run", job, "-o", tmp_path / "whole.h5").returncode == 0
+    while kills < KILLS and len(faults.committed(path) if path.exists() else ()) < 29:
+        process = faults.start((0, 2, 3)[kills % 3], "run", job, "-o", path, sync=0.0)
+        least = len(faults.committed(path) if path.exists() else ()) + 1
+        if faults.wait_for_commits(process, path, least):
+            process.send(signal.SIGKILL, "all", rng)
+            kills += 1
+        process.end()
+        process.finish()
+    assert kills >= min(KILLS, 5)
+    assert hpcsweep(3, "run", job, "-o", path).returncode == 0
+    assert_same_datasets(tmp_path / "whole.h5", path)
 
 
 def test_the_file_is_sound_and_lines_that_contradict_themselves_are_told(folder, whole):
@@ -135,6 +168,151 @@ def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
     done = hpcsweep(0, "plot", whole, "--line", 3, "-o", folder / "none.png")
     assert done.returncode == 2
     assert "there are 3 lines" in done.stderr
+
+
+def test_branches_lie_under_the_points_of_a_film(folder, whole):
+    """Where a branch passes and no run is, the frame has the branch's colour."""
+    request = Request(folder / "sweep.h5", folder / "film.mp4", branches=whole)
+    film = Film(request, folder)
+    scene = _scene(film, film.survey([1]))
+    picture = film.paint(scene, 1)
+    bare = Painter(scene).paint(1.0, film.read(1))
+    page = Page(scene)
+    top, bottom, left, right = page.panels[0]
+    seen = {True: 0, False: 0}
+    for one in film.overlay.at(1.0):
+        for piece, steady in one.pieces():
+            columns = page.column(one.value[piece])
+            rows = page.row(0, one.points[piece, 0, 0])
+            inside = (rows > top) & (rows < bottom) & (columns > left) & (columns < right)
+            for x, y in zip(columns[inside], rows[inside], strict=True):
+                if (bare[y, x, :3] > 200).all():  # nothing else is there
+                    shades = [rgb(colour) for colour, _ in (STABLE, UNSTABLE)]
+                    assert tuple(picture[y, x, :3]) in shades
+                    seen[steady] += 1
+    assert min(seen.values()) > 5
+    assert hpcsweep(0, "animate", *_film(folder, whole)).returncode == 0
+    done = hpcsweep(0, "animate", *_film(folder, folder / "sweep.h5"))
+    assert done.returncode == 2
+    assert "branches are needed" in done.stderr
+
+
+def _film(folder, branches) -> tuple:
+    poster = folder / "poster.png"
+    return (
+        folder / "sweep.h5",
+        "-o",
+        folder / "film.mp4",
+        "--branches",
+        branches,
+        "--poster",
+        poster,
+    )
+
+
+@pytest.mark.slow
+def test_special_points_are_where_long_integrations_say(whole):
+    compare = runpy.run_path("jobs/attractors/special_points.py")["compare"]
+    agreed, others = compare(str(whole))
+    assert others == []
+    assert sum(agreed.values()) >= 5
+
+
+def test_special_points_lie_over_the_map_of_a_sweep(folder, whole):
+    sweep, picture = folder / "sweep.h5", folder / "map.png"
+    plot = ("plot", sweep, "--kind", "map", "-o", picture, "--branches")
+    assert hpcsweep(0, *plot, whole).returncode == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    done = hpcsweep(0, *plot, sweep)
+    assert done.returncode == 2
+    assert "branches are needed" in done.stderr
+    # what is drawn is what the file holds
+    runs, results = open_results(sweep), open_results(whole)
+    structure = parse_job(results.attrs["job"], "job", "job").structure
+    shown = with_specials(runs, whole, structure)
+    kinds = results["special_kind"].values
+    assert shown.sizes["special"] == np.count_nonzero(kinds)
+    np.testing.assert_array_equal(np.sort(shown["special_kind"]), np.sort(kinds[kinds > 0]))
+    omega = np.unique(shown["special_omega"].values)
+    assert set(omega) <= set(results["omega"].values.tolist())
+    with pytest.raises(PlotError, match="another structure"):
+        with_specials(runs, whole, Structure(3))
+
+
+@pytest.fixture(scope="module")
+def curves(folder):
+    """Branches of one floor beside a stop, and the curves of their folds and grazings."""
+    sweep = """
+[structure]
+n_floors = 1
+stiffness_ratio = 100.0
+sharpness = inf
+damping_ratio = 0.05
+[sweep]
+omega = [1.1, 1.2, 1.3]
+amplitude = {from = 0.1, to = 0.9, count = 9}
+transient_cycles = 100
+sampling_cycles = 32
+max_orbit_period = 1
+"""
+    (folder / "one.toml").write_text(sweep)
+    job = BRANCHES.format(seeds=folder / "one.h5").replace("sweep.toml", "one.toml")
+    room = "max_curves = 16\nmax_curve_points = 600\n"
+    (folder / "curves.toml").write_text(f'{job}curves = ["fold", "grazing"]\n{room}')
+    for name in ("one", "curves"):
+        done = hpcsweep(0, "run", folder / f"{name}.toml", "-o", folder / f"{name}.h5")
+        assert done.returncode == 0, done.stderr
+    return folder / "curves.h5"
+
+
+def test_special_points_lie_on_curves_that_meet_where_strips_do(curves):
+    results = open_results(curves)
+    kinds, numbers = results["special_kind"].values[0, :, 0], results["special_curve"].values
+    assert (kinds > 0).sum() == 9
+    np.testing.assert_array_equal(numbers[0, :, 0] > 0, kinds > 0)
+    strips = ((1.1, 1.15), (1.15, 1.25), (1.25, 1.3))
+    ends: dict[float, list] = {border: [] for pair in strips for border in pair}
+    for line, strip in enumerate(strips):
+        run = results.isel(direction=0, line=line, amplitude=0)
+        number = run["curve_of_step"].values
+        omega, at = run["curve_omega"].values, run["curve_amplitude"].values
+        grazing = run["curve_kind"].values[number - 1] == Kind.GRAZING
+        # one floor without contact touches the stop where its motion has the size of the gap
+        w = omega[(number > 0) & grazing]
+        known = np.hypot(1 - w**2, 2 * 0.05 * w)
+        np.testing.assert_allclose(at[(number > 0) & grazing], known, rtol=0, atol=1e-9)
+        for border in strip:
+            ends[border].append(np.sort(at[(number > 0) & (np.abs(omega - border) < 1e-12)]))
+    for border in (1.15, 1.25):
+        below, above = ends[border]
+        assert below.size == 3
+        np.testing.assert_allclose(below, above, rtol=0, atol=1e-9)
+    (told,) = json.loads(hpcsweep(0, "summary", curves, "--json").stdout)
+    assert told["curves"]["followed"]["share"] == 1.0
+    assert told["curves"]["curves"] == 9
+    assert "special points on a curve  9 (100 %)" in hpcsweep(0, "summary", curves).stdout
+
+
+@pytest.mark.mpi
+def test_curves_are_the_same_on_ranks_and_after_a_kill(folder, curves):
+    path = folder / "curves3.h5"
+    process = faults.start(2, "run", folder / "curves.toml", "-o", path, sync=0.0)
+    process.kill_after(path, 1, seed=2)
+    assert hpcsweep(3, "run", folder / "curves.toml", "-o", path).returncode == 0
+    assert_same_datasets(curves, path)
+    assert validate(path, samples=0).problems == []
+
+
+def test_curves_lie_over_the_map_of_a_sweep(folder, curves):
+    picture = folder / "curves.png"
+    plot = ("plot", folder / "one.h5", "--kind", "map", "-o", picture, "--branches")
+    assert hpcsweep(0, *plot, curves).returncode == 0
+    results = open_results(curves)
+    structure = parse_job(results.attrs["job"], "job", "job").structure
+    shown = with_specials(open_results(folder / "one.h5"), curves, structure)
+    held = results["curve_of_step"].values > 0
+    np.testing.assert_array_equal(shown["curve_omega"], results["curve_omega"].values[held])
+    assert np.unique(shown["curve_number"]).size == results["n_curves"].values.sum()
 
 
 def test_a_damaged_line_is_told(folder, whole):
@@ -177,6 +355,14 @@ def test_other_parameters(folder, tmp_path, parameter, span):
         ("steps = 300", 'parameter = "mass"', ("branches.parameter", "amplitude, omega")),
         ("steps = 300", 'parameter = "gap"', ("branches.span", "missing")),
         ("steps = 300", "steps = 0", ("branches.steps", "from 1")),
+        ("steps = 300", 'curves = ["flip"]', ("branches.curves", "fold, doubling")),
+        ("steps = 300", 'curves = [["fold"]]', ("branches.curves", "fold, doubling")),
+        ("steps = 300", 'curves = ["fold"]\ncurve_span = [1, 2]', ("curve_span", "sweep.omega")),
+        (
+            "steps = 300",
+            'curves = ["fold"]\nparameter = "omega"',
+            ("branches.parameter", '"amplitude"'),
+        ),
         ("steps = 300", "largest_step = 2.0", ("branches.largest_step", "above 0")),
         ("[branches]", '[solver]\nmethod = "bdf"\n[branches]', ("solver.method", "flow")),
         ('kind = "branches"', "", ("branches.seeds", '"branches"')),

@@ -61,5 +61,5 @@ def test_the_table_adds_up(study):
 
 
 def cells(line: str) -> list[float]:
-    """The numbers of a row; 0 where there is none."""
+    """Return the numbers of a row; 0 where there is none."""
     return [float(cell.strip().replace(",", "") or 0) for cell in line.split("|")[2:5]]

@@ -55,9 +55,9 @@ def test_such_a_file_is_valid_and_read_by_all(tmp_path):
     path = tmp_path / "few.toml"
     path.write_text(OPEN + "max_points = 12\nlyapunov = true\n")
     assert hpcsweep(0, "run", path, cwd=tmp_path).returncode == 0
-    told = hpcsweep(0, "validate", tmp_path / "few.h5", "--json", "--samples", 6)
-    assert told.returncode == 0, told.stdout + told.stderr
-    assert json.loads(told.stdout)["sound"] is True
+    reported = hpcsweep(0, "validate", tmp_path / "few.h5", "--json", "--samples", 6)
+    assert reported.returncode == 0, reported.stdout + reported.stderr
+    assert json.loads(reported.stdout)["sound"] is True
     results = open_results(tmp_path / "few.h5")
     assert results.sizes["point"] == 12
     aperiodic = (results["orbit_period"] == 0).values

@@ -1,7 +1,6 @@
 """Single points: a grid or a list, no path, the same bytes on any number of ranks."""
 
 import json
-import signal
 
 import faults
 import numpy as np
@@ -47,10 +46,7 @@ def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, grid_job):
     whole, cut = tmp_path / "whole.h5", tmp_path / "cut.h5"
     assert hpcsweep(0, "run", long, "-o", whole).returncode == 0
     process = faults.start(2, "run", long, "-o", cut, sync=0.0)
-    assert faults.wait_for_commits(process, cut, 5)
-    process.send(signal.SIGKILL, "all", faults.random.Random(1))
-    process.end()
-    process.finish()
+    assert process.kill_after(cut, 5)
     kept = faults.valid(cut)
     assert 5 <= len(kept) < 44
     begun = len(faults.records(cut))

@@ -1,6 +1,5 @@
 """Studies with varied keys: each part as a job of its own, on any ranks, killed and resumed."""
 
-import signal
 import time
 
 import faults
@@ -49,9 +48,9 @@ def test_each_part_is_that_of_a_job_of_its_own_to_the_last_bit(text, tmp_path):
             np.testing.assert_array_equal(read[name.name].values, alone[name.name].values)
     frames.close()
     assert len({results["drift"].values[k, 0].tobytes() for k in range(2)}) == 2
-    told = summarize(tmp_path / "varied.h5")
-    assert told["runs_done"] == told["runs_total"] == job.study.n_runs
-    assert told["vary"] == {axis.key: list(axis.values) for axis in job.study.axes}
+    reported = summarize(tmp_path / "varied.h5")
+    assert reported["runs_done"] == reported["runs_total"] == job.study.n_runs
+    assert reported["vary"] == {axis.key: list(axis.values) for axis in job.study.axes}
     report = validate(tmp_path / "varied.h5", samples=3)
     assert report.sound
     assert len(report.sample) == 3
@@ -103,10 +102,7 @@ def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path):
     job.write_text(faults.JOB + TWO)
     assert hpcsweep(0, "run", job, "-o", whole).returncode == 0
     process = faults.start(2, "run", job, "-o", cut, sync=0.0)
-    assert faults.wait_for_commits(process, cut, 20)
-    process.send(signal.SIGKILL, "all", faults.random.Random(1))
-    process.end()
-    process.finish()
+    assert process.kill_after(cut, 20)
     assert len(faults.valid(cut)) < 6 * 48
     assert hpcsweep(3, "run", job, "-o", cut).returncode == 0
     assert_same_datasets(whole, cut)

@@ -98,13 +98,13 @@ class Attractors(Limits, AmplitudeSweep):
     @property
     def starting_range(self) -> dict[str, tuple[int, float, float]]:
         """Component and range of the starts; only those of the first floor where all are equal."""
-        n, told = self.structure.n_floors, {}
+        n, ranges = self.structure.n_floors, {}
         for kind, first in (("displacement", 0), ("velocity", n)):
             own = self.box[first : first + n]
             for k in range(1 if len(set(own)) == 1 else n):
                 name = kind if len(set(own)) == 1 else f"{kind} {k + 1}"
-                told[name] = (first + k, *own[k])
-        return told
+                ranges[name] = (first + k, *own[k])
+        return ranges
 
     @property
     def starting_states(self) -> np.ndarray:

@@ -24,15 +24,15 @@ class Found(NamedTuple):
         return name if self.contact is None else f"{name} {contact_name(self.contact, labels)}"
 
 
-def attractors_in(frame) -> tuple[list[int], list[int], list[Found]]:
-    """Return identity, hits and kind of all attractors of a frame, an xarray.Dataset."""
+def attractors_in(frame) -> tuple[list[int], list[Found]]:
+    """Return identity and kind of all attractors of a frame, an xarray.Dataset."""
     held = frame["attractor_id"].values > 0
-    number, hits, kind, period = (
+    number, kind, period = (
         frame[name].values[held].tolist()
-        for name in ("attractor_id", "hits", "motion_class", "orbit_period")
+        for name in ("attractor_id", "motion_class", "orbit_period")
     )
     contact = frame["contact"].values[held].tolist() if "contact" in frame else [None] * len(kind)
-    return number, hits, list(map(Found, kind, period, contact))
+    return number, list(map(Found, kind, period, contact))
 
 
 class SearchTally:
@@ -107,7 +107,7 @@ class AttractorTally(SearchTally):
         self.add_starts(frame, study, study.starts)
         there = frame["outcome"].values != Outcome.NOT_COMPUTED
         self.numbers.update(frame["n_attractors"].values[there].tolist())
-        self.attractors.update(attractors_in(frame)[2])
+        self.attractors.update(attractors_in(frame)[1])
 
     def told(self) -> dict:
         """Return the counts: numbers, strings, lists and dicts."""

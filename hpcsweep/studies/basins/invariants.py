@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
-from hpcsweep.dynamics.basins import ELSEWHERE
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.invariants import of_motions
 from hpcsweep.studies.invariants import listed, of_outcome
 
@@ -26,6 +26,24 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
     """
     broken = {**_of_labels(study, rows), **_of_attractors(study, rows)}
     return listed(broken)
+
+
+def broken_invariants_of_starts(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+    """Check k starts against the invariants of `hpcsweep.studies.basins.refined`.
+
+    Parameters and result as of `broken_invariants`.
+    """
+    label, outcome = rows["label"], rows["outcome"]
+    listed_or_not = (UNDECIDED, FAILED, ELSEWHERE, *range(1, study.max_attractors + 1))
+    return listed(
+        {
+            "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, listed_or_not),
+            "a start that failed, and no other, is labelled so": (label == FAILED)
+            != (outcome != Outcome.COMPLETE),
+            **of_outcome(outcome),
+            "cycles is at least 0": rows["cycles"] < 0,
+        }
+    )
 
 
 def _of_labels(study, rows: dict) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Classify rows of starts on a slice of the initial states."""
+"""Classify starts on a slice of the initial states, in rows or each on its own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,14 +6,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
-from hpcsweep.dynamics.basins import ELSEWHERE, Basins
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
+from hpcsweep.dynamics.basins import Basins
 from hpcsweep.dynamics.starts import starting_states
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.attractors.search import empty_results, store_values
-from hpcsweep.studies.basins.variables import basin_variables
+from hpcsweep.studies.basins.variables import basin_variables, is_of_attractors
 from hpcsweep.studies.settings import SweepSettings
 
 
@@ -29,7 +29,7 @@ class Slice:
     state : tuple of 2n float
         State with the other components of all starts.
     starts, seed, max_attractors, max_cycles : int
-        See `hpcsweep.studies.basins.basins.Basins`.
+        See `hpcsweep.studies.basins.slice.SliceGrid`.
     """
 
     components: tuple[int, int]
@@ -43,7 +43,7 @@ class Slice:
 
 
 class SliceRuns:
-    """Rows of one slice at one point.
+    """Starts of one slice at one point.
 
     Parameters
     ----------
@@ -87,10 +87,7 @@ class SliceRuns:
             The variables of the study, first axis of size 1.
         """
         basins = self._known(poll)
-        first, second = self._slice.components
-        states = np.tile(np.array(self._slice.state), (horizontal.size, 1))
-        states[:, first], states[:, second] = horizontal, ordinate
-        labels, cycles = basins.labels(states, poll)
+        labels, cycles = basins.labels(self._states(horizontal, ordinate), poll)
         row = empty_results(
             basin_variables(self._settings),
             self._structure,
@@ -98,11 +95,10 @@ class SliceRuns:
             attractor=self._slice.max_attractors,
             column=horizontal.size,
         )
+        row |= self.attractors(poll)
         row["label"][0] = np.where(labels >= 0, labels + 1, labels)
-        for slot, one in enumerate(basins.attractors):
-            hits = (labels == slot).sum()
-            known = {"attractor_id": slot + 1, "hits": hits, "point": one.points[-1]}
-            store_values(row, (0, slot), self._solver.structure, one, **known)
+        for slot in range(len(basins.attractors)):
+            row["hits"][0, slot] = (labels == slot).sum()
         row["n_undecided"][0] = (labels == UNDECIDED).sum()
         row["n_failed"][0] = (labels == FAILED).sum()
         row["n_elsewhere"][0] = (labels == ELSEWHERE).sum()
@@ -110,6 +106,41 @@ class SliceRuns:
         failed = bool(np.all(labels == FAILED))
         row["outcome"][0] = Outcome.SOLVER_FAILED if failed else Outcome.COMPLETE
         return row
+
+    def starts(
+        self, horizontal: np.ndarray, ordinate: float, poll: Callable[[], None] | None = None
+    ) -> dict[str, np.ndarray]:
+        """Return the attractor that each of some starts reaches, on its own; as of `row`.
+
+        Returns
+        -------
+        dict of str to ndarray
+            `START_VARIABLES` of the study, first axis the starts.
+        """
+        labels, cycles = self._known(poll).alone(self._states(horizontal, ordinate), poll)
+        failed = labels == FAILED
+        return {
+            "label": np.where(labels >= 0, labels + 1, labels).astype(np.int8),
+            "cycles": np.minimum(cycles, np.iinfo(np.int32).max).astype(np.int32),
+            "outcome": np.where(failed, Outcome.SOLVER_FAILED, Outcome.COMPLETE).astype(np.int8),
+        }
+
+    def attractors(self, poll: Callable[[], None] | None = None) -> dict[str, np.ndarray]:
+        """Return the attractors of the slice, arrays of shape (1, max_attractors, ...)."""
+        variables = [v for v in basin_variables(self._settings) if is_of_attractors(v)]
+        most = self._slice.max_attractors
+        found = empty_results(variables, self._structure, 1, attractor=most)
+        for slot, one in enumerate(self._known(poll).attractors):
+            known = {"attractor_id": slot + 1, "point": one.points[-1]}
+            store_values(found, (0, slot), self._solver.structure, one, **known)
+        return found
+
+    def _states(self, horizontal: np.ndarray, ordinate: float) -> np.ndarray:
+        """Return starts of a row, shape (k, 2n)."""
+        first, second = self._slice.components
+        states = np.tile(np.array(self._slice.state), (horizontal.size, 1))
+        states[:, first], states[:, second] = horizontal, ordinate
+        return states
 
     def _known(self, poll) -> Basins:
         """Find the attractors, once."""

@@ -1,8 +1,14 @@
-"""Count over the rows of a study of basins, for its summary."""
+"""Count over the starts of a study of basins, for its summary."""
 
 from collections import Counter
 
+import numpy as np
+
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.tally import Found, SearchTally, attractors_in
+from hpcsweep.studies.refine.refinement import Source
+from hpcsweep.studies.refine.variables import SOURCE, inferred_name
 from hpcsweep.studies.tally import share
 
 
@@ -17,11 +23,15 @@ class BasinTally(SearchTally):
     def add(self, frame, study) -> None:
         """Count a row, an xarray.Dataset, of a study or of a part of it."""
         self.add_starts(frame, study, study.horizontal.size)
+        self.add_labels(frame, frame["label"].values)
+
+    def add_labels(self, frame, labels: np.ndarray) -> None:
+        """Count the starts of a row to each attractor."""
         part = frame.attrs["part"]
-        for number, hits, kind in zip(*attractors_in(frame), strict=True):
+        for number, kind in zip(*attractors_in(frame), strict=True):
             name = f"{part}, {number}" if part else str(number)
             self.attractors[name] = kind
-            self.hits[name] += hits
+            self.hits[name] += int((labels == number).sum())
 
     def told(self) -> dict:
         """Return the counts: numbers, strings, lists and dicts."""
@@ -30,3 +40,28 @@ class BasinTally(SearchTally):
             for name, kind in self.attractors.items()
         }
         return self.told_of(Counter(), Counter(self.attractors.values())) | {"basins": basins}
+
+
+class StartTally(BasinTally):
+    """Tally of the starts of a refined map: shares are of all, computed or inferred."""
+
+    def add(self, frame, study) -> None:
+        """Count a row, an xarray.Dataset, of a study."""
+        del study
+        outcome = frame["outcome"].values
+        computed = outcome != Outcome.NOT_COMPUTED
+        inferred = frame[SOURCE].values == Source.INFERRED
+        labels = np.where(inferred, frame[inferred_name("label")].values, frame["label"].values)
+        labels = labels[computed | inferred]
+        self.outcomes += np.bincount(outcome.ravel(), minlength=self.outcomes.size)
+        self.cycles += int(frame["cycles"].values[computed].sum())
+        self.starts += labels.size
+        self.undecided += int((labels == UNDECIDED).sum())
+        self.failed += int((labels == FAILED).sum())
+        self.elsewhere += int((labels == ELSEWHERE).sum())
+        self.add_labels(frame, labels)
+
+    def told(self) -> dict:
+        """Return the counts; the periods of a start are those of the computed ones."""
+        counts = super().told()
+        return counts | {"periods_per_start": counts["periods_per_run"]}

@@ -1,26 +1,33 @@
-"""Variables of the results of a study of basins: a run is a row of starts."""
+"""Variables of the results of a study of basins: a run is a row of starts, or one of them."""
 
 from dataclasses import replace
 
 from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.study import Variable
-from hpcsweep.studies.variables import CYCLES, OMEGA, OUTCOME, STATES, measures_of_each
+from hpcsweep.studies.variables import (
+    AMPLITUDE,
+    CYCLES,
+    OMEGA,
+    OUTCOME,
+    STATES,
+    measures_of_each,
+)
 
 RUN = ("direction", "row", "amplitude")
 """Dimensions of a row."""
+START_RUN = ("direction", "row", "column")
+"""Dimensions of a start."""
 EACH = (*RUN, "attractor")
+OF_LABEL = (
+    "attractor that a start goes to: its attractor_id; -1 undecided, -2 failed, -3 one that is "
+    "not listed"
+)
+ROW_AMPLITUDE = Variable("forcing_amplitude", ("row",), "<f8", *AMPLITUDE)
 ROW_OMEGA = Variable("omega", ("row",), "<f8", *OMEGA)
 COMMIT = Variable("commit", ("direction", "row", "block"), "<u8", "1", "checksum of a block")
 ORDINATE = Variable("ordinate", ("row",), "<f8", STATES, "second component of a row's starts")
 VARIABLES = (
-    Variable(
-        "label",
-        (*RUN, "column"),
-        "<i1",
-        "1",
-        "attractor that a start goes to: its attractor_id; -1 undecided, -2 failed, -3 one that is "
-        "not listed",
-    ),
+    Variable("label", (*RUN, "column"), "<i1", "1", OF_LABEL),
     Variable("attractor_id", EACH, "<i4", "1", "number of the attractor, 0 for none"),
     Variable("motion_class", EACH, "<i1", "1", "motion: 2 periodic, 4 quasi-periodic, 5 chaotic"),
     Variable("hits", EACH, "<i4", "1", "starts of the row that go to the attractor"),
@@ -38,6 +45,12 @@ VARIABLES = (
     replace(CYCLES, dims=RUN),
     replace(OUTCOME, dims=RUN),
 )
+START_COMMIT = replace(COMMIT, long_name="checksum of a start")
+START_VARIABLES = (
+    Variable("label", START_RUN, "<i1", "1", OF_LABEL),
+    replace(CYCLES, dims=START_RUN),
+    replace(OUTCOME, dims=START_RUN),
+)
 OPTIONAL = ("contact", "drift", "modal_norm", *MEASURES)
 """Variables that a job may leave out."""
 
@@ -46,3 +59,20 @@ def basin_variables(settings: SweepSettings) -> list[Variable]:
     """Return the variables of each row, in the order of the file."""
     out = set(OPTIONAL) - set(settings.metrics)
     return [variable for variable in VARIABLES if variable.name not in out]
+
+
+def is_of_attractors(variable: Variable) -> bool:
+    """Return whether a variable of a row has a value for each attractor."""
+    return variable.dims[: len(EACH)] == EACH
+
+
+def listed_variables(settings: SweepSettings) -> list[Variable]:
+    """Return the variables of the attractors that a refined map lists for each row.
+
+    They are those of a row, but for its own `hits`.
+    """
+    return [
+        replace(variable, dims=(*START_RUN[:2], *variable.dims[len(RUN) :]))
+        for variable in basin_variables(settings)
+        if is_of_attractors(variable) and variable.name != "hits"
+    ]

@@ -13,6 +13,7 @@ from hpcsweep.earthquakes.reading import STANDARD_GRAVITY, UNITS
 from hpcsweep.earthquakes.suite import MEASURES, Facts, Files, Measure, Synthetic
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.model.record import MAX_SAMPLES
+from hpcsweep.solvers.response import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.study import Coordinate
 
 KEYS = ("files", "synthetic", "unit", "gravity", "dt", "tail", "scale", "found")
@@ -94,6 +95,18 @@ def read_tail(values: Any, found: tuple[Facts, ...]) -> float:
     return tail
 
 
+def read_history(values: Any, found: tuple[Facts, ...]) -> float:
+    """Read the step between the instants of the histories; 0 for none."""
+    step = values.get("output.history", False)
+    if step is False:
+        return 0.0
+    step = positive(values, "output.history", step)
+    for one in found:
+        if not steps_in(one.dt, step):
+            raise values.error("output.history", step, f"{WHOLE.format(one.dt)} of {one.name}")
+    return step
+
+
 def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     """Read the measure by which records are scaled, and its values, ascending.
 
@@ -161,16 +174,11 @@ def _is_sound(facts: Facts) -> bool:
     )
 
 
-def storey_heights(values: Any, n_storeys: int) -> tuple[float, ...]:
-    """Return the height of each storey if all buildings give theirs, otherwise ()."""
-    heights: list[float] = []
-    for building in values.top("building", None) or []:
-        height = building.get("storey_height")
-        each = height if isinstance(height, list) else [height] * np.size(building["mass"])
-        if None in each:
-            return ()
-        heights += map(float, each)
-    return tuple(heights) if len(heights) == n_storeys else ()
+def instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
+    """Return the dimension of the histories: the instants of the longest record and its tail."""
+    longest = max((one.samples - 1) * one.dt for one in found) + tail
+    values = step * np.arange(math.floor(longest / step + SAME_STEP) + 1)
+    return Coordinate(values, "time", "time since the first sample")
 
 
 def scale_coordinate(measure: Measure, scale: np.ndarray) -> Coordinate:

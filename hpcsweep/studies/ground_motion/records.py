@@ -26,13 +26,12 @@ from hpcsweep.studies.ground_motion.variables import (
     FACTS,
     GROUPS,
     RUN,
-    STOREY_HEIGHT,
     place_coordinates,
     response_variables,
 )
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Axis, Block, BlockTable, Coordinate, Path, Place, Variable
-from hpcsweep.studies.variables import named, numbered, states
+from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
 MOST_SCALES = 1_000_000
 
@@ -63,6 +62,8 @@ class Records:
         Height of each storey; empty if unknown.
     gravity : float
         One g in the structure's units.
+    history : float
+        Step between the instants at which the motion is stored; 0: it is not.
     """
 
     structure: Structure
@@ -76,11 +77,12 @@ class Records:
     tail: float
     storey_height: tuple[float, ...]
     gravity: float
+    history: float
 
     kind: ClassVar[str] = "records"
     task_noun: ClassVar[str] = "record"
     why_whole: ClassVar[str] = "the scales of a record are computed by one rank"
-    keys: ClassVar[dict] = {"records": keys.KEYS, "output": (*GROUPS, "block")}
+    keys: ClassVar[dict] = {"records": keys.KEYS, "output": (*GROUPS, "history", "block")}
     without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int] = 25
@@ -100,7 +102,7 @@ class Records:
     def read(cls, values, **common) -> "Records":
         """Read records and scales; see `RunGrid.read`."""
         structure, settings = common["structure"], common["settings"]
-        if not structure.contact_stiffness.any():
+        if not structure.force_per_length.any():
             structure = common["structure"] = structure.without_contacts()
         if settings.solver not in response.SOLVERS:
             limit = f"of records must be {' or '.join(response.SOLVERS)}"
@@ -123,8 +125,9 @@ class Records:
             measure=measure,
             scale=scale,
             tail=keys.read_tail(values, suite),
-            storey_height=keys.storey_heights(values, len(structure.drift_rows)),
+            storey_height=structure.names.storey_heights,
             gravity=keys.read_gravity(values),
+            history=keys.read_history(values, suite),
             **common,
         )
 
@@ -157,7 +160,8 @@ class Records:
     @cached_property
     def responses(self) -> Responses:
         """Responses that compute the runs."""
-        return Responses(self.structure, self.settings, self.tail)
+        n_instants = sum(one.values.size for one in self.instants.values())
+        return Responses(self.structure, self.settings, self.tail, self.history, n_instants)
 
     def record(self, i: int) -> Record:
         """Return the samples of record i.
@@ -172,7 +176,14 @@ class Records:
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
-        return response_variables(self.structure, self.settings)
+        return response_variables(self.structure, self.settings, self.history > 0.0)
+
+    @cached_property
+    def instants(self) -> dict[str, Coordinate]:
+        """Dimension of the histories; empty if none are stored."""
+        if not self.history:
+            return {}
+        return {"time": keys.instants(self.suite, self.tail, self.history)}
 
     @property
     def dimensions(self) -> dict[str, int]:
@@ -188,6 +199,7 @@ class Records:
             "scale": keys.scale_coordinate(self.measure, self.scale),
             "state": states(self.structure.n_floors),
             "block": numbered(self.n_blocks, "block of scales"),
+            **self.instants,
         }
 
     @property
@@ -196,8 +208,7 @@ class Records:
         facts = [
             (one, np.array([getattr(facts, one.name) for facts in self.suite])) for one in FACTS
         ]
-        heights = [(STOREY_HEIGHT, np.array(self.storey_height))] if self.storey_height else []
-        return [*facts, (FACTOR, self.factor), *heights]
+        return [*facts, (FACTOR, self.factor), *storey_heights(self.structure)]
 
     def tasks_of(self, frame: int) -> list[int]:
         """Return the one task of a record."""

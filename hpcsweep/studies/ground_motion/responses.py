@@ -31,9 +31,15 @@ from hpcsweep.earthquakes.suite import digest_of
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.response import Response, linear_response, scale_of_contact
+from hpcsweep.solvers.response import (
+    Response,
+    history,
+    linear_response,
+    record_map,
+    scale_of_contact,
+)
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.ground_motion.variables import pack, peaks_of
+from hpcsweep.studies.ground_motion.variables import HISTORY, pack, peaks_of
 from hpcsweep.studies.settings import SweepSettings
 
 Poll = Callable[[], None] | None
@@ -56,14 +62,26 @@ class Responses:
         Solver, rtol, rules and groups of results.
     tail : float
         Time of free motion after each record.
+    step, n_instants : float, int
+        Of the histories, if they are stored: computed plainly, whatever the rules.
     """
 
-    def __init__(self, structure: Structure, settings: SweepSettings, tail: float):
+    def __init__(
+        self,
+        structure: Structure,
+        settings: SweepSettings,
+        tail: float,
+        step: float = 0.0,
+        n_instants: int = 0,
+    ):
         self.structure, self._settings, self._tail = structure, settings, tail
+        self._step, self._n_instants = step, n_instants
         self._own, self._alone = peaks_of(structure, settings)
         sharp = structure.sharpness == math.inf or not structure.contacts
-        self._linear = sharp and "linear" in settings.skip
-        self._ratio = sharp and "ratio" in settings.skip
+        # the error of `bdf` depends on the scale
+        serves = sharp and settings.solver == "flow"
+        self._linear = serves and "linear" in settings.skip
+        self._ratio = serves and "ratio" in settings.skip
 
     @cached_property
     def _largest(self) -> float:
@@ -105,9 +123,35 @@ class Responses:
             found.append(np.concatenate(parts))
             told["outcome"].append(outcome)
             told["skip_rule"].append(SkipRule.LINEAR if is_linear else SkipRule.NONE)
-        return self._by_name(np.array(found)) | {
-            name: np.array(values, np.int8) for name, values in told.items()
+        motion = self._histories(record, factors, told["outcome"], poll) if self._step else {}
+        return (
+            self._by_name(np.array(found))
+            | motion
+            | {name: np.array(values, np.int8) for name, values in told.items()}
+        )
+
+    def _histories(self, record, factors, outcomes, poll: Poll) -> dict[str, np.ndarray]:
+        """Compute the motion itself at the instants, by variable name; NaN where there is none."""
+        n, n_contacts = self.structure.n_floors, len(self.structure.contacts)
+        sizes = dict(zip((one.name for one in HISTORY), (n, n, n_contacts), strict=True))
+        found = {
+            name: np.full((factors.size, self._n_instants, size), math.nan)
+            for name, size in sizes.items()
+            if size
         }
+        for k, (factor, outcome) in enumerate(zip(factors.tolist(), outcomes, strict=True)):
+            if outcome is Outcome.COMPLETE:
+                seen = history(
+                    *(self.structure, record, factor, self._tail, self._step),
+                    solver=self._settings.solver,
+                    rtol=self._settings.rtol,
+                    poll=poll,
+                )
+                parts = zip(sizes, (seen.displacement, seen.velocity, seen.force), strict=True)
+                for name, values in parts:
+                    if name in found:
+                        found[name][k, : len(values)] = values
+        return found
 
     def _free(self, record: Record, digest: str) -> tuple[np.ndarray, np.ndarray, float]:
         """Return the response without contacts, the results of it, and its largest scale."""
@@ -181,7 +225,7 @@ def respond(
     poll: Poll = None,
 ) -> Response:
     """Return the response of a structure, unscaled, to a record at a scale."""
-    solver = _map(structure, record.dt, settings.rtol)
+    solver = _map(settings.solver, structure, record.dt, settings.rtol)
     return solver.respond(record.acceleration, scale, tail, poll=poll)
 
 
@@ -199,11 +243,8 @@ def with_gaps_in(structure: Structure, unit: float) -> Structure:
 
 
 @lru_cache(maxsize=8)
-def _map(structure: Structure, dt: float, rtol: float):
-    # imported here: reading results needs no kernels
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
-    return RecordMap(structure, dt, rtol)
+def _map(solver: str, structure: Structure, dt: float, rtol: float):
+    return record_map(solver)(structure, dt, rtol)
 
 
 class _Kept:

@@ -85,6 +85,21 @@ OUTCOME = Variable(
 SKIP_RULE = Variable(
     "skip_rule", RUN, "<i1", "1", "rule that spared a computation: 1 linear, below first contact"
 )
+HISTORY = (
+    Variable(
+        *("history_displacement", (*RUN, "time", "floor"), "<f8", "length"),
+        "displacement of each floor",
+    ),
+    Variable(
+        *("history_velocity", (*RUN, "time", "floor"), "<f8", "velocity"),
+        "velocity of each floor, relative to the ground",
+    ),
+    Variable(
+        *("history_force", (*RUN, "time", "stop"), "<f8", "force"),
+        "largest force of each contact since the instant before",
+    ),
+)
+"""The motion itself, where ``output.history`` gives a step; NaN past the end of a record."""
 GROUPS = {"times": TIMES, "alone": ALONE}
 """Peaks that a job may leave out, by the keys of its table ``output``."""
 
@@ -99,7 +114,6 @@ FACTS = (
 )
 """What is known of each record, by the fields of its `Facts`."""
 FACTOR = Variable("factor", RUN, "<f8", "1", "by which the acceleration is multiplied")
-STOREY_HEIGHT = Variable("storey_height", ("storey",), "<f8", "length", "height of each storey")
 
 
 def peaks_of(structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:
@@ -112,10 +126,12 @@ def peaks_of(structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]
     return held(PEAKS) + groups.get("times", []), groups.get("alone", [])
 
 
-def response_variables(structure, settings: SweepSettings) -> list[Variable]:
-    """Return the variables of a run, in the order of the file."""
+def response_variables(structure, settings: SweepSettings, history: bool) -> list[Variable]:
+    """Return the variables of a run, in the order of the file, with or without its history."""
     own, alone = peaks_of(structure, settings)
-    return [*(peak.variable for peak in own + alone), OUTCOME, SKIP_RULE]
+    motion = [one for one in HISTORY if structure.contacts or one.dims[-1] != "stop"]
+    peaks = [peak.variable for peak in own + alone]
+    return [*peaks, *(motion if history else ()), OUTCOME, SKIP_RULE]
 
 
 def place_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:

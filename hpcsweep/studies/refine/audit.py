@@ -14,6 +14,12 @@ they were before. So with p_low n and p_high n wrong ones before, there are now
     p_low n - w - c  to  p_high n - w + c
 
 wrong ones among n'. The audit ends when the upper end over n' is below the limit of the job.
+
+Wrong points that are allowed, in cells that are left although they disagree, must leave room for
+the interval: with the share f of the limit allowed, a look shows less than the limit if it draws
+some 20 f times the points of which none may be wrong. So the first look draws a `DRAWN_PART` of the
+map, at least 2 and at most 8 times these points, and f follows. After a look that shows more than
+the limit half as much is allowed, and the next draws twice as many.
 """
 
 import math
@@ -25,10 +31,14 @@ from hpcsweep.dynamics.shares import share_interval
 
 ALPHA = 0.05
 """Probability that any interval fails."""
-FIRST_DRAW = 2.0
-"""Points of the first look, in those that show `wrong` where none of them is ..."""
+LEAST_DRAW, MOST_DRAW = 2.0, 8.0
+"""Points of the first look, in those that show `wrong` where none of them is."""
+DRAWN_PART = 1 / 32
+"""Part of all points that the first look draws, between these limits."""
+ALLOWED = 1 / 20
+"""Share of `wrong` that is allowed, times the first look in the same measure."""
 GROWTH = 2
-"""... and by how much each look is larger than the one before."""
+"""How much each look is larger than the one before."""
 MOST_LOOKS = 48
 """Looks there can be: each draw is twice the last, and the grid has 2**40 points at most."""
 
@@ -54,11 +64,24 @@ class Look(NamedTuple):
     high: float
 
 
-def n_drawn(wrong: float, look: int) -> int:
-    """Return the number of points that a look (from 1) draws, if there are as many."""
-    tail = ALPHA / 4  # either side of the first look's interval
-    least = math.log(tail) / math.log1p(-wrong)
-    return math.ceil(FIRST_DRAW * least) * GROWTH ** (look - 1)
+def n_drawn(wrong: float, look: int, n_points: int) -> int:
+    """Return the number of points of a map that a look (from 1) draws, if there are as many."""
+    return math.ceil(_first_draw(wrong, n_points) * _least(wrong)) * GROWTH ** (look - 1)
+
+
+def n_allowed(wrong: float, look: int, n_points: int) -> float:
+    """Return how many wrong points of a map are allowed before a look."""
+    return ALLOWED * _first_draw(wrong, n_points) * wrong * n_points / GROWTH ** (look - 1)
+
+
+def _least(wrong: float) -> float:
+    """Return the points that show `wrong` in the first look where none of them is."""
+    return math.log(ALPHA / 4) / math.log1p(-wrong)
+
+
+def _first_draw(wrong: float, n_points: int) -> float:
+    """Return the points of the first look, in those of `_least`."""
+    return min(max(DRAWN_PART * n_points / _least(wrong), LEAST_DRAW), MOST_DRAW)
 
 
 def draw(points: np.ndarray, count: int, seed: int, look: int) -> np.ndarray:

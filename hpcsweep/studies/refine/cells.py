@@ -1,18 +1,29 @@
-"""Cut the cells of a grid until the known points in each of them agree.
+"""Cut the cells of a grid until the known points agree in all of them but the costliest.
 
 The grid has d axes of n_1 .. n_d points. Its lines at level l are the points 0, 2^l, 2 2^l, ... and
 the last one of each axis; those of a finer level hold those of a coarser one. A cell of level l is
-the closed box between neighbouring lines of every axis. The remaining boxes tile the grid, and only
-those of level 0, which have no points but their corners, may disagree. Corners and centre of a cell
-are computed. All other points in it are inferred to equal its known points. Neighbouring remaining
-cells share a corner of the smaller one, and so agree where they meet.
+the closed box between neighbouring lines of every axis. The remaining boxes tile the grid, and
+those of level 0 have no points but their corners. Corners and centre of a cell are computed. All
+other points in it are inferred to equal its known points. Neighbouring cells that agree share a
+corner of the smaller one, and so agree with each other.
+
+Where motions alternate from point to point a map is costliest and tells least. A cell that
+disagrees may be left as well: its other points are inferred from the nearest that is known, or in a
+cell that agrees, and a part `WRONG` of its points is expected to be wrong. What a boundary through
+a cell of s steps costs to resolve goes as s^(d - 1), what is wrong otherwise as s^d: most is spared
+where the cost of a point, the greatest known of the cell, is largest over s.
 
 Each label is two numbers, the least and the greatest code of known points: a cell agrees where its
 least is not below its greatest.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
+WRONG = 0.2
+"""Part of the points of a cell that are expected to be wrong if it disagrees and is left."""
+CUT = -1
 NOTHING = np.iinfo(np.int32).max
 """Least code of points that are not known; their greatest is -1."""
 
@@ -24,6 +35,8 @@ class Labels:
     ----------
     least, greatest : ndarray of int32, shape (n,)
         0 and `NOTHING` for a point that agrees with none.
+    cost : ndarray of int64, shape (n,)
+        Forcing periods of known points, 0 of others.
     codes : list of tuple
         Labels by code minus 1.
     """
@@ -31,6 +44,7 @@ class Labels:
     def __init__(self, size: int):
         self.least = np.full(size, NOTHING, np.int32)
         self.greatest = np.full(size, -1, np.int32)
+        self.cost = np.zeros(size, np.int64)
         self.codes: list[tuple[int, ...]] = []
         self._code_of: dict[tuple[int, ...], int] = {}
 
@@ -40,14 +54,17 @@ class Labels:
         return self.greatest >= 0
 
     def store(self, points: np.ndarray, labels: np.ndarray) -> None:
-        """Store the labels of k points, shape (k, 1 + m); a first entry of 1 agrees with none.
+        """Store the labels of k points, shape (k, 2 + m); a first entry of 1 agrees with none.
+
+        The last entry is the cost.
 
         Parameters
         ----------
         points : ndarray of int, shape (k,)
         labels : ndarray of uint64
         """
-        kinds, which = np.unique(labels, axis=0, return_inverse=True)
+        self.cost[points] = labels[:, -1]
+        kinds, which = np.unique(labels[:, :-1], axis=0, return_inverse=True)
         codes = np.array([self._code(tuple(kind)) for kind in kinds.tolist()], np.int32)
         code = codes[which.ravel()]
         self.least[points] = np.where(code > 0, code, 0)
@@ -62,113 +79,157 @@ class Labels:
         return self._code_of[label]
 
 
+class _Table(NamedTuple):
+    """Cells, those that were cut included.
+
+    Attributes
+    ----------
+    begin, end : ndarray of int, shape (m, d)
+        First and last point.
+    level : ndarray of int8, shape (m,)
+        `CUT` of those that were cut.
+    least, greatest : ndarray of int32, shape (m,)
+    cost : ndarray of int64, shape (m,)
+        Extreme codes of the known points, and the greatest cost; see `Labels`.
+    """
+
+    begin: np.ndarray
+    end: np.ndarray
+    level: np.ndarray
+    least: np.ndarray
+    greatest: np.ndarray
+    cost: np.ndarray
+
+
 class Cells:
-    """Remaining cells of a grid.
+    """Remaining cells of a grid, and what is known of its points.
 
     Parameters
     ----------
     shape : tuple of int
-        Number of points of every axis.
+        Number of points of every axis, 2 or more.
     levels : int
         Level of the coarsest cells.
     """
 
     def __init__(self, shape: tuple[int, ...], levels: int):
         self.shape = shape
-        self._lines = [[_lines(n, level) for n in shape] for level in range(levels + 1)]
-        self._left = [
-            np.full([len(begin) for begin, _ in axes], level == levels)
-            for level, axes in enumerate(self._lines)
-        ]
+        size, self._last = int(np.prod(shape)), np.array(shape) - 1
+        self._strides = [int(np.prod(shape[axis + 1 :])) for axis in range(len(shape))]
+        self._least, self._greatest = np.full(size, NOTHING, np.int32), np.full(size, -1, np.int32)
+        self._cost = np.zeros(size, np.int64)
+        # the cell of each box between neighbouring points, by the first of these
+        self._cell_of = np.zeros(size, np.int32)
+        none = np.zeros(0, np.int32)
+        points = np.zeros((0, len(shape)), int)
+        self._cells = _Table(points, points, none.astype(np.int8), none, none, none.astype(int))
+        lines = np.meshgrid(*(np.arange(0, n - 1, 2**levels) for n in shape), indexing="ij")
+        begin = np.stack(lines, axis=-1).reshape(-1, len(shape))
+        self._add(begin, np.broadcast_to(self._last, begin.shape), levels)
 
     def first(self) -> np.ndarray:
         """Return the corners and centres of the coarsest cells, flat indices."""
-        wanted = np.zeros(self.shape, bool)
-        self._want(wanted, len(self._left) - 1, self._left[-1])
-        return np.flatnonzero(wanted)
+        return self._corners_and_centres(0)
 
-    def cut(self, least: np.ndarray, greatest: np.ndarray) -> np.ndarray:
-        """Cut the cells that disagree; return corners and centres of the new ones, flat indices.
+    def learn(self, points: np.ndarray, labels: Labels) -> None:
+        """Learn the labels and costs of points, flat indices."""
+        self._least[points], self._greatest[points] = labels.least[points], labels.greatest[points]
+        self._cost[points] = labels.cost[points]
+        places = np.stack(np.unravel_index(points, self.shape), axis=1)
+        for back in np.ndindex(*(2,) * len(self.shape)):
+            box = places - back
+            inside = np.all((box >= 0) & (box < self._last), axis=1)
+            cell, point = self._cell_of[box[inside] @ self._strides], points[inside]
+            np.minimum.at(self._cells.least, cell, self._least[point])
+            np.maximum.at(self._cells.greatest, cell, self._greatest[point])
+            np.maximum.at(self._cells.cost, cell, self._cost[point])
+
+    def cut(self, allowed: float = 0.0) -> np.ndarray:
+        """Cut cells that disagree; return corners and centres of the new ones, flat indices.
 
         Parameters
         ----------
-        least, greatest : ndarray of int32, shape (n,)
-            See `Labels`.
+        allowed : float
+            Number of wrong points expected in the cells that are left although they disagree.
         """
-        wanted = np.zeros(self.shape, bool)
-        spans = self._spans(least, greatest)
-        for level in range(len(self._left) - 1, 0, -1):
-            low, high = spans[level]
-            bad = self._left[level] & (low < high)
-            if not bad.any():
-                continue
-            self._left[level] &= ~bad
-            children = self._below(level, bad)
-            self._left[level - 1] |= children
-            self._want(wanted, level - 1, children)
-        return np.flatnonzero(wanted)
+        cells, first_new = self._cells, len(self._cells.level)
+        bad = np.flatnonzero((cells.level > 0) & (cells.least < cells.greatest))
+        # a cell with a point that agrees with none is always cut
+        never = cells.least[bad] == 0
+        bad = bad[np.lexsort((-cells.cost[bad] / 2.0 ** cells.level[bad], never))]
+        wrong = WRONG * 2.0 ** (cells.level[bad] * len(self.shape))
+        bad = bad[(np.cumsum(wrong) > allowed) | (cells.least[bad] == 0)]
+        begin, end, level = cells.begin[bad], cells.end[bad], cells.level[bad].astype(int)
+        cells.level[bad] = CUT
+        for k in np.unique(level).tolist():
+            for at in np.ndindex(*(2,) * len(self.shape)):
+                child = begin[level == k] + 2 ** (k - 1) * np.array(at)
+                whole = end[level == k]
+                inside = np.all(child < whole, axis=1)
+                self._add(child[inside], whole[inside], k - 1)
+        return self._corners_and_centres(first_new)
 
-    def inferred(self, least: np.ndarray, greatest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return level and code of every unknown point, shape (n,); 0 for the others."""
-        spans = self._spans(least, greatest)
-        level_of = np.zeros(self._left[-1].shape, np.int8)
-        code_of = np.zeros(self._left[-1].shape, np.int32)
-        for level in range(len(self._left) - 1, -1, -1):
-            left = self._left[level]
-            level_of[left], code_of[left] = level, spans[level][0][left]
-            if level:
-                level_of, code_of = self._below(level, level_of), self._below(level, code_of)
+    def inferred(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return level and code of every unknown point, shape (n,); 0 for the others.
+
+        The level is negative in a cell that disagrees.
+        """
+        cells = self._cells
+        agree = cells.least >= cells.greatest
         # a point belongs to the cell that begins there, the last one to the last cell
-        place = np.ix_(*(np.minimum(np.arange(n), max(n - 2, 0)) for n in self.shape))
-        known = greatest >= 0
-        return (
-            np.where(known, 0, level_of[place].ravel()).astype(np.int8),
-            np.where(known, 0, code_of[place].ravel()),
+        place = np.ix_(*(np.minimum(np.arange(n), n - 2) for n in self.shape))
+        cell = self._cell_of.reshape(self.shape)[place].ravel()
+        known = self._greatest >= 0
+        level = np.where(known, 0, np.where(agree, cells.level, -cells.level)[cell])
+        code = np.where(known, self._least, np.where(agree, cells.least, 0)[cell])
+        self._take_nearest(code, np.flatnonzero(level < 0))
+        return level.astype(np.int8), np.where(known, 0, code)
+
+    def _take_nearest(self, code: np.ndarray, points: np.ndarray) -> None:
+        """Give points without a code that of the nearest with one, in steps along the axes.
+
+        Of several that are equally near the first axis counts first, the lower one before the
+        upper.
+        """
+        while points.size:
+            found = np.zeros(points.size, code.dtype)
+            places = np.unravel_index(points, self.shape)
+            for place, stride, last in zip(places, self._strides, self._last, strict=True):
+                for step, inside in ((-stride, place > 0), (stride, place < last)):
+                    beside = code[np.where(inside, points + step, points)]
+                    found = np.where(found > 0, found, beside)
+            code[points] = found
+            points = points[found == 0]
+
+    def _add(self, begin: np.ndarray, end: np.ndarray, level: int) -> None:
+        """Add cells of a level that begin at points, and end with a larger one at the latest."""
+        end = np.minimum(begin + 2**level, end)
+        points = self._points(begin, end, 2**level + 1)
+        first = len(self._cells.level)
+        number = np.arange(first, first + len(begin), dtype=np.int32)
+        new = _Table(
+            begin,
+            end,
+            np.full(len(begin), level, np.int8),
+            self._least[points].min(axis=1),
+            self._greatest[points].max(axis=1),
+            self._cost[points].max(axis=1),
         )
+        self._cell_of[self._points(begin, end - 1, 2**level)] = number[:, None]
+        parts = zip(self._cells, new, strict=True)
+        self._cells = _Table(*(np.concatenate(both) for both in parts))
 
-    def _spans(
-        self, least: np.ndarray, greatest: np.ndarray
-    ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return the least and the greatest code in every cell of each level."""
-        low, high = least.reshape(self.shape), greatest.reshape(self.shape)
-        for axis, n in enumerate(self.shape):
-            if n > 1:
-                front = (*(slice(None),) * axis, slice(None, -1))
-                back = (*(slice(None),) * axis, slice(1, None))
-                low, high = np.minimum(low[front], low[back]), np.maximum(high[front], high[back])
-        spans = [(low, high)]
-        for level in range(1, len(self._left)):
-            for axis in range(len(self.shape)):
-                at = self._first_below(level, axis)
-                low = np.minimum.reduceat(low, at, axis)
-                high = np.maximum.reduceat(high, at, axis)
-            spans.append((low, high))
-        return spans
+    def _points(self, begin: np.ndarray, last: np.ndarray, count: int) -> np.ndarray:
+        """Return the points of boxes, flat indices, shape (k, count^d); the last are repeated."""
+        points = np.zeros((len(begin), 1), int)
+        for axis, stride in enumerate(self._strides):
+            along = np.minimum(begin[:, axis, None] + np.arange(count), last[:, axis, None])
+            points = points[:, :, None] + stride * along[:, None, :]
+            points = points.reshape(len(begin), count ** (axis + 1))
+        return points
 
-    def _first_below(self, level: int, axis: int) -> np.ndarray:
-        """Return the first cell of the next level in each cell of a level, along an axis."""
-        return np.searchsorted(self._lines[level - 1][axis][0], self._lines[level][axis][0])
-
-    def _below(self, level: int, values: np.ndarray) -> np.ndarray:
-        """Return for the cells of the next level the values of the cells that contain them."""
-        for axis in range(len(self.shape)):
-            at = self._first_below(level, axis)
-            count = np.diff(at, append=len(self._lines[level - 1][axis][0]))
-            values = np.repeat(values, count, axis)
-        return values
-
-    def _want(self, wanted: np.ndarray, level: int, cells: np.ndarray) -> None:
-        """Mark the corners and centres of cells of a level."""
-        lines = self._lines[level]
-        for corner in np.ndindex(*(2,) * len(self.shape)):
-            at = np.ix_(*(line[end] for line, end in zip(lines, corner, strict=True)))
-            wanted[at] |= cells
-        wanted[np.ix_(*((begin + end) // 2 for begin, end in lines))] |= cells
-
-
-def _lines(n: int, level: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return first and last point of the cells of a level along an axis of n points."""
-    if n == 1:
-        return np.zeros(1, int), np.zeros(1, int)
-    lines = np.append(np.arange(0, n - 1, 2**level), n - 1)
-    return lines[:-1], lines[1:]
+    def _corners_and_centres(self, first: int) -> np.ndarray:
+        """Return the corners and centres of the cells from a number on, flat indices, ascending."""
+        begin, end = self._cells.begin[first:], self._cells.end[first:]
+        corners = [np.where(at, end, begin) for at in np.ndindex(*(2,) * len(self.shape))]
+        return np.unique(np.concatenate([*corners, (begin + end) // 2]) @ self._strides)

@@ -10,10 +10,16 @@ from hpcsweep.solvers.outcome import Outcome
 
 LABELS = {
     "class": ("motion", "orbit_period"),
+    "period": ("orbit_period",),
     "contact": ("contact",),
     "number": ("n_attractors",),
+    "attractor": ("label",),
 }
-"""What points may be told apart by, and the variables that tell it."""
+"""What distinguishes points, and the variables that hold it."""
+COSTS = ("cycles", "classification_cycles")
+"""Variables whose sum a run costs, in forcing periods."""
+OF_RUNS = ("class", "period", "contact")
+"""Labels of single runs."""
 MOST_LEVELS = 12
 LEAST_WRONG = 1e-6
 MOST_SEED = 2**31 - 1
@@ -27,7 +33,7 @@ class Source(IntEnum):
     """The map is not complete."""
     COMPUTED = 1
     INFERRED = 2
-    """From the cell it lies in, all of whose computed points agree."""
+    """From the cell it lies in, or the nearest point where the cell's points differ."""
     AUDIT = 3
     """Computed because the audit drew it from the inferred points."""
 
@@ -56,19 +62,27 @@ class Refinement:
     @property
     def variables(self) -> list[str]:
         """Variables in which points must agree."""
-        return [variable for name in self.on for variable in LABELS[name]]
+        return list(dict.fromkeys(variable for name in self.on for variable in LABELS[name]))
+
+    @property
+    def no_labels(self) -> np.ndarray:
+        """`labels` of no runs."""
+        return np.zeros((0, 2 + len(self.variables)), np.uint64)
 
     def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
-        """Return the labels of k runs, shape (k, 1 + len(variables)).
+        """Return the labels of k runs, shape (k, 2 + len(variables)).
 
-        The first column is 1 where a run failed, which agrees with none.
+        The first column is 1 where a run failed, which agrees with none; the last is its cost in
+        forcing periods.
         """
-        columns = [rows["outcome"] != Outcome.COMPLETE, *(rows[name] for name in self.variables)]
+        cost = sum(rows[name].astype(np.int64) for name in COSTS if name in rows)
+        failed = rows["outcome"] != Outcome.COMPLETE
+        columns = [failed, *(rows[name] for name in self.variables), cost]
         return np.stack([np.asarray(column).astype(np.uint64) for column in columns], axis=1)
 
 
 def read_refinement(
-    values, settings, block_size: int, known: tuple[str, ...] = ("class", "contact")
+    values, settings, block_size: int, known: tuple[str, ...] = OF_RUNS
 ) -> Refinement | None:
     """Read the table ``study.refine`` of a job; None if there is none.
 
@@ -78,7 +92,8 @@ def read_refinement(
     settings : SweepSettings
     block_size : int
     known : tuple of str
-        What the runs may be told by, of `LABELS`; the default is all of it.
+        What distinguishes the runs, of `LABELS`; the default of a job is all of it, of `OF_RUNS`
+        class and contact set.
 
     Raises
     ------
@@ -98,7 +113,7 @@ def read_refinement(
         limit = "must be 1 with study.refine: each point is committed on its own"
         raise values.error("output.block", block_size, limit)
     default = Refinement()
-    on = given.get("on", list(known))
+    on = given.get("on", list(default.on if known is OF_RUNS else known))
     if not isinstance(on, list) or not on or not all(name in known for name in map(str, on)):
         raise values.error("study.refine.on", on, f"must be a list of {', '.join(known)}")
     if len(set(on)) < len(on):
@@ -130,9 +145,11 @@ def not_refinable(study) -> str:
     """Return why the points of a map have no neighbours and cannot be refined; '' if they can."""
     if refinement_of(study) is None:
         return ""
-    grid = study.part((0,) * len(study.axes))
-    axes = {f"sweep.{name}": getattr(grid, name) for name in ("omega", "amplitude")}
-    axes |= {f"vary.{axis.key}": axis.values for axis in study.axes}
+    if study.axes and "attractor" in study.refine.on:
+        key = f"vary.{study.axes[0].key}"
+        return f"study.refine: does not go with {key}: each slice numbers its attractors anew"
+    axes: dict = {f"vary.{axis.key}": axis.values for axis in study.axes}
+    axes |= study.part((0,) * len(study.axes)).map_axes
     for key, values in axes.items():
         numbers = np.asarray(values)
         if numbers.dtype.kind not in "if" or numbers.size < 2 or np.any(np.diff(numbers) <= 0):
@@ -141,5 +158,5 @@ def not_refinable(study) -> str:
 
 
 def map_shape(study) -> tuple[int, ...]:
-    """Return the number of points of every axis of a map: varied keys, frequencies, amplitudes."""
+    """Return the number of points of every axis of a map: varied keys, frames, runs of a frame."""
     return tuple(study.dimensions[dim] for dim in study.run_dims if dim != "direction")

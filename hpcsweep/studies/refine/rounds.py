@@ -8,9 +8,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpcsweep.studies.refine.audit import MOST_LOOKS, Look, draw, interval, n_drawn
-from hpcsweep.studies.refine.cells import NOTHING, Cells, Labels
+from hpcsweep.studies.refine.audit import MOST_LOOKS, Look, draw, interval, n_allowed, n_drawn
+from hpcsweep.studies.refine.cells import Cells, Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source
+
+
+def n_least(shape: tuple[int, ...], refinement: Refinement) -> int:
+    """Return how many points are computed at least: the coarsest cells and the first look."""
+    n = int(np.prod(shape))
+    first = Cells(shape, refinement.levels).first().size
+    return min(first + n_drawn(refinement.wrong, 1, n), n)
 
 
 class Rounds:
@@ -39,45 +46,40 @@ class Rounds:
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """Yield the points of each round, flat indices, ascending."""
-        yield self._computed(self._cells.first(), Source.COMPUTED)
-        yield from self._agree()
-        wrong = self._refinement.wrong
+        yield from self._compute(self._cells.first(), Source.COMPUTED)
+        wrong, n = self._refinement.wrong, self.source.size
         for look in range(1, MOST_LOOKS + 1):
+            yield from self._agree(look)
             _, code = self.inferred()
             before = np.flatnonzero(self.source == Source.UNKNOWN)
-            drawn = draw(before, n_drawn(wrong, look), self._refinement.seed, look)
+            drawn = draw(before, n_drawn(wrong, look, n), self._refinement.seed, look)
             if drawn.size:
-                yield self._computed(drawn, Source.AUDIT)
-                yield from self._agree()
+                yield from self._compute(drawn, Source.AUDIT)
+                yield from self._agree(look)
             self.looks.append(self._look(look, before, drawn, code))
             if self.looks[-1].high < wrong:
                 return
 
     def inferred(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return level and code (`Labels`) of every inferred point, shape (n,); 0 for others."""
-        return self._cells.inferred(*self._known())
+        """Return level and code (`Labels`) of every inferred point, shape (n,); 0 for others.
 
-    def _agree(self) -> Iterator[np.ndarray]:
-        """Cut cells until the points of each of them agree."""
-        while True:
-            wanted = self._cells.cut(*self._known())
+        The level is negative where the known points of the cell differ.
+        """
+        return self._cells.inferred()
+
+    def _agree(self, look: int) -> Iterator[np.ndarray]:
+        """Cut cells until the points of each agree, but for those that may be left."""
+        allowed = n_allowed(self._refinement.wrong, look, self.source.size)
+        while (wanted := self._cells.cut(allowed)).size:
             new = wanted[self.source[wanted] == Source.UNKNOWN]
             if new.size:
-                yield self._computed(new, Source.COMPUTED)
-            elif not wanted.size:
-                return
+                yield from self._compute(new, Source.COMPUTED)
 
-    def _computed(self, points: np.ndarray, source: Source) -> np.ndarray:
+    def _compute(self, points: np.ndarray, source: Source) -> Iterator[np.ndarray]:
+        """Yield points, and learn what they are."""
         self.source[points] = source
-        return points
-
-    def _known(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the labels of the points of all rounds so far, and of no others."""
-        done = self.source != Source.UNKNOWN
-        return (
-            np.where(done, self._labels.least, np.int32(NOTHING)),
-            np.where(done, self._labels.greatest, np.int32(-1)),
-        )
+        yield points
+        self._cells.learn(points, self._labels)
 
     def _look(self, look: int, before: np.ndarray, drawn: np.ndarray, code: np.ndarray) -> Look:
         """Return the result of a look, given the codes of the points inferred before it."""

@@ -14,7 +14,8 @@ AUDIT, INFERRED = "audit", "inferred"
 """Variable of the looks, and of the checksums."""
 LONG_NAMES = {
     SOURCE: "1 computed, 2 inferred from its cell, 3 computed for the audit, 0 not known yet",
-    CELL: "level of the cell from which it is inferred, 0 of computed points",
+    CELL: "level of the cell from which it is inferred, negative if its points differ, "
+    "0 of computed points",
 }
 QUANTITIES = Look._fields
 
@@ -45,6 +46,7 @@ def derived_variables(study) -> list[Variable]:
     return [
         *(Variable(name, runs, "<i1", "1", LONG_NAMES[name]) for name in (SOURCE, CELL)),
         *labels,
+        *getattr(study, "listed_variables", []),
         Variable(AUDIT, ("look", "quantity"), "<f8", "1", "looks of the audit, the last counts"),
         Variable(INFERRED, runs[:-1], "<u8", "1", "checksum of what is inferred of a frame"),
     ]
@@ -66,17 +68,21 @@ def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarra
     Returns
     -------
     dict of str to ndarray
-        Of shape (n_points,), the audit as in the file.
+        Of shape (n_points,), the audit as in the file; what the study lists for each frame, the
+        same for all of them, of shape (n_frames, ...).
     """
     level, code = rounds.inferred()
     names = study.refine.variables
-    values = {SOURCE: np.where(level > 0, np.int8(Source.INFERRED), rounds.source), CELL: level}
+    values = {SOURCE: np.where(level != 0, np.int8(Source.INFERRED), rounds.source), CELL: level}
     codes = np.zeros((len(labels.codes) + 1, 1 + len(names)), np.uint64)
     codes[1:] = labels.codes
     for column, name in enumerate(names, 1):
         values[inferred_name(name)] = codes[code, column]
     audit = np.full((MOST_LOOKS, len(QUANTITIES)), np.nan)
     audit[: len(rounds.looks)] = rounds.looks
+    if getattr(study, "listed_variables", []):
+        listed = study.listed_values()
+        values |= {n: np.broadcast_to(v, (study.n_frames, *v.shape)) for n, v in listed.items()}
     return {**values, AUDIT: audit}
 
 
@@ -91,5 +97,7 @@ def replay(study, labels: Labels) -> dict[str, np.ndarray] | None:
 
 def last_look(audit: np.ndarray) -> Look | None:
     """Return the last look of the variable; None if there is none yet."""
-    told = audit[np.isfinite(audit[:, 0])]
-    return Look(*(int(v) for v in told[-1][:4]), *map(float, told[-1][4:])) if len(told) else None
+    looks = audit[np.isfinite(audit[:, 0])]
+    if not len(looks):
+        return None
+    return Look(*(int(v) for v in looks[-1][:4]), *map(float, looks[-1][4:]))

@@ -79,9 +79,9 @@ def classify_window(
             solver, seen.points[-1], amplitude, settings, settings.classify_cycles, poll, seen
         )
         if motion.kind not in (MotionClass.UNDECIDED, MotionClass.FAILED):
-            told = _classify_known(solver, amplitude, settings, motion, poll)
-            if told is not None:
-                return replace(told, window_period=window)
+            known = _classify_known(solver, amplitude, settings, motion, poll)
+            if known is not None:
+                return replace(known, window_period=window)
         # an orbit is claimed only where it is verified
         kind = _kind(MotionClass.UNDECIDED, seen)
         return Classification(seen, 0, motion.interval, kind, window, motion.cycles)

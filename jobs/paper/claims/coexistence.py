@@ -8,9 +8,9 @@ from claims.data import Claim, Sweep, Verdict, stretches
 from claims.words import C13, C23, C123, at, ranges, yes
 
 SAME = 1e-2
-"""Attractors farther apart (gaps, gaps omega_0) are two."""
+"""Distance (gaps, gaps omega_0) above which attractors are different."""
 AT_CIRCLE = 0.95
-"""Modulus of a Floquet multiplier at the end of a branch from which on it is why it ends."""
+"""Least modulus of a Floquet multiplier that explains the end of a branch."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def coexisting_regions(sweep: Sweep, end: BranchEnd | None) -> list[Claim]:
 
 
 def kind_of_end(multipliers: np.ndarray) -> tuple[str, str]:
-    """Tell by its multipliers how a branch ends, and write the largest one.
+    """Return, from its multipliers, how a branch ends, and the largest one.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def kind_of_end(multipliers: np.ndarray) -> tuple[str, str]:
 
 
 def different_attractors(sweep: Sweep) -> np.ndarray:
-    """Tell where the sweeps up and down end on different attractors, shape (k,).
+    """Return where the sweeps up and down end on different attractors, shape (k,).
 
     They do if one has a period and the other is chaotic, or if both have a period and no point
     of one is within `SAME` of the other's final state.

@@ -1,4 +1,4 @@
-"""Sweeps and maps as arrays, and what is said of them."""
+"""Sweeps and maps as arrays, and claims about them."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -29,10 +29,10 @@ class Claim:
     number : str
         As in the list of claims; parts have a letter.
     text : str
-        What the paper says.
+        Text of the paper's claim.
     verdict : Verdict
     finding : str
-        Our numbers, or what is missing.
+        Our numbers, or the missing data.
     """
 
     number: str
@@ -63,7 +63,7 @@ class Sweep:
     points : ndarray, shape (d, k, p, 2n)
         Stroboscopic points, NaN where there are no more.
     valid : ndarray of bool, shape (d, k)
-        Runs that are there and did not fail.
+        Computed runs that did not fail.
     motion : ndarray of int, shape (d, k), optional
         `MotionClass` where motions were classified.
     """
@@ -126,13 +126,13 @@ class Map:
 def is_chaotic(
     period: np.ndarray, growth: np.ndarray, motion: np.ndarray | None = None
 ) -> np.ndarray:
-    """Tell chaos as classified, or by the largest exponent: no period, and differences grow."""
+    """Return where runs are chaotic, as classified or by the exponent: no period, and growth."""
     if motion is not None:
         return np.asarray(motion) == MotionClass.CHAOTIC
     return (np.asarray(period) == 0) & (np.asarray(growth) > CHAOS_GROWTH)
 
 
 def stretches(chosen: np.ndarray) -> list[tuple[int, int]]:
-    """Return (first, last) of the runs of True in a row."""
+    """Return (first, last) of every stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], chosen.astype(np.int8), [0]))))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,6 +1,6 @@
-"""What the claims are judged by: read from files, or integrated from what they hold.
+"""Evidence for the claims: read from files, or integrated from their states.
 
-Small steps where the sweep's are too coarse, longer windows, impacts of one orbit, the end of a
+Small steps where the sweep's are too coarse, longer windows, impacts of an orbit, the end of a
 branch: all start from a stored final state and use `flow`.
 """
 
@@ -45,7 +45,7 @@ LINEAR_DECAY = 40.0
 
 
 def variant_of(structure: Structure) -> str:
-    """Name the damping: 'printed', 'described', or the ratios.
+    """Return the name of the damping: 'printed', 'described', or the ratios.
 
     As printed every zeta_i is gamma = 0.05; as the text describes the motion, zeta_i is
     gamma / (2 omega_i^2).
@@ -59,7 +59,7 @@ def variant_of(structure: Structure) -> str:
 
 
 class Study:
-    """One structure's sweep at one frequency, and what can be integrated from it.
+    """A structure's sweep at one frequency, and motions integrated from it.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ class Study:
             here = run.state[0, 0]
             _, matrix = self.solver.monodromy(here, amplitude + step, 1)
             found_here = floquet_multipliers(matrix)
-            # slow motion past a fold repeats to the tolerance too, but does not attract
+            # slow motion past a fold also repeats to the tolerance, but does not attract
             on_branch = run.period[0, 0] == 1 and run.contact[0, 0] == C23
             if on_branch and abs(found_here[0]) < 1:
                 amplitude, state, multipliers = amplitude + step, here, found_here
@@ -233,7 +233,7 @@ class Study:
         return BranchEnd(amplitude, multipliers)
 
     def free_norm(self) -> np.ndarray:
-        """Mean modal norms without contact, closed form, shape (n,)."""
+        """Return the mean modal norms without contact, in closed form, shape (n,)."""
         orbit = LinearOrbit(self.structure, self.sweep.omega)
         amplitude = 0.1 * self.structure.grazing_amplitude(self.sweep.omega)
         window = orbit.window(amplitude)
@@ -241,7 +241,7 @@ class Study:
         return window.modal_norm
 
     def linear_distance(self) -> tuple[np.ndarray, np.ndarray]:
-        """Integrate runs without contact anew; give amplitudes and distances to the closed form."""
+        """Integrate runs without contact; return amplitudes and distances to the closed form."""
         sweep = self.sweep
         free = np.flatnonzero((sweep.contact[0] == 0) & sweep.valid[0])
         if not free.size:
@@ -253,7 +253,7 @@ class Study:
         distance = []
         for k in chosen:
             amplitude = float(sweep.amplitude[k])
-            # off the orbit, so that the solver has to find it
+            # away from the orbit, so that the solver has to find it
             done = self.solver.advance(0.9 * sweep.state[0, k], amplitude, cycles)
             distance.append(np.abs(done.state - orbit.state(amplitude)).max())
         return sweep.amplitude[chosen], np.array(distance)
@@ -283,7 +283,7 @@ def make_sweep(omega, amplitude, directions, arrays: dict, settings: SweepSettin
 
 
 def _last_points(arrays: dict) -> np.ndarray:
-    """Return the last point of every motion: that of the path, or of what was classified off it."""
+    """Return the last point of every motion: on the path, or as classified off it."""
     if "classification_cycles" not in arrays:
         return arrays["final_state"]
     last = np.maximum(arrays["n_points"], 1)[..., None, None] - 1

@@ -1,4 +1,4 @@
-"""All claims, for the files given, by damping."""
+"""Judge all claims, for given files, by damping."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ def judge_files(paths: Sequence[Path]) -> dict[str, list[Claim]]:
     Returns
     -------
     dict
-        Damping, as `evidence.variant_of` names it, to the claims in their order.
+        Damping, as named by `evidence.variant_of`, to the claims in order.
 
     Raises
     ------
@@ -81,7 +81,7 @@ TEXTS = {
     "8": "Impact raises the norms of modes 2 and 3 at linear resonance",
     "9": "At low amplitude the period-1 linear solution is exact",
 }
-"""The claims, for when there is nothing to judge them by."""
+"""Texts of the claims, used where there is no evidence."""
 
 
 def _of_sweep(variant: str, study: Study | None) -> list[Claim]:
@@ -116,7 +116,7 @@ def _job(name: str, variant: str) -> str:
 
 
 def _better(study: Study, other: Study | None) -> bool:
-    """Prefer sweeps both ways, then the finer one."""
+    """Return whether a study is better: sweeps both ways, then the finer one."""
     if other is None:
         return True
     new, old = study.sweep, other.sweep
@@ -124,5 +124,5 @@ def _better(study: Study, other: Study | None) -> bool:
 
 
 def _finer(new: Map, other: Map | None) -> bool:
-    """Prefer the map of more runs that are there, of equal ones the first."""
+    """Return the map with more computed runs, the first of equal ones."""
     return other is None or new.valid.sum() > other.valid.sum()

@@ -145,12 +145,12 @@ def late_period(sweep: Sweep, fine: Sweep | None) -> Claim:
             if s is not None
         ]
         places.append(np.unique(np.concatenate(amplitudes)))
-    told = [
+    found = [
         f"{name}: {f'A = {a[0]:.5g} to {a[-1]:.5g} ({a.size} runs)' if a.size else 'none'}"
         for name, a in zip(("up", "down"), places, strict=True)
     ]
     good = not places[0].size and places[1].size
-    return Claim("2c", text, Verdict.YES if good else Verdict.NO, "P5 C23 " + ", ".join(told))
+    return Claim("2c", text, Verdict.YES if good else Verdict.NO, "P5 C23 " + ", ".join(found))
 
 
 def chaotic_probe(probe: Sweep) -> Claim:
@@ -164,12 +164,12 @@ def chaotic_probe(probe: Sweep) -> Claim:
     text = f"A = {probe.amplitude[0]:g} is chaotic"
     if not np.isfinite(probe.growth[:, 0]).any():
         return no_exponent("3", text)
-    told = []
+    findings = []
     for d, name in enumerate(probe.directions):
         period = int(probe.period[d, 0])
         kind = f"P{period}" if period else ("chaotic" if probe.chaotic[d, 0] else "no period")
-        told.append(f"{name}: {kind}, growth of differences e^{probe.growth[d, 0]:.3g}")
-    return Claim("3", text, yes(bool(probe.chaotic[0, 0])), "; ".join(told))
+        findings.append(f"{name}: {kind}, growth of differences e^{probe.growth[d, 0]:.3g}")
+    return Claim("3", text, yes(bool(probe.chaotic[0, 0])), "; ".join(findings))
 
 
 def softer_is_simpler(stiff: Map, soft: Map) -> Claim:
@@ -233,12 +233,12 @@ def raised_modes(sweep: Sweep, free_norm: np.ndarray) -> Claim:
             "8", text, Verdict.CANNOT_TELL, "needs modal norms (output.modal_norm) with contact"
         )
     shares = (norms[:, 1:] > free_norm[1:]).mean(axis=0)
-    told = [
+    findings = [
         f"mode {j + 2}: {free_norm[j + 1]:.4f} without, median {np.median(norms[:, j + 1]):.4f} "
         f"with contact (higher in {shares[j]:.1%} of {len(norms)} runs)"
         for j in range(shares.size)
     ]
-    return Claim("8", text, yes(bool((shares >= RAISED).all())), "; ".join(told))
+    return Claim("8", text, yes(bool((shares >= RAISED).all())), "; ".join(findings))
 
 
 def linear_is_exact(amplitudes: np.ndarray, distance: np.ndarray, grazing: float) -> Claim:

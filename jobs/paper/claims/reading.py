@@ -1,4 +1,4 @@
-"""Sweeps and maps out of results files."""
+"""Read sweeps and maps from results files."""
 
 import math
 from pathlib import Path
@@ -20,7 +20,7 @@ LEAST_FRAMES = 10
 
 
 def read_study(frames: Frames) -> Study | None:
-    """Read the frame at the linear resonance of a file, None if it has none."""
+    """Read the frame at the linear resonance of a file; None if it has none."""
     study = frames.study
     place = int(np.argmin(np.abs(study.omega - RESONANCE)))
     if abs(study.omega[place] - RESONANCE) > SAME_OMEGA:
@@ -36,7 +36,7 @@ def read_study(frames: Frames) -> Study | None:
 
 
 def read_map(frames: Frames) -> Map | None:
-    """Read the sweeps up of a file, None if it is not a map."""
+    """Read the upward sweeps of a file; None if it is not a map."""
     study = frames.study
     if study.omega.size < LEAST_FRAMES:
         return None
@@ -67,12 +67,12 @@ def read_map(frames: Frames) -> Map | None:
 
 
 def open_frames(path: Path) -> Frames:
-    """Open a file whose claims are to be judged.
+    """Open a file to judge claims by.
 
     Raises
     ------
     StoreError
-        If it is no campaign file, or about another structure than the paper's.
+        If it is not a campaign file, or of another structure than the paper's.
     """
     frames = Frames(path)
     n = frames.study.structure.n_floors

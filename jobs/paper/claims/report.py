@@ -1,4 +1,4 @@
-"""The answers as tables: for people, in Markdown, as JSON."""
+"""Format the answers as tables: for people, in Markdown, as JSON."""
 
 import json
 import textwrap
@@ -14,7 +14,7 @@ def in_order(claims: list[Claim]) -> list[Claim]:
 
 
 def as_text(answers: dict[str, list[Claim]]) -> str:
-    """Write the answers for people."""
+    """Format the answers for people."""
     lines = []
     for variant, claims in answers.items():
         lines += [f"damping: {variant}", ""]
@@ -28,7 +28,7 @@ def as_text(answers: dict[str, list[Claim]]) -> str:
 
 
 def as_json(answers: dict[str, list[Claim]]) -> str:
-    """Write the answers as JSON: damping to a list of claims."""
+    """Format the answers as JSON: damping to a list of claims."""
     return json.dumps(
         {
             variant: [
@@ -47,7 +47,7 @@ def as_json(answers: dict[str, list[Claim]]) -> str:
 
 
 def as_markdown(answers: dict[str, list[Claim]]) -> str:
-    """Write the answers as one Markdown table, verdict and numbers for each damping."""
+    """Format the answers as one Markdown table, verdict and numbers for each damping."""
     variants = list(answers)
     rows: dict[str, tuple[str, dict[str, str]]] = {}
     for variant, claims in answers.items():
@@ -60,6 +60,6 @@ def as_markdown(answers: dict[str, list[Claim]]) -> str:
     ]
     for number in sorted(rows):
         text, cells = rows[number]
-        told = " | ".join(cells.get(variant, "") for variant in variants)
-        lines.append(f"| {number} | {text} | {told} |")
+        answer = " | ".join(cells.get(variant, "") for variant in variants)
+        lines.append(f"| {number} | {text} | {answer} |")
     return "\n".join(lines)

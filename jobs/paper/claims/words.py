@@ -1,4 +1,4 @@
-"""Contact sets and phrases that the claims share."""
+"""Contact sets and phrases shared by the claims."""
 
 import numpy as np
 
@@ -9,26 +9,26 @@ C3, C23, C13, C123 = 0b100, 0b110, 0b101, 0b111
 
 
 def yes(good: bool) -> Verdict:
-    """Judge what can be told."""
+    """Return the verdict of a decidable claim."""
     return Verdict.YES if good else Verdict.NO
 
 
 def no_exponent(number: str, text: str) -> Claim:
-    """Judge what cannot be told without exponents."""
+    """Return the claim that cannot be judged without exponents."""
     return Claim(
         number, text, Verdict.CANNOT_TELL, "no Lyapunov exponents: set output.lyapunov = true"
     )
 
 
 def at(sweep: Sweep, index: int) -> str:
-    """Write an amplitude of a sweep."""
+    """Format an amplitude of a sweep."""
     return f"{sweep.amplitude[index]:.4g}"
 
 
 def ranges(sweep: Sweep, chosen: np.ndarray) -> str:
-    """Write where something holds: the three longest stretches."""
+    """Format where something holds: the three longest stretches."""
     found = sorted(stretches(chosen), key=lambda pair: pair[0] - pair[1])[:3]
     if not found:
         return "nowhere"
-    told = ", ".join(f"{at(sweep, i)}-{at(sweep, k)}" for i, k in sorted(found))
-    return f"A = {told} ({int(chosen.sum())} of {chosen.size} amplitudes)"
+    words = ", ".join(f"{at(sweep, i)}-{at(sweep, k)}" for i, k in sorted(found))
+    return f"A = {words} ({int(chosen.sum())} of {chosen.size} amplitudes)"

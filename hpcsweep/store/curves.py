@@ -1,0 +1,162 @@
+"""A curve of special points in the plane of two parameters as a dataset."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
+from hpcsweep.dynamics.continuation.cycle import NotConvergedError
+from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
+from hpcsweep.dynamics.continuation.locus import Locus
+from hpcsweep.dynamics.continuation.meetings import step_of_locus
+from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
+from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
+from hpcsweep.model.structure import Structure
+from hpcsweep.store.branches import MOST_STEPS, orbit_variables, values_of
+from hpcsweep.store.levels import first_at, measure_of
+
+
+def curve(
+    structure: Structure,
+    special: Any,
+    parameters: tuple[str, str] = ("amplitude", "omega"),
+    span: Any = ((0.0, 1.0), (0.0, 1.0)),
+    steps: int = 400,
+    largest_step: float = 0.05,
+    measure: str | None = None,
+    limit: float | None = None,
+):
+    """Follow a special point, or where a measure equals a limit, in the plane of two parameters.
+
+    Parameters
+    ----------
+    structure : Structure
+        Of the branch on which the special point lies.
+    special : xarray.Dataset
+        A fold, doubling, torus or grazing of a result of `branch`: ``found.isel(special=k)``. With
+        `measure` the result, or a part of its steps.
+    parameters : (str, str)
+        Two different ones, as `branch` has them. The curve is followed fastest where the solver
+        need not be made anew: with the forcing frequency, if at all, as the second.
+    span : ((float, float), (float, float))
+        Lowest and highest value of each.
+    steps : int
+        Largest number of points on either side of the special point.
+    largest_step : float
+        Largest step between neighbouring points, in units of the state and of the spans.
+    measure : {"drift", "storey_drift", "displacement", "acceleration", "contact_force"}, optional
+        Largest over an orbit, and over storeys, floors or contacts; in the units of a job's output.
+    limit : float, optional
+        Value of the measure on the curve, which begins at the first step of the branch that
+        reaches it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over ``step``: ``value`` (step, parameter), ``point`` (step, turn, state), ``multiplier``
+        (step, multiplier_number, complex), ``contact`` (bit k - 1 for contact k) and ``drift``.
+        Over ``special``, where the curve ends or meets others, or, along that of a limit, where a
+        special point is, in order: ``special_kind`` (`dynamics.continuation.meetings.Meeting`),
+        ``special_value``, ``special_point``, ``special_multiplier`` and ``special_step`` (of the
+        point after it). Attributes ``begins`` and ``ends`` say why the curve goes no further.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of the wrong kind or outside its range; one line names it.
+    ArithmeticError
+        If the special point is not found, or a solver fails.
+    """
+    instance("structure", structure, Structure)
+    kind = None if measure is not None else _kind(special)
+    period = int(special.attrs["period"])
+    along = ForcedMap(structure, *map(special.attrs.get, ("amplitude", "omega", "parameter")))
+    level = math.nan if kind else finite("limit", limit)
+    if kind is None:
+        points, value = first_at(along, special, str(measure), level)
+    else:
+        points = special["special_point"].values / along.units
+        value = float(special["special_value"])
+    home, amplitude, omega = along.at(value)
+    forced = ForcedMap(home, amplitude, omega, _two(home, parameters))
+    spans = _spans(span, forced)
+    scale = np.array([high - low for low, high in spans])
+    if kind is None:
+        measured = measure_of(forced, str(measure))
+        locus = Locus(forced, period, scale, spans, None, (), lambda *at: measured(*at) - level)
+    else:
+        change = tuple(special["change"].values.tolist())
+        locus = Locus(forced, period, scale, spans, kind, change)
+    limits = Limits(
+        -np.inf,
+        np.inf,
+        count("steps", steps, 1, MOST_STEPS),
+        positive("largest_step", largest_step),
+        SMALLEST,
+    )
+    try:
+        start = locus.start(points, forced.value)
+    except NotConvergedError as error:
+        raise ArithmeticError(f"no curve begins at the special point: {error}") from None
+    arc = follow(locus, start, limits, step=step_of_locus)
+    followed = {"kind": kind.name.lower()} if kind else {"kind": measure, "limit": limit}
+    return _dataset_of(arc, forced, followed)
+
+
+def _kind(special: Any) -> Kind:
+    """Return the kind of a special point of a result of `branch`."""
+    given = getattr(special, "data_vars", {})
+    if "special_kind" not in given or special["special_kind"].ndim:
+        raise ValueError("special must be one special point of a branch: found.isel(special=k)")
+    name = str(special["special_kind"].item())
+    if name not in KINDS:
+        raise ValueError(f"special must be one of {', '.join(KINDS)}, is {name}")
+    return KINDS[name]
+
+
+def _two(structure: Structure, parameters: Any) -> tuple[str, str]:
+    given = tuple(parameters) if not isinstance(parameters, str) else (parameters,)
+    if len(given) != 2 or given[0] == given[1]:
+        raise ValueError(f"parameters must be two different ones, is {parameters!r}")
+    for name in given:
+        check_parameter(structure, name)
+    return given
+
+
+def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Read the spans of both parameters; they must hold the special point."""
+    if np.shape(span) != (2, 2):
+        raise ValueError("span must be two pairs, lowest and highest value of each parameter")
+    pairs = [finite_vector("span", one, 2).tolist() for one in span]
+    for name, (low, high), value in zip(forced.parameters, pairs, forced.value, strict=True):
+        if not low < high or not low <= value <= high:
+            raise ValueError(f"span must hold {name} = {value:g}, is {low:g} to {high:g}")
+    first, second = (tuple(pair) for pair in pairs)
+    return first, second
+
+
+def _dataset_of(arc: Arc, forced: ForcedMap, followed: dict):
+    import xarray
+
+    variables, coordinates = orbit_variables(arc, forced)
+    specials = [one for _, one in arc.specials]
+    met = values_of(arc.curve, [one.at for one in specials]).reshape(len(specials), 2)
+    return xarray.Dataset(
+        {
+            **variables,
+            "value": (("step", "parameter"), values_of(arc.curve, arc.points)),
+            "special_kind": ("special", [one.kind.value for one in specials]),
+            "special_value": (("special", "parameter"), met),
+        },
+        coords={**coordinates, "parameter": list(forced.parameters)},
+        attrs={
+            **followed,
+            "period": arc.curve.period,
+            "amplitude": forced.amplitude,
+            "omega": forced.omega,
+            "begins": arc.ends[0],
+            "ends": arc.ends[1],
+        },
+    )

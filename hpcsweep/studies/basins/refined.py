@@ -1,0 +1,147 @@
+"""Study of basins of attraction of which a refined map is made: a run is a start.
+
+Each start is classified as if it were the only one, so that its label depends on the job alone,
+whichever others are computed. The attractors are listed when the map is complete.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
+from hpcsweep.studies.attractors.search import attractors_as_runs
+from hpcsweep.studies.basins.slice import SliceGrid
+from hpcsweep.studies.basins.tally import StartTally
+from hpcsweep.studies.basins.variables import (
+    ROW_AMPLITUDE,
+    START_COMMIT,
+    START_RUN,
+    START_VARIABLES,
+    basin_variables,
+    is_of_attractors,
+    listed_variables,
+)
+from hpcsweep.studies.refine.refinement import Refinement
+from hpcsweep.studies.study import Block, Coordinate, Variable
+from hpcsweep.studies.variables import numbered
+
+LABEL = "attractor"
+"""What distinguishes starts, of `hpcsweep.studies.refine.refinement.LABELS`."""
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedBasins(SliceGrid):
+    """Basins on a slice, a start a run; see `SliceGrid`.
+
+    Attributes
+    ----------
+    refine : Refinement
+        Which starts of the slice are computed.
+    """
+
+    refine: Refinement | None = None
+
+    task_noun: ClassVar[str] = "start"
+    why_whole: ClassVar[str] = "a start is one run, which cannot be cut"
+    run_dims: ClassVar[tuple[str, ...]] = START_RUN
+    commit: ClassVar[Variable] = START_COMMIT
+    status_variables: ClassVar[tuple[str, ...]] = ("label",)
+
+    @property
+    def n_amplitudes(self) -> int:
+        """Number of runs of one frame: the starts of a row."""
+        return self.horizontal.size
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of the map, by key of the job."""
+        return {"study.vertical": self.vertical, "study.horizontal": self.horizontal}
+
+    @cached_property
+    def variables(self) -> list[Variable]:
+        """Variables of the starts, in the order of the file."""
+        return list(START_VARIABLES)
+
+    @property
+    def listed_variables(self) -> list[Variable]:
+        """Variables of the attractors, which a complete map lists for each row."""
+        return listed_variables(self.settings)
+
+    def listed_values(self) -> dict[str, np.ndarray]:
+        """Return the values of `listed_variables` for a row, first axis the attractors."""
+        known = self.slice_runs.attractors()
+        return {variable.name: known[variable.name][0] for variable in self.listed_variables}
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+        sizes = super().dimensions
+        del sizes["amplitude"]
+        return sizes
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+        coordinates = super().coordinates
+        del coordinates["amplitude"]
+        return coordinates | {"block": numbered(self.n_blocks, "start of a row")}
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known in advance, with their values."""
+        amplitude = np.full(self.vertical.size, self.amplitude[0])
+        return [*super().given, (ROW_AMPLITUDE, amplitude)]
+
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll=None) -> dict:
+        """Classify starts of a row, each on its own."""
+        del state
+        return self.slice_runs.starts(self.horizontal[places], float(self.vertical[frame]), poll)
+
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+        """Return the attractor that a start goes to as the motion in which a run ended."""
+        label = int(run["label"])
+        if label <= 0:
+            return []
+        known = {name: values[0] for name, values in self.slice_runs.attractors().items()}
+        variables = [v for v in basin_variables(self.settings) if is_of_attractors(v)]
+        return attractors_as_runs(variables, known)[label - 1 : label]
+
+    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Count the computed starts, and those that reached none of the listed attractors."""
+        labels, starts = runs["label"][done], int(done.sum())
+        return {
+            "starts": starts,
+            "periods_per_start": float(runs["cycles"][done].sum()) / starts if starts else None,
+            "starts_undecided": int((labels == UNDECIDED).sum()),
+            "starts_failed": int((labels == FAILED).sum()),
+            "starts_elsewhere": int((labels == ELSEWHERE).sum()),
+        }
+
+    def tally(self) -> Any:
+        """Return a tally of starts for ``summary``."""
+        return StartTally(self)
+
+    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+        """Return the broken invariants of starts: (row, message)."""
+        from hpcsweep.studies.basins.invariants import broken_invariants_of_starts
+
+        return broken_invariants_of_starts(self, rows)
+
+    def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
+        """Describe a start by its place on the slice and the point (A, Omega)."""
+        direction, row, at = run
+        return {
+            "row": row,
+            "column": float(self.horizontal[at]),
+            "direction": self.directions[direction],
+            "omega": float(self.omega[row]),
+            "amplitude": float(self.amplitude[0]),
+        }
+
+    def describe_task(self, task: int) -> str:
+        """Describe a start by its two components."""
+        row, at = divmod(task, self.horizontal.size)
+        first, second = self.names()
+        return f"{first} = {self.horizontal[at]:.6g}, {second} = {self.vertical[row]:.6g}"

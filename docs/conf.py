@@ -1,5 +1,7 @@
 """Configuration of the documentation; `bash docs/build.sh` builds it."""
 
+import logging
+import os
 import sys
 from pathlib import Path
 
@@ -47,6 +49,10 @@ nb_execution_in_temp = True
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
+
+# notebooks: errors only, not that a kernel is started nor how it is reached
+os.environ["JUPYTER_PATH"] = str(DOCS / "jupyter")
+logging.getLogger("traitlets").setLevel(logging.WARNING)
 
 copybutton_prompt_text = "$ "
 

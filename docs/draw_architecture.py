@@ -105,7 +105,7 @@ def _imported(tree: ast.AST) -> Iterator[str]:
 
 
 def uses(rooms: Iterable[str]) -> dict[str, set[str]]:
-    """Tell for each room which others it imports."""
+    """Return for each room the others that it imports."""
     found: dict[str, set[str]] = {room: set() for room in rooms}
     for room, used in found.items():
         for path in sorted((ROOT / PACKAGE / room).rglob("*.py")):

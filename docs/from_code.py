@@ -4,25 +4,75 @@ import argparse
 import contextlib
 import io
 import os
-from collections.abc import Iterator
+import re
 from pathlib import Path
 
 from hpcsweep.commands.cli import build_parser
 from hpcsweep.job import JobError, load_job
+from hpcsweep.job.key_meanings import KEY_MEANINGS
+from hpcsweep.job.reading import keys_of
 from hpcsweep.job.template import TEMPLATE
 from hpcsweep.model.unit_names import GAPS
 from hpcsweep.studies.kinds import KINDS
+from hpcsweep.studies.refine.variables import derived_variables
 from hpcsweep.studies.settings import MEASURES
 
 ROOT = Path(__file__).resolve().parents[1]
-ALL = [f"output.{name} = true" for name in (*MEASURES, "lyapunov")]
+ALL = [f"output.{name} = true" for name in (*MEASURES, "lyapunov", "times", "alone")]
 """Settings with which a file holds whatever it can."""
+REFINED = "study.refine = {levels = 2}"
+JOB_KEYS = """\
+# Keys of a job
+
+A job is a TOML file; `hpcsweep new study.toml` writes [a commented one](./template.md).
+[Describe a structure](structures.md) and [choose a study](studies.md) introduce the keys by task.
+This table is made from the code. A key goes with every kind of study unless its meaning names some.
+
+Where several numbers may stand, they are a list, or a range with both ends included:
+`{from = 0.1, to = 0.4, count = 31}` or `{from = 0.1, to = 0.4, step = 0.01}`. Lengths are in gaps
+and times in 1/omega_0, unless a job gives masses, stiffnesses and gaps of its own.
+
+A mistake in a job is one line that names file, key, value and limit; nothing is then written.
+"""
+NOTES = {
+    "attractors": """\
+Empty slots have `attractor_id` 0. `contact`, `drift` and `modal_norm` are those of the orbit, or of
+2,000 periods. `point`, the last of `poincare`, is the seed at the next amplitude. `outcome` is 2 to
+4 only where all starts failed.
+[What shares and identities mean](../attractors.md#what-a-share-is-a-share-of).
+""",
+    "basins": """\
+A run is a row of starts. Every row lists the same attractors, which are
+[found before](../attractors.md#basins). `ordinate` is the second component of the slice.
+`n_undecided`, `n_failed` and `n_elsewhere` count the labels -1, -2 and -3. With `study.refine` a
+run is one start; the attractors, without `hits`, are 0 or NaN until the map is complete.
+""",
+    "records": """\
+A run is a record at a scale; `factor` multiplies the record. Peaks are over continuous time, to the
+end of the tail. `output.history` adds the motion itself, `output.times` the times of the peaks,
+`output.alone` the same without contacts, and `gap_needed`. `skip_rule` is 1 below first contact.
+""",
+    "branches": """\
+A run is a line. Points of all branches follow each other along `step`, special points along
+`special`; 0 or NaN fills the rest. `omega` or `forcing_amplitude` is NaN where it is the parameter.
+`point` is one stroboscopic point of the orbit. `seed_reason` is 0 where a seed lies on a branch.
+`special_step` is the step after a special point, of a fold its own. With `branches.curves` points
+of curves follow each other along `curve_step`, where they end and meet along `meeting`;
+`special_curve` is 0 where no curve was found or asked for, `curve_unstable` counts multipliers.
+""",
+}
+"""What the tables of a kind of study do not say."""
 TYPES = {"<f8": "float64", "<i4": "int32", "<i1": "int8", "<u8": "uint64"}
 
 
 def pages() -> dict[str, str]:
     """Return the text of each page by its name."""
-    return {"command-line": command_line(), "template": template(), "variables": variables()}
+    return {
+        "command-line": command_line(),
+        "job-keys": job_keys(),
+        "template": template(),
+        "variables": variables(),
+    }
 
 
 def write(folder: Path) -> None:
@@ -59,9 +109,46 @@ def _help(parser: argparse.ArgumentParser, command: str) -> str:
 def template() -> str:
     """Return the commented job that `hpcsweep new` writes."""
     return (
-        "# A commented job\n\n`hpcsweep new study.toml` writes it; every key is explained on\n"
-        f"[Job files](../job-files.md).\n\n```toml\n{TEMPLATE}```\n"
+        "# A commented job\n\n`hpcsweep new study.toml` writes it; every key is explained in\n"
+        f"[keys of a job](job-keys.md).\n\n```toml\n{TEMPLATE}```\n"
     )
+
+
+def job_keys() -> str:
+    """Return tables of all keys of a job: meaning, with the kinds of study, and default."""
+    shown = _defaults()
+    tables: dict[str, list[str]] = {}
+    for keys, (meaning, *given) in KEY_MEANINGS.items():
+        names = keys.split(", ")
+        default = given[0] if given else ", ".join(f"`{shown[name]}`" for name in names)
+        row = ", ".join(f"`{name}`" for name in names), _kinds(names[0]) + meaning, default
+        table = names[0].partition(".")[0] if "." in names[0] else "job"
+        tables.setdefault(table, []).append(f"| {' | '.join(row)} |\n")
+    parts = [JOB_KEYS]
+    head = "| key | meaning | default |\n|---|---|---|\n"
+    parts += [f"## {table}\n\n{head}{''.join(rows)}" for table, rows in tables.items()]
+    return re.sub(r"\]\((?=[a-z])", "](../", "\n".join(parts))
+
+
+def _defaults() -> dict[str, str]:
+    """Return what the template gives each key; of commented ones that is the default."""
+    found, table = {}, ""
+    for line in TEMPLATE.splitlines():
+        if header := re.match(r"#?\[(\w+)\]$", line):
+            table = f"{header[1]}."
+        elif pair := re.match(r"#?(\w+) = (.*?)(?: +# .*)?$", line):
+            found[f"{table}{pair[1]}"] = pair[2]
+    return found
+
+
+def _kinds(key: str) -> str:
+    """Return the kinds of study that a key goes with; nothing where it goes with all."""
+    table, name = key.split(".")[:2] if "." in key else (key, "")
+    own = [kind for kind, study in KINDS.items() if name in ("", *keys_of(study).get(table, ()))]
+    others = [kind for kind in KINDS if kind not in own]
+    if len(others) == 1:
+        return f"*not for {others[0]}:* "
+    return f"*for {', '.join(own)}:* " if others and own != [table] else ""
 
 
 def variables() -> str:
@@ -71,40 +158,60 @@ def variables() -> str:
         "`[output]` is asked for. Units are those of the building\nof the paper. "
         "[The results file](../file-format.md) says what the rest means.\n"
     ]
-    told: dict[tuple[str, ...], str] = {}
-    for kind, study in examples():
-        rows = tuple(_row(variable, study.run_dims) for variable in _held(study))
-        parts.append(f"## `{kind}`\n")
-        parts.append(f"A run has the dimensions {', '.join(f'`{d}`' for d in study.run_dims)}.\n")
+    known: dict[tuple[str, ...], str] = {}
+    for kind, (plain, refined) in examples().items():
+        rows = _rows(plain)
+        parts += [f"## `{kind}`\n", *([NOTES[kind]] if kind in NOTES else [])]
+        parts.append(f"A run has the dimensions {', '.join(f'`{d}`' for d in plain.run_dims)}.\n")
         parts.append("| dimension | unit | coordinate |\n|---|---|---|")
-        for name, (_, units, long_name) in study.coordinates.items():
+        for name, (_, units, long_name) in plain.coordinates.items():
             parts.append(f"| `{name}` | {_unit(units)} | {long_name} |")
-        if rows in told:
-            parts.append(f"\nThe variables are those of `{told[rows]}`.\n")
-            continue
-        told[rows] = kind
-        parts.append(
-            "\n| variable | dimensions beside those of a run | type | unit | meaning |\n"
-            "|---|---|---|---|---|\n" + "\n".join(rows) + "\n"
-        )
+        if rows in known:
+            parts.append(f"\nThe variables are those of `{known[rows]}`.\n")
+        else:
+            parts.append(f"\n{_table(rows)}")
+        known.setdefault(rows, kind)
+        if refined is not None:
+            more = tuple(
+                _row(variable, refined.run_dims) for variable in derived_variables(refined)
+            )
+            parts.append(f"\nWith `study.refine` there are also\n\n{_table(more)}")
     return "\n".join(parts)
 
 
-def examples() -> Iterator[tuple[str, object]]:
-    """Yield each kind of study with one of a job in `jobs`, with all outputs that it can have."""
-    of_kind: dict[str, object] = {}
+def _table(rows: tuple[str, ...]) -> str:
+    head = "| variable | dimensions beside those of a run | type | unit | meaning |"
+    return "\n".join((head, "|---|---|---|---|---|", *rows, ""))
+
+
+def _rows(study) -> tuple[str, ...]:
+    return tuple(_row(variable, study.run_dims) for variable in _held(study))
+
+
+def examples() -> dict[str, tuple]:
+    """Return for each kind of study that of a job in `jobs`, with all outputs, and it refined."""
+    fullest: dict[str, tuple[int, int, Path]] = {}
     for path in sorted((ROOT / "jobs").rglob("*.toml")):
-        kind = load_job(path).study.kind
-        if kind not in of_kind:
-            of_kind[kind] = load_job(path, _accepted(path)).study
-    for kind in KINDS:
-        yield kind, of_kind[kind]
+        study = load_job(path).study
+        held = 0 if study.axes else len(_held(study))
+        fullest[study.kind] = max(
+            fullest.get(study.kind, (-1, 0, path)), (held, study.n_runs, path)
+        )
+    return {kind: _with_all(fullest[kind][2]) for kind in KINDS}
 
 
-def _accepted(path: Path) -> list[str]:
-    """Return those of the settings `ALL` that a job may have."""
+def _with_all(path: Path) -> tuple:
+    """Return the study of a job with all outputs, and it refined; None where that cannot be."""
+    settings = _accepted(path, ALL)
+    refined = _accepted(path, [*settings, REFINED])
+    more = load_job(path, refined).study if len(refined) > len(settings) else None
+    return load_job(path, settings).study, more
+
+
+def _accepted(path: Path, settings: list[str]) -> list[str]:
+    """Return those of some settings that a job may have."""
     accepted: list[str] = []
-    for setting in ALL:
+    for setting in settings:
         with contextlib.suppress(JobError):
             load_job(path, [*accepted, setting])
             accepted.append(setting)

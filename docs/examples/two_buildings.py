@@ -24,9 +24,9 @@ def main() -> None:
     print(f"A = {float(at.amplitude):.3g} {at.amplitude.attrs['units']}")
     for gap in at.gap.values.tolist():
         own = at.sel(gap=gap)
-        worst = own.storey_drift.max("omega").to_series()
-        print(f"gap {gap} {at.gap.attrs['units']}: largest storey drift over frequency (m)")
-        print(worst.round(4).to_string())
+        ratio = 100.0 * own.storey_drift / results.storey_height
+        print(f"gap {gap} {at.gap.attrs['units']}: largest storey drift ratio over frequency (%)")
+        print(ratio.max("omega").to_series().round(2).to_string())
         force = own.contact_force.max("stop")
         place = int(force.argmax("omega"))
         print(f"largest force {float(force.max()):.3g} N, at {float(hertz[place]):.3g} Hz")

@@ -46,9 +46,9 @@ print(np.round(results.amplitude.values[apart.values], 4))
 # displacement between neighbouring floors: here it is larger on the way up, with fewer floors at
 # the stop.
 figure, axis = plt.subplots(figsize=(7, 3), layout="constrained")
-for direction, marker in (("up", "."), ("down", "v")):
+for direction, marker, size in (("down", "C1v", 5), ("up", "C0.", 4)):
     drift = results.drift.sel(direction=direction)
-    axis.plot(results.amplitude, drift, marker, ms=3, label=f"sweep {direction}")
+    axis.plot(results.amplitude, drift, marker, ms=size, mew=0, label=f"sweep {direction}")
 axis.set_xlabel("forcing amplitude A  [gaps ω₀²]")
 axis.set_ylabel("drift δ = max |uᵢ − uᵢ₋₁| Ω²/A")
 axis.legend()

@@ -29,8 +29,8 @@ poincare = false
 shell("mpirun -n 2 hpcsweep run map.toml -o map.h5")
 
 # %%
-# Classes of motion. The dark line is the grazing amplitude, a closed form: below it nothing
-# touches.
+# Classes of motion. The red line is the grazing amplitude, a closed form: left of it the linear
+# motion touches nothing. Motions with impacts exist there, too: the start decides.
 shell("hpcsweep plot map.h5 --kind map -o map.png")
 
 # %%

@@ -3,7 +3,7 @@ Chaos and its exponent
 ======================
 
 Two motions that start a hair apart part exponentially in chaos; the rate is the largest Lyapunov
-exponent. It is computed with the tangent map, not from differences, and told with bounds.
+exponent. The tangent map gives it, not differences, and it comes with a confidence interval.
 """
 
 from pathlib import Path
@@ -49,12 +49,15 @@ print(f"{hpcsweep.meanings(run.motion).values}: exponent {float(run.lyapunov):.4
 print(f"between {float(run.lyapunov_low):.4f} and {float(run.lyapunov_high):.4f}")
 
 # %%
-# The distance grows with that rate until the motions have nothing in common.
+# The distance grows at that rate in the long run, slower or faster for some periods, until the
+# motions have nothing in common. The dashed line starts where they are nearest.
 period = 2 * np.pi / omega
 time = period * np.arange(1, 121)
 figure, axis = plt.subplots(figsize=(7, 3.2), layout="constrained")
 axis.semilogy(time / period, distance, "k.-", lw=0.5, label="two motions")
-axis.semilogy(time / period, 1e-9 * np.exp(float(run.lyapunov) * time), "C0--", label="exp(λτ)")
+nearest = np.argmin(distance)
+line = distance[nearest] * np.exp(float(run.lyapunov) * (time - time[nearest]))
+axis.semilogy(time / period, line, "C0--", label="exp(λτ)")
 axis.set_ylim(1e-10, 10)
 axis.set_xlabel("forcing periods")
 axis.set_ylabel("distance of the states")

@@ -3,8 +3,8 @@ Attractors that coexist, and their shares
 =========================================
 
 A sweep meets the attractor its path leads to. A study of ``attractors`` starts from many states of
-a box and tells all motions that are reached, each with the share of the box that goes to it and a
-confidence interval.
+a box and reports all motions that they reach, each with its share of the box and a confidence
+interval.
 """
 
 from pathlib import Path

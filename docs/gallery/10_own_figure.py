@@ -44,6 +44,6 @@ for amplitude in (0.05, 0.1, 0.2):
     axis.plot(line.omega, line, ".-", label=f"A = {float(line.amplitude):.2f}")
 axis.axvline(structure.frequencies[0], color="0.6", ls=":", label="first natural frequency")
 axis.set_xlabel("Ω  [ω₀]")
-axis.set_ylabel("drift δ")
+axis.set_ylabel("drift δ  [A/Ω²]")
 axis.legend()
 plt.show()

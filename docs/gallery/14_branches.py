@@ -41,14 +41,19 @@ for amplitude, period in ((0.06, 1), (0.11, 2)):
     print(f"period {period}\n{special.to_string(index=False)}\n")
 
 # %%
-# Wide and grey is the sweep, full lines are stable orbits, thin ones unstable.
+# Where a sweep leaves a motion, its branch goes on, unstable.
 figure, axis = plt.subplots(figsize=(8, 4.5), layout="constrained")
 u = sweeps.poincare.sel(state="u_3")
-axis.plot(sweeps.amplitude, u.stack(all=["direction", "point"]), ".", color="0.75", ms=9, mew=0)
+runs = axis.plot(
+    sweeps.amplitude, u.stack(all=["direction", "point"]), ".", color="0.75", ms=9, mew=0
+)
+runs[0].set_label("sweeps")
 for branch, colour in zip(branches, ("C0", "C1"), strict=True):
     points = branch.point.sel(state="u_3").values
     stable = branch.stable.values[:, None]
     axis.plot(branch.value, points, color=colour, lw=0.7)
-    axis.plot(branch.value, np.where(stable, points, np.nan), color=colour, lw=2)
-axis.set(xlabel="forcing amplitude A", ylabel="displacement of floor 3 at phase 0  [gaps]")
+    lines = axis.plot(branch.value, np.where(stable, points, np.nan), color=colour, lw=2)
+    lines[0].set_label(f"period {points.shape[1]} (thin: unstable)")
+axis.set(xlabel="forcing amplitude A  [gaps ω₀²]", ylabel="u₃ at phase 0  [gaps]")
+axis.legend()
 plt.show()

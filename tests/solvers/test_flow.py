@@ -19,6 +19,7 @@ from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.layer import error, scheme, visit
 from hpcsweep.solvers.flow.linear import forcing, polynomials, propagators
 from hpcsweep.solvers.flow.observe import modal_norm
+from hpcsweep.solvers.flow.orbit.transient import MOST_WORK
 from hpcsweep.solvers.flow.passage import crossing, tangent
 from hpcsweep.solvers.flow.rules import tableau
 from hpcsweep.solvers.flow.rules.economisation import economisation
@@ -608,10 +609,22 @@ def test_pieces_of_any_size_change_nothing(size, monkeypatch):
         def cut(self, n_periods, poll=None):
             yield 0, n_periods
 
+        def begin(self, poll=None):
+            return 10**9
+
+        def end(self, n_periods):
+            pass
+
     class Even:
         def cut(self, n_periods, poll=None):
             for first in range(0, n_periods, size):
                 yield first, min(first + size, n_periods)
+
+        def begin(self, poll=None):
+            return size
+
+        def end(self, n_periods):
+            pass
 
     polls = []
     in_time = everything(lambda: polls.append(1))
@@ -622,6 +635,29 @@ def test_pieces_of_any_size_change_nothing(size, monkeypatch):
     for left, middle, right in zip(in_time, everything(None), whole, strict=True):
         assert np.array_equal(left, right, equal_nan=True)
         assert np.array_equal(middle, right, equal_nan=True)
+
+
+@compiled_only
+def test_periods_that_become_slow_at_once_do_not_delay_polls():
+    """With 52 stops hardly any set of them returns, and each needs a table of its own."""
+    structure = Structure(52, 1000.0, 1e4, 0.05)
+    flow = FlowMap(structure, 0.2772)
+    rest, n_periods, work = np.zeros(104), 8, []
+    flow.settle(rest, 0.01, 1000, 16, 1e-10, 1e-6)
+    assert flow._polling.begin() >= n_periods
+
+    def polled():
+        work.append(flow.counts[0] + flow.counts[2] + 104 * flow.counts[4])
+
+    end = flow.settle(rest, 0.25, n_periods, 16, 1e-10, 1e-6, poll=polled)
+    polled()
+    assert end.n_periods == n_periods
+    pieces, work = np.diff(work), []
+    for _ in range(n_periods):
+        rest = flow.advance(rest, 0.25, 1).state
+        polled()
+    assert pieces.max() <= MOST_WORK / 104**2 + np.diff(work).max()
+    assert pieces.size >= 3
 
 
 @compiled_only

@@ -46,8 +46,8 @@ class FlowMap:
 
     Attributes
     ----------
-    counts : ndarray of int, shape (4,)
-        Linear steps, fast passages, layer steps and layer visits so far.
+    counts : ndarray of int, shape (5,)
+        Linear steps, fast passages, layer steps, layer visits and tables built so far.
     """
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
@@ -132,19 +132,19 @@ class FlowMap:
         closing = closing_arguments(max_period, settled, same, near)
         self._watch_for(closing[0]).since[0] = 0
         done = newton = period = 0
-        multiplier = math.nan
-        outcome = int(Outcome.COMPLETE)
-        for first, last in self._polling.cut(n_periods, poll):
+        multiplier, outcome = math.nan, int(Outcome.COMPLETE)
+        while done < n_periods:
+            most = min(self._polling.begin(poll), n_periods - done)
             more, by_newton, period, multiplier, near, outcome = self._kernels.end_of_transient(
-                self._packed, self._packed_watch, z, amplitude, last - first, closing
+                self._packed, self._packed_watch, z, amplitude, most, closing
             )
+            self._polling.end(more)
             closing = (*closing[:3], near)
             done += more
             newton += by_newton
             if period or outcome != Outcome.COMPLETE:
                 break
-        state = self._units.out_of(z)
-        return Approach(state, done, newton, period, multiplier, Outcome(outcome))
+        return Approach(self._units.out_of(z), done, newton, period, multiplier, Outcome(outcome))
 
     def follow_orbits(
         self,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.contact import contact_force
 from hpcsweep.solvers.flow.layer.quintic import hermite, root_of, turn_of, value_of
 from hpcsweep.solvers.flow.observe.impacts import record
@@ -11,7 +11,7 @@ from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
 from hpcsweep.solvers.measures import FORCE, TIME
 
 
-@kernel
+@inlined
 def impacts_in_layer(h, z0, z1, model, ways, tally, work):
     """Add the impacts of a step: the force by the rule of its stages, the rest by `_follow`."""
     contacts, stage = model.contacts, work.layer
@@ -33,7 +33,7 @@ def impacts_in_layer(h, z0, z1, model, ways, tally, work):
         _follow(k, h, start, end, tally, work)
 
 
-@kernel
+@inlined
 def _follow(k, h, start, end, tally, work):
     """Add closings and the time at x >= 0 of a contact, with x given as in `_highest`.
 

@@ -85,6 +85,7 @@ def lookup(key, packed):
         forget(shared.responses)
     index = tables.count[0]
     _build(key, shared.model, tables, index)
+    shared.counts[4] += 1
     tables.keys[index] = key
     tables.count[0] = index + 1
     return index

@@ -182,7 +182,7 @@ def follow_orbits(
             if outcome != COMPLETE or (period == 0 and place[TRANSIENT_PERIODS] >= transient):
                 return OPEN, n_done, outcome
             if period == 0:
-                continue
+                return MORE, n_done, COMPLETE
             place[STAGE] = ORBIT
             place[ORBIT_PERIOD] = period
             copy_state(run.z, run.reached)

@@ -28,6 +28,12 @@ from hpcsweep.solvers.outcome import COMPLETE
 
 ROUNDING = 2e-14
 """Points closer than this (relative) are equal to rounding."""
+MOST_WORK = 2e7
+"""Steps times (2R)^2 after which a call returns, for polling; a table counts as 2R steps.
+
+These are operations of half a second at most, which the number of periods alone cannot bound: where
+hardly any two of 52 stops are hit together twice, a period took 0.2 s after periods of 10 us.
+"""
 NEARER = 0.03
 """Factor on the distance below which a jump is tried, after one that was not verified."""
 
@@ -61,7 +67,8 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     Returns
     -------
     n_done, period, outcome : int
-        `period` is 0 if the orbit has not closed, negative if it is only approached.
+        `period` is 0 if the orbit has not closed, negative if it is only approached. With 0 fewer
+        than `n_periods` may be done, see `MOST_WORK`.
     """
     max_period, settled, same, near = closing
     size = z.shape[0]
@@ -72,6 +79,7 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     ring = max_period + 1
     long = history.shape[0]
     first = watch.since[0]
+    most = _steps(common.counts, size) + int(MOST_WORK / size**2)
     if first == 0:
         copy_state(z, history[0])
         for p in range(ring):
@@ -114,7 +122,15 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
             falling[p] = falling[p] + 1 if approached else 0
             if falling[p] >= 2 * p + 1:
                 return period - first, -p, COMPLETE
+        if _steps(common.counts, size) > most:
+            return period - first, 0, COMPLETE
     return n_periods, 0, COMPLETE
+
+
+@kernel
+def _steps(counts, size):
+    """Return the steps taken so far, and those that tables are worth."""
+    return counts[0] + counts[2] + size * counts[4]
 
 
 @entry_point(
@@ -143,7 +159,8 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     Returns
     -------
     n_done : int
-        Forcing periods of the motion until then.
+        Forcing periods of the motion until then; fewer than `n_periods` also where the work of one
+        call is done (`MOST_WORK`).
     n_newton : int
         Forcing periods that Newton's method has integrated.
     period : int

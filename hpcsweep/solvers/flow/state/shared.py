@@ -30,7 +30,7 @@ class Shared(NamedTuple):
     tally: Tally
     outputs: Outputs
     counts: np.ndarray
-    """(4,) int: linear steps, fast passages, layer steps and layer visits so far."""
+    """(5,) int: linear steps, fast passages, layer steps, layer visits and tables built so far."""
     previous: np.ndarray
     """(2R,): workspace for the start of a period."""
     no_points: np.ndarray
@@ -80,7 +80,7 @@ def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
         work=new_workspace(model),
         tally=new_tally(model.modal_transform.shape[0], model),
         outputs=new_outputs(model, tables),
-        counts=zeros(4, dtype=int),
+        counts=zeros(5, dtype=int),
         previous=zeros(2 * n),
         no_points=zeros(0, 2 * n),
         no_tangent=zeros(2 * n, 0),

@@ -36,7 +36,7 @@ COLUMNS = {
 }
 """Of the table, and the calls that each sums: runs that skip rules finish, and transients of
 others; their windows, and those of classified motions; what classifies them."""
-COUNTS = ("linear steps", "passages", "layer steps", "layer visits")
+COUNTS = ("linear steps", "passages", "layer steps", "layer visits", "tables")
 
 
 @dataclass

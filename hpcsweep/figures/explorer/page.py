@@ -286,6 +286,7 @@ def _structure(structure) -> dict:
     return {
         "words": ", ".join(words).replace("inf", "∞"),
         "floors": structure.n_floors,
+        "names": list(structure.names.floors),
         "rho": structure.sharpness if finite else None,
         "stiffness": per_mass(mass, structure.stiffness_matrix).tolist(),
         "damping": per_mass(mass, structure.damping_matrix).tolist(),

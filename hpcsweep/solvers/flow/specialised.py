@@ -88,7 +88,7 @@ def needed_kernels(
 @functools.cache
 def _needed(dashpots: bool, measures: bool) -> list[EntryPoint]:
     own = (march_dashpots,) * dashpots + (march_measured, measure_layer_step) * measures
-    return with_called(*FOR_ANY[:3], *own)
+    return with_called(march, end_of_transient, follow_orbits, *own)
 
 
 def _shapes_for(model: Model) -> Shapes:

@@ -5,8 +5,6 @@ import numpy as np
 from hpcsweep.dynamics.continuation.forced import check_parameter
 from hpcsweep.model.structure import Structure
 
-MIN_OMEGA = 1e-4
-
 
 def seeds_of(values) -> tuple[str, ...]:
     """Read the results files whose motions are the seeds."""
@@ -43,9 +41,10 @@ def span_of(
     given, low, high = pair_of(values, "branches.span", default)
     if not -1e200 <= low < high <= 1e200:
         raise values.error("branches.span", given, "must have low below high, both at most 1e200")
-    least = {"omega": MIN_OMEGA}.get(parameter, 0.0)
-    if low < least:
-        raise values.error("branches.span", given, f"{parameter} must be at least {least:g}")
+    if parameter in ("omega", "amplitude"):
+        values.check_range("branches.span", **{parameter: (low, high)})
+    elif low < 0:
+        raise values.error("branches.span", given, f"{parameter} must be at least 0")
     return low, high
 
 

@@ -20,6 +20,12 @@ function padded(low, high, share = 0.07) {
   return [low - margin, high + margin];
 }
 
+// Name a floor (index from 0) behind the letter of its displacement or velocity.
+function floorName(study, floor) {
+  const { names } = study.structure;
+  return names.length ? ` ${names[floor]}` : subscript(floor + 1);
+}
+
 const LEAST_PANEL = 64; // height of a floor's diagram in pixels
 
 function horizontalLine(u, y, colour) {
@@ -80,7 +86,7 @@ class OrbitDiagrams {
 
   options(panel, last, count) {
     const size = this.size(last, count);
-    const name = `u${subscript(panel.floor + 1)}(jT)${unit(this.study, "length")}`;
+    const name = `u${floorName(this.study, panel.floor)}(jT)${unit(this.study, "length")}`;
     return {
       ...size,
       padding: [5, 12, last ? 0 : 3, 0],

@@ -272,11 +272,12 @@ class Explorer {
     fill("quantity", this.quantities.map((q) => [q.id, q.label]));
     fill("direction", study.directions.map((d, i) => [i, d]));
     const groups = this.floorGroups();
+    const own = (floor) => study.structure.names[floor] ?? String(floor + 1);
     const groupName = (floors) => {
       if (floors.length === study.nFloors) return "all";
       const [first, last] = [floors[0], floors[floors.length - 1]];
-      if (last - first >= floors.length) return floors.map((floor) => floor + 1).join(", ");
-      return last > first ? `${first + 1}–${last + 1}` : String(last + 1);
+      if (last - first >= floors.length) return floors.map(own).join(", ");
+      return last > first ? `${own(first)}–${own(last)}` : own(last);
     };
     fill("floors", groups.map((floors, i) => [i, groupName(floors)]));
     fill("points", [["motion", "motion"], ["direction", study.each]]);

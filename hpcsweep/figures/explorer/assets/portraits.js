@@ -46,7 +46,7 @@ class Portraits {
   }
 
   options(panel, count) {
-    const i = subscript(panel.floor + 1);
+    const i = floorName(this.study, panel.floor);
     const small = { ...AXIS, font: "11px sans-serif", labelFont: "11px sans-serif", labelSize: 15 };
     return {
       ...this.size(count),

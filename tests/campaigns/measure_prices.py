@@ -36,6 +36,8 @@ def cases():
     yield "chaos", printed, 0.3, 0.445
     yield "infinite sharpness", Structure(3, 1000.0, math.inf), 0.3, 0.445
     yield "beta 1e5, rho 1e6", Structure(3, 1e5, 1e6), 0.1, 0.3
+    for sharpness in (10.0, 100.0, 1000.0):
+        yield f"wide, rho = {sharpness:g}", Structure(3, 1000.0, sharpness), 0.1, 0.445
     yield "pounding, n = 8", load_job(JOBS / "structures" / "pounding.toml").structure, 0.15, 0.4
 
 

@@ -132,15 +132,21 @@ def test_peaks_are_those_of_the_motion(structure, amplitude, omega):
     np.testing.assert_allclose(bdf.measures, seen.measures, rtol=3e-4, atol=1e-5 * scale)
 
 
+LONG_STEPS = (71, 102, 144, 166, 316, 438, 620, 729, 733, 775, 818, 844, 850, 962, 998)
+"""Cases whose layer steps, planned for the motion alone, are too long for its measures."""
+
+
 @pytest.mark.slow
 def test_measures_of_random_structures():
     """Closings are equal, all else is right over the conditioning; the whole: docs/reliability."""
-    found = [compare(case) for case in random_general_cases(40, seed=1)]
+    chosen = [case for case in random_general_cases(1000, seed=0) if case.number in LONG_STEPS]
+    found = [compare(case) for case in (*chosen, *random_general_cases(30, seed=1))]
     assert None not in found
     assert not any(counts is False for _, _, counts in found)
     scaled = np.array([one for _, one, _ in found])
-    assert np.quantile(scaled, 0.9, axis=0).max() < 1e-10
-    assert scaled.max() < 1e-6
+    assert len(scaled) == len(LONG_STEPS) + 30
+    assert np.quantile(scaled, 0.9, axis=0).max() < 1e-11
+    assert scaled.max() < 1e-9
 
 
 def test_a_window_does_not_depend_on_those_before():

@@ -351,7 +351,7 @@ def test_other_parameters(folder, tmp_path, parameter, span):
         ("steps = 300", "span = [0.71, 0.9]", ("no periodic motion", "0.71 to 0.9")),
         ("[branches]", "[structure]\nstiffness_ratio = 51.0\n[branches]", ("another structure",)),
         ("steps = 300", "span = [0.3, 0.2]", ("branches.span", "low below high")),
-        ("steps = 300", "span = [-0.3, 0.2]", ("branches.span", "at least 0")),
+        ("steps = 300", "span = [-0.3, 0.2]", ("branches.span", "A must be from 0")),
         ("steps = 300", 'parameter = "mass"', ("branches.parameter", "amplitude, omega")),
         ("steps = 300", 'parameter = "gap"', ("branches.span", "missing")),
         ("steps = 300", "steps = 0", ("branches.steps", "from 1")),

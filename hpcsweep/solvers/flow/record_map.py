@@ -11,7 +11,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
-from hpcsweep.solvers.flow.layer.observation import measure_layer_step
+from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.record.march import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 from hpcsweep.solvers.flow.state.tally import clear

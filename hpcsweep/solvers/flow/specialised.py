@@ -26,7 +26,7 @@ from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
 from hpcsweep.solvers.flow.dashpot.march import march_dashpots
-from hpcsweep.solvers.flow.layer.observation import measure_layer_step
+from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.period.march import march, march_measured

@@ -13,6 +13,9 @@ the scheme, here Gauss collocation:
   known order in h (`visit.shortening`); it is a bound or an estimate from above;
 - highest point: `observation.observe_layer_step` finds the maxima of displacements and drifts over
   the step to its own accuracy (dense output), not only at its ends, and the modal norms;
+- measures: `measures.measure_layer_step` raises peaks and adds impacts where a step may change
+  them, of a solitary step in halves (`solitary.halves`), at extrema and crossings along the
+  polynomial of `interpolant`;
 - tangent: `variations.layer_tangent` multiplies a matrix by the derivative of the map from start to
   end of the step, the same map as that of `finish`.
 

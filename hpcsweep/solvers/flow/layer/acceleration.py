@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import fma, load, maximum
 from hpcsweep.model.kernel_model import ACCELERATION
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES
 from hpcsweep.solvers.flow.state.accelerations import accelerations
@@ -28,6 +29,9 @@ _APART = POINTS[:, None] - POINTS + np.eye(N_POINTS)
 SCALES = 1.0 / _APART.prod(axis=1)
 SLOPES = (1.0 / _APART).sum(axis=1) - 1.0
 """L_k'(t_k)"""
+BETWEEN = 0.1
+"""How far a component may come beyond its values at ends and nodes, over their range; of a parabola
+between nodes it is 0.03, with its top in the step."""
 PARABOLAS = 12
 SAME = 1e-14
 """Relative change of a peak after which no other parabola follows."""
@@ -35,9 +39,11 @@ CUTS = 4
 """How often the interval beside an end is cut in search of a value above that at the end."""
 
 
-@kernel
-def accelerations_in_layer(step, z0, z1, model, tally, work):
+@inlined
+def accelerations_in_layer(step, z0, z1, only_look, model, tally, work):
     """Raise the peaks of absolute accelerations over one step from state z0 to state z1.
+
+    With `only_look` nothing is raised; return then whether a peak may be.
 
     Parameters
     ----------
@@ -54,6 +60,13 @@ def accelerations_in_layer(step, z0, z1, model, tally, work):
             continue
         own = model.ground[i]
         values[0], values[N_POINTS - 1] = work.a[i] + own * ground0, work.a_end[i] + own * ground1
+        inner = fma(load(work.layer.ground, 0), own, load(work.layer.g, i * N_STAGES))
+        top = max(maximum(inner), max(values[0], values[N_POINTS - 1]))
+        bottom = min(-maximum(0.0 - inner), min(values[0], values[N_POINTS - 1]))
+        if max(top, -bottom) + BETWEEN * (top - bottom) <= tally.peaks[p]:
+            continue
+        if only_look:
+            return True
         for k in range(N_STAGES):
             values[k + 1] = work.layer.g[i, k] + own * work.layer.ground[k]
         for k in range(N_POINTS):
@@ -67,6 +80,7 @@ def accelerations_in_layer(step, z0, z1, model, tally, work):
             if here >= left and here >= right and here + rise > tally.peaks[p]:
                 top = _highest_beside(k, i, sign, step, z0, z1, model, work)
                 tally.peaks[p] = max(tally.peaks[p], top)
+    return False
 
 
 @kernel

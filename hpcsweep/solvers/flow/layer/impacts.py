@@ -3,17 +3,33 @@
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.model.contact import contact_force
+from hpcsweep.kernels.simd.vectors import load, total
+from hpcsweep.model.contact import contact_forces
+from hpcsweep.solvers.flow.layer.interpolant import integral_of_force, interpolate, interpolated
+from hpcsweep.solvers.flow.layer.limits import allowed_error
 from hpcsweep.solvers.flow.layer.quintic import hermite, root_of, turn_of, value_of
 from hpcsweep.solvers.flow.observe.impacts import record
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
 from hpcsweep.solvers.measures import FORCE, TIME
 
+MISSED = 1e-13
+"""Allowed error of the integral of x S over a step, in units of length and time."""
+
 
 @inlined
-def impacts_in_layer(h, z0, z1, model, ways, tally, work):
-    """Add the impacts of a step: the force by the rule of its stages, the rest by `_follow`."""
+def missed_force(z):
+    """Return the allowed error of the integral of x S over a step that ends in state z."""
+    return allowed_error(z, MISSED)
+
+
+@inlined
+def impacts_in_layer(h, z0, z1, alone, model, ways, tally, work):
+    """Add the impacts of a step: the force by the rule of its stages, the rest by `_follow`.
+
+    A contact too soft for the motion, to which steps are fitted, to feel what the rule misses is
+    integrated along the interpolant; that of the contact `alone` is known.
+    """
     contacts, stage = model.contacts, work.layer
     n = model.stiffness.shape[0]
     for k in range(contacts.row.shape[0]):
@@ -24,10 +40,14 @@ def impacts_in_layer(h, z0, z1, model, ways, tally, work):
             work.stage_u[s] = sign * stage.u[i, s] - gap
             work.stage_v[s] = sign * stage.v[i, s]
             work.stage_a[s] = sign * stage.g[i, s]
-            force = contact_force(work.stage_u[s], 1.0, model.rho)
-            tally.impacts[FORCE, k] += h * WEIGHTS[s] * force
         start = (distance(k, z0, contacts), sign * z0[n + i], sign * work.a[i])
         end = (distance(k, z1, contacts), sign * z1[n + i], sign * work.a_end[i])
+        if stage.active[k] == 2 and stage.missed[k] > missed_force(z1):
+            interpolate(h, start, end, work)
+            tally.impacts[FORCE, k] += integral_of_force(h, model.rho, work)
+        elif k != alone:
+            forces = contact_forces(load(work.stage_u, 0), 1.0, model.rho)
+            tally.impacts[FORCE, k] += h * total(load(WEIGHTS, 0) * forces)
         if start[0] >= 0.0:
             tally.closed[0] |= contact_bit(k)
         _follow(k, h, start, end, tally, work)
@@ -71,52 +91,13 @@ def _follow(k, h, start, end, tally, work):
 def _change(k, h, s, since, start, end, tally, work):
     """Record that a contact closes or opens near s, a fraction of the step; return s exactly."""
     closed = tally.closed[0] & contact_bit(k) != np.uint64(0)
-    _interpolate(h, start, end, work)
+    interpolate(h, start, end, work)
     slope = 0.0
     for _ in range(3):
-        value, slope = _interpolated(s, work)
+        value, slope, _ = interpolated(s, work)
         if slope != 0.0 and abs(value) < 1e-3 * abs(slope):
             s -= value / slope
     record(k, not closed, abs(slope) / h, tally)
     if closed:
         tally.impacts[TIME, k] += (s - since) * h
     return s
-
-
-@kernel
-def _interpolate(h, start, end, work):
-    """Write the interpolant of distance and speed at ends and stages into ``work.newton``.
-
-    In Newton's form, every node twice: divided differences, and nodes.
-    """
-    c, nodes = work.newton[0], work.newton[1]
-    last = nodes.size - 1
-    for s in range(N_STAGES + 2):
-        at, x = 0.0, start[0]
-        if s == N_STAGES + 1:
-            at, x = 1.0, end[0]
-        elif s > 0:
-            at, x = NODES[s - 1], work.stage_u[s - 1]
-        for i in (2 * s, 2 * s + 1):
-            nodes[i], c[i] = at, x
-    for i in range(last, 0, -1):
-        if i % 2 == 0:
-            c[i] = (c[i] - c[i - 1]) / (nodes[i] - nodes[i - 1])
-        elif i == 1 or i == last:
-            c[i] = h * (start[1] if i == 1 else end[1])
-        else:
-            c[i] = h * work.stage_v[i // 2 - 1]
-    for order in range(2, last + 1):
-        for i in range(last, order - 1, -1):
-            c[i] = (c[i] - c[i - 1]) / (nodes[i] - nodes[i - order])
-
-
-@kernel
-def _interpolated(s, work):
-    """Evaluate the polynomial of `_interpolate` and its slope."""
-    c, nodes = work.newton[0], work.newton[1]
-    value, slope = 0.0, 0.0
-    for i in range(c.size - 1, -1, -1):
-        slope = slope * (s - nodes[i]) + value
-        value = value * (s - nodes[i]) + c[i]
-    return value, slope

@@ -2,55 +2,32 @@
 
 import numpy as np
 
-from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.compile.entry_points import BYTES, INT, VECTOR, entry_point, type_of
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, root, total
-from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
-from hpcsweep.solvers.flow.layer.acceleration import accelerations_in_layer
-from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer
 from hpcsweep.solvers.flow.layer.quintic import hermite, turn_of, value_of
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
-from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.tables import ZERO
-from hpcsweep.solvers.flow.state.tally import (
-    ANY_MEASURE,
-    IMPACTS,
-    MAXIMA,
-    NORMS,
-    PEAKS,
-    wants_norms,
-)
-
-STEP = type_of((0.0, 0.0, 0.0, 0.0, 0.0))
+from hpcsweep.solvers.flow.state.tally import MAXIMA, NORMS, wants_norms
 
 
 @inlined
-def observe_layer_step(packed, step, z0, wanted, shared):
-    """Update all that is requested by one step inside a layer, from z0 to ``work.z_end``.
+def observe_layer_step(h, z0, wanted, shared):
+    """Update maxima and norms by one step of length h inside a layer, from z0 to ``work.z_end``.
 
     Maxima are taken over the ends and the stages, and, where the velocity changes sign between
     two neighbours, at the top of the quintic Hermite interpolant through them; its error is
     d^6 / 46080 |u^(6)|, d the short distance between stages. ``work.a`` and ``work.a_end`` hold the
-    accelerations at the ends. `step` is that of `accelerations_in_layer`.
+    accelerations at the ends.
     """
     model, tally, work = shared.model, shared.tally, shared.work
     n = model.stiffness.shape[0]
-    h, z1 = step[1], work.z_end
-    stage = work.layer
-    ways = work.ways
-    for i in range(n):
-        hardest = max(abs(work.a[i]), abs(work.a_end[i]))
-        hardest = max(hardest, maximum(modulus(load(stage.g, i * N_STAGES))))
-        # at most, were the acceleration between the stages twice what it is at any of them
-        ways[i] = h * (abs(z0[n + i]) + 2.0 * h * hardest)
+    z1, stage, ways = work.z_end, work.layer, work.ways
+    longest_ways(h, z0, work)
     touching = False
     if wanted & (MAXIMA | NORMS):
         touching = _update_maxima(h, z0, z1, model, ways, tally, work)
-    if wanted & ANY_MEASURE:
-        measure_layer_step(packed, step, z0, wanted)
     if wants_norms(wanted):
         modes = tally.modal.shape[0]
         share = _free_share(h, z0, z1, model.contacts) if touching else 1.0
@@ -79,6 +56,17 @@ def observe_layer_step(packed, step, z0, wanted, shared):
                 tally.modal[j] += share * h * total(weight * modulus(load(q, j * LANES)))
 
 
+@inlined
+def longest_ways(h, z0, work):
+    """Write how far each row can come on a step from z0 into ``work.ways``."""
+    n = work.ways.shape[0]
+    for i in range(n):
+        hardest = max(abs(work.a[i]), abs(work.a_end[i]))
+        hardest = max(hardest, maximum(modulus(load(work.layer.g, i * N_STAGES))))
+        # at most, were the acceleration between the stages twice what it is at any of them
+        work.ways[i] = h * (abs(z0[n + i]) + 2.0 * h * hardest)
+
+
 @kernel
 def _update_maxima(h, z0, z1, model, ways, tally, work):
     """Update contact set and largest drift; return whether a contact is closed at an end."""
@@ -94,7 +82,7 @@ def _update_maxima(h, z0, z1, model, ways, tally, work):
         elif (
             tally.contact[0] & bit == np.uint64(0)
             and sign * z0[i] + ways[i] >= gap
-            and _highest_of(h, i, -1, sign, z0, z1, n, work) >= gap
+            and highest_of(h, i, -1, sign, z0, z1, n, work)[0] >= gap
         ):
             tally.contact[0] |= bit
     for d in range(model.drift_rows.shape[0]):
@@ -104,47 +92,9 @@ def _update_maxima(h, z0, z1, model, ways, tally, work):
             drift, way = drift - z0[below], way + ways[below]
         for sign in (1.0, -1.0):
             if sign * drift + way > tally.peak_drift[0]:
-                peak = _highest_of(h, i, below, sign, z0, z1, n, work)
+                peak, _ = highest_of(h, i, below, sign, z0, z1, n, work)
                 tally.peak_drift[0] = max(tally.peak_drift[0], peak)
     return touching
-
-
-@entry_point(INT, BYTES, STEP, VECTOR, INT, inner=True, specialises=True, on_demand=True)
-def measure_layer_step(packed, step, z0, wanted):
-    """Update peaks and impacts by one step inside a layer, see `observe_layer_step`; return 0."""
-    shared = read_shared(packed)
-    z0 = as_long_as(z0, shared.previous)
-    model, tally, work = shared.model, shared.tally, shared.work
-    h, z1, ways = step[1], work.z_end, work.ways
-    if wanted & PEAKS:
-        _update_peaks(h, z0, z1, wanted, model, ways, tally, work)
-    if wanted & ACCELERATION:
-        accelerations_in_layer(step, z0, z1, model, tally, work)
-    if wanted & IMPACTS:
-        impacts_in_layer(h, z0, z1, model, ways, tally, work)
-    return 0
-
-
-@kernel
-def _update_peaks(h, z0, z1, wanted, model, ways, tally, work):
-    """Update the requested peaks of displacements: drifts, floors and contacts."""
-    n = model.stiffness.shape[0]
-    contact = 0
-    for p in range(model.watched.shape[0]):
-        i, below, side, flag = model.watched[p]
-        gap = 0.0
-        if flag == CONTACT:
-            gap = model.contacts.gap[contact]
-            contact += 1
-        if wanted & flag == 0 or flag == ACCELERATION:
-            continue
-        value, way = z0[i], ways[i]
-        if below >= 0:
-            value, way = value - z0[below], way + ways[below]
-        for sign in (1.0, -1.0):
-            if side * sign >= 0.0 and sign * value + way - gap > tally.peaks[p]:
-                peak = _highest_of(h, i, below, sign, z0, z1, n, work) - gap
-                tally.peaks[p] = max(tally.peaks[p], peak)
 
 
 @kernel
@@ -180,8 +130,15 @@ def _crossing(x0, v0, x1, v1):
 
 
 @kernel
-def _highest_of(h, i, below, sign, z0, z1, n, work):
-    """Return the maximum of sign (y_i - y_below) over a layer step; sign y_i if `below` is -1."""
+def highest_of(h, i, below, sign, z0, z1, n, work):
+    """Find the maximum of sign (y_i - y_below) over a layer step; of sign y_i if `below` is -1.
+
+    Returns
+    -------
+    highest, s : float
+        And the part of the step at which it is, -1 if that is an end or a stage. Value, velocity
+        and acceleration at the stages are left in ``work.stage_u``, ``stage_v`` and ``stage_a``.
+    """
     stage = work.layer
     for k in range(N_STAGES):
         u, v, g = stage.u[i, k], stage.v[i, k], stage.g[i, k]
@@ -190,43 +147,47 @@ def _highest_of(h, i, below, sign, z0, z1, n, work):
         work.stage_u[k] = sign * u
         work.stage_v[k] = sign * v
         work.stage_a[k] = sign * g
+    start, end = ends_of(i, below, sign, z0, z1, n, work)
+    return _highest(h, start, end, work.stage_u, work.stage_v, work.stage_a)
+
+
+@inlined
+def ends_of(i, below, sign, z0, z1, n, work):
+    """Return value, velocity and acceleration of sign (y_i - y_below) at both ends of a step."""
     d0, v0, a0 = z0[i], z0[n + i], work.a[i]
     d1, v1, a1 = z1[i], z1[n + i], work.a_end[i]
     if below >= 0:
         d0, v0, a0 = d0 - z0[below], v0 - z0[n + below], a0 - work.a[below]
         d1, v1, a1 = d1 - z1[below], v1 - z1[n + below], a1 - work.a_end[below]
-    return _highest(
-        h,
-        (sign * d0, sign * v0, sign * a0),
-        (sign * d1, sign * v1, sign * a1),
-        work.stage_u,
-        work.stage_v,
-        work.stage_a,
-    )
+    return (sign * d0, sign * v0, sign * a0), (sign * d1, sign * v1, sign * a1)
 
 
 @kernel
 def _highest(h, start, end, stage_u, stage_v, stage_a):
-    """Return the maximum of one component over a layer step.
+    """Find the maximum of one component over a layer step; return it and where, see `highest_of`.
 
     Value, velocity and acceleration are given at the ends and at the stages.
     """
-    highest = max(start[0], end[0])
+    highest, at = max(start[0], end[0]), -1.0
     left_s, left = 0.0, start
     for k in range(N_STAGES + 1):
         if k < N_STAGES:
             right_s, right = NODES[k], (stage_u[k], stage_v[k], stage_a[k])
         else:
             right_s, right = 1.0, end
-        highest = max(highest, right[0])
+        if right[0] > highest:
+            highest, at = right[0], -1.0
         if left[1] > 0.0 > right[1]:
-            highest = max(highest, _top((right_s - left_s) * h, left, right))
+            top, t = _top((right_s - left_s) * h, left, right)
+            if top > highest:
+                highest, at = top, left_s + t * (right_s - left_s)
         left_s, left = right_s, right
-    return highest
+    return highest, at
 
 
 @kernel
 def _top(d, left, right):
-    """Return the maximum of the quintic Hermite interpolant between two points d apart."""
+    """Return maximum and place of the quintic Hermite interpolant between two points d apart."""
     c = hermite(d, left, right)
-    return value_of(c, turn_of(c, 1.0, left[1] / (left[1] - right[1])))
+    t = turn_of(c, 1.0, left[1] / (left[1] - right[1]))
+    return value_of(c, t), t

@@ -31,6 +31,7 @@ from hpcsweep.kernels.compile.entry_points import (
 )
 from hpcsweep.solvers.flow.layer.error import quadrature_error
 from hpcsweep.solvers.flow.layer.limits import allowed_error, reach, stiffness_up_to
+from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import accelerations_at_stages, collocate, finish
 from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
@@ -41,7 +42,7 @@ from hpcsweep.solvers.flow.state.accelerations import accelerations
 from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state, is_ordinary
-from hpcsweep.solvers.flow.state.tally import NO_TALLY
+from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 ELLIPSE = 5.5
@@ -224,8 +225,10 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
         ground = total_forcing(pairs, 0, model)
         accelerations(ground, work.z_end, model, work.a_end)
         if wanted != NO_TALLY:
+            observe_layer_step(h, z, wanted, shared)
+        if wanted & ANY_MEASURE:
             step = (begun, h, amplitude, before, ground)
-            observe_layer_step(packed, step, z, wanted, shared)
+            measure_layer_step(packed, step, z, wanted, 1 if solitary else 0)
         if tangent.shape[1] > 0 and not solitary:
             layer_tangent(h, model, work.layer, tangent)
         copy_state(work.z_end, z)

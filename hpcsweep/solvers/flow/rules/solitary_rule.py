@@ -27,17 +27,17 @@ def _lagrange(times) -> np.ndarray:
     return shares / shares.sum(axis=-1, keepdims=True)
 
 
-def _responses() -> np.ndarray:
-    """Integrate (t - s)^m l_k(s) from 0 to the nodes t of `tableau`.
+def _responses(times, n_powers: int) -> np.ndarray:
+    """Integrate (t - s)^m l_k(s) from 0 to some times t.
 
     Returns
     -------
-    ndarray, shape (LANES, N_NODES, N_STAGES)
+    ndarray, shape (n_powers, N_NODES, times.size)
         By m, k and t.
     """
-    found = np.empty((LANES, N_NODES, tableau.N_STAGES))
-    for q, t in enumerate(tableau.NODES):
-        for m in range(LANES):
+    found = np.empty((n_powers, N_NODES, len(times)))
+    for q, t in enumerate(times):
+        for m in range(n_powers):
             found[m, :, q] = (t * WEIGHTS * (t - t * NODES) ** m) @ _lagrange(t * NODES)
     return found
 
@@ -47,4 +47,10 @@ AT_START, AT_END = _lagrange([0.0, 1.0])
 """(N_NODES,) each: factors with which values at the nodes are extrapolated to the ends."""
 LAGRANGE = _lagrange(np.multiply.outer(NODES, NODES))
 """(N_NODES, N_NODES, N_NODES): l_k(c_j c_q) by j, q and k."""
-RESPONSES = _responses()
+RESPONSES = _responses(tableau.NODES, LANES)
+"""By m, k and the nodes of `tableau`."""
+HALF_NODES = np.stack((0.5 * tableau.NODES, 0.5 + 0.5 * tableau.NODES))
+"""The same in the first and in the second half of a step."""
+HALF_RESPONSES = np.stack([_responses(times, N_NODES) for times in HALF_NODES])
+MIDDLE_RESPONSES = np.ascontiguousarray(_responses([0.5], N_NODES)[:, :, 0].T)
+"""By k and m, in the middle."""

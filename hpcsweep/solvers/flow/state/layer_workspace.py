@@ -23,6 +23,10 @@ class LayerWorkspace(NamedTuple):
         u_0 + c_j h v_0 and v_0: the stages without acceleration.
     spring : ndarray, shape (m, N_STAGES)
         Workspace: the stiffness of each contact.
+    missed : ndarray, shape (m,)
+        Estimated error of the integral of x S of each active contact over a collocation step.
+    between : ndarray, shape (2n,)
+        State between both halves of a step.
     values, state, rates : ndarray
         Workspace: of one component at ends and stages, shape (N_STAGES + 2,); a state and its
         accelerations, shapes (2n,) and (n,).
@@ -37,6 +41,8 @@ class LayerWorkspace(NamedTuple):
     free: np.ndarray
     speeds: np.ndarray
     spring: np.ndarray
+    missed: np.ndarray
+    between: np.ndarray
     values: np.ndarray
     state: np.ndarray
     rates: np.ndarray
@@ -55,6 +61,8 @@ def new_layer_workspace(n: int, n_contacts: int) -> LayerWorkspace:
         free=zeros(*stages),
         speeds=zeros(*stages),
         spring=zeros(n_contacts, N_STAGES),
+        missed=zeros(n_contacts),
+        between=zeros(2 * n),
         values=zeros(N_STAGES + 2),
         state=zeros(2 * n),
         rates=zeros(n),
@@ -71,15 +79,27 @@ class SolitaryWorkspace(NamedTuple):
     x, forces : ndarray
         Distances, and the force beyond that in the linear motion.
     moments : ndarray, shape (LANES, N_STAGES)
-        Workspace.
+        Workspace ...
+    halves : ndarray, shape (2, N_NODES, N_STAGES)
+    middle, powers : ndarray
+        ... and that of `solitary.halves`.
     """
 
     free: np.ndarray
     x: np.ndarray
     forces: np.ndarray
     moments: np.ndarray
+    halves: np.ndarray
+    middle: np.ndarray
+    powers: np.ndarray
 
 
 def new_solitary_workspace() -> SolitaryWorkspace:
     """Allocate the workspace."""
-    return SolitaryWorkspace(*(zeros(N_NODES) for _ in range(3)), zeros(LANES, N_STAGES))
+    return SolitaryWorkspace(
+        *(zeros(N_NODES) for _ in range(3)),
+        zeros(LANES, N_STAGES),
+        zeros(2, N_NODES, N_STAGES),
+        zeros(N_NODES),
+        zeros(N_NODES),
+    )

@@ -31,7 +31,7 @@ def response_table(index, contact, level, packed, responses):
 
 
 @kernel
-def _impulse_row(poly, row, contact, model, out):
+def impulse_row(poly, row, contact, model, out):
     """Write row `row` of exp(M s) e of a contact, coefficients in sigma, into `out`."""
     n, n_rows = model.modal_transform.shape[0], model.stiffness.shape[0]
     for p in range(N_COEFFICIENTS):
@@ -76,13 +76,13 @@ def build_response(index, contact, level, packed):
         for i in range(n_rows):
             step[x, i] = evaluate(poly[i, x], span - 1.0)
     for i in range(n_rows):
-        _impulse_row(poly, i, contact, model, impulse)
+        impulse_row(poly, i, contact, model, impulse)
         for block in range(0, N_NODES, LANES):
             later = evaluate(impulse, (1.0 - load(NODES, block)) * span - 1.0)
             store(values, block, later * load(WEIGHTS, block) * h)
         for k in range(N_NODES):
             kick[k, i] = values[k]
-    _impulse_row(poly, row, contact, model, impulse)
+    impulse_row(poly, row, contact, model, impulse)
     for j in range(N_NODES):
         part = NODES[j]
         for block in range(0, N_NODES, LANES):

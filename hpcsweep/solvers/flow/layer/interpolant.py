@@ -1,0 +1,82 @@
+"""One component of the motion along a layer step: a polynomial through ends and stages.
+
+Values and velocities at the ends and the `N_STAGES` stages have one polynomial of degree
+2 `N_STAGES` + 3, right to kappa^-20 with kappa of `limits`. It is kept in Newton's form, every
+node twice, in ``work.newton``: divided differences, and nodes.
+"""
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.simd.vectors import fma, load, total
+from hpcsweep.model.contact import contact_forces
+from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
+
+SAME_INTEGRAL = 1e-13
+MOST_PARTS = 256
+
+
+@kernel
+def interpolate(h, start, end, work):
+    """Build the polynomial of ``work.stage_u`` and ``stage_v`` and of both ends."""
+    c, nodes = work.newton[0], work.newton[1]
+    last = nodes.size - 1
+    for s in range(N_STAGES + 2):
+        at, x = 0.0, start[0]
+        if s == N_STAGES + 1:
+            at, x = 1.0, end[0]
+        elif s > 0:
+            at, x = NODES[s - 1], work.stage_u[s - 1]
+        for i in (2 * s, 2 * s + 1):
+            nodes[i], c[i] = at, x
+    for i in range(last, 0, -1):
+        if i % 2 == 0:
+            c[i] = (c[i] - c[i - 1]) / (nodes[i] - nodes[i - 1])
+        elif i == 1 or i == last:
+            c[i] = h * (start[1] if i == 1 else end[1])
+        else:
+            c[i] = h * work.stage_v[i // 2 - 1]
+    for order in range(2, last + 1):
+        for i in range(last, order - 1, -1):
+            c[i] = (c[i] - c[i - 1]) / (nodes[i] - nodes[i - order])
+
+
+@kernel
+def interpolated(s, work):
+    """Evaluate the polynomial, its slope and half its second derivative at a part s of the step."""
+    c, nodes = work.newton[0], work.newton[1]
+    value, slope, bend = 0.0, 0.0, 0.0
+    for i in range(c.size - 1, -1, -1):
+        bend = bend * (s - nodes[i]) + slope
+        slope = slope * (s - nodes[i]) + value
+        value = value * (s - nodes[i]) + c[i]
+    return value, slope, bend
+
+
+@kernel
+def highest_near(s, peak, work):
+    """Return the maximum of the polynomial near s, where one of lower degree has `peak`."""
+    value = peak
+    for _ in range(3):
+        value, slope, bend = interpolated(s, work)
+        if not bend < 0.0:
+            break
+        s = min(max(s - 0.5 * slope / bend, 0.0), 1.0)
+    return value
+
+
+@kernel
+def integral_of_force(h, rho, work):
+    """Integrate x S over the step, x the polynomial, in as many parts as that needs."""
+    c, nodes = work.newton[0], work.newton[1]
+    found, parts = 0.0, 2
+    while True:
+        before, found = found, 0.0
+        for part in range(parts):
+            s = (load(NODES, 0) + part) * (1.0 / parts)
+            x = s * 0.0
+            for i in range(c.size - 1, -1, -1):
+                x = fma(x, s - nodes[i], c[i])
+            found += total(load(WEIGHTS, 0) * contact_forces(x, 1.0, rho))
+        found *= h / parts
+        if abs(found - before) <= SAME_INTEGRAL * abs(found) or parts >= MOST_PARTS:
+            return found
+        parts *= 2

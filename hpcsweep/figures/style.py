@@ -1,5 +1,6 @@
 """Labels, panels and legends of all figures; colours are in `hpcsweep.figures.palette`."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -114,14 +115,13 @@ def head(figure, text: str, fontsize: float = 10) -> None:
 
     lines: list[str] = []
     for line in text.split("\n"):
-        parts = line.split(",  ")
+        parts = re.split("(?<=,)  |(?<=;) ", line)
         lines.append(parts[0])
         for part in parts[1:]:
-            joined = f"{lines[-1]},  {part}"
+            joined = f"{lines[-1]}{'  ' if lines[-1].endswith(',') else ' '}{part}"
             if fits(joined):
                 lines[-1] = joined
             else:
-                lines[-1] += ","
                 lines.append(part)
     title.set_text("\n".join(lines))
 

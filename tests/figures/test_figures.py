@@ -562,3 +562,21 @@ def test_a_frequency_between_frames_is_drawn():
     assert style.nearest_frame(omegas[:1], 9.0) == 0
     with pytest.raises(style.PlotError, match=r"--omega 30: the results hold 6.3 to 25.1"):
         style.nearest_frame(omegas, 30.0)
+
+
+def test_a_head_breaks_between_its_parts_where_it_is_too_wide():
+    from matplotlib import pyplot
+
+    text = "n = 3,  beta = 1000\n0.51 % of the points computed, the others inferred; 0.04 % wrong"
+    figure = pyplot.figure(figsize=(1, 1))
+    style.head(figure, text)
+    assert figure.get_suptitle().split("\n") == [
+        "n = 3,",
+        "beta = 1000",
+        "0.51 % of the points computed, the others inferred;",
+        "0.04 % wrong",
+    ]
+    figure.set_size_inches(9, 1)
+    style.head(figure, "short,  and short; too")
+    assert figure.get_suptitle() == "short,  and short; too"
+    pyplot.close(figure)

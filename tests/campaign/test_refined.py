@@ -10,11 +10,11 @@ import h5py
 import numpy as np
 import pytest
 import xarray
-from tools import GRID, SMALL, TWO_STOPS, assert_same_datasets, hpcsweep
+from tools import GRID, SMALL, TWO_STOPS, assert_same_datasets, hpcsweep, made
 
 from hpcsweep import open_results
 from hpcsweep.campaign.overview import overview
-from hpcsweep.campaign.run import COMPLETE, STOPPED, run_all
+from hpcsweep.campaign.run import STOPPED, run_all
 from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
@@ -56,12 +56,6 @@ amplitude = {{from = 0.02, to = 0.5, count = 14}}
 [output]
 max_points = 32
 """
-
-
-def made(text, path, **options):
-    (ending,) = run_all([(parse_job(text, "job", "job"), path)], Serial(), **options)
-    assert ending.code == COMPLETE
-    return path
 
 
 @pytest.fixture(scope="module")

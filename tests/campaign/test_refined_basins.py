@@ -8,14 +8,12 @@ import faults
 import h5py
 import numpy as np
 import pytest
-from tools import BASINS, assert_same_datasets, hpcsweep
+from tools import BASINS, assert_same_datasets, hpcsweep, made
 
 from hpcsweep import open_results
-from hpcsweep.campaign.run import COMPLETE, run_all
 from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import JobError, parse_job
-from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Frames, pack
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import last_look
@@ -23,12 +21,6 @@ from hpcsweep.studies.refine.variables import last_look
 WHOLE = BASINS.replace("count = 9", "count = 41").replace("count = 7", "count = 34")
 REFINED = WHOLE.replace("starts = 16", "starts = 16\nrefine = {levels = 3, wrong = 0.2}")
 STARTS = 41 * 34
-
-
-def made(text, path, **options):
-    (ending,) = run_all([(parse_job(text, "job", "job"), path)], Serial(), **options)
-    assert ending.code == COMPLETE
-    return path
 
 
 @pytest.fixture(scope="module")

@@ -144,6 +144,17 @@ def command(ranks: int, *arguments: object) -> list[str]:
     return [*launcher, sys.executable, "-m", "hpcsweep", *map(str, arguments)]
 
 
+def made(text: str, path: Path, **options) -> Path:
+    """Run a job, given as text, to its end in this process; return its file."""
+    from hpcsweep.campaign.run import COMPLETE, run_all
+    from hpcsweep.job import parse_job
+    from hpcsweep.parallel.mpi import Serial
+
+    (ending,) = run_all([(parse_job(text, "job", "job"), path)], Serial(), **options)
+    assert ending.code == COMPLETE
+    return path
+
+
 def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: str):
     """Run hpcsweep to its end; return the completed process with its output as text.
 

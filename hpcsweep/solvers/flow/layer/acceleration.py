@@ -40,6 +40,13 @@ CUTS = 4
 
 
 @inlined
+def range_of(inner, first, last):
+    """Return the least and the greatest of Lanes and two numbers."""
+    top = max(maximum(inner), max(first, last))
+    return min(-maximum(0.0 - inner), min(first, last)), top
+
+
+@inlined
 def accelerations_in_layer(step, z0, z1, only_look, model, tally, work):
     """Raise the peaks of absolute accelerations over one step from state z0 to state z1.
 
@@ -61,8 +68,7 @@ def accelerations_in_layer(step, z0, z1, only_look, model, tally, work):
         own = model.ground[i]
         values[0], values[N_POINTS - 1] = work.a[i] + own * ground0, work.a_end[i] + own * ground1
         inner = fma(load(work.layer.ground, 0), own, load(work.layer.g, i * N_STAGES))
-        top = max(maximum(inner), max(values[0], values[N_POINTS - 1]))
-        bottom = min(-maximum(0.0 - inner), min(values[0], values[N_POINTS - 1]))
+        bottom, top = range_of(inner, values[0], values[N_POINTS - 1])
         if max(top, -bottom) + BETWEEN * (top - bottom) <= tally.peaks[p]:
             continue
         if only_look:

@@ -27,7 +27,7 @@ def quadrature_error(h, z, model, work):
     """Estimate the velocity error of the step from z that `collocate` has left in `work`.
 
     See the module. Only the forces of contacts inside their layers count: all others are
-    linear, and resolved far better. That of the integral of x S is left in ``work.missed``.
+    linear, and resolved far better. That of the integral of each force is left in ``missed``.
     """
     contacts, rho = model.contacts, model.rho
     worst = 0.0
@@ -44,5 +44,5 @@ def quadrature_error(h, z, model, work):
         mean = start + total(gauss + added)
         slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
         worst = max(worst, max(abs(mean), abs(slope)) * contacts.gain[k])
-        work.missed[k] = h * abs(mean) / beta if beta > 0.0 else 0.0
+        work.missed[k] = h * abs(mean)
     return h * worst

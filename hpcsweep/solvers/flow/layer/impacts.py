@@ -42,7 +42,7 @@ def impacts_in_layer(h, z0, z1, alone, model, ways, tally, work):
             work.stage_a[s] = sign * stage.g[i, s]
         start = (distance(k, z0, contacts), sign * z0[n + i], sign * work.a[i])
         end = (distance(k, z1, contacts), sign * z1[n + i], sign * work.a_end[i])
-        if stage.active[k] == 2 and stage.missed[k] > missed_force(z1):
+        if stage.active[k] == 2 and stage.missed[k] > contacts.beta[k] * missed_force(z1):
             interpolate(h, start, end, work)
             tally.impacts[FORCE, k] += integral_of_force(h, model.rho, work)
         elif k != alone:

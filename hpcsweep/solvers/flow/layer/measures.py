@@ -7,9 +7,9 @@ import numpy as np
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.compile.entry_points import BYTES, INT, VECTOR, entry_point, type_of
-from hpcsweep.kernels.simd.vectors import LANES, load, maximum
+from hpcsweep.kernels.simd.vectors import LANES, load
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
-from hpcsweep.solvers.flow.layer.acceleration import BETWEEN, accelerations_in_layer
+from hpcsweep.solvers.flow.layer.acceleration import BETWEEN, accelerations_in_layer, range_of
 from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer, missed_force
 from hpcsweep.solvers.flow.layer.interpolant import highest_near, interpolate
 from hpcsweep.solvers.flow.layer.observation import ends_of, highest_of, longest_ways
@@ -121,9 +121,8 @@ def _may_close(contact, alone, h, z0, z1, model, tally, work):
         if k != contact and distance(k, z0, model.contacts) >= 0.0:
             return True
     first, last = distance(contact, z0, model.contacts), distance(contact, z1, model.contacts)
-    low, high = load(work.solitary.x, 0), load(work.solitary.x, LANES)
-    top = max(max(first, last), max(maximum(low), maximum(high)))
-    bottom = min(min(first, last), -max(maximum(0.0 - low), maximum(0.0 - high)))
+    bottom, top = range_of(load(work.solitary.x, 0), first, last)
+    bottom, top = range_of(load(work.solitary.x, LANES), bottom, top)
     closed = tally.closed[0] & contact_bit(contact) != np.uint64(0)
     away = bottom if closed else -top
     if not away > BETWEEN * (top - bottom):
@@ -153,21 +152,17 @@ def _update_peaks(h, z0, z1, wanted, only_look, model, ways, tally, work):
             value, way = value - z0[below], way + ways[below]
         for sign in (1.0, -1.0):
             if side * sign >= 0.0 and sign * value + way - gap > tally.peaks[p]:
+                start, end = ends_of(i, below, sign, z0, z1, n, work)
                 if only_look:
                     inner = load(work.layer.u, i * LANES)
-                    first, last = z0[i], z1[i]
                     if below >= 0:
                         inner = inner - load(work.layer.u, below * LANES)
-                        first, last = first - z0[below], last - z1[below]
-                    inner = inner * sign
-                    top = max(maximum(inner), max(sign * first, sign * last))
-                    bottom = min(-maximum(0.0 - inner), min(sign * first, sign * last))
+                    bottom, top = range_of(inner * sign, start[0], end[0])
                     if top + BETWEEN * (top - bottom) - gap > tally.peaks[p]:
                         return True
                     continue
                 peak, s = highest_of(h, i, below, sign, z0, z1, n, work)
                 if s >= 0.0 and peak - gap > (1.0 - NEAR_PEAK) * tally.peaks[p]:
-                    start, end = ends_of(i, below, sign, z0, z1, n, work)
                     interpolate(h, start, end, work)
                     peak = highest_near(s, peak, work)
                 tally.peaks[p] = max(tally.peaks[p], peak - gap)

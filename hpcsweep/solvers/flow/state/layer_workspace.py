@@ -24,7 +24,7 @@ class LayerWorkspace(NamedTuple):
     spring : ndarray, shape (m, N_STAGES)
         Workspace: the stiffness of each contact.
     missed : ndarray, shape (m,)
-        Estimated error of the integral of x S of each active contact over a collocation step.
+        Estimated error of the integral of the force of each active contact over a collocation step.
     between : ndarray, shape (2n,)
         State between both halves of a step.
     values, state, rates : ndarray

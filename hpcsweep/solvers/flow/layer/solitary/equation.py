@@ -158,12 +158,27 @@ def take_step(contact, place, h, stiffness, linear, z, model, responses, work):
     _state_at_end(place, x, size, responses, forces, work.wide)
     for i in range(z.shape[0]):
         work.z_end[i] = work.wide[i]
-    early = total(fma(load(AT_START, 0), low, load(AT_START, LANES) * high))
-    late = total(fma(load(AT_END, 0), low, load(AT_END, LANES) * high))
     x1 = distance(contact, work.z_end, contacts)
     end = contact_force(x1, beta, rho) - linear * x1
-    extrapolated = max(abs(early - force), abs(late - end))
-    scale = max(min(_largest_of(low, high), beta / rho), TINY)
+    return error_of_rule(h, low, high, force, end, beta / rho)
+
+
+@inlined
+def error_of_rule(h, low, high, first, last, most):
+    """Estimate the error of the integral of a force over a step by its nodes; see the module.
+
+    Parameters
+    ----------
+    h : float
+    low, high : Lanes
+        The force at the nodes, `first` and `last` that at the ends.
+    most : float
+        Largest scale to which the error of extrapolation is compared.
+    """
+    early = total(fma(load(AT_START, 0), low, load(AT_START, LANES) * high))
+    late = total(fma(load(AT_END, 0), low, load(AT_END, LANES) * high))
+    extrapolated = max(abs(early - first), abs(late - last))
+    scale = max(min(_largest_of(low, high), most), TINY)
     return MEASURED * h * extrapolated * min(extrapolated / scale, 1.0)
 
 

@@ -14,16 +14,14 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, store, total
+from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, store, total
 from hpcsweep.model.contact import contact_force, contact_forces
-from hpcsweep.solvers.flow.layer.solitary.equation import MEASURED, TINY
+from hpcsweep.solvers.flow.layer.solitary.equation import error_of_rule
 from hpcsweep.solvers.flow.layer.solitary.plan import linear_table
 from hpcsweep.solvers.flow.layer.solitary.tables import impulse_row
 from hpcsweep.solvers.flow.linear.forcing import forcing_at
 from hpcsweep.solvers.flow.linear.polynomials import evaluate, expand_row
 from hpcsweep.solvers.flow.rules.solitary_rule import (
-    AT_END,
-    AT_START,
     HALF_NODES,
     HALF_RESPONSES,
     MIDDLE_RESPONSES,
@@ -60,13 +58,8 @@ def integral_of_force(contact, h, z0, z1, rho, model, work):
     high = contact_forces(load(work.solitary.x, LANES), 1.0, rho)
     first = contact_force(distance(contact, z0, model.contacts), 1.0, rho)
     last = contact_force(distance(contact, z1, model.contacts), 1.0, rho)
-    early = total(fma(load(AT_START, 0), low, load(AT_START, LANES) * high))
-    late = total(fma(load(AT_END, 0), low, load(AT_END, LANES) * high))
-    off = max(abs(early - first), abs(late - last))
-    largest = max(maximum(modulus(low)), maximum(modulus(high)))
-    scale = max(min(largest, 1.0 / rho), TINY)
     value = h * total(fma(load(WEIGHTS, 0), low, load(WEIGHTS, LANES) * high))
-    return value, MEASURED * h * off * min(off / scale, 1.0)
+    return value, error_of_rule(h, low, high, first, last, 1.0 / rho)
 
 
 @inlined

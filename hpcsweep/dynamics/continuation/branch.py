@@ -278,9 +278,8 @@ def _shifted(curve, point: Solution, shift: int) -> Solution:
     def turned_by(vector: np.ndarray) -> np.ndarray:
         return np.append(np.roll(vector[:n], -turn), vector[n:])
 
-    matrices = np.roll(point.matrices, -shift, axis=0)
     y, tangent = turned_by(point.y), turned_by(point.tangent)
-    return point._replace(y=y, tangent=tangent, matrices=matrices, inverse=None)
+    return point._replace(y=y, tangent=tangent, maps=point.maps.rolled(-shift), inverse=None)
 
 
 def _passes(start: Solution, last: Solution, point: Solution) -> float:

@@ -23,17 +23,19 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
 
 STEPS = 12
 CONTRACTS = 0.2
 """Factor by which moves must fall for the Jacobian to be kept."""
 REACHED = 1e-8
 """Largest move before the last, and of the last: the remaining distance is then rounding."""
+EXACT, ROUNDING = 1e-13, 1e-11
+"""Moves with a kept Jacobian end at the first, or where they no longer fall and the last one that
+did was at most the second: the map's own rounding, times the norm of the inverse, can be above the
+first."""
 STEEP = 0.2
 """Component of a tangent along the parameter from which points are sought at one value of it."""
-LARGEST_PRODUCT = 1e6
-"""Growth of errors of tangent maps up to which their product has its multipliers to 1e-10."""
 
 
 class NotConvergedError(ArithmeticError):
@@ -46,16 +48,16 @@ class Map(Protocol):
     size: int
     """Dimension N."""
 
-    def image(self, x: np.ndarray, value: Any) -> np.ndarray:
-        """Return F(x); raise `ArithmeticError` where there is none."""
+    def images(self, points: np.ndarray, value: Any) -> np.ndarray:
+        """Return F of each point, shape (p, N); raise `ArithmeticError` where there is none."""
         ...
 
-    def tangent(self, x: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Return F(x) and dF/dx, shape (N, N)."""
+    def tangents(self, points: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return F and dF/dx of each point, shapes (p, N) and (p, N, N)."""
         ...
 
-    def slope(self, x: np.ndarray, value: Any, k: int = 0) -> np.ndarray:
-        """Return dF/dlambda, shape (N,), by parameter number `k` if there are two."""
+    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
+        """Return dF/dlambda at each point, whose F is known; of parameter number `k` of two."""
         ...
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
@@ -74,6 +76,10 @@ class Solvable(Protocol):
         self, guess: np.ndarray, border: np.ndarray, near: "Solution | None" = None
     ) -> "Solution":
         """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
+        ...
+
+    def correct(self, guess: np.ndarray, border: np.ndarray, near: "Solution") -> "Solution":
+        """Find it where a neighbour was sought across the same border; see `correct`."""
         ...
 
 
@@ -115,27 +121,21 @@ class Curve(NamedTuple):
     def residual(self, y: np.ndarray) -> np.ndarray:
         """Evaluate G, shape (p N,)."""
         points, value = self.split(y)
-        images = np.array([self.map.image(x, value) for x in points])
-        return _misses(images, points)
+        return miss_of(self.map.images(points, value), points)
 
     def linearise(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Evaluate G, the tangent maps, (p, N, N), and dF/dlambda at each point, (p, N)."""
         points, value = self.split(y)
-        images, slopes = np.empty_like(points), np.empty_like(points)
-        matrices = np.empty((*points.shape, self.map.size))
-        for i, x in enumerate(points):
-            images[i], matrices[i] = self.map.tangent(x, value)
-            slopes[i] = self.map.slope(x, value)
-        return _misses(images, points), matrices, slopes
+        images, matrices = self.map.tangents(points, value)
+        slopes = self.map.slopes(points, value, images)
+        return miss_of(images, points), matrices, slopes
 
     def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
         """Return the Jacobian of G by y, and `border` below it, shape (p N + 1, p N + 1)."""
-        p, n = slopes.shape
-        whole = _shift(p, n).copy()
-        for i, matrix in enumerate(matrices):
-            rows = slice(i * n, (i + 1) * n)
-            whole[rows, rows] += matrix
-        whole[:-1, -1] = slopes.ravel() * self.scale
+        size = slopes.size
+        whole = np.empty((size + 1, size + 1))
+        whole[:size, :size] = jacobian(matrices)
+        whole[:size, size] = slopes.ravel() * self.scale
         whole[-1] = border
         return whole
 
@@ -145,6 +145,10 @@ class Curve(NamedTuple):
         """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
         return solve(self, guess, border, near)
 
+    def correct(self, guess: np.ndarray, border: np.ndarray, near: "Solution") -> "Solution":
+        """Find it where a neighbour was sought across the same border; see `correct`."""
+        return correct(self, guess, border, near)
+
 
 def _along(size: int, sign: float) -> np.ndarray:
     """Return the direction of the parameter in which it grows, or falls."""
@@ -153,16 +157,24 @@ def _along(size: int, sign: float) -> np.ndarray:
     return unit
 
 
-@lru_cache(maxsize=16)
-def _shift(p: int, n: int) -> np.ndarray:
-    """Return the constant part of the bordered Jacobian: -dx_{i+1}/dX."""
-    whole = np.zeros((p * n + 1, p * n + 1))
-    whole[:-1, :-1] = -np.roll(np.eye(p * n), n, axis=1)
+def jacobian(matrices: np.ndarray) -> np.ndarray:
+    """Return the Jacobian of G by X, shape (p N, p N)."""
+    p, n, _ = matrices.shape
+    whole = _shift(p, n).copy()
+    for i, matrix in enumerate(matrices):
+        rows = slice(i * n, (i + 1) * n)
+        whole[rows, rows] += matrix
     return whole
 
 
-def _misses(images: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return F(x_i) - x_{i+1} of all points."""
+@lru_cache(maxsize=16)
+def _shift(p: int, n: int) -> np.ndarray:
+    """Return the constant part of the Jacobian: -dx_{i+1}/dX."""
+    return -np.roll(np.eye(p * n), n, axis=1)
+
+
+def miss_of(images: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return F(x_i) - x_{i+1} of all points; `images` is overwritten."""
     images[:-1] -= points[1:]
     images[-1] -= points[0]
     return images.ravel()
@@ -176,10 +188,9 @@ class Solution(NamedTuple):
     y : ndarray, shape (p N + 1,)
     tangent : ndarray, shape (p N + 1,)
         Of length 1.
-    multipliers : ndarray of complex, shape (N,)
-        Largest modulus first.
-    matrices : ndarray, shape (p, N, N)
-        Tangent maps.
+    maps : TangentMaps
+        They give the multipliers where these are asked for: half of the points are steps on the way
+        to a fold or a grazing, which ask for none.
     residual : float
         Largest component of G.
     inverse : ndarray, shape (p N + 1, p N + 1), or None
@@ -188,10 +199,14 @@ class Solution(NamedTuple):
 
     y: np.ndarray
     tangent: np.ndarray
-    multipliers: np.ndarray
-    matrices: np.ndarray
+    maps: TangentMaps
     residual: float
     inverse: np.ndarray | None = None
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """Floquet multipliers, largest modulus first, shape (N,)."""
+        return self.maps.multipliers
 
 
 def solve(
@@ -267,49 +282,38 @@ def _solve(
         raise NotConvergedError(f"Newton's method has not converged in {STEPS} steps")
     tangent = inverse[:, -1] / np.linalg.norm(inverse[:, -1])
     size = float(np.abs(off[:-1]).max())
-    return Solution(y - move, tangent, multipliers(matrices), matrices, size, inverse)
+    return Solution(y - move, tangent, TangentMaps(matrices), size, inverse)
+
+
+def correct(curve: Any, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
+    """Find the point of a curve near another one, which was sought across the same border.
+
+    By moves with the Jacobian of that one, whose tangent, tangent maps and inverse the point keeps;
+    by `solve` where these do not contract.
+    """
+    assert near.inverse is not None
+    y, least, off = guess, np.inf, np.empty(guess.size)
+    try:
+        for _ in range(STEPS):
+            off[:-1] = curve.residual(y)
+            off[-1] = border @ (y - guess)
+            move = near.inverse @ off
+            if abs(border[-1]) == 1.0:
+                move[-1] = 0.0
+            distance = float(np.abs(move).max())
+            if distance <= EXACT:
+                return near._replace(y=y - move)
+            if not distance <= CONTRACTS * least:
+                if least <= ROUNDING:
+                    return near._replace(y=y)
+                break
+            y, least = y - move, distance
+    except ArithmeticError:
+        pass
+    return solve(curve, guess, border, near)
 
 
 def solve_at(curve: Curve, points: np.ndarray, value: float) -> Solution:
     """Find the orbit near `points`, shape (p, N), at a value of the parameter; see `solve`."""
     y = curve.join(points, value)
     return solve(curve, y, _along(y.size, 1.0))
-
-
-def multipliers(matrices: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues of M_{p-1} ... M_0, largest modulus first, shape (N,).
-
-    To first order a relative error of each M_i changes their product P by up to it times
-
-        sum_i |M_{p-1} ... M_{i+1}| |M_i| |M_{i-1} ... M_0|.
-
-    Where this is large they are the p-th powers of the eigenvalues of the block
-    cyclic matrix of the M_i, which has each p times and is as well scaled as each M_i (Kressner,
-    Numerical Methods for General and Structured Eigenvalue Problems, 2005, 3.3).
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (p, N, N)
-    """
-    p, n, _ = matrices.shape
-    if p == 1:
-        return floquet_multipliers(matrices[0])
-    before, after = [np.eye(n)], [np.eye(n)]
-    for first, last in zip(matrices, matrices[::-1], strict=True):
-        before.append(first @ before[-1])
-        after.append(after[-1] @ last)
-    sizes = [np.linalg.norm(x, axis=(1, 2)) for x in (before[:-1], matrices, after[-2::-1])]
-    if np.prod(sizes, axis=0).sum() <= LARGEST_PRODUCT:
-        return floquet_multipliers(before[-1])
-    cyclic = np.zeros((p * n, p * n))
-    for i, matrix in enumerate(matrices):
-        ahead = (i + 1) % p * n
-        cyclic[ahead : ahead + n, i * n : (i + 1) * n] = matrix
-    powers = np.linalg.eigvals(cyclic) ** p
-    found = np.empty(n, complex)
-    for k in range(n):
-        largest = powers[np.argmax(np.abs(powers))]
-        order = np.argsort(np.abs(powers - largest), kind="stable")
-        found[k] = powers[order[:p]].mean()
-        powers = powers[order[p:]]
-    return found[np.argsort(-np.abs(found), kind="stable")]

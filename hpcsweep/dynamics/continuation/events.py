@@ -114,17 +114,25 @@ def n_unstable(multipliers: np.ndarray) -> int:
 
 
 def between(
-    curve: Solvable, first: Solution, last: Solution, fraction: float, near: Solution | None = None
+    curve: Solvable,
+    first: Solution,
+    last: Solution,
+    fraction: float,
+    near: Solution | None = None,
+    corrects: bool = False,
 ) -> Solution:
     """Find the point at a fraction of the chord between two points.
 
-    The point is sought along the tangent of `near`, a third point, if given.
+    The point is sought along the tangent of `near`, a third point, if given; `corrects` if that was
+    found by this function, so that its Jacobian is kept.
     """
     chord = last.y - first.y
     border = curve.border(chord / np.linalg.norm(chord), first.tangent, last.tangent)
     guess = first.y + fraction * chord
     if near is not None:
         guess = near.y + border @ (guess - near.y) / (border @ near.tangent) * near.tangent
+    if near is not None and corrects:
+        return curve.correct(guess, border, near)
     return curve.solve(guess, border, near)
 
 
@@ -199,17 +207,18 @@ def locate_change(
     It is that at the fraction `low` of the chord, and another at its end. Return the point on the
     far side, its fraction, and its label.
     """
-    high, at, after = 1.0, last, label(last)
+    high, near, after = 1.0, last, label(last)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         if not low < middle < high or high - low <= precision:
             break
-        point = between(curve, first, last, middle, at)
-        seen = label(point)
+        near = between(curve, first, last, middle, near, near is not last)
+        seen = label(near)
         if seen == own:
             low = middle
         else:
-            high, at, after = middle, point, seen
+            high, after = middle, seen
+    at = last if high == 1.0 else between(curve, first, last, high, near)
     return at, high, after
 
 

@@ -24,7 +24,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
-from hpcsweep.solvers.solver import Solver, make_solver
+from hpcsweep.solvers.solver import make_solver
 
 DIFFERENCE = 1e-8
 KEPT_SOLVERS, KEPT_SEEN = 8, 10_000
@@ -92,9 +92,8 @@ class ForcedMap:
         self.size = self.units.size
         self.periods = 0
         self._poll = poll
-        self._last: tuple[Any, Any, Any] = (None, None, None)
         self._seen: OrderedDict[tuple, Observation] = OrderedDict()
-        self._solvers: OrderedDict[tuple, Solver] = OrderedDict()
+        self._solvers: OrderedDict[tuple, Any] = OrderedDict()
 
     @property
     def is_costly(self) -> bool:
@@ -118,7 +117,7 @@ class ForcedMap:
         structure = replace(self.structure, **changed) if changed else self.structure
         return structure, amplitude, omega
 
-    def solver(self, value: Any) -> tuple[Solver, float]:
+    def solver(self, value: Any) -> tuple[Any, float]:
         """Return the solver and the amplitude at a value of the parameter."""
         amplitude = self.amplitude
         key: tuple[float, ...] = ()
@@ -138,32 +137,25 @@ class ForcedMap:
 
     def image(self, x: np.ndarray, value: Any) -> np.ndarray:
         """Return the state after a forcing period."""
-        solver, amplitude = self._begin(value)
-        end = solver.advance(x * self.units, amplitude, 1)
-        if end.outcome is not Outcome.COMPLETE:
-            raise ArithmeticError(f"flow: {end.outcome.name}")
-        return end.state / self.units
+        return self.images(x[None], value)[0]
 
-    def tangent(self, x: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state after a forcing period and its derivative by the one before."""
-        solver, amplitude = self._begin(value)
-        end, matrix = solver.monodromy(x * self.units, amplitude, 1)
-        self._last = x, value, end / self.units
-        return self._last[-1], matrix * self.units / self.units[:, None]
+    def images(self, points: np.ndarray, value: Any) -> np.ndarray:
+        """Return the states after a forcing period, shape (p, N)."""
+        solver, amplitude = self._begin(value, len(points))
+        return solver.images(points * self.units, amplitude, poll=self._poll).states / self.units
 
-    def slope(self, x: np.ndarray, value: Any, k: int = 0) -> np.ndarray:
-        """Return the derivative by the parameter, or by number `k` of two.
+    def tangents(self, points: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states after a forcing period and their derivatives by those before."""
+        solver, amplitude = self._begin(value, len(points))
+        images, matrices = solver.images(points * self.units, amplitude, True, self._poll)
+        return images / self.units, matrices * self.units / self.units[:, None]
 
-        It takes the image at `value` from `tangent`, if that was asked of the same point just
-        before.
-        """
+    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
+        """Return the derivatives of `images` by the parameter, or by number `k` of two."""
         own = _numbers(value)
         high = own[k] + DIFFERENCE * (abs(own[k]) or 1.0)
-        ahead = self.image(x, (*own[:k], high, *own[k + 1 :]))
-        last, at, image = self._last
-        if last is not x or at != value:
-            image = self.image(x, value)
-        return (ahead - image) / (high - own[k])
+        ahead = self.images(points, (*own[:k], high, *own[k + 1 :]))
+        return (ahead - images) / (high - own[k])
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
         """Return the number of closings of each contact along an orbit."""
@@ -180,7 +172,7 @@ class ForcedMap:
 
     def _observe(self, points: np.ndarray, value: Any, measures: int) -> Observation:
         solver, amplitude = self._begin(value, len(points))
-        seen = solver.observe(points[0] * self.units, amplitude, len(points), measures=measures)
+        seen = solver.observe_each(points * self.units, amplitude, measures, self._poll)
         if seen.outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {seen.outcome.name}")
         return seen
@@ -192,8 +184,6 @@ class ForcedMap:
         own = seen.measures[first : first + count] * len(seen.points)
         return tuple(np.rint(own).astype(int).tolist())
 
-    def _begin(self, value: Any, periods: int = 1) -> tuple[Solver, float]:
-        if self._poll is not None:
-            self._poll()
+    def _begin(self, value: Any, periods: int = 1) -> tuple[Any, float]:
         self.periods += periods
         return self.solver(value)

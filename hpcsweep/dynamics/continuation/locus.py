@@ -19,7 +19,15 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import on_cubic
-from hpcsweep.dynamics.continuation.cycle import Map, NotConvergedError, Solution, solve
+from hpcsweep.dynamics.continuation.cycle import (
+    Map,
+    NotConvergedError,
+    Solution,
+    correct,
+    jacobian,
+    miss_of,
+    solve,
+)
 from hpcsweep.dynamics.continuation.events import (
     PRECISION,
     Kind,
@@ -78,28 +86,22 @@ class Slice(NamedTuple):
     def residual(self, y: np.ndarray) -> np.ndarray:
         """Evaluate G and the distance from the hyperplane, shape (p N + 1,)."""
         points, value = self.split(y)
-        images = np.array([self.map.image(x, value) for x in points])
-        return self._misses(images, points, y)
+        return self._misses(self.map.images(points, value), points, y)
 
     def linearise(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Evaluate the residual, the tangent maps, (p, N, N), and the slopes, (p, N, 2)."""
         points, value = self.split(y)
-        images, slopes = np.empty_like(points), np.zeros((*points.shape, 2))
-        matrices = np.empty((*points.shape, self.map.size))
-        for i, x in enumerate(points):
-            images[i], matrices[i] = self.map.tangent(x, value)
-            for k in range(1 if self.is_fixed else 2):  # no step goes along a fixed lambda_2
-                slopes[i, :, k] = self.map.slope(x, value, k)
+        images, matrices = self.map.tangents(points, value)
+        slopes = np.zeros((*points.shape, 2))
+        for k in range(1 if self.is_fixed else 2):  # no step goes along a fixed lambda_2
+            slopes[..., k] = self.map.slopes(points, value, images, k)
         return self._misses(images, points, y), matrices, slopes
 
     def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
         """Return the Jacobian of the residual, and `border` below it, shape (p N + 2, p N + 2)."""
         p, n, _ = slopes.shape
         whole = np.zeros((p * n + 2, p * n + 2))
-        whole[: p * n, : p * n] = -np.roll(np.eye(p * n), n, axis=1)
-        for i, matrix in enumerate(matrices):
-            rows = slice(i * n, (i + 1) * n)
-            whole[rows, rows] += matrix
+        whole[: p * n, : p * n] = jacobian(matrices)
         whole[: p * n, -2:] = slopes.reshape(-1, 2) * self.scale
         whole[-2], whole[-1] = self.across, border
         return whole
@@ -110,9 +112,15 @@ class Slice(NamedTuple):
         """Find the point on the hyperplane through `guess` across `border`; see `cycle.solve`."""
         return solve(self, guess, border, near)
 
+    def correct(self, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
+        """Find it where a neighbour was sought across the same border; see `cycle.correct`."""
+        return correct(self, guess, border, near)
+
     def _misses(self, images: np.ndarray, points: np.ndarray, y: np.ndarray) -> np.ndarray:
-        misses = (images - np.roll(points, -1, axis=0)).ravel()
-        return np.append(misses, self.across @ (y - self.at))
+        misses = np.empty(images.size + 1)
+        misses[:-1] = miss_of(images, points)
+        misses[-1] = self.across @ (y - self.at)
+        return misses
 
 
 SIDES: dict[Kind | None, Callable[[Solution], float]] = {
@@ -212,6 +220,10 @@ class Locus:
         step = max(float(np.linalg.norm(guess - near.y)), LEAST_APART)
         found = self._cross(guess, near.inverse[:, -1], across, near, step)
         return self._with_tangent(found, border, across, step)
+
+    def correct(self, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
+        """Find the point of the locus near a guess; see `solve`."""
+        return self.solve(guess, border, near)
 
     def clipped(self, last: Solution, point: Solution) -> tuple[Solution, str]:
         """Return the point where a step leaves the spans, and that it does; else the step's."""

@@ -72,7 +72,7 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     """
     forced, found = find(structure, amplitude, omega, state, period)
     there = Curve(forced, period, 1.0).split(found.y)[0]
-    images = np.array([forced.image(x, forced.value) for x in there])
+    images = forced.images(there, forced.value)
     residual = float(np.abs(images - np.roll(there, -1, axis=0)).max())
     points = there * forced.units
     signature = [

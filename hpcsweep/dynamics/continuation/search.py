@@ -20,7 +20,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
-from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError, solve_at
+from hpcsweep.dynamics.continuation.cycle import (
+    Curve,
+    Map,
+    NotConvergedError,
+    jacobian,
+    miss_of,
+    solve_at,
+)
 
 VALUES = 8
 """Values of the parameter at which orbits are sought, in the middles of as many parts of a span."""
@@ -91,19 +98,13 @@ def deflated(
     try:
         points = [start]
         for _ in range(curve.period - 1):
-            points.append(map_.image(points[-1], value))
-        x, n = np.array(points), map_.size
-        y = curve.join(x, value)
-        border = np.zeros(y.size)
-        border[-1] = 1.0
-        slopes = np.zeros_like(x)
+            points.append(map_.images(points[-1][None], value)[0])
+        n = map_.size
+        y = curve.join(np.array(points), value)
         for _ in range(STEPS):
-            images, matrices = zip(
-                *(map_.tangent(one, value) for one in y[:-1].reshape(-1, n)), strict=True
-            )
-            off = (np.array(images) - np.roll(y[:-1].reshape(-1, n), -1, axis=0)).ravel()
-            jacobian = curve.bordered(np.array(matrices), slopes, border)[:-1, :-1]
-            step = -np.linalg.solve(jacobian, off)
+            x = y[:-1].reshape(-1, n)
+            images, matrices = map_.tangents(x, value)
+            step = -np.linalg.solve(jacobian(matrices), miss_of(images, x))
             if np.abs(step).max() <= NEAR:
                 found = curve.split(solve_at(curve, y[:-1].reshape(-1, n), value).y)[0]
                 others = [np.abs(found - one).max() for one in known]

@@ -39,7 +39,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     """
     doubles = special.kind is Kind.DOUBLING
     points, value = curve.split(special.at.y)
-    vector = _null_vector(special.at.matrices, -1.0 if doubles else 1.0)
+    vector = _null_vector(special.at.maps.matrices, -1.0 if doubles else 1.0)
     if doubles:
         points, vector = np.tile(points, (2, 1)), np.concatenate((vector, -vector))
     new = curve._replace(period=len(points))

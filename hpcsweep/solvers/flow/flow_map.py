@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
-from hpcsweep.solvers.flow.orbit import batch
+from hpcsweep.solvers.flow.observe.gathered import gathered
+from hpcsweep.solvers.flow.orbit import batch, chain
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import SHARED, WATCH, Watch, new_shared, new_watch
 from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS, clear
@@ -24,7 +26,7 @@ from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
-from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observation, window_growth
+from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observation
 
 MAX_STEPS = 2_000_000
 """Most steps in one forcing period."""
@@ -61,6 +63,7 @@ class FlowMap:
         self._watch_for(1)
         self.counts = self._shared.counts
         self._polling = Polling()
+        self._gathered = partial(gathered, self.structure, self._shared)
 
     @property
     def is_specialised(self) -> bool:
@@ -91,13 +94,8 @@ class FlowMap:
             Called before each piece of the work (`polling`).
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
-        done, outcome = 0, int(Outcome.COMPLETE)
-        for first, last in self._polling.cut(n_periods, poll):
-            more, outcome = self._march(z, amplitude, last - first, self._shared.no_points)
-            done += more
-            if outcome != Outcome.COMPLETE:
-                break
-        return Advance(self._units.out_of(z), done, Outcome(outcome))
+        done, outcome = self._march(z, amplitude, n_periods, poll)
+        return Advance(self._units.out_of(z), done, outcome)
 
     def settle(
         self,
@@ -172,9 +170,7 @@ class FlowMap:
         n = self.structure.n_floors
         closing = closing_arguments(rules.max_period, rules.settled, rules.same, rules.near)
         amplitudes = np.ascontiguousarray(amplitudes, dtype=float)
-        rules = rules._replace(max_period=closing[0])
         z = motion(self, state, 0.0, rules.transient)[0]
-        units = np.array(self.structure.state_units)
         self._watch_for(closing[0])
         wanted = self._wanted(modal_norm, measures)
         run = batch.new_run(n, self._units.size, closing[0], wanted)
@@ -188,10 +184,10 @@ class FlowMap:
                 NOTHING if free is None else free.packed,
                 amplitudes,
                 z,
-                units,
+                np.array(self.structure.state_units),
                 self._units.amplitude_unit,
                 self._polling.begin(poll),
-                tuple(rules),
+                tuple(rules._replace(max_period=closing[0])),
                 run,
                 rows,
             )
@@ -239,30 +235,27 @@ class FlowMap:
         With `growth` also the growth of a tangent vector, initially (1, ..., 1).
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
-        tally, wanted = self._shared.tally, self._wanted(modal_norm, measures)
-        clear.py_func(tally)
+        wanted = self._wanted(modal_norm, measures)
+        clear.py_func(self._shared.tally)
         tangent = logarithms = None
         if growth:
             tangent = self._units.tangent_into(tangent_column(self.structure, None))
             logarithms = points_array(n_periods, 1).ravel()
         points, outcome = self._points(z, amplitude, n_periods, poll, wanted, tangent, logarithms)
-        if logarithms is None or outcome is not Outcome.COMPLETE:
-            logarithms = np.empty(0)
-        free = tally.free_time[0] if modal_norm else 0.0
-        norms = tally.modal / free if free > 0.0 else np.full_like(tally.modal, math.nan)
-        measured = np.empty(0)
-        if measures and len(points):
-            measured = measures_of(self.structure, self._shared.model, tally, len(points))
-        return Observation(
-            points,
-            self.structure.contact_bits(int(tally.contact[0])),
-            float(tally.peak_drift[0]) * self.structure.length_unit,
-            norms,
-            outcome,
-            window_growth(logarithms),
-            logarithms,
-            measures=measured,
-        )
+        return self._gathered(points, outcome, modal_norm, measures, logarithms)
+
+    def observe_each(self, states, amplitude, measures=0, poll=None) -> Observation:
+        """Integrate states, shape (p, 2n), over one forcing period each, and gather.
+
+        The points of an unstable orbit stay on it so, which one motion through all of them leaves.
+        """
+        z, amplitude = self._units.into(states), amplitude / self._units.amplitude_unit
+        wanted, outcome = self._wanted(False, measures), Outcome.COMPLETE
+        clear.py_func(self._shared.tally)
+        for one in z:
+            if outcome is Outcome.COMPLETE:
+                _, outcome = self._march(one, amplitude, 1, poll, wanted=wanted)
+        return self._gathered(self._units.out_of(z), outcome, False, measures)
 
     def grow(
         self,
@@ -299,13 +292,15 @@ class FlowMap:
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         tangent = self._units.tangent_into(np.eye(2 * self.structure.n_floors))
-        nothing = self._shared.no_points
-        for first, last in self._polling.cut(n_periods):
-            done, outcome = self._march(z, amplitude, last - first, nothing, NO_TALLY, tangent)
-            if outcome != Outcome.COMPLETE:
-                period = first + done + 1
-                raise ArithmeticError(f"flow: {Outcome(outcome).name} in forcing period {period}")
+        done, outcome = self._march(z, amplitude, n_periods, tangent=tangent)
+        if outcome is not Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {outcome.name} in forcing period {done + 1}")
         return self._units.out_of(z), self._units.tangent_out_of(tangent)
+
+    def images(self, states, amplitude, tangents=False, poll=None) -> chain.Images:
+        """Integrate several states over one forcing period each; see `orbit.chain.images`."""
+        own = self._kernels.advance_chain, self._packed, self._units, self._polling
+        return chain.images(*own, states, amplitude, tangents, poll)
 
     def _motion(self, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
         """Return the start of a motion in the units of the kernels."""
@@ -321,30 +316,35 @@ class FlowMap:
     def _points(self, z, amplitude, n_periods, poll, wanted=NO_TALLY, tangent=None, growth=None):
         """Integrate `n_periods`, z in place; return the points reached, and the outcome."""
         points = points_array(n_periods, z.size)
+        done, outcome = self._march(z, amplitude, n_periods, poll, points, wanted, tangent, growth)
+        return self._units.out_of(points[:done]), outcome
+
+    def _march(
+        self,
+        z,
+        amplitude,
+        n_periods,
+        poll=None,
+        points=None,
+        wanted=NO_TALLY,
+        tangent=None,
+        growth=None,
+    ) -> tuple[int, Outcome]:
+        """Integrate `n_periods`, z in place; return how many were done, and the outcome."""
+        shared = self._shared
         done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in self._polling.cut(n_periods, poll):
-            more, outcome = self._march(
+            more, outcome = self._kernels.march(
+                self._packed,
                 z,
                 amplitude,
                 last - first,
-                points[first:last],
+                shared.no_points if points is None else points[first:last],
                 wanted,
-                tangent,
-                None if growth is None else growth[first:last],
+                shared.no_tangent if tangent is None else tangent,
+                shared.no_growth if growth is None else growth[first:last],
             )
             done += more
             if outcome != Outcome.COMPLETE:
                 break
-        return self._units.out_of(points[:done]), Outcome(outcome)
-
-    def _march(self, z, amplitude, n_periods, points, wanted=NO_TALLY, tangent=None, growth=None):
-        return self._kernels.march(
-            self._packed,
-            z,
-            amplitude,
-            n_periods,
-            points,
-            wanted,
-            self._shared.no_tangent if tangent is None else tangent,
-            self._shared.no_growth if growth is None else growth,
-        )
+        return done, Outcome(outcome)

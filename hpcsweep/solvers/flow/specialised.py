@@ -28,6 +28,7 @@ from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
 from hpcsweep.solvers.flow.dashpot.march import march_dashpots
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
+from hpcsweep.solvers.flow.orbit.chain import advance_chain
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.period.march import march, march_measured
 from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
@@ -39,6 +40,7 @@ class MotionKernels(NamedTuple):
     march: EntryPoint
     end_of_transient: EntryPoint
     follow_orbits: EntryPoint
+    advance_chain: EntryPoint
     measures: list[EntryPoint]
     """What these call where measures are requested."""
 
@@ -48,7 +50,11 @@ class MotionKernels(NamedTuple):
 
 
 FOR_ANY = MotionKernels(
-    march, end_of_transient, follow_orbits, with_called(march_measured, measure_layer_step)
+    march,
+    end_of_transient,
+    follow_orbits,
+    advance_chain,
+    with_called(march_measured, measure_layer_step),
 )
 
 
@@ -88,7 +94,7 @@ def needed_kernels(
 @functools.cache
 def _needed(dashpots: bool, measures: bool) -> list[EntryPoint]:
     own = (march_dashpots,) * dashpots + (march_measured, measure_layer_step) * measures
-    return with_called(march, end_of_transient, follow_orbits, *own)
+    return with_called(march, end_of_transient, follow_orbits, advance_chain, *own)
 
 
 def _shapes_for(model: Model) -> Shapes:
@@ -124,7 +130,7 @@ def _kernels_for(shapes: Shapes, dashpots: bool) -> MotionKernels:
         own = kernels.of(needed)
         if not missing(own):
             load_all(own)
-            called = (kernels[one] for one in FOR_ANY[:3])
+            called = (kernels[one] for one in FOR_ANY if isinstance(one, EntryPoint))
             return MotionKernels(*called, kernels.of(FOR_ANY.measures))
     if dashpots:
         load_all(needed)

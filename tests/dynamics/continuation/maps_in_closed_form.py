@@ -3,7 +3,20 @@
 import numpy as np
 
 
-class Smooth:
+class ByPoint:
+    """Images, tangent maps and slopes of points, each by those of one point."""
+
+    def images(self, points, value):
+        return np.array([self.image(x, value) for x in points])
+
+    def tangents(self, points, value):
+        return self.images(points, value), np.array([self.tangent(x, value) for x in points])
+
+    def slopes(self, points, value, images, k=0):
+        return np.array([self.slope(x, value, k) for x in points])
+
+
+class Smooth(ByPoint):
     """What smooth maps have in common."""
 
     def signature(self, points, value):
@@ -19,9 +32,9 @@ class Logistic(Smooth):
         return value * x * (1 - x)
 
     def tangent(self, x, value):
-        return self.image(x, value), np.array([[value * (1 - 2 * x[0])]])
+        return np.array([[value * (1 - 2 * x[0])]])
 
-    def slope(self, x, value):
+    def slope(self, x, value, k):
         return x * (1 - x)
 
 
@@ -34,9 +47,9 @@ class Henon(Smooth):
         return np.array([1 - value * x[0] ** 2 + x[1], self.b * x[0]])
 
     def tangent(self, x, value):
-        return self.image(x, value), np.array([[-2 * value * x[0], 1.0], [self.b, 0.0]])
+        return np.array([[-2 * value * x[0], 1.0], [self.b, 0.0]])
 
-    def slope(self, x, value):
+    def slope(self, x, value, k):
         return np.array([-(x[0] ** 2), 0.0])
 
 
@@ -49,9 +62,9 @@ class Delayed(Smooth):
         return np.array([x[1], value * x[1] * (1 - x[0])])
 
     def tangent(self, x, value):
-        return self.image(x, value), np.array([[0.0, 1.0], [-value * x[1], value * (1 - x[0])]])
+        return np.array([[0.0, 1.0], [-value * x[1], value * (1 - x[0])]])
 
-    def slope(self, x, value):
+    def slope(self, x, value, k):
         return np.array([0.0, x[1] * (1 - x[0])])
 
 
@@ -65,7 +78,7 @@ class HenonPlane(Smooth):
 
     def tangent(self, x, value):
         a, b = value
-        return self.image(x, value), np.array([[-2 * a * x[0], 1.0], [b, 0.0]])
+        return np.array([[-2 * a * x[0], 1.0], [b, 0.0]])
 
     def slope(self, x, value, k):
         return np.array([[-(x[0] ** 2), 0.0], [0.0, x[0]]])[k]
@@ -80,13 +93,13 @@ class Cubic(Smooth):
         return value[0] + value[1] * x - x**3
 
     def tangent(self, x, value):
-        return self.image(x, value), np.array([[value[1] - 3 * x[0] ** 2]])
+        return np.array([[value[1] - 3 * x[0] ** 2]])
 
     def slope(self, x, value, k):
         return np.array([[1.0], x])[k]
 
 
-class SoftImpacts:
+class SoftImpacts(ByPoint):
     """(x, y) -> (m + a x + c max(x, 0)^(3/2), a y / 2 - x / 3 + (a - 0.3) / 3) over (m, a)
 
     The first contact is a spring and grazes where x is 0, the second one only watches y.
@@ -101,7 +114,7 @@ class SoftImpacts:
 
     def tangent(self, x, value):
         a, pushed = value[1], 1.5 * self.c * np.sqrt(max(x[0], 0.0))
-        return self.image(x, value), np.array([[a + pushed, 0.0], [-1 / 3, a / 2]])
+        return np.array([[a + pushed, 0.0], [-1 / 3, a / 2]])
 
     def slope(self, x, value, k):
         return np.array([[1.0, 0.0], [x[0], x[1] / 2 + 1 / 3]])[k]

@@ -168,7 +168,8 @@ def test_derivatives_by_parameters():
     # differences of the period map of another solver, over a wider step
     solver, h = make_solver("bdf", FIGURE_3, 0.445, 1e-10), 2e-5
     high, low = (solver.advance(z, 0.06 + side, 1).state for side in (h, -h))
-    np.testing.assert_allclose(forced.slope(z, 0.06), (high - low) / (2 * h), rtol=0, atol=1e-3)
+    slopes = forced.slopes(z[None], 0.06, forced.images(z[None], 0.06))
+    np.testing.assert_allclose(slopes[0], (high - low) / (2 * h), rtol=0, atol=1e-3)
 
 
 def test_a_branch_goes_along_any_number_of_a_structure(one_impact_branch):
@@ -201,3 +202,16 @@ def test_a_bad_start_is_told_in_one_line(name):
     with pytest.raises((ValueError, ArithmeticError), match=expected) as raised:
         branch(ONE, 0.6, OMEGA, **given)
     assert "\n" not in str(raised.value)
+
+
+def test_the_closings_of_an_unstable_orbit_are_counted_on_it():
+    # a P8 that errors leave by a factor of 2e12: one motion of 8 periods closes (8, 7, 13) times
+    structure = load_job("jobs/paper/figure3-described.toml").structure
+    z = np.array([-0.4381586532696103, -0.12981894730389607, 1.000539807472604] + [0.0] * 3)
+    z[3:] = -0.4948446245200967, -0.3079619444343885, 0.16597709445722805
+    found = orbit(structure, 0.1442077035710309, 0.445, z, 8)
+    assert abs(found.multipliers[0]) > 1e11
+    closings = [one.contact for one in found.signature if one.closes]  # by another integrator
+    forced = ForcedMap(structure, 0.1442077035710309, 0.445)
+    seen = forced.signature(found.points / forced.units, forced.amplitude)
+    assert seen == tuple(closings.count(k) for k in (1, 2, 3))

@@ -6,10 +6,11 @@ from maps_in_closed_form import Delayed, Henon, Logistic
 
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, multipliers, solve_at
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve_at
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.search import search
 from hpcsweep.dynamics.continuation.switching import switch
+from hpcsweep.dynamics.continuation.tangent_maps import multipliers
 from hpcsweep.dynamics.stability import floquet_multipliers
 
 

@@ -149,21 +149,22 @@ class TaskCosts:
         """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
         return np.bincount(self._table.task, self._table.n_runs * self._per_run().flat[self._cell])
 
-    def blocks(self, most: int) -> list[np.ndarray]:
+    def blocks(self, most: int, most_tasks: int) -> tuple[list[np.ndarray], int]:
         """Estimate the cost (s) of the blocks of every task, in path order.
 
         Consecutive blocks of one cell count as one. With more than `most` of them each task is one,
-        and with more than `most` tasks several together are one.
+        and with more than `most_tasks` tasks as many together are one as the second result says.
         """
         cost = self._table.n_runs * self._per_run().flat[self._cell]
         task, cell = self._table.task, self._cell
         starts = np.flatnonzero((np.diff(task, prepend=-1) != 0) | (np.diff(cell, prepend=-1) != 0))
-        if starts.size <= most:
+        together = -(-(int(task[-1]) + 1) // most_tasks)
+        if starts.size <= most and together == 1:
             blocks, owner = np.add.reduceat(cost, starts), task[starts]
-            return np.split(blocks, np.flatnonzero(np.diff(owner)) + 1)
+            return np.split(blocks, np.flatnonzero(np.diff(owner)) + 1), 1
         totals = self.totals()
-        together = -(-totals.size // most)
-        return list(np.add.reduceat(totals, np.arange(0, totals.size, together))[:, None])
+        several = np.add.reduceat(totals, np.arange(0, totals.size, together))
+        return list(several[:, None]), together
 
     def _row_of(self, place: tuple[int, ...]) -> int:
         return int(self._row[np.ravel_multi_index(place, self._sizes)])

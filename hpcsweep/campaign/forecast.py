@@ -13,13 +13,8 @@ from hpcsweep.campaign.describe import describe
 from hpcsweep.campaign.progress import note
 from hpcsweep.job import Job
 from hpcsweep.parallel import memory
-from hpcsweep.parallel.schedule import (
-    DEDICATED_MASTER,
-    MESSAGE_SECONDS,
-    Prediction,
-    ranks_that_help,
-    simulate,
-)
+from hpcsweep.parallel.schedule import DEDICATED_MASTER
+from hpcsweep.parallel.simulation import MESSAGE_SECONDS, Prediction, ranks_that_help, simulate
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.store import Layout, read_history
 from hpcsweep.studies.refine.refinement import Refinement, map_shape, refinement_of
@@ -28,8 +23,9 @@ from hpcsweep.studies.refine.rounds import n_least
 SAMPLE_SECONDS = 5.0
 """Default time of the sample (s)."""
 RANKS = tuple(2**k for k in range(13))
-MOST_BLOCKS = 200_000
-"""Most blocks of tasks in a simulation; beyond it each task is one."""
+MOST_BLOCKS, MOST_TASKS = 200_000, 40_000
+"""Most blocks in a simulation, beyond which each task is one; and most tasks, beyond which several
+are one, whose messages come together. On 4,096 ranks that is still ten a rank."""
 COPIES = 3
 """Copies of a block of results that a rank holds at once: computed, ordered, checked."""
 MPI_BYTES = 40_000_000
@@ -95,12 +91,13 @@ def predict(
     message_seconds: float = MESSAGE_SECONDS,
 ) -> list[Prediction]:
     """Simulate the job's schedule on numbers of ranks."""
-    blocks = forecast.costs.blocks(MOST_BLOCKS)
+    blocks, together = forecast.costs.blocks(MOST_BLOCKS, MOST_TASKS)
     # between two polls a computing master does a run or a start, or one period
     cycles = job.settings.transient_cycles + job.settings.sampling_cycles
     each_period = SOLVERS[job.settings.solver].polls_each_period
     poll = forecast.run_seconds / (cycles if each_period else job.study.polls_per_run)
-    return [simulate(blocks, n, message_seconds=message_seconds, poll_seconds=poll) for n in ranks]
+    served = {"message_seconds": together * message_seconds, "poll_seconds": together * poll}
+    return [simulate(blocks, n, **served) for n in ranks]
 
 
 def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) -> list[str]:

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hpcsweep.parallel.schedule import Prediction
+from hpcsweep.parallel.simulation import Prediction
 
 EFFICIENCY = 0.8
 """Least share of the ranks' time that is work: beyond, ranks wait more than they compute."""

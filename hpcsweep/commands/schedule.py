@@ -89,14 +89,14 @@ def _costs(source: Path) -> tuple:
 
 def _replay(comm, known, seconds: float) -> dict | None:
     """Sleep through the job's costs, scaled; compare with the simulation on rank 0."""
-    from hpcsweep.campaign.forecast import MOST_BLOCKS
+    from hpcsweep.campaign.forecast import MOST_BLOCKS, MOST_TASKS
     from hpcsweep.parallel import replay
-    from hpcsweep.parallel.schedule import MESSAGE_SECONDS, simulate
+    from hpcsweep.parallel.simulation import MESSAGE_SECONDS, simulate
 
     messages = replay.time_messages(comm)
     blocks = None
     if comm.rank == 0:
-        blocks = known[1].costs.blocks(MOST_BLOCKS)
+        blocks, _ = known[1].costs.blocks(MOST_BLOCKS, MOST_TASKS)
         bound = simulate(blocks, comm.size).bound
         blocks = [block * (seconds / bound) for block in blocks]
     makespan, traffic = replay.replay(comm, blocks)
@@ -117,7 +117,7 @@ def _replay(comm, known, seconds: float) -> dict | None:
 
 def _show(options, job, forecast, checked) -> None:
     from hpcsweep.campaign import forecast as estimate
-    from hpcsweep.parallel.schedule import ranks_that_help
+    from hpcsweep.parallel.simulation import ranks_that_help
 
     study, each = job.study, {}
     if checked and checked["messages"]:

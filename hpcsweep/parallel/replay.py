@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.parallel import farm
-from hpcsweep.parallel.schedule import ExactCosts
+from hpcsweep.parallel.simulation import ExactCosts
 from hpcsweep.parallel.stopping import StopFlag
 
 SLICE = 2e-3

@@ -6,7 +6,7 @@ import pytest
 from tools import hpcsweep
 
 from hpcsweep.campaign import slurm
-from hpcsweep.parallel.schedule import Prediction
+from hpcsweep.parallel.simulation import Prediction
 
 
 def bound(costs, n):

@@ -12,8 +12,8 @@ from tools import JOBS, ROOT, SMALL, assert_same_datasets, hpcsweep, of_study, r
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.job import parse_job
-from hpcsweep.parallel import schedule
-from hpcsweep.parallel.schedule import ranks_that_help, simulate
+from hpcsweep.parallel import schedule, simulation
+from hpcsweep.parallel.simulation import ExactCosts, ranks_that_help, simulate
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store.records import BlockCost, PilotCost
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
@@ -74,13 +74,54 @@ def test_a_dedicated_master_costs_one_rank_and_no_more():
     assert found.makespan < 1.10 * found.bound
 
 
+class _Counted(ExactCosts):
+    """Known costs, which count how often they are asked for."""
+
+    calls = 0
+
+    def left(self, task):
+        self.calls += 1
+        return super().left(task)
+
+
+class _Learnt:
+    """The same costs, as if they could change at any time."""
+
+    def __init__(self, known):
+        self.done, self.left = known.done, known.left
+
+
+@pytest.mark.parametrize("n_ranks", [2, 48, 2000])
+def test_a_simulation_looks_at_known_costs_a_few_times_however_many_tasks_wait(n_ranks):
+    rng = np.random.default_rng(8)
+    blocks = [np.array([cost]) for cost in rng.lognormal(0.0, 1.0, 10_000)]
+    known, learnt = _Counted(blocks), _Counted(blocks)
+    found = simulate(blocks, n_ranks, costs=known)
+    assert known.calls < 5 * len(blocks)
+    # the control: costs that may change are all looked at in every inspection
+    again = simulate(blocks, n_ranks, costs=_Learnt(learnt))
+    assert learnt.calls > 20 * len(blocks)
+    assert again.makespan == found.makespan
+
+
+def test_messages_of_tasks_simulated_together_come_together():
+    each = [np.array([1e-3])] * 20_000
+    ten = [np.array([1e-2])] * 2000
+    for n_ranks in (2, 8, 100):
+        single = simulate(each, n_ranks)
+        served = {"message_seconds": 10 * simulation.MESSAGE_SECONDS, "poll_seconds": 1e-2}
+        several = simulate(ten, n_ranks, **served)
+        assert several.makespan == pytest.approx(single.makespan, rel=0.02)
+        assert several.master_load == pytest.approx(single.master_load, rel=0.02)
+
+
 def test_the_master_is_no_bottleneck_on_4096_ranks():
     rng = np.random.default_rng(4)
     blocks = [np.full(4, cost / 4) for cost in 10 ** rng.uniform(0, 2, 6000)]
     found = simulate(blocks, 4096)
     assert found.master_load < 0.2
     reports = 4096 / schedule.report_interval(4096)
-    assert reports * schedule.MESSAGE_SECONDS <= 0.1
+    assert reports * simulation.MESSAGE_SECONDS <= 0.1
     # the control: a master a hundred times slower is one
     slow = simulate(blocks, 4096, message_seconds=1e-2)
     assert slow.makespan > 1.2 * found.makespan
@@ -141,17 +182,19 @@ def test_costs_are_interpolated_and_corrected_by_what_was_measured():
     known.measured(BlockCost((0, 50, 3), 10, 40.0))
     known.measured(BlockCost((1, 60, 3), 10, 22.0))
     assert known.totals()[51] > 320 * 2.02
-    for most in (10**6, 200, 50):
-        blocks = known.blocks(most)
+    for most, most_tasks, together in ((10**6, 120, 1), (200, 120, 1), (10**6, 50, 3)):
+        blocks, several = known.blocks(most, most_tasks)
         assert sum(block.sum() for block in blocks) == pytest.approx(known.totals().sum())
         assert sum(block.size for block in blocks) <= most
+        assert several == together
+        assert len(blocks) == 120 / together
     exact = TaskCosts(study)
     for direction in range(2):
         for block in range(16):
             exact.measured(BlockCost((direction, 7, block), 10, 1.0 + block + direction))
     assert exact.totals()[7] == pytest.approx(sum(1.0 + b + d for d in (0, 1) for b in range(16)))
     # the down sweep begins at the largest amplitudes
-    assert exact.blocks(10**6)[7][8:] == pytest.approx([5.0 + 4.0 * k for k in range(8)])
+    assert exact.blocks(10**6, 120)[0][7][8:] == pytest.approx([5.0 + 4.0 * k for k in range(8)])
 
 
 def test_costs_of_single_points_are_told_apart():
@@ -185,7 +228,7 @@ REPLAY = """
 import json, sys
 import numpy as np
 from hpcsweep.parallel import mpi, replay
-from hpcsweep.parallel.schedule import simulate
+from hpcsweep.parallel.simulation import simulate
 comm = mpi.world()
 rng = np.random.default_rng(7)
 jobs = {

@@ -1,6 +1,7 @@
 """Verify, before the first run, what the file of a campaign already holds."""
 
 import array
+import contextlib
 import time
 from collections.abc import Callable
 
@@ -9,6 +10,7 @@ import numpy as np
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store.commit import Blocks
+from hpcsweep.store.layout import StoreError
 
 SCAN_NOTES = 10.0
 """Seconds between two messages about the progress of verification."""
@@ -35,13 +37,16 @@ class Scan:
         self._begun = self._reported = time.monotonic()
         self._n_polls = 0
         study = blocks.study
+        begun = self._tasks_begun(comm, blocks)
         self.todo: list[int] = []
         self.done_runs = 0
         done = array.array("q")
         finished = True
         try:
-            for task in range(comm.rank, study.n_tasks, comm.size):
-                self._poll(task, study.n_tasks)
+            self._poll()
+            mine = begun[comm.rank :: comm.size]
+            for number, task in enumerate(mine):
+                self._poll(number, len(mine))
                 done += self._verify(blocks, task)
         except farm.Stop:
             finished = False
@@ -49,12 +54,36 @@ class Scan:
         places = np.array(done, np.int64).reshape(-1, n_axes)
         gathered = comm.gather((self.todo, self.done_runs, places, finished))
         if gathered is not None:
-            self.todo = sorted(task for part in gathered for task in part[0])
+            left = np.ones(study.n_tasks, bool)
+            left[begun] = False
+            left[[task for part in gathered for task in part[0]]] = True
+            self.todo = np.flatnonzero(left).tolist()
             self.done_runs = sum(part[1] for part in gathered)
             places = np.concatenate([part[2] for part in gathered])
             finished = all(part[3] for part in gathered)
         self.done = places
         self.finished = comm.bcast(finished)
+
+    def _tasks_begun(self, comm, blocks: Blocks) -> list[int]:
+        """Return the tasks of which the file holds a part: no other needs verifying (collective).
+
+        Raises
+        ------
+        OSError, StoreError
+            On every rank, if the file cannot be read.
+        """
+        begun: list[int] = []
+        problem = None
+        if comm.rank == 0:
+            try:
+                with contextlib.suppress(farm.Stop):
+                    begun = blocks.begun(self._poll)
+            except (OSError, StoreError) as error:
+                problem = error
+        begun, problem = comm.bcast((begun, problem))
+        if problem is not None:
+            raise problem
+        return begun
 
     def _verify(self, blocks: Blocks, task: int) -> array.array:
         """Verify a task; return the indices of its valid blocks in a row."""

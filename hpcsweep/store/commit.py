@@ -112,10 +112,18 @@ class Blocks:
         """Return which blocks have a checksum, valid or not; shape of ``commit``."""
         return self._whole("commit", self.layout.commit) != 0
 
-    def begun(self) -> list[int]:
-        """Return the tasks that have a block with a checksum, ascending."""
-        places = np.argwhere(self.have_checksum()).tolist()
-        return sorted({self.study.block(tuple(place)).task for place in places})
+    def begun(self, poll: Callable[[], None] = lambda: None) -> list[int]:
+        """Return the tasks that have a block with a checksum, ascending; poll once a frame."""
+        found, begun = self.have_checksum(), np.zeros(self.study.n_tasks, bool)
+        for frame in np.argwhere(found.any(axis=-1)).tolist():
+            poll()
+            numbers = np.flatnonzero(found[tuple(frame)]).tolist()
+            first, last = (self.study.block((*frame, numbers[k])).task for k in (0, -1))
+            # the tasks of a frame ascend: one of a path, or one for each block
+            between = numbers[1:-1] if first < last else []
+            begun[[first, last]] = True
+            begun[[self.study.block((*frame, number)).task for number in between]] = True
+        return np.flatnonzero(begun).tolist()
 
     def whole(self, variable: str) -> np.ndarray:
         """Read a whole variable of the runs, committed or not."""

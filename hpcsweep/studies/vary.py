@@ -221,11 +221,18 @@ class Varied:
         return list({kernel_set(settings_of(one), one.structure): one for one in parts}.values())
 
     def _place(self, number: int) -> Place:
-        return tuple(int(at) for at in np.unravel_index(number, self.shape))
+        # for each task of millions: a tenth of the time of `unravel_index`
+        place: Place = ()
+        for axis in reversed(self.axes):
+            number, at = divmod(number, len(axis.values))
+            place = (at, *place)
+        return place
 
     def _outer(self, at: Place, block: Block) -> Block:
         """Return a block of a part with its index in the whole."""
-        number = int(np.ravel_multi_index(at, self.shape))
+        number = 0
+        for axis, index in zip(self.axes, at, strict=True):
+            number = number * len(axis.values) + int(index)
         task = number * self.base.n_tasks + block.task
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 

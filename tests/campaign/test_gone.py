@@ -4,6 +4,7 @@ import os
 import time
 from pathlib import Path
 
+import h5py
 import pytest
 from tools import SMALL, hpcsweep
 
@@ -98,6 +99,8 @@ def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
     from hpcsweep.store.commit import Blocks
 
     create(path, Layout(job), {})
+    with h5py.File(path, "r+") as file:
+        file["commit"][...] = 1
     with Blocks(path, Layout(job)) as blocks:
         begun = time.monotonic()
         assert not Scan(Serial(), blocks, flag, print).finished
@@ -107,6 +110,36 @@ def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
             assert not Scan(Serial(), blocks, late, print).finished
         assert time.monotonic() - begun < 30.0
         assert memory.peak() - before < 100e6
+
+
+def test_a_scan_verifies_only_tasks_of_which_the_file_holds_a_part(tmp_path, monkeypatch):
+    from hpcsweep.campaign.scan import Scan
+    from hpcsweep.store import Layout, create
+    from hpcsweep.store.commit import Blocks
+
+    points = MANY.replace("1000000", "500").replace("[sweep]", '[study]\nkind = "points"\n[sweep]')
+    job = parse_job(points + "[vary]\nstructure.gap = [0.5, 1.0, 2.0]\n", "test", "test")
+    path = tmp_path / "points.h5"
+    create(path, Layout(job), {})
+    verified = []
+    verify = Blocks.verify
+    monkeypatch.setattr(Blocks, "verify", lambda *args: verified.append(args[1]) or verify(*args))
+    with StopFlag() as flag, Blocks(path, Layout(job)) as blocks:
+        fresh = Scan(Serial(), blocks, flag, print)
+        assert verified == []
+        assert fresh.todo == list(range(job.study.n_tasks)) == list(range(3000))
+        # a block that is there, and one whose checksum does not hold
+        good, bad = (job.study.block(place) for place in ((0, 0, 1, 7), (2, 0, 0, 499)))
+        rows = job.study.compute(good, job.study.initial_state)
+        whole = blocks.checksum(good, job.study.initial_state, rows)
+        with h5py.File(path, "r+") as file:
+            for name, values in rows.items():
+                file[name][good.runs] = values
+            file["commit"][good.place], file["commit"][bad.place] = whole, 1
+        again = Scan(Serial(), blocks, flag, print)
+        assert verified == [507, 2499]
+        assert (again.done_runs, again.finished) == (1, True)
+        assert again.todo == [task for task in range(3000) if task != 507]
 
 
 def test_a_job_too_large_for_its_blocks_is_refused():

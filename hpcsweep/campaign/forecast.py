@@ -17,6 +17,7 @@ from hpcsweep.parallel.schedule import DEDICATED_MASTER
 from hpcsweep.parallel.simulation import MESSAGE_SECONDS, Prediction, ranks_that_help, simulate
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.store import Layout, read_history
+from hpcsweep.store.crossing import Crossing
 from hpcsweep.studies.refine.refinement import Refinement, map_shape, refinement_of
 from hpcsweep.studies.refine.rounds import n_least
 
@@ -173,11 +174,12 @@ def study_text(study) -> str:
 
 def refined_text(study, refinement: Refinement, forecast: Forecast) -> str:
     """Format how many points of a refined map are computed at least."""
-    least = n_least(map_shape(study), refinement)
+    least = n_least(map_shape(study), refinement, Crossing(study).boxes())
     seconds = forecast.run_seconds * least
+    crossed = ", those that curves cross" if refinement.curves else ""
     return (
         f"refined:    all numbers are those of all points, the most there can be; the coarsest "
-        f"cells and the first draw of the audit are {least} points "
+        f"cells{crossed} and the first draw of the audit are {least} points "
         f"({100 * least / study.n_runs:.2g} %, {seconds:.3g} s), the least"
     )
 

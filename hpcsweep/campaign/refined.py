@@ -17,6 +17,8 @@ from hpcsweep.campaign.pilot import KnownCosts
 from hpcsweep.campaign.work import Failures, Work
 from hpcsweep.parallel import farm
 from hpcsweep.solvers.solver import SOLVERS
+from hpcsweep.store import StoreError, WriteError
+from hpcsweep.store.crossing import Crossing
 from hpcsweep.store.inferred import Inferred, write_inferred
 from hpcsweep.store.records import BlockCost
 from hpcsweep.studies.refine.cells import Labels
@@ -103,7 +105,17 @@ class RefinedWork(Work):
         self._complete = bool(gathered) and all(part[2] for part in gathered or [])
         self.scanned = self._comm.bcast(all(part[3] for part in gathered or []))
         self.done_runs = study.n_runs if self._complete else int(self._labels.known.sum())
-        self._rounds = Rounds(self._shape, self._refinement, self._labels)
+        crossed = self._crossed() if self._comm.rank == 0 else None
+        self._rounds = Rounds(self._shape, self._refinement, self._labels, crossed)
+
+    def _crossed(self) -> np.ndarray | None:
+        """Read which boxes known curves cross; they were found sound when the file was prepared."""
+        if self._complete:
+            return None
+        try:
+            return Crossing(self.study).boxes()
+        except StoreError as error:
+            raise WriteError(f"{error}; it was changed by somebody else in mid-run") from None
 
     def estimate(self, wanted: bool) -> None:
         """Begin to estimate what tasks cost."""

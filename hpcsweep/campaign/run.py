@@ -30,6 +30,7 @@ from hpcsweep.store import (
     open_campaign,
 )
 from hpcsweep.store.commit import check_writable
+from hpcsweep.store.crossing import Crossing
 from hpcsweep.store.opening import (
     check_file,
     check_place,
@@ -222,22 +223,25 @@ def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, re
     existing = output.exists()
     _check_earlier(layout, output, reuse, say)
     check_seeds(layout)
+    crossing = Crossing(layout.study)
+    crossing.boxes()
     if existing:
         with contextlib.suppress(DamagedError):
-            _check_same_job(layout, output)  # before the lock: it leaves nothing behind
+            _check_same_job(layout, output, crossing)  # before the lock: it leaves nothing behind
     lock.acquire(comm.size)
     try:
         if not (existing or output.exists()):
-            create(output, layout, provenance.collect(comm.library, hosts))
+            create(output, layout, provenance.collect(comm.library, hosts) | crossing.attributes)
             Journal(output).begin()
             return
         try:
             # again, or for the first time: another campaign may just have created it
-            _check_same_job(layout, output)
+            _check_same_job(layout, output, crossing)
         except DamagedError as error:
             if not error.repairable:
                 raise
-            say(repair(output, layout, provenance.collect(comm.library, hosts)))
+            facts = provenance.collect(comm.library, hosts) | crossing.attributes
+            say(repair(output, layout, facts))
         with contextlib.suppress(OSError), output.open("r+b"):
             return
         raise StoreError(f"{output}: cannot be written")
@@ -257,7 +261,7 @@ def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> 
     Reuse(layout, reuse).close()
 
 
-def _check_same_job(layout: Layout, output: Path) -> None:
+def _check_same_job(layout: Layout, output: Path, crossing: Crossing) -> None:
     """Check that a file is of this job, plain, and sound apart from its results."""
     attributes = check_file(output)
     if attributes.get("fingerprint") != layout.fingerprint:
@@ -267,6 +271,7 @@ def _check_same_job(layout: Layout, output: Path) -> None:
             "another file with -o"
         )
     read_layout(output)
+    crossing.check(output, attributes)
     refuse_problems(output, layout_problems(output, layout))
     check_writable(output)
 

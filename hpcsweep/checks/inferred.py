@@ -5,7 +5,7 @@ import numpy as np
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred
 from hpcsweep.studies.refine.cells import Labels
-from hpcsweep.studies.refine.variables import AUDIT, INFERRED, replay
+from hpcsweep.studies.refine.variables import AUDIT, CROSSED, INFERRED, replay
 from hpcsweep.studies.study import Place
 
 
@@ -31,7 +31,11 @@ def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
         return [(place, "what is inferred: its checksum does not hold") for place in unknown]
     for place in inferred.places:
         labels.store(*inferred.labels(place))
-    values = replay(blocks.study, labels)
+    stored_boxes = None
+    if blocks.study.refine.curves:
+        frames = [inferred.frame(place) or {} for place in inferred.places]
+        stored_boxes = np.array([rows[CROSSED] for rows in frames])
+    values = replay(blocks.study, labels, stored_boxes)
     if values is None:
         return [(inferred.places[0], "points that the map was refined by are not committed")]
     audit = inferred.audit()

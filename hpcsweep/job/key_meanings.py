@@ -36,6 +36,11 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
         "0.003",
     ),
     "study.refine.seed": ("of the points that the audit draws", "0"),
+    "study.refine.curves": (
+        "results of a [study of branches](branches.md#curves-of-a-study), a file or a list of "
+        "files, where the job is run: cells that their curves cross are cut down to the grid",
+        "none",
+    ),
     "study.starts": (
         "starting states at each point; of basins, starts on the slice that find the attractors",
         "459",

@@ -6,8 +6,9 @@ import pytest
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.studies.refine.audit import ALPHA, draw, interval, n_allowed, n_drawn
 from hpcsweep.studies.refine.cells import WRONG, Cells, Labels
+from hpcsweep.studies.refine.crossing import Counts, Curve, crossed_boxes
 from hpcsweep.studies.refine.refinement import Refinement, Source
-from hpcsweep.studies.refine.rounds import Rounds
+from hpcsweep.studies.refine.rounds import Rounds, n_least
 
 
 def bands(shape, seed) -> np.ndarray:
@@ -23,11 +24,11 @@ def bands(shape, seed) -> np.ndarray:
     return labels.ravel()
 
 
-def walk(truth, shape, refinement, known=(), cost=1):
+def walk(truth, shape, refinement, known=(), cost=1, crossed=None):
     """Walk all rounds; the labels, and the points of each round."""
     cost = np.broadcast_to(cost, truth.shape)
     labels, asked = Labels(truth.size), []
-    rounds = Rounds(shape, refinement, labels)
+    rounds = Rounds(shape, refinement, labels, crossed)
 
     def learn(points):
         told = np.stack([truth[points] == 0, truth[points], cost[points]], axis=1)
@@ -171,3 +172,73 @@ def test_the_interval_holds_the_share_of_wrong_points():
         assert look.high < 0.005
         held += look.low <= wrong / max(inferred.size, 1) <= look.high
     assert held >= 190
+
+
+def tongue(shape) -> tuple[np.ndarray, list[Curve]]:
+    """One field with a tongue of a twelfth of a step of the coarsest cells, and its borders."""
+    x, y = np.linspace(0, 1, shape[-2]), np.linspace(0, 1, shape[-1])
+    left = 0.31 + 0.3 * y
+    inside = (x[:, None] > left - 0.004) & (x[:, None] < left + 0.004)
+    borders = [np.stack((left + half, y), axis=1)[[0, -1]] for half in (-0.004, 0.004)]
+    return np.where(inside, 2, 1), [Curve((1,) * (len(shape) - 2), one) for one in borders]
+
+
+@pytest.mark.parametrize("shape", [(161, 97), (3, 161, 97)])
+def test_a_thin_tongue_is_missed_without_its_curve_and_found_with_it(shape):
+    plane, borders = tongue(shape)
+    truth = np.ones(shape, int)
+    truth[(..., slice(None), slice(None)) if len(shape) == 2 else 1] = plane
+    truth = truth.ravel()
+    axes = [np.linspace(0, 1, n) for n in shape[-2:]]
+    crossed = crossed_boxes(shape, axes, borders)
+    refinement = Refinement(4, wrong=0.05)
+    missed, found = (walk(truth, shape, refinement, crossed=one) for one in (None, crossed))
+    n_tongue = int((truth == 2).sum())
+    assert n_tongue > 90
+    # the audit's draws apart, not one of the coarse cells sees it
+    assert (truth[missed[0].source != Source.UNKNOWN] == 2).sum() < 0.1 * n_tongue
+    _, wrong = inferred_and_wrong(truth, *found[:2])
+    assert wrong == 0
+    assert not found[0].inferred()[1][truth == 2].any()
+    assert (found[0].source != Source.UNKNOWN).mean() < 0.3
+    # what is known before, in any order, changes nothing
+    again = walk(truth, shape, refinement, known=np.flatnonzero(truth == 2)[::-3], crossed=crossed)
+    assert np.array_equal(again[0].source, found[0].source)
+    assert all(map(np.array_equal, again[2], found[2]))
+    assert n_least(shape, refinement, crossed) > n_least(shape, refinement)
+
+
+def test_boxes_on_both_sides_of_a_curve_along_a_line_of_the_grid():
+    axes = [np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.0, 1.0, 2.0])]
+    along = crossed_boxes((4, 3), axes, [Curve((), np.array([[1.0, 0.1], [1.0, 0.9]]))])
+    assert np.argwhere(along).tolist() == [[0, 0], [1, 0]]
+    point = crossed_boxes((4, 3), axes, [Curve((), np.array([[3.0, 2.0]]))])
+    assert np.argwhere(point).tolist() == [[2, 1]]
+    beyond = crossed_boxes((4, 3), axes, [Curve((), np.array([[-9.0, 0.5], [9.0, 0.5]]))])
+    assert np.argwhere(beyond).tolist() == [[0, 0], [1, 0], [2, 0]]
+    assert not crossed_boxes((4, 3), axes, [Curve((), np.array([[4.5, 0.0], [9.0, 2.0]]))]).any()
+    slices = crossed_boxes((4, 4, 3), axes, [Curve((2,), np.array([[0.5, 1.5], [3.0, 1.6]]))])
+    assert np.argwhere(slices).tolist() == [[k, i, 1] for k in (1, 2) for i in (0, 1, 2)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_boxes_of_a_polyline_are_those_that_many_points_on_it_lie_in(seed):
+    rng = np.random.default_rng(seed)
+    axes = [np.sort(rng.uniform(0, 1, n)) for n in (23, 41)]
+    line = np.cumsum(rng.normal(0, 0.15, (30, 2)), axis=0) + 0.5
+    crossed = crossed_boxes((23, 41), axes, [Curve((), line)])
+    t = np.linspace(0, 29, 400_001)
+    dense = np.stack([np.interp(t, np.arange(30), line[:, k]) for k in (0, 1)], axis=1)
+    seen = np.zeros_like(crossed)
+    at = [np.searchsorted(axis, dense[:, k]) - 1 for k, axis in enumerate(axes)]
+    inside = (at[0] >= 0) & (at[0] < 22) & (at[1] >= 0) & (at[1] < 40)
+    seen[at[0][inside], at[1][inside]] = True
+    assert seen.sum() > 40
+    # corners that are cut by less than the distance of the points may be missed by these
+    assert not (seen & ~crossed).any()
+    assert (crossed & ~seen).sum() <= 2
+    counts = Counts(crossed)
+    begin = rng.integers(0, (10, 20), (50, 2))
+    end = begin + rng.integers(1, (12, 20), (50, 2))
+    for low, high, count in zip(begin, end, counts.between(begin, end).tolist(), strict=True):
+        assert count == crossed[low[0] : high[0], low[1] : high[1]].sum()

@@ -13,6 +13,8 @@ cell that agrees, and a part `WRONG` of its points is expected to be wrong. What
 a cell of s steps costs to resolve goes as s^(d - 1), what is wrong otherwise as s^d: most is spared
 where the cost of a point, the greatest known of the cell, is largest over s.
 
+A cell that a known curve crosses (`crossing`) is always cut, down to the grid.
+
 Each label is two numbers, the least and the greatest code of known points: a cell agrees where its
 least is not below its greatest.
 """
@@ -20,6 +22,8 @@ least is not below its greatest.
 from typing import NamedTuple
 
 import numpy as np
+
+from hpcsweep.studies.refine.crossing import Counts
 
 WRONG = 0.2
 """Part of the points of a cell that are expected to be wrong if it disagrees and is left."""
@@ -91,6 +95,8 @@ class _Table(NamedTuple):
     least, greatest : ndarray of int32, shape (m,)
     cost : ndarray of int64, shape (m,)
         Extreme codes of the known points, and the greatest cost; see `Labels`.
+    crossed : ndarray of bool, shape (m,)
+        Whether a known curve crosses it.
     """
 
     begin: np.ndarray
@@ -99,6 +105,7 @@ class _Table(NamedTuple):
     least: np.ndarray
     greatest: np.ndarray
     cost: np.ndarray
+    crossed: np.ndarray
 
 
 class Cells:
@@ -110,10 +117,13 @@ class Cells:
         Number of points of every axis, 2 or more.
     levels : int
         Level of the coarsest cells.
+    crossed : ndarray of bool, optional
+        Boxes between neighbouring points that known curves cross.
     """
 
-    def __init__(self, shape: tuple[int, ...], levels: int):
+    def __init__(self, shape: tuple[int, ...], levels: int, crossed: np.ndarray | None = None):
         self.shape = shape
+        self._crossings = None if crossed is None else Counts(crossed)
         size, self._last = int(np.prod(shape)), np.array(shape) - 1
         self._strides = [int(np.prod(shape[axis + 1 :])) for axis in range(len(shape))]
         self._least, self._greatest = np.full(size, NOTHING, np.int32), np.full(size, -1, np.int32)
@@ -122,7 +132,8 @@ class Cells:
         self._cell_of = np.zeros(size, np.int32)
         none = np.zeros(0, np.int32)
         points = np.zeros((0, len(shape)), int)
-        self._cells = _Table(points, points, none.astype(np.int8), none, none, none.astype(int))
+        level, cost, never = (none.astype(dtype) for dtype in (np.int8, int, bool))
+        self._cells = _Table(points, points, level, none, none, cost, never)
         lines = np.meshgrid(*(np.arange(0, n - 1, 2**levels) for n in shape), indexing="ij")
         begin = np.stack(lines, axis=-1).reshape(-1, len(shape))
         self._add(begin, np.broadcast_to(self._last, begin.shape), levels)
@@ -145,7 +156,7 @@ class Cells:
             np.maximum.at(self._cells.cost, cell, self._cost[point])
 
     def cut(self, allowed: float = 0.0) -> np.ndarray:
-        """Cut cells that disagree; return corners and centres of the new ones, flat indices.
+        """Cut cells that disagree or are crossed; return corners and centres of the new ones.
 
         Parameters
         ----------
@@ -153,12 +164,13 @@ class Cells:
             Number of wrong points expected in the cells that are left although they disagree.
         """
         cells, first_new = self._cells, len(self._cells.level)
-        bad = np.flatnonzero((cells.level > 0) & (cells.least < cells.greatest))
+        differ = (cells.least < cells.greatest) | cells.crossed
+        bad = np.flatnonzero((cells.level > 0) & differ)
         # a cell with a point that agrees with none is always cut
-        never = cells.least[bad] == 0
+        never = (cells.least[bad] == 0) | cells.crossed[bad]
         bad = bad[np.lexsort((-cells.cost[bad] / 2.0 ** cells.level[bad], never))]
         wrong = WRONG * 2.0 ** (cells.level[bad] * len(self.shape))
-        bad = bad[(np.cumsum(wrong) > allowed) | (cells.least[bad] == 0)]
+        bad = bad[(np.cumsum(wrong) > allowed) | np.sort(never)]
         begin, end, level = cells.begin[bad], cells.end[bad], cells.level[bad].astype(int)
         cells.level[bad] = CUT
         for k in np.unique(level).tolist():
@@ -214,10 +226,16 @@ class Cells:
             self._least[points].min(axis=1),
             self._greatest[points].max(axis=1),
             self._cost[points].max(axis=1),
+            self._are_crossed(begin, end),
         )
         self._cell_of[self._points(begin, end - 1, 2**level)] = number[:, None]
         parts = zip(self._cells, new, strict=True)
         self._cells = _Table(*(np.concatenate(both) for both in parts))
+
+    def _are_crossed(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        if self._crossings is None:
+            return np.zeros(len(begin), bool)
+        return self._crossings.between(begin, end) > 0
 
     def _points(self, begin: np.ndarray, last: np.ndarray, count: int) -> np.ndarray:
         """Return the points of boxes, flat indices, shape (k, count^d); the last are repeated."""

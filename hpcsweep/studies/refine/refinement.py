@@ -1,7 +1,7 @@
 """Read how a job refines a map, and define the labels of its points."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -23,7 +23,7 @@ OF_RUNS = ("class", "period", "contact")
 MOST_LEVELS = 12
 LEAST_WRONG = 1e-6
 MOST_SEED = 2**31 - 1
-KEYS = ("levels", "on", "wrong", "seed")
+KEYS = ("levels", "on", "wrong", "seed", "curves")
 
 
 class Source(IntEnum):
@@ -52,12 +52,15 @@ class Refinement:
         Limit of the upper end of the interval of the share of wrong points among the inferred ones.
     seed : int
         Seed of the audit.
+    curves : tuple of str
+        Results files of branches: cells that their curves cross are cut.
     """
 
     levels: int = 4
     on: tuple[str, ...] = ("class", "contact")
     wrong: float = 0.003
     seed: int = 0
+    curves: tuple[str, ...] = field(default=(), metadata={"later": True})
 
     @property
     def variables(self) -> list[str]:
@@ -133,7 +136,21 @@ def read_refinement(
         )
         for name, least, most in (("levels", 1, MOST_LEVELS), ("seed", 0, MOST_SEED))
     )
-    return Refinement(levels, tuple(on), wrong, seed)
+    return Refinement(levels, tuple(on), wrong, seed, _curves(values, given, known))
+
+
+def _curves(values, given: Mapping, known: tuple[str, ...]) -> tuple[str, ...]:
+    """Read the results files whose curves are not to be missed."""
+    if "curves" not in given:
+        return ()
+    listed = given["curves"] if isinstance(given["curves"], list) else [given["curves"]]
+    if not listed or not all(isinstance(one, str) and one for one in listed):
+        limit = "must be a results file of branches, or a list of them"
+        raise values.error("study.refine.curves", given["curves"], limit)
+    if "attractor" in known:
+        limit = "does not go with basins: curves lie over sweep.omega and sweep.amplitude"
+        raise values.error("study.refine.curves", given["curves"], limit)
+    return tuple(listed)
 
 
 def refinement_of(study) -> Refinement | None:

@@ -13,11 +13,19 @@ from hpcsweep.studies.refine.cells import Cells, Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source
 
 
-def n_least(shape: tuple[int, ...], refinement: Refinement) -> int:
-    """Return how many points are computed at least: the coarsest cells and the first look."""
+def n_least(
+    shape: tuple[int, ...], refinement: Refinement, crossed: np.ndarray | None = None
+) -> int:
+    """Return how many points are computed at least.
+
+    Those of the coarsest cells, of the cells that are `crossed` (`Cells`), and the first look.
+    """
     n = int(np.prod(shape))
-    first = Cells(shape, refinement.levels).first().size
-    return min(first + n_drawn(refinement.wrong, 1, n), n)
+    cells = Cells(shape, refinement.levels, crossed)
+    points = cells.first()
+    while (more := cells.cut()).size:
+        points = np.union1d(points, more)
+    return min(points.size + n_drawn(refinement.wrong, 1, n), n)
 
 
 class Rounds:
@@ -30,17 +38,26 @@ class Rounds:
     refinement : Refinement
     labels : Labels
         Filled by the caller: when a round is requested, all points of earlier rounds must be known.
+    crossed : ndarray of bool, optional
+        See `Cells`.
 
     Attributes
     ----------
+    crossed : ndarray of bool, or None
     source : ndarray of int8, shape (n,)
         Source of the points computed so far, see `Source`; `UNKNOWN` elsewhere.
     looks : list of Look
     """
 
-    def __init__(self, shape: tuple[int, ...], refinement: Refinement, labels: Labels):
-        self._refinement, self._labels = refinement, labels
-        self._cells = Cells(shape, refinement.levels)
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        refinement: Refinement,
+        labels: Labels,
+        crossed: np.ndarray | None = None,
+    ):
+        self._refinement, self._labels, self.crossed = refinement, labels, crossed
+        self._cells = Cells(shape, refinement.levels, crossed)
         self.source = np.zeros(int(np.prod(shape)), np.int8)
         self.looks: list[Look] = []
 

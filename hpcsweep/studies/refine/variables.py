@@ -9,13 +9,14 @@ from hpcsweep.studies.refine.rounds import Rounds
 from hpcsweep.studies.study import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
-SOURCE, CELL = "source", "cell"
+SOURCE, CELL, CROSSED = "source", "cell", "crossed"
 AUDIT, INFERRED = "audit", "inferred"
 """Variable of the looks, and of the checksums."""
 LONG_NAMES = {
     SOURCE: "1 computed, 2 inferred from its cell, 3 computed for the audit, 0 not known yet",
     CELL: "level of the cell from which it is inferred, negative if its points differ, "
     "0 of computed points",
+    CROSSED: "1 where a known curve crosses the box of the grid that begins at the point",
 }
 QUANTITIES = Look._fields
 
@@ -33,6 +34,7 @@ def derived_variables(study) -> list[Variable]:
     runs = study.run_dims
     types = {variable.name: variable.dtype for variable in study.variables}
     units = {variable.name: variable.units for variable in study.variables}
+    own = (SOURCE, CELL, *((CROSSED,) if refinement.curves else ()))
     labels = [
         Variable(
             inferred_name(name),
@@ -44,7 +46,7 @@ def derived_variables(study) -> list[Variable]:
         for name in refinement.variables
     ]
     return [
-        *(Variable(name, runs, "<i1", "1", LONG_NAMES[name]) for name in (SOURCE, CELL)),
+        *(Variable(name, runs, "<i1", "1", LONG_NAMES[name]) for name in own),
         *labels,
         *getattr(study, "listed_variables", []),
         Variable(AUDIT, ("look", "quantity"), "<f8", "1", "looks of the audit, the last counts"),
@@ -78,6 +80,8 @@ def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarra
     codes[1:] = labels.codes
     for column, name in enumerate(names, 1):
         values[inferred_name(name)] = codes[code, column]
+    if rounds.crossed is not None:
+        values[CROSSED] = np.pad(rounds.crossed, [(0, 1)] * rounds.crossed.ndim).ravel()
     audit = np.full((MOST_LOOKS, len(QUANTITIES)), np.nan)
     audit[: len(rounds.looks)] = rounds.looks
     if getattr(study, "listed_variables", []):
@@ -86,9 +90,22 @@ def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarra
     return {**values, AUDIT: audit}
 
 
-def replay(study, labels: Labels) -> dict[str, np.ndarray] | None:
-    """Return `derived_values` of a map whose rounds are all known; None if a point is missing."""
-    rounds = Rounds(map_shape(study), study.refine, labels)
+def replay(
+    study, labels: Labels, crossed: np.ndarray | None = None
+) -> dict[str, np.ndarray] | None:
+    """Return `derived_values` of a map whose rounds are all known; None if a point is missing.
+
+    Parameters
+    ----------
+    study : Study
+    labels : Labels
+    crossed : ndarray, optional
+        The variable of the map, in any shape; required if the job names curves.
+    """
+    shape, boxes = map_shape(study), None
+    if crossed is not None:
+        boxes = crossed.reshape(shape)[(slice(-1),) * len(shape)] != 0
+    rounds = Rounds(shape, study.refine, labels, boxes)
     for points in rounds:
         if not labels.known[points].all():
             return None

@@ -1,0 +1,116 @@
+"""Curves of results files of branches, which the cells of a refined map must not miss.
+
+The map's file has the checksum of the curves, in the attribute `CURVES`, from its creation on: it
+is resumed with the same ones only. A complete map has the boxes that they cross, and needs the
+files of the curves no more.
+"""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.store.check import CURVES
+from hpcsweep.store.frames import Frames
+from hpcsweep.store.layout import StoreError
+from hpcsweep.studies.refine.crossing import Curve, crossed_boxes
+from hpcsweep.studies.refine.refinement import map_shape, refinement_of
+
+NAMES = ("outcome", "curve_of_step", "curve_omega", "curve_amplitude")
+
+
+class Crossing:
+    """Known curves of a study's map; none if its job names no files.
+
+    Attributes
+    ----------
+    curves : list of Curve
+        Over Omega and A.
+
+    Raises
+    ------
+    StoreError
+        If a file cannot be read, is not complete, or holds no curves of the structure.
+    """
+
+    def __init__(self, study):
+        refinement = refinement_of(study)
+        self._study = study
+        self.paths = refinement.curves if refinement else ()
+        self.curves = [curve for path in self.paths for curve in _curves_of(Path(path), study)]
+
+    @property
+    def attributes(self) -> dict[str, str | int]:
+        """Attributes of the map's file: the checksum of the curves."""
+        if not self.paths:
+            return {}
+        digest = hashlib.blake2b(digest_size=16)
+        for curve in self.curves:
+            digest.update(np.array([*curve.at, len(curve.points)], "<i8").tobytes())
+            digest.update(np.ascontiguousarray(curve.points, "<f8").tobytes())
+        return {CURVES: digest.hexdigest()}
+
+    def boxes(self) -> np.ndarray | None:
+        """Return which boxes of the grid the curves cross; None if the job names no files.
+
+        Raises
+        ------
+        StoreError
+            If they cross none.
+        """
+        if not self.paths:
+            return None
+        axes = [*self._study.part((0,) * len(self._study.axes)).map_axes.values()]
+        crossed = crossed_boxes(map_shape(self._study), axes, self.curves)
+        if not crossed.any():
+            raise StoreError(f"{', '.join(self.paths)}: no curve crosses the map")
+        return crossed
+
+    def check(self, output: Path, attributes: Mapping) -> None:
+        """Make sure that the curves are those that a map's file was made with.
+
+        Raises
+        ------
+        StoreError
+        """
+        if self.attributes.get(CURVES) != attributes.get(CURVES):
+            raise StoreError(
+                f"{', '.join(self.paths)}: holds other curves than when {output} was begun; give "
+                "another file with -o"
+            )
+
+
+def _curves_of(path: Path, study) -> Iterator[Curve]:
+    """Read the curves of a file that are of the structure of the map, or of one of its parts."""
+    frames = Frames(path, "branches", None)
+    try:
+        if not getattr(frames.study, "curves", ()):
+            raise StoreError(f"{path}: holds no curves; branches.curves names those to follow")
+        parts = list(np.ndindex(*(len(axis.values) for axis in study.axes)))
+        structures = [study.part(place).structure for place in parts]
+        found = False
+        for place in frames.places:
+            frames.choose(place)
+            own = frames.study.structure
+            fit = [at for at, one in zip(parts, structures, strict=True) if one == own]
+            if fit:
+                found = True
+                lines = list(_polylines(path, frames))
+                yield from (Curve(at, line) for at in fit for line in lines)
+        if not found:
+            raise StoreError(f"{path}: is of another structure than the map")
+    finally:
+        frames.close()
+
+
+def _polylines(path: Path, frames: Frames) -> Iterator[np.ndarray]:
+    """Return the curves of the part chosen: points (Omega, A), shape (k, 2)."""
+    for line in range(frames.study.n_frames):
+        rows = {name: values[0, 0] for name, values in frames.read(line, NAMES).items()}
+        if not rows["outcome"]:
+            raise StoreError(f"{path}: is not complete; run its job again to resume it")
+        number = rows["curve_of_step"]
+        for one in np.unique(number[number > 0]).tolist():
+            own = number == one
+            yield np.stack((rows["curve_omega"][own], rows["curve_amplitude"][own]), axis=1)

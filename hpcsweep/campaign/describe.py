@@ -8,6 +8,7 @@ from hpcsweep.job import Job
 from hpcsweep.model.description import few, in_words
 from hpcsweep.model.unit_names import is_in_gaps, unit_of
 from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.starting_range import starting_range, unit_after
 
 MOST_MODES = 12
 """Number of lowest modes that are listed."""
@@ -23,13 +24,15 @@ def describe(job: Job) -> list[str]:
     words = ", ".join(f"{s} = {v}" if s else v for s, v in in_words(structure))
     lines = [f"structure:  {words}", f"units:      {_units(structure)}"]
     lines += [f"varied:     {axis.key}: {_listed(axis.values)}" for axis in study.axes]
+    if study.axes and study.n_parts > 1:
+        lines.append(f"below:      {study.describe_part((0,) * len(study.axes))}, the first part")
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
     if study.holds == "responses":
         lines += _one(study).told()
     else:
         lines += _grazing(study, structure)
-        lines += _starts(study, structure)
+        lines += [f"starts:     {line}" for line in starting_range(study)]
         lines += getattr(study, "followed", [])
     return lines + [f"warning:    {text}" for text in warnings(job)]
 
@@ -52,12 +55,6 @@ def _units(structure) -> str:
         return "those in which masses, stiffnesses and lengths are given; [units] names them"
     names = ("length", "velocity", "acceleration", "force", "frequency")
     return ", ".join(f"{name} {unit_of(structure, name)}" for name in names)
-
-
-def _named(structure, quantity: str) -> str:
-    """Format the unit that follows a number; empty where it has no name."""
-    known = any(structure.unit_names) or is_in_gaps(structure)
-    return f" {unit_of(structure, quantity)}" if known else ""
 
 
 def _cycles(structure, omega: float) -> str:
@@ -88,19 +85,9 @@ def _modes(structure) -> list[str]:
     return lines
 
 
-def _starts(study, structure) -> list[str]:
-    """Return lines with the box of starts of a study of attractors or basins."""
-    n, variables = structure.n_floors, getattr(study, "starting_range", {})
-    return [
-        f"starts:     {name} from {low:.6g} to {high:.6g}"
-        + _named(structure, "length" if index < n else "velocity")
-        for name, (index, low, high) in variables.items()
-    ]
-
-
 def _contacts(structure) -> list[str]:
     names = structure.contact_names
-    length = _named(structure, "length")
+    length = unit_after(structure, "length")
     return [
         f"{names[k]}: gap {contact.gap:.6g}{length}, stiffness {contact.stiffness:.6g}"
         for k, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
@@ -146,12 +133,12 @@ def _range(values: np.ndarray) -> str:
 def _grazing(study, structure) -> list[str]:
     """Return lines with the ranges of frequency and amplitude, and of first contact."""
     omega, amplitude = _omega(study), _amplitudes(study)
-    unit = _named(structure, "acceleration")
+    unit = unit_after(structure, "acceleration")
     cycles = ""
     if structure.unit_names.time:
         cycles = f" = {_range(omega / (2 * np.pi))} {unit_of(structure, 'cycles')}"
     lines = [
-        f"frequency:  {_range(omega)}{_named(structure, 'frequency')}{cycles}",
+        f"frequency:  {_range(omega)}{unit_after(structure, 'frequency')}{cycles}",
         f"amplitude:  {_range(amplitude)}{unit}",
     ]
     omegas, grazes = _grazing_amplitudes(study, structure)

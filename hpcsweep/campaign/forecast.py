@@ -20,6 +20,7 @@ from hpcsweep.store import Layout, read_history
 from hpcsweep.store.crossing import Crossing
 from hpcsweep.studies.refine.refinement import Refinement, map_shape, refinement_of
 from hpcsweep.studies.refine.rounds import n_least
+from hpcsweep.studies.run_names import count
 
 SAMPLE_SECONDS = 5.0
 """Default time of the sample (s)."""
@@ -118,8 +119,9 @@ def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) 
         f"{totals[costliest]:.4g} s; cheapest {totals.min():.4g} s, "
         f"median {np.median(totals):.4g} s"
     )
+    most = count(max(int(np.ceil(helpful)), 1), "rank")
     lines.append(
-        f"limit:      beyond about {max(int(np.ceil(helpful)), 1)} ranks more do not help: the "
+        f"limit:      beyond about {most} more do not help: the "
         f"costliest {study.task_noun} is the bound ({study.why_whole})"
     )
     lines.append(f"master:     computes on up to {DEDICATED_MASTER} ranks, beyond it only serves")
@@ -158,7 +160,7 @@ def slurm_text(
     )
     resources = slurm.request(useful, largest_rank(job, peak))
     return [
-        f"batch job:  {useful.n_ranks} ranks, the most with an efficiency of "
+        f"batch job:  {count(useful.n_ranks, 'rank')}, the most with an efficiency of "
         f"{100 * slurm.EFFICIENCY:.0f} %; {slurm.TIME_MARGIN:g} times their makespan and "
         f"{slurm.START_SECONDS / 60:g} min; {slurm.MEMORY_MARGIN:g} times the memory:",
         *slurm.as_lines(resources),
@@ -168,8 +170,9 @@ def slurm_text(
 def study_text(study) -> str:
     """Format the number of runs of a study, and their dimensions."""
     counts = [(study.dimensions[dim], dim) for dim in study.run_dims]
-    sizes = [f"{count} {dim}{'' if count == 1 else 's'}" for count, dim in counts]
-    return f"{' x '.join(sizes)} = {study.n_runs} runs ({study.kind.replace('_', ' ')})"
+    sizes = [count(size, dim) for size, dim in counts]
+    runs = count(study.n_runs, study.run_noun)
+    return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
 
 
 def refined_text(study, refinement: Refinement, forecast: Forecast) -> str:
@@ -200,10 +203,12 @@ def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
     refinement = refinement_of(study)
     lines = [
         f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
+        *job.notes,
         *describe(job),
         f"file:       {output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names",
-        f"one run:    {1e3 * forecast.run_seconds:.4g} ms +- {1e3 * forecast.error:.2g} ms "
-        f"({forecast.n_timed} runs timed, spread over frames and amplitudes)",
+        f"{f'one {study.run_noun}:':12}{1e3 * forecast.run_seconds:.4g} ms +- "
+        f"{1e3 * forecast.error:.2g} ms ({count(forecast.n_timed, study.run_noun)} timed, "
+        "spread over the study)",
         f"in all:     {total / 3600:.3g} +- {error / 3600:.2g} core-hours ({total:.4g} s)",
         *([refined_text(study, refinement, forecast)] if refinement else []),
         memory_text(job, peak),

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
+from hpcsweep.studies.run_names import count, plural
+
 LOG_INTERVAL = 60.0
 BAR_INTERVAL = 5.0
 BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"
@@ -109,7 +111,7 @@ class Log(_Display):
         self._total, self._done, self._first, self._unit = total, done, done, unit
         self._begun = self._last = time.monotonic()
         resumed = f", {done} of them already in the file" if done else ""
-        self.message(f"{total} {unit}s{resumed}")
+        self.message(f"{count(total, unit)}{resumed}")
 
     def advance(self, runs: int) -> None:
         """Count finished runs."""
@@ -132,7 +134,8 @@ class Log(_Display):
     def _line(self) -> str:
         elapsed = time.monotonic() - self._begun
         rate = (self._done - self._first) / elapsed if elapsed > 0 else 0.0
-        line = f"{self._done}/{self._total} {self._unit}s ({100 * self._done / self._total:.1f} %)"
+        runs = plural(self._unit, self._total)
+        line = f"{self._done}/{self._total} {runs} ({100 * self._done / self._total:.1f} %)"
         if rate > 0:
             line += f", {rate:.3g} {self._unit}s/s"
             if self._done < self._total:

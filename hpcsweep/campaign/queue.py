@@ -55,7 +55,7 @@ class Queue:
         self.complete: list[bool] = []
         self.failed: dict[int, str] = {}
 
-    def do(self, progress: Callable[[int, int], Silent] | None) -> None:
+    def do(self, progress: Callable[[int, int, str], Silent] | None) -> None:
         """Compute the unfinished tasks on all ranks (collective)."""
         begun = time.perf_counter()
         if all(work.scanned for work in self._works):
@@ -65,7 +65,10 @@ class Queue:
             begun = time.perf_counter()
             if self._comm.rank == 0 and progress is not None:
                 total = sum(work.study.n_runs for work in self._works)
-                self._display = progress(total, sum(work.done_runs for work in self._works))
+                nouns = {work.study.run_noun for work in self._works}
+                unit = nouns.pop() if len(nouns) == 1 else "run"
+                done = sum(work.done_runs for work in self._works)
+                self._display = progress(total, done, unit)
                 self._display.expect(self._remaining)
             tasks = [
                 first + task

@@ -21,6 +21,8 @@ from hpcsweep.store.records import History, Session
 RECENT = 60.0
 """Seconds over which the recent rate is measured."""
 LISTED_FAILURES = 20
+FRAMES = {"omega": "frame"}
+"""Nouns for the frames of a study, where they are not the name of their dimension."""
 OUTCOMES = {int(outcome): outcome.name for outcome in Outcome}
 
 
@@ -32,8 +34,10 @@ def status(path: str | Path) -> dict:
     dict
         Plain numbers, strings and lists: progress, outcomes, sessions, failures, and
 
+        run_noun, frame_noun : str
+            What people call a run and a frame of this study: point and frame, row and row, ...
         runs_per_second, runs_per_second_recent : float or None
-            Histories per second by the wall clock in the last session, and in its last minute.
+            Runs per second by the wall clock in the last session, and in its last minute.
         seconds_remaining : float or None
             Wall time left on that session's ranks; None if nothing was timed or all is complete.
         last_heard : float or None
@@ -102,6 +106,8 @@ def _runs(
     return {
         "name": layout.name,
         "study": study.kind,
+        "run_noun": study.run_noun,
+        "frame_noun": FRAMES.get(study.frame_dim, study.frame_dim),
         "solver": study.settings.solver,
         "runs_done": n_done,
         "runs_total": study.n_runs,

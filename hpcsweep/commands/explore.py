@@ -5,9 +5,9 @@ from pathlib import Path
 
 from hpcsweep.commands import USER_ERROR, add_at, complain
 from hpcsweep.commands.outputs import PAGE, overwriting
-from hpcsweep.commands.summary import count
 from hpcsweep.figures.explorer import figure
 from hpcsweep.figures.options import add_options, file_name
+from hpcsweep.studies.run_names import count
 
 
 def add_to(commands) -> None:

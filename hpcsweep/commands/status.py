@@ -99,13 +99,17 @@ def _keep_page(files: list[Path], page: Path) -> int:
 
 def _describe(state: dict) -> str:
     """Write a status as a person reads it."""
-    from hpcsweep.studies.run_names import run_name
+    from hpcsweep.studies.run_names import count, run_name
 
     done, total = state["runs_done"], state["runs_total"]
+    run, frame = state["run_noun"], state["frame_noun"]
+    frames = ""
+    if frame != run:
+        frames = f", {frame}s {state['frames_done']} of {state['frames_total']}"
     lines = [
         f"{state['file']}: {'complete' if state['complete'] else 'not complete'}",
-        f"  runs      {done} of {total} ({100 * done / total:.1f} %), frames "
-        f"{state['frames_done']} of {state['frames_total']}, solver {state['solver']}",
+        f"  {f'{run}s':9} {done} of {total} ({100 * done / total:.1f} %){frames}, solver "
+        f"{state['solver']}",
     ]
     if "audit" in state:
         lines.append(f"  inferred  {inferred_text(state['runs_inferred'], state['audit'])}")
@@ -113,7 +117,7 @@ def _describe(state: dict) -> str:
         left = state["core_seconds_remaining"]
         lines.append(
             f"  cost      {state['core_seconds']:.3g} core seconds, "
-            f"{state['runs_per_core_second']:.3g} runs per core second"
+            f"{state['runs_per_core_second']:.3g} {run}s per core second"
             + ("" if left is None else f", about {left:.3g} core seconds left")
         )
     lines += _describe_work(state)
@@ -128,8 +132,9 @@ def _describe(state: dict) -> str:
     for session in state["sessions"]:
         started = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(session["started"]))
         lines.append(
-            f"  session   {started}, {session['ranks']} ranks on {' '.join(session['hosts'])}, "
-            f"{session['transport']}: {session['ended'] or 'running or killed'}"
+            f"  session   {started}, {count(session['ranks'], 'rank')} on "
+            f"{' '.join(session['hosts'])}, {session['transport']}: "
+            f"{session['ended'] or 'running or killed'}"
         )
         if session["write_bytes_per_second"]:
             lines.append(
@@ -189,7 +194,7 @@ def _describe_work(state: dict) -> list[str]:
     lines = []
     if state["runs_per_second"] is not None:
         line = (
-            f"  rate      {state['runs_per_second']:.3g} histories/s by the clock, "
+            f"  rate      {state['runs_per_second']:.3g} {state['run_noun']}s/s by the clock, "
             f"{state['runs_per_second_recent']:.3g} in the last minute of the last session"
         )
         if state["seconds_remaining"] is not None:
@@ -198,7 +203,7 @@ def _describe_work(state: dict) -> list[str]:
     frames = state["frame_seconds"]
     if frames:
         lines.append(
-            f"  frames    costliest {_frame(frames, 'costliest')}, median "
+            f"  {state['frame_noun'] + 's':9} costliest {_frame(frames, 'costliest')}, median "
             f"{frames['median']:.3g} s, cheapest {_frame(frames, 'cheapest')}, of "
             f"{frames['frames']} timed whole"
         )
@@ -207,7 +212,7 @@ def _describe_work(state: dict) -> list[str]:
         lines.append(
             f"  master    {master['messages']} messages, {master['messages_per_second']:.3g}/s "
             f"of {master['messages_per_second_possible']:.3g}/s possible; "
-            f"{master['tasks_moved']} frames moved between ranks"
+            f"{master['tasks_moved']} tasks moved between ranks"
         )
     if state["peak_memory"]:
         first, largest = (size / 1e6 for size in state["peak_memory"])

@@ -6,6 +6,7 @@ from pathlib import Path
 from hpcsweep.commands import RAW, USER_ERROR, complain
 from hpcsweep.commands.status import inferred_text
 from hpcsweep.figures.options import whole_number
+from hpcsweep.studies.run_names import count
 
 HELP = """\
 Summarise studies: what they cost, how much work was spared, what shares of the runs are periodic,
@@ -218,7 +219,7 @@ def _attractor_rows(summary: dict) -> dict[str, str]:
         f"{summary['periods_per_start']:.4g} a start"
     }
     for number, entry in summary["numbers"].items():
-        rows[f"points with {number} attractors"] = _share(entry)
+        rows[f"points with {count(number, 'attractor')}"] = _share(entry)
     if noun != "start":
         rows["starts"] = str(summary["starts"])
     for name in ("undecided", "failed", "elsewhere"):
@@ -286,11 +287,6 @@ def _listed(key: str, together: list[dict]) -> list:
             total[name] = total.get(name, 0) + entry["runs"]
     chosen = sorted(total, key=lambda name: -total[name])[:MOST_ROWS]
     return sorted(chosen) if key == "periods" else chosen
-
-
-def count(number: int, noun: str) -> str:
-    """Format a count."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _values(values: list) -> str:

@@ -56,6 +56,12 @@ def unit(structure, quantity: str) -> str:
     return f"  [{name if '$' in name else name.replace('omega_0', WORD)}]"
 
 
+def named(structure, quantity: str) -> str:
+    """Format the unit that follows a number, as `unit` follows a label."""
+    name = unit(structure, quantity).strip(" []")
+    return f" {name}" if name else ""
+
+
 def choose_floors(n: int, chosen: Sequence[int] | None = None) -> list[int]:
     """Return the floors to show, ascending, from 0.
 

@@ -1,6 +1,6 @@
 """Labels, panels and legends of all figures; colours are in `hpcsweep.figures.palette`."""
 
-import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import contact_name
+from hpcsweep.figures.fitting import WIDEST, broken, legend_below
 from hpcsweep.model.arguments import real
 from hpcsweep.studies.points import START
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
@@ -20,6 +21,8 @@ MARKERS = {UP: "o", DOWN: "v", START: "o"}
 """Of the directions; those of runs on the way down are hollow."""
 LEGEND_ROOM = 24
 """Letters of a contact set's name in a legend."""
+FEW, FEW_ROOM = 25, 0.02
+"""Amplitudes whose outer points get room within the frame, and that room, in spans."""
 CAPTION_ROOM = 92
 """Letters of a line of a caption."""
 SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "zeta_i": r"\zeta_i", "g_L": "g_L"}
@@ -32,6 +35,23 @@ class PlotError(ValueError):
 def set_name(contact: int, labels: int | Sequence[str], room: int | None = LEGEND_ROOM) -> str:
     """Return the name of a contact set in a legend, 'no contact' if it is empty."""
     return contact_name(contact, labels, room) if contact else "no contact"
+
+
+def set_names(
+    contacts: Sequence[int], labels: int | Sequence[str], room: int | None = LEGEND_ROOM
+) -> list[str]:
+    """Return the names of contact sets in a legend, so long that different ones stay different."""
+    names = {contact: set_name(contact, labels, room) for contact in contacts}
+    while room is not None and len(set(names.values())) < len(names):
+        room += 1
+        seen = Counter(names.values())
+        names |= {c: set_name(c, labels, room) for c, name in names.items() if seen[name] > 1}
+    return [names[contact] for contact in contacts]
+
+
+def rarer_sets(count: int) -> str:
+    """Name the contact sets that a legend leaves out."""
+    return f"{count} rarer set{'' if count == 1 else 's'}"
 
 
 def new_figure(n_rows: int, height: float, width: float = 7.2):
@@ -77,6 +97,13 @@ def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
     )
 
 
+def limit_amplitudes(axis, amplitude: np.ndarray) -> None:
+    """Limit the horizontal axis to the amplitudes, with room for the outer points of a few."""
+    low, high = float(amplitude[0]), float(amplitude[-1])
+    room = FEW_ROOM * ((high - low) or abs(high) or 1.0) if amplitude.size <= FEW else 0.0
+    axis.set_xlim(low - room, high + room)
+
+
 @contextmanager
 def resolution(dpi: int) -> Iterator[None]:
     """Write the figures of a block with `dpi` pixels an inch."""
@@ -113,17 +140,7 @@ def head(figure, text: str, fontsize: float = 10) -> None:
         title.set_text(line)
         return title.get_window_extent(renderer).width <= WIDEST * figure.bbox.width
 
-    lines: list[str] = []
-    for line in text.split("\n"):
-        parts = re.split("(?<=,)  |(?<=;) ", line)
-        lines.append(parts[0])
-        for part in parts[1:]:
-            joined = f"{lines[-1]}{'  ' if lines[-1].endswith(',') else ' '}{part}"
-            if fits(joined):
-                lines[-1] = joined
-            else:
-                lines.append(part)
-    title.set_text("\n".join(lines))
+    title.set_text(broken(text, fits))
 
 
 def roman(number: int) -> str:
@@ -137,8 +154,6 @@ def roman(number: int) -> str:
     return text
 
 
-WIDEST = 0.98
-"""Share of a figure's width that its head may take."""
 FAR_OFF = 0.1
 """Share of a frequency by which a request may lie beyond the range of frames."""
 
@@ -245,15 +260,10 @@ def caption(results, omega: float | None = None) -> str:
 def parameters(structure, omega: float | None = None, room: int | None = CAPTION_ROOM) -> str:
     """Format the parameters of a structure, and a frequency if given, on a line or two."""
     from hpcsweep.model.description import in_words
-    from hpcsweep.model.unit_names import unit_of
 
     words = in_words(structure)
     if omega is not None:
-        shown = f"{omega:.6g}"
-        if structure.unit_names.time:
-            cycles = f"{omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
-            shown += f" {unit_of(structure, 'frequency')} = {cycles}"
-        words.append((r"\Omega", shown))
+        words.append((r"\Omega", frequency_words(structure, omega)))
     lines, length = [""], 0
     for symbol, value in words:
         part = rf"${SYMBOLS.get(symbol, symbol)}$ = {value}" if symbol else value
@@ -263,6 +273,16 @@ def parameters(structure, omega: float | None = None, room: int | None = CAPTION
         lines[-1] += f",  {part}" if lines[-1] else part
         length += size
     return ",\n".join(lines)
+
+
+def frequency_words(structure, omega: float) -> str:
+    """Format a frequency, where time has a unit with that and in cycles."""
+    from hpcsweep.model.unit_names import unit_of
+
+    if not structure.unit_names.time:
+        return f"{omega:.6g}"
+    cycles = f"{omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
+    return f"{omega:.6g} {unit_of(structure, 'frequency')} = {cycles}"
 
 
 def percent(share: float) -> str:
@@ -298,14 +318,9 @@ def foot(
     n_columns: int | None = None,
     note: str = "",
 ) -> None:
-    """Add the shares of the motion classes, a note and a legend below the panels."""
+    """Add the shares of the motion classes, a note and a legend below the panels.
+
+    A legend of `n_columns`, or of fewer where these are too wide.
+    """
     shares = shares_text(results, classes)
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=n_columns or max(len(handles), 1),
-        fontsize=8,
-        frameon=False,
-        title=f"{note}\n{shares}" if note else shares,
-        title_fontsize=7.5,
-    )
+    legend_below(figure, handles, f"{note}\n{shares}" if note else shares, n_columns)

@@ -58,8 +58,7 @@ def resolve(
     order : mapping
         Order in which the keys are written.
     inherit : callable, optional
-        Called with the whole tree and the names of the job's own keys; removes inherited keys that
-        have no use, and returns messages.
+        Given the whole tree and the job's own keys, drop inherited ones of no use; return messages.
 
     Returns
     -------
@@ -142,7 +141,8 @@ def with_indexed(whole: Mapping, key: str, value: object, said: str) -> dict:
     tables: Any = (whole.get(table, {}) if table else whole).get(name)
     count = len(tables) if isinstance(tables, list) else 0
     if int(place) >= count:
-        raise TreeError(f"{said}: there are {count} tables {key.split('[')[0]}, from 0 on")
+        there = "is 1 table" if count == 1 else f"are {count} tables"
+        raise TreeError(f"{said}: there {there} {key.split('[')[0]}, counted from 0")
     changed = [dict(one) for one in tables]
     changed[int(place)][inner] = value
     return merge(whole, {table: {name: changed}} if table else {name: changed})

@@ -37,6 +37,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.branches.variables import End, Met, Origin, Reason
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import derived_coordinates, derived_variables
+from hpcsweep.studies.starting_range import starting_range
 from hpcsweep.studies.study import Variable
 
 LAYOUT_VERSION = 3
@@ -152,6 +153,8 @@ class Layout:
         """Attributes that identify the job."""
         settings, structure = self.study.settings, self.study.structure
         described = {"structure": description.as_text(structure)} if structure.foreign else {}
+        if starts := starting_range(self.study):
+            described["starts"] = "; ".join(starts) + self._of_part()
         return {
             "format": FORMAT,
             "layout_version": LAYOUT_VERSION,
@@ -162,6 +165,12 @@ class Layout:
             "rtol": settings.rtol,
             **described,
         }
+
+    def _of_part(self) -> str:
+        """Name the part that an attribute is about, where there are several."""
+        study = self.study
+        several = study.axes and study.n_parts > 1
+        return f" ({study.describe_part((0,) * len(study.axes))})" if several else ""
 
     def file_size(self) -> int:
         """Return the bytes of the file, without its few kilobytes of metadata."""

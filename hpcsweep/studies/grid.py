@@ -63,9 +63,9 @@ class RunGrid:
 
     kind: ClassVar[str]
     task_noun: ClassVar[str]
+    run_noun: ClassVar[str] = "run"
     why_whole: ClassVar[str]
-    words: ClassVar[dict[str, str]]
-    """Each direction in words."""
+    words: ClassVar[dict[str, str]]  # each direction in words
     direction_name: ClassVar[str]
     """Long name of the first dimension."""
     keys: ClassVar[dict[str, tuple[str, ...]]]

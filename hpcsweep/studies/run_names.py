@@ -6,6 +6,16 @@ from typing import Any
 SYMBOLS = {"omega": "Omega", "amplitude": "A", "direction": ""}
 
 
+def count(number: int, noun: str) -> str:
+    """Format a count."""
+    return f"{number} {plural(noun, number)}"
+
+
+def plural(noun: str, number: int = 2) -> str:
+    """Return a noun as it follows a number."""
+    return noun if number == 1 else f"{noun}s"
+
+
 def run_name(described: Mapping[str, Any]) -> str:
     """Format the name of a run, from `Study.describe` or a part of it, on one line."""
     last = [name for name in SYMBOLS if name in described]

@@ -304,10 +304,10 @@ class Data(Protocol):
 class Report(Protocol):
     """Descriptions of a study and its runs for users."""
 
-    kind: str
-    """Name in job files."""
+    kind: str  # name in job files
     task_noun: str
-    """Noun for a task."""
+    run_noun: str
+    """Noun for a run; `task_noun` that for a task."""
     why_whole: str
     """Why a task cannot be cut further, in words for users."""
     n_frames: int

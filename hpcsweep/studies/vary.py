@@ -239,7 +239,8 @@ class Varied:
 
 SHARED = frozenset(
     (
-        *("kind", "holds", "task_noun", "why_whole", "structure", "settings", "initial_state"),
+        *("kind", "holds", "task_noun", "run_noun", "why_whole", "structure", "settings"),
+        "initial_state",
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
         *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words", "refine"),
         *("frame_dim", "suite", "scale", "measure", "gravity", "storey_height"),

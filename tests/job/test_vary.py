@@ -64,7 +64,7 @@ def test_a_key_of_one_of_several_contacts():
     assert study.axes[0].units == "length"
     gaps = [[contact.gap for contact in study.part(p).structure.contacts] for p in study.places()]
     assert gaps == [[1.0, 0.5], [1.0, 1.5]]
-    with pytest.raises(JobError, match=r"job\.toml: there are 2 tables structure\.contact, from 0"):
+    with pytest.raises(JobError, match=r"job\.toml: there are 2 tables structure\.contact, count"):
         parse('"structure.contact[2].gap" = [0.5, 1.5]', CONTACTS)
 
 

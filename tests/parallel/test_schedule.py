@@ -401,7 +401,8 @@ def test_failures_are_listed_with_what_to_do(tmp_path):
     from hpcsweep.parallel import mpi
 
     class Said(Silent):
-        def __init__(self, total, done):
+        def __init__(self, total, done, unit):
+            assert (done, unit) == (0, "run")
             self.lines = said
 
         def message(self, text):

@@ -7,7 +7,8 @@ import numpy as np
 
 from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.orbit_diagram import FINE, FINE_KEY, PAGE, PANEL
-from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures.fitting import legend_below
+from hpcsweep.figures.labels import WORD, amplitude, choose_floors, displacement
 from hpcsweep.figures.options import FLOORS, OMEGA
 from hpcsweep.figures.palette import MOTIONS, STOP, motion_index
 from hpcsweep.figures.style import (
@@ -15,6 +16,7 @@ from hpcsweep.figures.style import (
     caption,
     head,
     job_of,
+    limit_amplitudes,
     nearest_frame,
     new_figure,
     percent,
@@ -22,6 +24,7 @@ from hpcsweep.figures.style import (
     structure_of,
 )
 from hpcsweep.model.description import stops
+from hpcsweep.studies.starting_range import starting_range
 
 NAME = "attractors"
 DRAWS = "attractors"
@@ -30,6 +33,8 @@ stroboscopic displacement of each floor on all attractors against the forcing
 amplitude, one frame"""
 OPTIONS = (OMEGA, FLOORS)
 load = load_frame
+MOST_RANGES = 2
+"""Ranges of the starts that are written out."""
 MOST_COLUMNS = 6
 """Columns of the legend."""
 
@@ -64,7 +69,7 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
                 axis.axhline(place, color=STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
         axis.set_ylim(limits)
     axes[-1].set_xlabel(amplitude(structure))
-    limit_amplitudes(axes[-1], frame)
+    limit_amplitudes(axes[-1], frame["amplitude"].values)
     legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS)
     head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
@@ -101,22 +106,23 @@ def motions_of(frame) -> np.ndarray:
     return np.where(frame["attractor_id"].values > 0, index, -1)
 
 
-def limit_amplitudes(axis, frame) -> None:
-    """Limit the horizontal axis to the first and the last amplitude."""
-    span = frame["amplitude"].values
-    axis.set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
+def starts_words(study) -> str:
+    """Format the number of starts of a point, and where they lie."""
+    box = [line.replace("omega_0", WORD) for line in starting_range(study)]
+    where = " and ".join(box) if len(box) <= MOST_RANGES else "a box, each floor its own range"
+    return f"{study.starts:,} starts a point: {where}"
 
 
 def starts_text(results, frame) -> str:
-    """Format the number of starts, and the share of them that reached no drawn attractor."""
+    """Format the starts, and the share of them that reached no drawn attractor."""
     study = job_of(results).study
     done = max(int((frame["outcome"].values > 0).sum()), 1) * study.starts
-    parts = [f"{study.starts:,} starts a point"]
+    parts = []
     for name in ("undecided", "failed", "elsewhere"):
         count = int(frame[f"n_{name}"].values.sum())
         if count or name == "undecided":
             parts.append(f"{name} {percent(count / done)}")
-    return ", ".join(parts)
+    return f"{starts_words(study)}; {', '.join(parts)}"
 
 
 def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=()) -> None:
@@ -133,15 +139,7 @@ def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=(
         fine.set_markersize(FINE_KEY)
         handles.append(fine)
     handles += further
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(len(handles), columns),
-        fontsize=8,
-        frameon=False,
-        title=title,
-        title_fontsize=7.5,
-    )
+    legend_below(figure, handles, title, columns)
 
 
 def _scatter(axis, frame, index: np.ndarray, floor: int) -> None:

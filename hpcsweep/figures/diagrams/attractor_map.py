@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures.diagrams.attractor_diagram import starts_words
 from hpcsweep.figures.diagrams.mesh import (
     by_frequency,
     draw_classes,
@@ -71,9 +72,9 @@ def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = No
         if cells:
             draw_cells(axis, results)
         axis.label_outer()
-    starts = job_of(results).study.starts
-    undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * starts, 1)
-    note = f"{starts:,} starts a point, undecided {percent(float(undecided))}"
+    study = job_of(results).study
+    undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * study.starts, 1)
+    note = f"{starts_words(study)}; undecided {percent(float(undecided))}"
     head(figure, "\n".join(filter(None, (caption(results), note, note_of(results)))), fontsize=10)
     save(figure, path)
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures.fitting import legend_below
 from hpcsweep.figures.inferred import VARIABLES as INFERRED
 from hpcsweep.figures.inferred import draw_cells, filled, need_cells, note_of
-from hpcsweep.figures.labels import displacement, velocity
+from hpcsweep.figures.labels import displacement, named, velocity
 from hpcsweep.figures.options import CELLS
 from hpcsweep.figures.palette import (
     MOTION_COLOURS,
@@ -26,7 +27,7 @@ from hpcsweep.figures.style import (
     new_grid,
     percent,
     save,
-    set_name,
+    set_names,
 )
 from hpcsweep.studies.refine.variables import SOURCE
 
@@ -100,7 +101,7 @@ def draw(results, path: Path, cells: bool | None = None) -> None:
     axis.set_xlabel(first)
     axis.set_ylabel(second)
     _legend(figure, study, keys, index)
-    amplitude = f"$A$ = {study.amplitude[0]:.6g}"
+    amplitude = f"$A$ = {study.amplitude[0]:.6g}{named(study.structure, 'acceleration')}"
     notes = f"{caption(results, float(study.omega[0]))},  {amplitude}", note_of(results)
     head(figure, "\n".join(filter(None, notes)), fontsize=10)
     save(figure, path)
@@ -121,15 +122,7 @@ def _legend(figure, study, keys: list, index: np.ndarray) -> None:
     point = Line2D([], [], linestyle="none", marker="o", mfc="none", mec="0.1", markersize=5)
     point.set_label("a point of each (triangle: outside)")
     handles.append(point)
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(len(handles), MOST_COLUMNS),
-        fontsize=8,
-        frameon=False,
-        title=f"{total:,} starts; {_rest(study)}",
-        title_fontsize=7.5,
-    )
+    legend_below(figure, handles, f"{total:,} starts; {_rest(study)}", MOST_COLUMNS)
 
 
 def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
@@ -141,14 +134,15 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
     labels = job_of(results).structure.contact_labels
     found: dict[int, tuple[str, str, np.ndarray]] = {}
     seen: dict[int, int] = {}
-    for slot in np.flatnonzero(one["attractor_id"].values).tolist():
+    slots = np.flatnonzero(one["attractor_id"].values).tolist()
+    sets = [int(one["contact"].values[slot]) if "contact" in one else 0 for slot in slots]
+    for slot, contact, words in zip(slots, sets, set_names(sets, labels), strict=True):
         kind = MotionClass(int(one["motion_class"].values[slot]))
         period = int(one["orbit_period"].values[slot])
         name = f"P{period}" if period else CLASS_NAMES[kind]
         place = motion_place(kind, period)
         if "contact" in one:
-            contact = int(one["contact"].values[slot])
-            name += f" {set_name(contact, labels)}"
+            name += f" {words}"
             place = place if contact else 0
         colour = shade(MOTION_COLOURS[place], seen.get(place, 0))
         seen[place] = seen.get(place, 0) + 1

@@ -8,6 +8,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures.diagrams.special_curves import MARKS
+from hpcsweep.figures.fitting import legend_below
 from hpcsweep.figures.labels import amplitude, choose_floors, displacement, frequency
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
 from hpcsweep.figures.overlay import Drawn, branches_of, run_of
@@ -102,13 +103,7 @@ def draw(
     omega = fixed if np.isfinite(fixed) else None
     head(figure, parameters(structure, omega), fontsize=10)
     handles = _handles(run, runs is not None)
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(len(handles), COLUMNS),
-        fontsize=8,
-        frameon=False,
-    )
+    legend_below(figure, handles, "", COLUMNS)
     save(figure, path)
 
 

@@ -17,6 +17,7 @@ from hpcsweep.figures.style import (
     foot,
     head,
     job_of,
+    limit_amplitudes,
     need,
     need_amplitudes,
     new_grid,
@@ -30,6 +31,8 @@ MOST_FRAMES = 12
 COLUMNS = 3
 ORBIT = 2.5
 """Area of the points of an orbit, in areas of those of a motion that does not repeat."""
+LEAST_WIDTH = 4.8
+"""Inches, for the words of a figure of one panel."""
 MOST_COLUMNS = 7
 """Columns of the legend."""
 NAME = "frames"
@@ -85,7 +88,8 @@ def draw(
     motions = motion_index(classes[0], results["orbit_period"].values[0])
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
-    figure, axes = new_grid(rows, columns, (2.4 * columns, 1.75 * rows + 1.0), sharex=True)
+    size = max(2.4 * columns, LEAST_WIDTH), 1.75 * rows + 1.0
+    figure, axes = new_grid(rows, columns, size, sharex=True)
     for place, axis in enumerate(axes.flat):
         if place >= count:
             axis.set_visible(False)
@@ -139,7 +143,7 @@ def _panel(axis, frame, motions, floor: int) -> None:
     axis.set_axisbelow(True)
     axis.set_title(rf"$\Omega$ = {float(frame['omega']):.4g}", fontsize=8.5, pad=3)
     axis.tick_params(labelsize=8)
-    axis.set_xlim(amplitude[0], amplitude[-1] if amplitude.size > 1 else amplitude[0] + 1e-9)
+    limit_amplitudes(axis, amplitude)
 
 
 def _legend(figure, results, classes, motions) -> None:

@@ -22,13 +22,15 @@ from hpcsweep.figures.style import (
     foot,
     head,
     job_of,
+    limit_amplitudes,
     nearest_frame,
     need,
     need_amplitudes,
     new_figure,
+    rarer_sets,
     roman,
     save,
-    set_name,
+    set_names,
     structure_of,
     words_of,
 )
@@ -135,8 +137,7 @@ def draw(
         axis.margins(y=0.08)
         _mark_stops(axis, structure, floor)
     axes[-1].set_xlabel(amplitude(structure))
-    span = frame["amplitude"].values
-    axes[-1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
+    limit_amplitudes(axes[-1], frame["amplitude"].values)
     note = ""
     if "contact" in frame:
         apart = coexistence(frame, classes[:, 0], structure.units_at)
@@ -166,10 +167,12 @@ def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) 
     sets, counts = np.unique(contact[done], return_counts=True)
     named = set(np.argsort(-counts, kind="stable")[:MOST_SETS])
     order = sorted(range(sets.size), key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
+    shown = [k for k in order if k in named]
+    names = dict(zip(shown, set_names([int(sets[k]) for k in shown], labels), strict=True))
     return [
         Group(
             contact_colour(int(sets[k]), labels),
-            set_name(int(sets[k]), labels) if k in named else "",
+            names.get(k, ""),
             done & (contact == sets[k]),
         )
         for k in order
@@ -306,7 +309,7 @@ def _legend(figure, groups: list[Group], color: str, results, classes, note: str
         handles = [key(group.label, "s", group.colour) for group in groups if group.label]
         rest = sum(not group.label for group in groups)
         if rest:
-            handles.append(Line2D([], [], linestyle="none", label=f"{rest} rarer sets"))
+            handles.append(Line2D([], [], linestyle="none", label=rarer_sets(rest)))
         handles += [key(words_of(results, d), MARKERS[d], "0.3", d == DOWN) for d in directions]
     if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
         handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))

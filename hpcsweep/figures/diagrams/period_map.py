@@ -48,8 +48,9 @@ from hpcsweep.figures.style import (
     head,
     need,
     new_grid,
+    rarer_sets,
     save,
-    set_name,
+    set_names,
     structure_of,
     words_of,
 )
@@ -186,15 +187,17 @@ def _contact_sets(figure, axes, results) -> None:
     colours = [contact_colour(int(c), labels) for c in sets]
     draw_classes(axes[0, 0], results, index, colours)
     named = np.argsort(-counts, kind="stable")[:MOST_SETS]
+    order = sorted(named, key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
+    names = set_names([int(sets[k]) for k in order], labels)
     entries = [
-        (set_name(int(sets[k]), labels), colours[k], counts[k] / done.size)
-        for k in sorted(named, key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
+        (name, colours[k], counts[k] / done.size)
+        for k, name in zip(order, names, strict=True)
         if counts[k]
     ]
     rest = sets.size - named.size
     if rest:
         share = (counts.sum() - counts[named].sum()) / done.size
-        entries.append((f"{rest} rarer sets", "none", float(share)))
+        entries.append((rarer_sets(rest), "none", float(share)))
     of = "points" if known_from_cells.any() else "runs"
     legend_of_shares(figure, entries, float((~done).mean()), "failed or not computed", of=of)
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from hpcsweep.figures.diagrams.attractor_diagram import (
     legend,
-    limit_amplitudes,
     opened,
     starts_text,
 )
@@ -14,7 +13,15 @@ from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.options import OMEGA
 from hpcsweep.figures.palette import MOTION_COLOURS, ink
-from hpcsweep.figures.style import caption, head, job_of, new_figure, save, set_name
+from hpcsweep.figures.style import (
+    caption,
+    head,
+    job_of,
+    limit_amplitudes,
+    new_figure,
+    save,
+    set_name,
+)
 
 NAME = "shares"
 DRAWS = "attractors"
@@ -51,7 +58,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     axes[1].set_ylabel(f"share, {100 * study.confidence:g} % interval")
     axes[1].set_ylim(-0.02, 1.02)
     axes[1].set_xlabel(amplitude_label(structure))
-    limit_amplitudes(axes[1], frame)
+    limit_amplitudes(axes[1], frame["amplitude"].values)
     for axis, letter in zip(axes, "ab", strict=True):
         axis.set_title(f"({letter})", loc="left", fontsize=9)
     rest = [Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5)]

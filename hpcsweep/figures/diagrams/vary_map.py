@@ -16,6 +16,7 @@ from hpcsweep.figures.style import (
     PlotError,
     check_omega,
     direction_index,
+    frequency_words,
     head,
     nearest_frame,
     need_amplitudes,
@@ -40,6 +41,8 @@ OPTIONS = (
 )
 MOST_PANELS = 12
 COLUMNS = 3
+MOST_TICKS = 8
+"""Values that are all marked on the vertical axis."""
 WIDE = 30.0
 """Ratio of the largest to the smallest value from which on they are drawn on a logarithmic axis."""
 
@@ -178,7 +181,8 @@ def draw(
         axis.set_ylabel(results.key)
         axis.label_outer()
     _legend(figure, results)
-    title = rf"{results.name},  $\Omega$ = {results.omega:.6g},  {results.direction}"
+    at = frequency_words(results.structure, results.omega)
+    title = rf"{results.name},  $\Omega$ = {at},  {results.direction}"
     head(figure, "\n".join(filter(None, (title, share_note(results.inferred)))), fontsize=10)
     save(figure, path)
 
@@ -205,7 +209,7 @@ def _panel(axis, results: Panels, panel: int) -> None:
     )
     if is_wide:
         axis.set_yscale("log")
-    elif not is_number:
+    if not is_number or (not is_wide and keys.size <= MOST_TICKS):
         axis.set_yticks(heights, [_written(key) for key in keys])
     limits = axis.get_xlim()
     for colour, width in (("white", 1.8), (GRAZING, 1.0)):

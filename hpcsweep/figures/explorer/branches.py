@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.figures.overlay import Drawn
 from hpcsweep.figures.palette import MOTION_COLOURS
-from hpcsweep.figures.style import set_name
+from hpcsweep.figures.style import set_names
 
 
 def pack_branches(
@@ -42,7 +42,7 @@ def pack_branches(
     ):
         add(name, np.ascontiguousarray(numbers, "<f4").view("<u4"), float32=True)
     add("branch_stable", np.concatenate([one.stable for one in every]).astype(np.uint8))
-    names = [set_name(int(one), labels, room) for one in sets]
+    names = set_names(sets.tolist(), labels, room)
     add("branch_contact", contact.astype(np.uint16), names=names)
     told: list[list[dict]] = []
     step = state = 0

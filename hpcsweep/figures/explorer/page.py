@@ -32,7 +32,7 @@ from hpcsweep.figures.palette import (
     motion_place,
     series_colour,
 )
-from hpcsweep.figures.style import set_name
+from hpcsweep.figures.style import set_names
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.modes import per_mass
 from hpcsweep.solvers.outcome import Outcome
@@ -178,7 +178,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         "motionLegend": [{"name": name, "colour": colour} for name, colour in MOTIONS],
         "longest": LONGEST,
         "outcomes": [*(o.name.lower().replace("_", " ") for o in Outcome), INFERRED_WORDS],
-        "contacts": [set_name(s, labels, NAME_ROOM) for s in sets],
+        "contacts": set_names(sets, labels, NAME_ROOM),
         "colours": _colours(study, sets),
     }, texts
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.figures.palette import DARK_INK, DIRECTIONS, MOTIONS, contact_colour
-from hpcsweep.figures.style import LEGEND_ROOM, set_name
+from hpcsweep.figures.style import LEGEND_ROOM, set_name, set_names
 
 WIDTH = 1280
 """Width (pixels) for which the sizes below are meant; other widths scale them."""
@@ -112,7 +112,8 @@ class Scene:
 
     def contact_legend(self) -> list[tuple[str, str]]:
         """Return (colour, label) of every contact set, commonest first."""
-        return [(self.contact_colour(c), self.set_name(c)) for c in self.contacts]
+        names = set_names(self.contacts, self.labels or self.n_panels)
+        return [(self.contact_colour(c), n) for c, n in zip(self.contacts, names, strict=True)]
 
 
 class Page:

@@ -36,6 +36,7 @@ class Attractors(Limits, AmplitudeSweep):
     """Attractors along amplitudes, a frame a task; see `RunGrid`."""
 
     kind: ClassVar[str] = "attractors"
+    run_noun: ClassVar[str] = "point"
     why_whole: ClassVar[str] = (
         "a frame is one path: the attractors of each amplitude are continued from the one before, "
         "so a frame cannot be cut without changing results"

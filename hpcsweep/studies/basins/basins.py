@@ -25,6 +25,7 @@ class Basins(SliceGrid):
     """Basins on a slice, a row a run; see `SliceGrid`."""
 
     task_noun: ClassVar[str] = "row"
+    run_noun: ClassVar[str] = "row"
     why_whole: ClassVar[str] = "a row of starts is one run, which cannot be cut"
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
@@ -89,6 +90,10 @@ class Basins(SliceGrid):
         from hpcsweep.studies.basins.invariants import broken_invariants
 
         return broken_invariants(self, rows)
+
+    def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
+        """Describe a row by its value of the component and the point (A, Omega)."""
+        return {self.names()[1]: float(self.vertical[run[1]])} | super().describe(run)
 
     def describe_task(self, task: int) -> str:
         """Describe a row by its value of the component."""

@@ -98,6 +98,7 @@ class Branches(IndependentRuns):
 
     kind: ClassVar[str] = "branches"
     task_noun: ClassVar[str] = "line"
+    run_noun: ClassVar[str] = "line"
     why_whole: ClassVar[str] = (
         "branches of a line are numbered in the order in which they are found"
     )

@@ -81,6 +81,7 @@ class Records:
 
     kind: ClassVar[str] = "records"
     task_noun: ClassVar[str] = "record"
+    run_noun: ClassVar[str] = "run"
     why_whole: ClassVar[str] = "the scales of a record are computed by one rank"
     keys: ClassVar[dict] = {"records": keys.KEYS, "output": (*GROUPS, "history", "block")}
     without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")

@@ -75,7 +75,7 @@ function contactQuantity(study) {
   const rare = study.contacts.slice(NAMED_SETS);
   if (rare.length) {
     const keys = rare.map((_, i) => NAMED_SETS + i);
-    const label = `${rare.length} rarer sets`;
+    const label = `${rare.length} rarer set${rare.length === 1 ? "" : "s"}`;
     classes.push({ keys, label, colours: contacts.slice(NAMED_SETS) });
   }
   if (motion.some((code) => !study.motions[code].done)) {

@@ -1,0 +1,82 @@
+"""Keep legends and the words above them within the width of a figure."""
+
+import re
+from collections.abc import Callable, Sequence
+
+WIDEST = 0.98
+"""Share of a figure's width that its head or its legend may take."""
+SMALL, SMALLER = 8, 7.5
+"""Sizes of the entries of a legend, and of the words above them (points)."""
+
+
+def broken(text: str, fits: Callable[[str], bool], between: str = "(?<=,)  |(?<=;) ") -> str:
+    """Break lines between their parts wherever they do not fit.
+
+    Parameters
+    ----------
+    text : str
+        Lines.
+    fits : callable
+        Return whether a line fits.
+    between : str
+        Regular expression of what stands between two parts.
+
+    Returns
+    -------
+    str
+    """
+    lines: list[str] = []
+    for line in text.split("\n"):
+        parts, gaps = re.split(between, line), [found[0] for found in re.finditer(between, line)]
+        lines.append(parts[0])
+        for gap, part in zip(gaps, parts[1:], strict=True):
+            joined = f"{lines[-1]}{gap}{part}"
+            if fits(joined):
+                lines[-1] = joined
+            else:
+                lines.append(part)
+    return "\n".join(lines)
+
+
+def legend_below(figure, handles: Sequence, title: str, most_columns: int | None = None):
+    """Put a legend with a title below the panels, no wider than the figure.
+
+    Parameters
+    ----------
+    figure
+    handles : sequence
+        Entries, in the order of the legend.
+    title : str
+        Lines; one that is too long is broken between words.
+    most_columns : int, optional
+        Default: as many as there are entries.
+
+    Returns
+    -------
+    matplotlib.legend.Legend
+    """
+    room = WIDEST * figure.bbox.width
+    edges = 2 * SMALL * figure.dpi / 72  # of the legend around its title
+    renderer = figure.canvas.get_renderer()
+
+    def fits(line: str) -> bool:
+        probe = figure.text(0, 0, line, fontsize=SMALLER)
+        width = probe.get_window_extent(renderer).width
+        probe.remove()
+        return bool(width <= room - edges)
+
+    title = broken(broken(title, fits, "(?<=;) "), fits, " ")
+    for columns in range(max(min(len(handles), most_columns or len(handles)), 1), 0, -1):
+        legend = figure.legend(
+            handles=handles,
+            loc="outside lower center",
+            ncols=columns,
+            fontsize=SMALL,
+            frameon=False,
+            title=title,
+            title_fontsize=SMALLER,
+        )
+        if columns == 1 or legend.get_window_extent(renderer).width <= room:
+            return legend
+        legend.remove()
+    raise AssertionError("a legend of one column is always drawn")

@@ -1,0 +1,81 @@
+"""Words and legends stay within the picture, names of different contact sets stay different."""
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from hpcsweep.figures import style
+from hpcsweep.figures.diagrams import frames, orbit_diagram
+from hpcsweep.figures.fitting import broken, legend_below
+from hpcsweep.figures.style import limit_amplitudes, new_grid, rarer_sets, set_name, set_names
+from hpcsweep.model.structure import Structure
+
+
+def within(figure) -> bool:
+    """Return whether head and legends lie between the sides of a figure."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    words = [*figure.legends, *([figure._suptitle] if figure._suptitle else [])]
+    boxes = [one.get_window_extent(renderer) for one in words]
+    assert boxes
+    return all(box.x0 >= 0 and box.x1 <= figure.bbox.width for box in boxes)
+
+
+def handles(count: int, letters: int) -> list:
+    from matplotlib.lines import Line2D
+
+    return [Line2D([], [], label=f"{k:0{letters}}") for k in range(count)]
+
+
+def test_a_legend_has_as_many_columns_as_fit():
+    figure, _ = new_grid(1, 1, (4.0, 3.0))
+    control = figure.legend(handles=handles(8, 14), ncols=8, fontsize=8)
+    assert not within(figure)
+    control.remove()
+    title = "Runs: no contact 13.3 %, periodic 75.0 %, long period 3.3 %, chaotic 8.3 %; more " * 2
+    legend = legend_below(figure, handles(8, 14), title)
+    assert within(figure)
+    assert 1 < legend._ncols < 8
+    assert "\n" in legend.get_title().get_text()
+    assert legend.get_title().get_text().split() == title.split()
+    legend.remove()
+    assert legend_below(figure, handles(8, 1), "few", 4)._ncols == 4
+    assert within(figure)
+
+
+def test_lines_break_between_parts_only_where_they_must():
+    assert broken("a b c\nd", lambda line: len(line) < 4, " ") == "a b\nc\nd"
+    assert broken("one; two; three", lambda line: len(line) < 10, "(?<=;) ") == "one; two;\nthree"
+    assert broken("unbreakable", lambda line: False, " ") == "unbreakable"
+
+
+@pytest.mark.parametrize("module", [frames, orbit_diagram])
+def test_a_figure_of_one_frequency_keeps_its_words(module, results, drawn_figure):
+    one = results.isel(omega=[0])
+    options = {"color": "contact"} if module is orbit_diagram else {}
+    assert within(drawn_figure(module, one, **options))
+
+
+def test_shortened_names_of_different_sets_differ():
+    labels = Structure(12, gap_left=1.0).contact_labels
+    common = sum(1 << k for k in (0, 2, 4, 6, 8, 10, 12, 14, 16))
+    sets = [common | 1 << k for k in range(18, 24)]
+    short = [set_name(contact, labels) for contact in sets]
+    assert len(set(short)) < len(sets)
+    names = set_names(sets, labels)
+    assert len(set(names)) == len(sets)
+    assert set_names([*sets, sets[0]], labels)[-1] == names[0]
+    few = [0, 0b110, 0b1110]
+    assert set_names(few, 12) == [set_name(contact, 12) for contact in few]
+    assert (rarer_sets(1), rarer_sets(2)) == ("1 rarer set", "2 rarer sets")
+
+
+def test_outer_points_of_few_amplitudes_have_room():
+    _, axes = new_grid(1, 1, (4.0, 3.0))
+    axis = axes[0, 0]
+    limit_amplitudes(axis, np.array([1.0, 3.0]))
+    assert axis.get_xlim() == pytest.approx((0.96, 3.04))
+    limit_amplitudes(axis, np.array([2.0]))
+    low, high = axis.get_xlim()
+    assert low < 2.0 < high
+    limit_amplitudes(axis, np.linspace(0.0, 1.0, style.FEW + 1))
+    assert axis.get_xlim() == (0.0, 1.0)

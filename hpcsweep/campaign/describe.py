@@ -87,6 +87,8 @@ def _modes(structure) -> list[str]:
 
 def _contacts(structure) -> list[str]:
     names = structure.contact_names
+    if structure.names.contacts:
+        names = {number: f"{number}, {name}" for number, name in names.items()}
     length = unit_after(structure, "length")
     return [
         f"{names[k]}: gap {contact.gap:.6g}{length}, stiffness {contact.stiffness:.6g}"

@@ -62,6 +62,14 @@ def named(structure, quantity: str) -> str:
     return f" {name}" if name else ""
 
 
+def contacts_text(structure) -> str:
+    """Name the contacts behind the numbers of contact sets; empty where the numbers say all."""
+    if not structure.names.contacts:
+        return ""
+    named = (f"{number} is {name}" for number, name in structure.contact_names.items())
+    return f"Contacts: {', '.join(named)}"
+
+
 def choose_floors(n: int, chosen: Sequence[int] | None = None) -> list[int]:
     """Return the floors to show, ascending, from 0.
 

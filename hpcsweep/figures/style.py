@@ -49,6 +49,23 @@ def set_names(
     return [names[contact] for contact in contacts]
 
 
+def with_members(contacts: Sequence[int], structure, room: int | None = LEGEND_ROOM) -> list[str]:
+    """Return `set_names`, followed by the contacts of each where these have names of their own."""
+    names = set_names(contacts, structure.contact_labels, room)
+    if not structure.names.contacts:
+        return names
+    return [
+        name + (f": {members_of(contact, structure)}" if contact else "")
+        for contact, name in zip(contacts, names, strict=True)
+    ]
+
+
+def members_of(contact: int, structure) -> str:
+    """Return the names of the contacts of a set, as a structure of named contacts has them."""
+    own = structure.contact_names.items()
+    return ", ".join(name for number, name in own if contact >> (number - 1) & 1)
+
+
 def rarer_sets(count: int) -> str:
     """Name the contact sets that a legend leaves out."""
     return f"{count} rarer set{'' if count == 1 else 's'}"

@@ -271,7 +271,7 @@ def test_portraits_are_enlarged_and_put_back(page):
     page.click("#portraits")
     settle(page)
     large = page.eval_on_selector("#portraits canvas", "canvas => canvas.clientWidth")
-    assert large > 2.5 * small
+    assert large > 2 * small
     page.keyboard.press("Escape")
     settle(page)
     assert page.eval_on_selector("#portraits canvas", "canvas => canvas.clientWidth") == small

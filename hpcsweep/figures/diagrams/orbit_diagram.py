@@ -9,7 +9,7 @@ import numpy as np
 
 from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
-from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures.labels import amplitude, choose_floors, contacts_text, displacement
 from hpcsweep.figures.options import FLOORS, OMEGA, Option
 from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, STOP, contact_colour, motion_index
 from hpcsweep.figures.style import (
@@ -142,6 +142,7 @@ def draw(
     if "contact" in frame:
         apart = coexistence(frame, classes[:, 0], structure.units_at)
         note = _mark_regions(axes, frame, done, structure.contact_labels, apart)
+        note = "\n".join(filter(None, (note, contacts_text(structure))))
     _legend(figure, groups, color, results, classes, note)
     head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)

@@ -6,11 +6,11 @@ import numpy as np
 
 from hpcsweep.figures.overlay import Drawn
 from hpcsweep.figures.palette import MOTION_COLOURS
-from hpcsweep.figures.style import set_names
+from hpcsweep.figures.style import with_members
 
 
 def pack_branches(
-    frames: Sequence[Sequence[Drawn]], labels, room: int, add: Callable[..., None]
+    frames: Sequence[Sequence[Drawn]], structure, room: int, add: Callable[..., None]
 ) -> list[list[dict]]:
     """Add the arrays of branches to a page, and describe the branches of each frame.
 
@@ -22,8 +22,7 @@ def pack_branches(
     ----------
     frames : sequence of sequence of Drawn
         Branches of each frame.
-    labels
-        `Structure.contact_labels`.
+    structure : Structure
     room : int
         Letters of a contact set's name.
     add : callable
@@ -42,7 +41,7 @@ def pack_branches(
     ):
         add(name, np.ascontiguousarray(numbers, "<f4").view("<u4"), float32=True)
     add("branch_stable", np.concatenate([one.stable for one in every]).astype(np.uint8))
-    names = set_names(sets.tolist(), labels, room)
+    names = with_members(sets.tolist(), structure, room)
     add("branch_contact", contact.astype(np.uint16), names=names)
     told: list[list[dict]] = []
     step = state = 0

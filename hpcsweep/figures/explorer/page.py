@@ -32,9 +32,10 @@ from hpcsweep.figures.palette import (
     motion_place,
     series_colour,
 )
-from hpcsweep.figures.style import set_names
+from hpcsweep.figures.style import with_members
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.modes import per_mass
+from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 
 SCRIPTS = (
@@ -149,13 +150,15 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
             notes["label"] = f"{label}, {place}{_plain(unit_name)}"
         add(name, codes, n_amplitudes, **notes)
     worst = _add_points(study, bits, add)
-    labels = study.structure.contact_labels
+    grazing = [_grazing(study.structure, omega) for omega in study.omega.tolist()]
+    low, high = study.amplitude[[0, -1]]
+    grazes = any(one is not None and low <= one <= high for one in grazing)
     return {
-        "branches": pack_branches(study.branches, labels, NAME_ROOM, add),
+        "branches": pack_branches(study.branches, study.structure, NAME_ROOM, add),
         "name": study.name,
         "structure": _structure(study.structure),
-        "unitNames": {name: _unit_name(study.structure, name) for name in QUANTITIES},
-        "grazing": [_grazing(study.structure, omega) for omega in study.omega.tolist()],
+        "unitNames": _unit_names(study.structure),
+        "grazing": grazing,
         "omega": study.omega.tolist(),
         "amplitude": study.amplitude.tolist(),
         "directions": list(study.directions),
@@ -178,8 +181,8 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         "motionLegend": [{"name": name, "colour": colour} for name, colour in MOTIONS],
         "longest": LONGEST,
         "outcomes": [*(o.name.lower().replace("_", " ") for o in Outcome), INFERRED_WORDS],
-        "contacts": set_names(sets, labels, NAME_ROOM),
-        "colours": _colours(study, sets),
+        "contacts": with_members(sets, study.structure, NAME_ROOM),
+        "colours": _colours(study, sets, grazes),
     }, texts
 
 
@@ -254,9 +257,10 @@ def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
     return [float(q) for q in np.percentile(finite, [percent, 100.0 - percent])]
 
 
-def _unit_name(structure, quantity: str) -> str:
-    """Return the name of a unit as in labels of figures; '' where it has none."""
-    return _plain(unit(structure, quantity)).strip().strip("[]")
+def _unit_names(structure) -> dict[str, str]:
+    """Return the names of units as in labels of figures; '' where they have none."""
+    names = {name: _plain(unit(structure, name)).strip().strip("[]") for name in QUANTITIES}
+    return names | {"cycles": unit_of(structure, "cycles") if structure.unit_names.time else ""}
 
 
 def _plain(words: str) -> str:
@@ -306,8 +310,8 @@ def _structure(structure) -> dict:
     }
 
 
-def _colours(study: PageData, sets: list[int]) -> dict[str, str | list[str]]:
-    """Return the colours of all figures for the page."""
+def _colours(study: PageData, sets: list[int], grazes: bool) -> dict[str, str | list[str]]:
+    """Return the colours of all figures for the page; of grazing if there is a line."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
@@ -319,6 +323,6 @@ def _colours(study: PageData, sets: list[int]) -> dict[str, str | list[str]]:
         ],
         "numbers": [to_hex(c) for c in colormaps[NUMBERS](np.linspace(0, 1, 256))],
         "nothing": NOTHING,
-        "grazing": GRAZING,
+        "grazing": GRAZING if grazes else "",
         "stop": STOP,
     }

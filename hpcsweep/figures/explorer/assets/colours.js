@@ -131,7 +131,7 @@ function colourTable(quantity, only, { numbers, nothing }) {
   return table;
 }
 
-function drawLegend(element, quantity, only, { numbers, nothing }, choose) {
+function drawLegend(element, quantity, only, { numbers, nothing, grazing }, choose) {
   element.replaceChildren();
   if (quantity.scale) {
     const { low, high, signed } = quantity.scale;
@@ -141,7 +141,7 @@ function drawLegend(element, quantity, only, { numbers, nothing }, choose) {
     element.append(
       text(`${quantity.short}:`), text(`≤ ${shortNumber(low, 3)}`), bar,
       text(`≥ ${shortNumber(high, 3)}${signed ? ", 0 in the middle" : ""}`),
-      chip(nothing), text("no value"));
+      chip(nothing), text("no value"), ...grazingKey(grazing));
     return;
   }
   element.append(text(`${quantity.short || quantity.label}:`));
@@ -154,6 +154,15 @@ function drawLegend(element, quantity, only, { numbers, nothing }, choose) {
     button.addEventListener("click", () => choose(only === c.label ? null : c.label));
     element.append(button);
   }
+  element.append(...grazingKey(grazing));
+}
+
+// The key of the grazing line; nothing where no frame has one.
+function grazingKey(colour) {
+  if (!colour) return [];
+  const line = chip(colour);
+  line.classList.add("stroke");
+  return [line, text("grazing")];
 }
 
 function chip(colour) {

@@ -26,7 +26,27 @@ function floorName(study, floor) {
   return names.length ? ` ${names[floor]}` : subscript(floor + 1);
 }
 
+// A frequency or an amplitude with its unit where the units have names, in cycles as well.
+function omegaWords(study, omega) {
+  const { cycles } = study.unitNames;
+  return shortNumber(omega, 6) + (cycles
+    ? `${inUnit(study, "frequency")} = ${shortNumber(omega / (2 * Math.PI), 6)} ${cycles}` : "");
+}
+
+function amplitudeWords(study, amplitude) {
+  return shortNumber(amplitude, 6) + (study.unitNames.cycles ? inUnit(study, "acceleration") : "");
+}
+
 const LEAST_PANEL = 64; // height of a floor's diagram in pixels
+const LABELLED_PANEL = 92; // least height with room for the whole label
+const LEAST_AXIS = 36; // width of the numbers beside a diagram, at least
+const DIGIT = 7; // width of one digit in pixels
+
+// Width of the numbers of a vertical axis.
+function axisSize(values) {
+  const longest = Math.max(0, ...(values || []).map((words) => words.length));
+  return Math.max(LEAST_AXIS, DIGIT * longest + 12);
+}
 
 function horizontalLine(u, y, colour) {
   if (y < u.scales.y.min || y > u.scales.y.max) return;
@@ -55,12 +75,14 @@ class OrbitDiagrams {
     this.branches = study.branches.length ? new Branches(study) : null;
     this.pointed = null; // point of a branch
     this.motion = null; // quantity that colours the points; null: their direction
+    this.axis = LEAST_AXIS; // width of the numbers beside all panels
   }
 
   // Make a panel for each of the floors (indices from 0), the top one first.
   layout(floors) {
     for (const panel of this.panels) panel.plot.destroy();
     this.element.replaceChildren();
+    this.axis = LEAST_AXIS;
     this.panels = [...floors].reverse().map((floor, place) => {
       const panel = { floor, y: [0, 1], canvas: document.createElement("canvas") };
       panel.plot = new uPlot(
@@ -84,9 +106,15 @@ class OrbitDiagrams {
     return { width, height: height + (last ? 36 : 0) };
   }
 
+  // Whether the panels are high enough for labels with units.
+  labelled(count = this.panels.length) {
+    return this.size(false, count).height >= LABELLED_PANEL;
+  }
+
   options(panel, last, count) {
     const size = this.size(last, count);
-    const name = `u${floorName(this.study, panel.floor)}(jT)${unit(this.study, "length")}`;
+    const whole = this.labelled(count) ? `(jT)${unit(this.study, "length")}` : "";
+    const name = `u${floorName(this.study, panel.floor)}${whole}`;
     return {
       ...size,
       padding: [5, 12, last ? 0 : 3, 0],
@@ -101,10 +129,10 @@ class OrbitDiagrams {
         last
           ? { ...AXIS, label: `forcing amplitude A${unit(this.study, "acceleration")}`, labelSize: 18, labelFont: AXIS.font, size: 24 }
           : { ...AXIS, size: 4, values: () => [] },
-        { ...AXIS, label: name, labelSize: 18, labelFont: AXIS.font, size: 48, space: 24 },
+        { ...AXIS, label: name, labelSize: 18, labelFont: AXIS.font, size: () => this.axis, space: 24 },
       ],
       hooks: {
-        draw: [(u) => this.draw(u, panel)],
+        draw: [(u) => this.draw(u, panel), (u) => this.widen(u)],
         setSelect: [(u) => this.zoomToSelection(u)],
       },
     };
@@ -139,6 +167,14 @@ class OrbitDiagrams {
       panel.y = this.verticalRange(panel.floor, hold);
       panel.plot.setData([this.range, [null, null]], true);
     }
+  }
+
+  // Make room beside all panels for the longest numbers of one.
+  widen(u) {
+    const needed = axisSize(u.axes[1]._values);
+    if (needed <= this.axis) return;
+    this.axis = needed;
+    queueMicrotask(() => this.panels.forEach(({ plot }) => plot.redraw(false, true)));
   }
 
   verticalRange(floor, hold) {
@@ -204,9 +240,11 @@ class OrbitDiagrams {
     for (const direction of [...order, this.direction]) {
       const first = study.run(frame, direction, 0);
       const own = pixel(study.colours.directions[direction]);
-      const side = ((direction === this.direction ? 2 : 3) + sparse) * shared;
-      const half = side >> 1;
+      const large = ((direction === this.direction ? 2 : 3) + sparse) * shared;
       for (let a = 0; a < study.nAmplitudes; a++) {
+        // large where an orbit was found and fine elsewhere, as in the figures
+        const side = study.data.period[first + a] ? large : (1 + sparse) * shared;
+        const half = side >> 1;
         const share = (study.amplitude[a] - this.range[0]) / (this.range[1] - this.range[0]);
         const x = Math.round(share * width) - half;
         if (x < 0 || x + side > width) continue;

@@ -1,8 +1,8 @@
 // The page: what is pointed at, what is selected, and everything that follows from them.
 
 const FLOORS_AT_ONCE = 3;
-const MANY_FLOORS = 5;
 const BIG_STEP = 20;
+const ROOM_BELOW = 79; // for the words and the margins under the legend of the map
 
 class Explorer {
   constructor(study) {
@@ -17,6 +17,7 @@ class Explorer {
     this.pin = null; // selected
     this.pending = false;
     this.portraitCount = 0;
+    this.refit = false;
     this.diagrams = new OrbitDiagrams(byId("diagrams"), study, {
       choose: (amplitude) => this.choose(this.shown().frame, amplitude),
       branch: (point) => this.pointBranch(point),
@@ -43,23 +44,23 @@ class Explorer {
     return this.here || this.pin;
   }
 
-  // A run worth a look at first: of the longest period, in the middle of its kind.
+  // A run worth a look at first: of the longest period, in the middle of these at its frequency.
   firstRun() {
     const { motion, period } = this.study.data;
     const { nFrames, nAmplitudes } = this.study;
     const periodic = this.study.motions.findIndex((m) => m.periodic);
-    let best = -1;
+    let best = [];
     let most = 0;
     for (let frame = 0; frame < nFrames; frame++) {
       for (let a = 0; a < nAmplitudes; a++) {
         const run = this.study.run(frame, 0, a);
-        if (motion[run] === periodic && period[run] > most && period[run] <= 6) {
-          most = period[run];
-          best = frame * nAmplitudes + a;
-        }
+        if (motion[run] !== periodic || period[run] < most || period[run] > 6) continue;
+        if (period[run] > most) best = [];
+        most = period[run];
+        if (!best.length || best[0][0] === frame) best.push([frame, a]);
       }
     }
-    return best < 0 ? [nFrames >> 1, nAmplitudes >> 1] : [Math.floor(best / nAmplitudes), best % nAmplitudes];
+    return best[best.length >> 1] || [nFrames >> 1, nAmplitudes >> 1];
   }
 
   point(frame, amplitude) {
@@ -96,7 +97,7 @@ class Explorer {
     this.map.mark(this.here, this.pin);
     const { study } = this;
     byId("diagram-title").textContent =
-      `Orbit diagram at Ω = ${shortNumber(study.omega[frame], 6)} ` +
+      `Orbit diagram at Ω = ${omegaWords(study, study.omega[frame])} ` +
       `(frame ${frame + 1} of ${study.nFrames})`;
     const there = study.directions.map((name, d) => [name, study.run(frame, d, amplitude)])
       .filter(([, run], d) => d === 0 || study.each === "direction" || study.data.motion[run]);
@@ -107,8 +108,10 @@ class Explorer {
       return `${name}: ${about.join(", ")}`;
     });
     byId("readout").textContent =
-      `A = ${shortNumber(study.amplitude[amplitude], 6)}, ` +
-      `Ω = ${shortNumber(study.omega[frame], 6)}; ${words.join("; ")}`;
+      `A = ${amplitudeWords(study, study.amplitude[amplitude])}, ` +
+      `Ω = ${omegaWords(study, study.omega[frame])}; ${words.join("; ")}`;
+    if (this.refit) this.portraits.resize(); // into the room that all above leaves
+    this.refit = false;
   }
 
   // Show a point of a branch while it is pointed at, else the selected run.
@@ -126,7 +129,7 @@ class Explorer {
     const { branches } = this.diagrams;
     byId("portrait-title").textContent =
       `Phase portrait of branch ${point.branch.number} at A = ` +
-      `${shortNumber(branches.value(point), 6)}, Ω = ${shortNumber(omega, 6)}`;
+      `${amplitudeWords(this.study, branches.value(point))}, Ω = ${omegaWords(this.study, omega)}`;
     const orbit = branches.orbit(point, omega);
     this.portraits.show(orbit);
     this.orbit = orbit;
@@ -147,13 +150,14 @@ class Explorer {
       this.only = only;
       this.recolour();
     });
+    this.map.leaveBelow(byId("legend").offsetHeight + ROOM_BELOW);
   }
 
   // Groups of floors to be shown at once; of many the first, the middle and the top come first.
   // The last group has all.
   floorGroups() {
     const { nFloors } = this.study;
-    const groups = nFloors > MANY_FLOORS ? [[0, (nFloors - 1) >> 1, nFloors - 1]] : [];
+    const groups = nFloors > FLOORS_AT_ONCE ? [[0, (nFloors - 1) >> 1, nFloors - 1]] : [];
     for (let first = 0; first < nFloors; first += FLOORS_AT_ONCE) {
       const last = Math.min(first + FLOORS_AT_ONCE, nFloors);
       groups.push(Array.from({ length: last - first }, (_, i) => first + i));
@@ -165,13 +169,20 @@ class Explorer {
   setFloors(group) {
     this.floors = this.floorGroups()[group];
     this.diagrams.layout(this.floors);
+    this.describeDiagrams();
     this.portraits.layout(this.floors);
+  }
+
+  describeDiagrams() {
+    const by = this.diagrams.motion ? "motion" : "direction";
+    describeDiagrams(this.study, by, this.diagrams.labelled());
+    this.refit = true;
   }
 
   // Colour the points of the orbit diagrams by motion, as the figures do, or by direction.
   colourPoints(by) {
     this.diagrams.motion = by === "motion" ? this.quantities[0] : null;
-    describeDiagrams(this.study, by);
+    this.describeDiagrams();
     this.later();
   }
 
@@ -237,8 +248,8 @@ class Explorer {
     const run = study.run(frame, direction, amplitude);
     const note = byId("portrait-note");
     byId("portrait-title").textContent =
-      `Phase portrait at A = ${shortNumber(study.amplitude[amplitude], 6)}, ` +
-      `Ω = ${shortNumber(study.omega[frame], 6)}, ${study.words[direction]}`;
+      `Phase portrait at A = ${amplitudeWords(study, study.amplitude[amplitude])}, ` +
+      `Ω = ${omegaWords(study, study.omega[frame])}, ${study.words[direction]}`;
     if (!study.data.points || !study.data.counts[run]) {
       this.portraits.show(null);
       note.textContent = "No stroboscopic points of this run are in the page.";

@@ -52,6 +52,7 @@ class RunMap {
     this.aEdges = cellEdges(study.amplitude);
     this.wEdges = cellEdges(study.omega);
     this.view = this.whole();
+    this.below = 105; // height of legend and words under the map
     this.canvas = document.createElement("canvas");
     this.canvas.id = "map-pixels";
     this.plot = new uPlot(this.options(), [[0, 1], [null, null]], element);
@@ -73,7 +74,7 @@ class RunMap {
   size() {
     const width = Math.max(320, this.element.clientWidth);
     const room = window.innerHeight - this.element.getBoundingClientRect().top - window.scrollY;
-    return { width, height: Math.max(320, Math.min(room - 105, 1.25 * width)) };
+    return { width, height: Math.max(320, Math.min(room - this.below, 1.25 * width)) };
   }
 
   options() {
@@ -237,6 +238,13 @@ class RunMap {
     place(this.marks.row, here || pin);
     place(this.marks.here, here);
     place(this.marks.pin, pin);
+  }
+
+  // Leave room for legend and words under the map.
+  leaveBelow(height) {
+    if (height === this.below) return;
+    this.below = height;
+    this.resize();
   }
 
   resize() {

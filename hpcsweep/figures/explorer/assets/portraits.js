@@ -1,6 +1,6 @@
 // Phase portraits of the selected run: (u, v) of some floors, orbit and stroboscopic points.
 
-const PORTRAITS_IN_A_ROW = 4;
+const [SMALL_IN_A_ROW, LARGE_IN_A_ROW] = [3, 4];
 
 class Portraits {
   constructor(element, study) {
@@ -34,20 +34,22 @@ class Portraits {
   }
 
   size(count) {
-    const columns = Math.min(count, PORTRAITS_IN_A_ROW);
+    const most = this.large ? LARGE_IN_A_ROW : SMALL_IN_A_ROW;
+    const columns = Math.ceil(count / Math.ceil(count / most));
     if (this.large) {
       const rows = Math.ceil(count / columns);
       const { clientWidth, clientHeight } = this.element;
       return { width: Math.floor(clientWidth / columns) - 8, height: Math.floor(clientHeight / rows) - 8 };
     }
     const side = Math.floor((this.element.parentElement.clientWidth - 2 * columns) / columns);
-    const height = Math.max(150, Math.min(280, 0.3 * window.innerHeight));
+    const below = window.innerHeight - this.element.getBoundingClientRect().top - window.scrollY;
+    const height = Math.max(150, Math.min(280, below - 8));
     return { width: Math.max(110, Math.min(side, 340)), height };
   }
 
   options(panel, count) {
     const i = floorName(this.study, panel.floor);
-    const small = { ...AXIS, font: "11px sans-serif", labelFont: "11px sans-serif", labelSize: 15 };
+    const small = { ...AXIS, font: "11px sans-serif", labelFont: "11px sans-serif", labelSize: 14 };
     return {
       ...this.size(count),
       padding: [5, 6, 0, 0],
@@ -57,7 +59,7 @@ class Portraits {
       cursor: { show: false },
       axes: [
         { ...small, label: `u${i}${unit(this.study, "length")}`, size: 22, space: () => (this.large ? 60 : 26) },
-        { ...small, label: `v${i}${unit(this.study, "velocity")}`, size: 50, space: 24 },
+        { ...small, label: `v${i}${unit(this.study, "velocity")}`, size: (u, values) => axisSize(values), space: 24 },
       ],
       hooks: { draw: [(u) => this.draw(u, panel)] },
     };

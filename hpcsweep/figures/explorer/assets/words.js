@@ -83,16 +83,19 @@ function stopWords(structure) {
 }
 
 // The legend of the orbit diagrams, whose points are coloured by motion or by direction.
-function describeDiagrams(study, by) {
+function describeDiagrams(study, by, labelled) {
   const entries = by === "motion"
     ? [["", "points by motion, colours as on the map of motions"]]
     : study.words.map((name, i) => [study.colours.directions[i], name]);
   if (study.branches.length) entries.push(["", "branches: stable full, unstable thin"]);
-  if (study.grazing.some((a) => a !== null)) entries.push([study.colours.grazing, "grazing"]);
+  if (study.colours.grazing) entries.push([study.colours.grazing, "grazing", "stroke"]);
+  if (!labelled) entries.push(["", `u(jT)${unit(study, "length")}`]);
   byId("diagram-legend").replaceChildren(
-    ...entries.map(([colour, name]) => {
+    ...entries.map(([colour, name, kind]) => {
       const entry = document.createElement("span");
-      entry.append(...(colour ? [chip(colour)] : []), name);
+      if (colour) entry.append(chip(colour));
+      if (kind) entry.firstChild.classList.add(kind);
+      entry.append(name);
       return entry;
     }),
     study.data.points ? stopWords(study.structure) : "the results hold no stroboscopic points");

@@ -35,11 +35,12 @@ def main() -> None:
     results = hpcsweep.open_results("five-storeys.h5")
     table = results[["drift"]].assign(motion=hpcsweep.meanings(results.motion)).to_dataframe()
     chaotic = table[table.motion == "chaotic"]
-    print(f"{len(chaotic)} of {len(table)} runs are chaotic; their drift:")
+    unit = results.drift.attrs["units"]
+    print(f"{len(chaotic)} of {len(table)} runs are chaotic; their drift in {unit}:")
     print(chaotic.drift.describe().to_string())
     figure, axis = plt.subplots()
     axis.hist(chaotic.drift, bins=40)
-    axis.set_xlabel(f"drift  [{results.drift.attrs['units']}]")
+    axis.set_xlabel(f"largest storey drift  [{unit}]")
     axis.set_ylabel("chaotic runs")
     figure.savefig("five-storeys-drift.png", dpi=150)
 

@@ -111,6 +111,17 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
     )
 
 
+def _building(number: int, table: Mapping) -> Building:
+    """Make one of several buildings; an error names its table, counted from 0."""
+    try:
+        made = Building(**{key: _tuples(value) for key, value in table.items()})
+        _ = made.structure  # which checks what the building itself does not
+    except ValueError as error:
+        text = str(error).removeprefix("building.")
+        raise ValueError(f"building[{number}].{text}") from None
+    return made
+
+
 def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     """Read buildings side by side: the tables ``building`` and ``pounding``."""
     tables = values.top("building", None)
@@ -131,7 +142,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     for key in ("gap", "stiffness"):
         if key not in pounding:
             raise JobError(f"{values.source}: pounding.{key} is missing")
-    buildings = [Building(**{key: _tuples(value) for key, value in t.items()}) for t in tables]
+    buildings = [_building(number, table) for number, table in enumerate(tables)]
     sharpness = values.number("pounding.sharpness", pounding.pop("sharpness", math.inf))
     gap, stiffness = pounding.pop("gap"), pounding.pop("stiffness")
     return adjacent(buildings, gap, stiffness, sharpness=sharpness, harmonics=harmonics, **pounding)

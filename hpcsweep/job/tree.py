@@ -8,6 +8,7 @@ the merged job.
 
 import datetime
 import difflib
+import functools
 import json
 import re
 import stat
@@ -87,9 +88,7 @@ def resolve(
     if given:
         made_of += [f"with {setting}" for setting in settings]
         source += f" with {' '.join(_option(setting) for setting in settings)}"
-    whole: dict = {}
-    for layer in (*(layer for _, layer in reversed(bases)), tree):
-        whole = merge(whole, layer)
+    whole: dict = functools.reduce(merge, (*(base for _, base in reversed(bases)), tree), {})
     for setting, layer in zip(settings, given, strict=True):
         whole = merge(whole, layer) if layer else _set_indexed(whole, setting)
     own = {
@@ -99,7 +98,7 @@ def resolve(
         if isinstance(keys, Mapping)
         for key in keys
     }
-    whole = _without_unset(whole)
+    whole = _without_unset(whole, order)
     notes = inherit(whole, own) if inherit else []
     try:
         text = write(whole, order)
@@ -109,12 +108,12 @@ def resolve(
     return "".join(f"# {_printable(line)}\n" for line in made_of) + text, source, notes
 
 
-def _without_unset(tree: Mapping) -> dict:
-    """Return a tree without unset keys, and without tables left empty."""
+def _without_unset(tree: Mapping, order: Order, known: Sequence[str] | None = None) -> dict:
+    """Return a tree without unset keys, unknown ones stay, and without tables left empty."""
     kept = {
-        key: _without_unset(value) if isinstance(value, Mapping) else value
+        key: _without_unset(value, {}, order.get(key)) if isinstance(value, Mapping) else value
         for key, value in tree.items()
-        if value != UNSET
+        if value != UNSET or (known and key not in known)
     }
     return {key: value for key, value in kept.items() if value != {} or tree[key] == {}}
 

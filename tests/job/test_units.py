@@ -169,6 +169,39 @@ def test_inherited_keys_without_use_go_with_a_line(tmp_path):
     assert load_job(job).settings.skip == parse(SMALL).settings.skip
     job.write_text(start + '[structure]\nsharpness = "unset"\ndamping_ratio = "unset"\n')
     assert load_job(job).structure == Structure(2, 300.0)
+    for wrong, meant in (("beta", "stiffness_ratio"), ("damping_ration", "damping_ratio")):
+        job.write_text(start + f'[structure]\n{wrong} = "unset"\n')
+        with pytest.raises(JobError, match=f"'structure.{wrong}'; did you mean '{meant}'"):
+            load_job(job)
+
+
+BESIDE = """
+[[building]]
+mass = [2e5, 2e5]
+storey_stiffness = 3e8
+[[building]]
+mass = [2e5, 2e5, 2e5]
+storey_stiffness = 4e8
+damping_ratio = 0.02
+[pounding]
+gap = 0.02
+stiffness = 2e9
+[sweep]
+omega = 10.0
+amplitude = [1.0, 2.0]
+"""
+
+
+def test_one_of_several_buildings_is_named_where_it_is_wrong():
+    """By its table, also where only the structure made of it finds the mistake."""
+    for old, new, told in (
+        ("storey_stiffness = 4e8", "storey_stiffness = [4e8, 4e8]", "storey_stiffness must have"),
+        ("damping_ratio = 0.02", "damping_ratio = -1.0", "damping_ratio must be finite"),
+    ):
+        wrong = BESIDE.replace(old, new)
+        assert wrong != BESIDE
+        with pytest.raises(JobError, match=rf"job\.toml: building\[1\]\.{told}"):
+            parse(wrong)
 
 
 def test_one_of_several_contacts_is_set():

@@ -317,7 +317,7 @@ def test_buildings_are_varied_one_by_one():
     for wrong in ('"building.period"', '"building[2].period"', '"tower[0].period"'):
         with pytest.raises(JobError, match=r"job: .*vary"):
             parse_job(f"{RECORDS}[vary]\n{wrong} = [0.3, 0.6]\n", "job", "job")
-    with pytest.raises(JobError, match=r"building\.period must be finite and positive"):
+    with pytest.raises(JobError, match=r"building\[0\]\.period must be finite and positive"):
         parse_job(f'{RECORDS}[vary]\n"building[0].period" = [0.0, 0.6]\n', "job", "job")
 
 

@@ -79,3 +79,27 @@ def test_outer_points_of_few_amplitudes_have_room():
     assert low < 2.0 < high
     limit_amplitudes(axis, np.linspace(0.0, 1.0, style.FEW + 1))
     assert axis.get_xlim() == (0.0, 1.0)
+
+
+def test_regions_of_shortened_sets_stay_two_and_are_listed_whole():
+    import xarray
+
+    labels = Structure(12, gap_left=1.0).contact_labels
+    common = sum(1 << k for k in (0, 2, 4, 6, 8, 10, 12, 14, 16))
+    sets = [0] * 30 + [common | 1 << 19] * 5 + [common | 1 << 21] * 5
+    contact = np.array([sets, sets], np.uint64)
+    amplitude = np.linspace(0.1, 0.2, 40)
+    frame = xarray.Dataset(
+        {"contact": (("direction", "amplitude"), contact)}, {"amplitude": amplitude}
+    )
+    _, axes = new_grid(1, 1, (5.0, 3.0))
+    done = np.ones(contact.shape, bool)
+    note = orbit_diagram._mark_regions([axes[0, 0]], frame, done, labels, np.zeros(40, bool))
+    shown = [text.get_text() for text in axes[0, 0].texts]
+    assert [one.split("\n")[0] for one in shown] == ["(i)", "(ii)", "(iii)"]
+    assert shown[1].endswith("...")
+    assert shown[1] != shown[2]
+    told = note.replace("\u00a0", " ")
+    assert "(i) to (iii): amplitudes of one contact set" in told
+    for number, last in (("ii", "8"), ("iii", "10")):
+        assert f"({number}) C1,3,5,7,9,11,1L,3L,5L,{last}L" in told

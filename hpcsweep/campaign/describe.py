@@ -6,16 +6,10 @@ import numpy as np
 
 from hpcsweep.job import Job
 from hpcsweep.model.description import few, in_words
-from hpcsweep.model.unit_names import is_in_gaps, unit_of
-from hpcsweep.studies.independent import IndependentRuns
-from hpcsweep.studies.starting_range import starting_range, unit_after
+from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
 
 MOST_MODES = 12
 """Number of lowest modes that are listed."""
-FAR = 3.0
-"""Least ratio of every frequency to every natural one that counts as far from resonance."""
-WIDE = 0.05
-"""Least amplitude step, over the smallest grazing amplitude, that disturbs a sweep."""
 
 
 def describe(job: Job) -> list[str]:
@@ -28,18 +22,13 @@ def describe(job: Job) -> list[str]:
         lines.append(f"below:      {study.describe_part((0,) * len(study.axes))}, the first part")
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
-    if study.holds == "responses":
-        lines += _one(study).told()
-    else:
-        lines += _grazing(study, structure)
-        lines += [f"starts:     {line}" for line in starting_range(study)]
-        lines += getattr(study, "followed", [])
+    lines += study.lines()
     return lines + [f"warning:    {text}" for text in warnings(job)]
 
 
 def warnings(job: Job) -> list[str]:
     """Return one line for each thing that looks like a mistake."""
-    return list(_warnings(job.study, job.structure))
+    return [*_warnings(job.structure), *job.study.warnings()]
 
 
 def _listed(values) -> str:
@@ -89,103 +78,23 @@ def _contacts(structure) -> list[str]:
     names = structure.contact_names
     if structure.names.contacts:
         names = {number: f"{number}, {name}" for number, name in names.items()}
-    length = unit_after(structure, "length")
+    length = known_unit(structure, "length")
     return [
         f"{names[k]}: gap {contact.gap:.6g}{length}, stiffness {contact.stiffness:.6g}"
         for k, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
     ] or ["none"]
 
 
-def _grazing_amplitudes(study, structure) -> np.ndarray:
-    """Return the grazing amplitude at each frequency, inf where nothing grazes."""
-    omegas = np.unique(_omega(study))
-    if omegas.size > 200:
-        omegas = omegas[np.linspace(0, omegas.size - 1, 200).astype(int)]
-    found = []
-    for omega in omegas.tolist():
-        try:
-            found.append(structure.grazing_amplitude(omega))
-        except ZeroDivisionError:
-            found.append(0.0)
-    return np.array([omegas, found])
-
-
-def _one(study):
-    """Return a study without its varied keys."""
-    return study.base if study.axes else study
-
-
-def _omega(study) -> np.ndarray:
-    own = _one(study)
-    return np.array(own.span) if getattr(own, "parameter", "") == "omega" else own.omega
-
-
-def _amplitudes(study) -> np.ndarray:
-    own = _one(study)
-    if getattr(own, "parameter", "") == "amplitude":
-        return np.array(own.span)
-    return np.unique(np.concatenate([own.amplitudes_of(k) for k in range(min(own.n_frames, 200))]))
-
-
-def _range(values: np.ndarray) -> str:
-    """Format the lowest and the highest of some values, or the only one."""
-    return " to ".join(dict.fromkeys(f"{value:.6g}" for value in (values.min(), values.max())))
-
-
-def _grazing(study, structure) -> list[str]:
-    """Return lines with the ranges of frequency and amplitude, and of first contact."""
-    omega, amplitude = _omega(study), _amplitudes(study)
-    unit = unit_after(structure, "acceleration")
-    cycles = ""
-    if structure.unit_names.time:
-        cycles = f" = {_range(omega / (2 * np.pi))} {unit_of(structure, 'cycles')}"
-    lines = [
-        f"frequency:  {_range(omega)}{unit_after(structure, 'frequency')}{cycles}",
-        f"amplitude:  {_range(amplitude)}{unit}",
-    ]
-    omegas, grazes = _grazing_amplitudes(study, structure)
-    if np.isfinite(grazes).any():
-        least, most = int(grazes.argmin()), int(np.where(np.isfinite(grazes), grazes, 0).argmax())
-        ends = dict.fromkeys((least, most))
-        text = " to ".join(f"{grazes[k]:.6g}{unit} (Omega = {omegas[k]:.6g})" for k in ends)
-        lines.append(f"grazing:    the free motion first touches at A = {text}")
-    else:
-        lines.append("grazing:    there is no contact")
-    return lines
-
-
-def _warnings(study, structure) -> Iterator[str]:
+def _warnings(structure) -> Iterator[str]:
     ratios = structure.damping_ratios
     if ratios.max() > 1:
         yield f"mode {int(ratios.argmax()) + 1} has the damping ratio {ratios.max():.4g}, above 1"
-    if study.holds == "responses":
-        yield from _one(study).warnings()
-        return
-    omega, natural = _omega(study), structure.frequencies
-    orders = np.array([order for order, _, _ in structure.forcing.terms])
-    ratio = np.abs(np.log(np.outer(orders, omega).ravel()[:, None] / natural))
-    if ratio.min() > np.log(FAR):
-        yield (
-            f"every frequency ({few(tuple(np.unique(omega).tolist()))}) is more than {FAR:g} times "
-            f"off every natural one (the lowest {natural[0]:.6g})"
-        )
     if structure.matrices is None and not np.all(np.array(structure.stiffness_ratio) >= 1):
         least = float(np.min(structure.stiffness_ratio))
         if least > 0:
             yield f"the contact is softer than a storey: stiffness_ratio = {least:g}"
     elif structure.matrices is not None:
         yield from _soft_contacts(structure)
-    _, grazes = _grazing_amplitudes(study, structure)
-    amplitude = _amplitudes(study)
-    is_path = "final_state" in study.carried and not isinstance(_one(study), IndependentRuns)
-    if amplitude.size > 1 and is_path and 0 < grazes.min() < np.inf:
-        step, least = float(np.diff(amplitude).max()), float(grazes.min())
-        if step > WIDE * least and amplitude.max() > least:
-            yield (
-                f"an amplitude step of {step:.4g} is {step / least:.2g} of the smallest grazing "
-                f"amplitude {least:.4g}: the transient after a step touches where the steady "
-                "motion does not"
-            )
 
 
 def _soft_contacts(structure) -> Iterator[str]:

@@ -21,11 +21,11 @@ from hpcsweep.store import StoreError, WriteError
 from hpcsweep.store.crossing import Crossing
 from hpcsweep.store.inferred import Inferred, write_inferred
 from hpcsweep.store.records import BlockCost
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
 from hpcsweep.studies.refine.rounds import Rounds
 from hpcsweep.studies.refine.variables import SOURCE, derived_values
-from hpcsweep.studies.study import Block
 
 AT_ONCE = 64
 """Points of a task, at most; where a point takes long one is."""

@@ -65,7 +65,7 @@ def summarize(path: str | Path) -> dict:
         "cost": total_cost(read_history(path)),
         "file_bytes": size.st_size,
         "disk_bytes": size.st_blocks * 512,
-        "tells_chaos": study.holds != "responses" and tells_chaos(frames),
+        "tells_chaos": tells_chaos(frames),
         **tally.told(),
     }
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred
+from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.variables import AUDIT, CROSSED, INFERRED, replay
-from hpcsweep.studies.study import Place
 
 
 def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:

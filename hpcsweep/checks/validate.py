@@ -18,15 +18,14 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.checks.inferred import inferred_problems
-from hpcsweep.checks.recompute import RunAgain, compute_again
-from hpcsweep.checks.recompute_response import response_again
 from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
+from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.run_names import run_name
-from hpcsweep.studies.study import Block
 
 LISTED = 20
 """Problems that are described one by one; the rest is counted."""
@@ -115,19 +114,11 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
             report.add(f"{_place(layout.study, layout.study.block((*frame, 0)))}: {problem}")
         for block, row, rows in _choose(blocks, valid, samples, np.random.default_rng(seed)):
             run = {name: values[row] for name, values in rows.items()}
-            again = _again(layout.study, block, row, run, blocks.start_of(block, row))
+            again = layout.study.run_again(block, row, run, blocks.start_of(block, row))
             report.sample.append(again)
             if again.problem:
                 report.add(f"{_row(layout.study, block, row)}: {again.problem}")
     return report
-
-
-def _again(study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
-    """Compute one complete run again, by what its study holds."""
-    if study.holds == "responses":
-        part, inner = study.part_of(block)
-        return response_again(part, inner, row, run)
-    return compute_again(study, block, row, run, start)
 
 
 def _place(study, block: Block) -> str:

@@ -22,10 +22,10 @@ from hpcsweep.job.vary import read_varied, unused
 from hpcsweep.model import arguments
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
+from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.refine.refinement import not_refinable
 from hpcsweep.studies.settings import METRICS, SweepSettings
-from hpcsweep.studies.study import Place
 
 KEYS: dict[str, tuple[str, ...]] = {
     "": (

@@ -14,8 +14,9 @@ import numpy as np
 from hpcsweep.job.job import JobError
 from hpcsweep.job.tree import INDEXED, TreeError, with_indexed
 from hpcsweep.job.values import RANGE_KEYS, Values
+from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import Axis, Place
+from hpcsweep.studies.study import Axis
 from hpcsweep.studies.vary import Varied
 
 MOST_PARTS = 100_000

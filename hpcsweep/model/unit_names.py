@@ -80,3 +80,9 @@ def is_in_gaps(structure) -> bool:
     """Return whether lengths are in gaps and times in 1/omega_0: equal storeys, all stops at 1."""
     stops = all(contact.gap == 1.0 for contact in structure.contacts)
     return structure.is_uniform and stops and not any(structure.unit_names)
+
+
+def known_unit(structure, quantity: str) -> str:
+    """Format the unit that follows a number; empty where it has no name."""
+    known = any(structure.unit_names) or is_in_gaps(structure)
+    return f" {unit_of(structure, quantity)}" if known else ""

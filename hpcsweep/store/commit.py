@@ -23,7 +23,7 @@ from hpcsweep.store.identity import Identity
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.offsets import Rows, is_packed, open_rows
 from hpcsweep.store.transport import Transport, open_transport
-from hpcsweep.studies.study import Block
+from hpcsweep.studies.blocks import Block
 
 CODES = {"outcome": (1, max(Outcome)), "skip_rule": (0, max(SkipRule))}
 """Least and largest value of results that are codes."""

@@ -13,7 +13,8 @@ from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, frame_variables
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout
-from hpcsweep.studies.study import Axis, Block, Place, Variable
+from hpcsweep.studies.blocks import Block, Place
+from hpcsweep.studies.study import Axis, Variable
 
 MOST_TOLD = 20
 """Most values of an axis that an error lists."""

@@ -13,10 +13,11 @@ import numpy as np
 
 from hpcsweep.store.commit import Blocks, Campaign
 from hpcsweep.store.layout import Layout
+from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.refine.audit import Look
 from hpcsweep.studies.refine.refinement import Refinement, Source
 from hpcsweep.studies.refine.variables import AUDIT, INFERRED, SOURCE, last_look
-from hpcsweep.studies.study import Place, Variable
+from hpcsweep.studies.study import Variable
 
 
 class Inferred:

@@ -25,7 +25,7 @@ from hpcsweep.job.fingerprint import meaning_but_grid
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout
-from hpcsweep.studies.study import Block, Place
+from hpcsweep.studies.blocks import Block, Place
 
 KEPT = 16
 """Blocks of an earlier file to cache: neighbours in a new grid come from the same one."""

@@ -43,7 +43,7 @@ set_reader(read_seeds)
 
 
 def check_seeds(layout: Layout) -> None:
-    """Make sure, before a job begins, that it can read its seeds; other jobs have none.
+    """Make sure, before a job begins, that it can read the results files it starts from.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def check_seeds(layout: Layout) -> None:
         If it cannot, or no line has any.
     """
     study = layout.study
-    if study.kind != "branches":
+    if not study.has_seeds:
         return
     for place in np.ndindex(*(len(axis.values) for axis in study.axes)):
         part = study.part(place)

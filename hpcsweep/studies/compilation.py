@@ -115,7 +115,7 @@ def warm_up_records(say: Callable[[str], None] | None = None) -> None:
     load_all(_record_kernels(), None if say is None else announced(say, "kernels"), processors())
 
 
-def worth_specialising(study: Any, n_ranks: int | None) -> bool:
+def worth_specialising(study: Any, n_ranks: float | None) -> bool:
     """Return whether the histories of a study on `n_ranks` repay kernels of their own."""
     if n_ranks is None or study.settings.solver != "flow":
         return False

@@ -13,12 +13,13 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Block, BlockTable
 from hpcsweep.studies.invariants import broken_invariants
+from hpcsweep.studies.part import Part
+from hpcsweep.studies.recompute import RunAgain, compute_again
+from hpcsweep.studies.report import RunReport
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
-from hpcsweep.studies.study import Amplitudes, Axis, Block, BlockTable, Coordinate, Place, Variable
-from hpcsweep.studies.tally import RunTally
+from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.variables import (
     AMPLITUDE,
     COMMIT,
@@ -34,7 +35,7 @@ from hpcsweep.studies.variables import (
 
 
 @dataclass(frozen=True, eq=False)
-class RunGrid:
+class RunGrid(RunReport, Part):
     """Runs over direction, frame and amplitude; see `hpcsweep.studies.study.Study`.
 
     Attributes
@@ -77,8 +78,6 @@ class RunGrid:
     run_dims: ClassVar[tuple[str, ...]] = RUN
     grid_fields: ClassVar[tuple[str, ...]] = ()
     commit: ClassVar[Variable] = COMMIT
-    carried: ClassVar[tuple[str, ...]] = ("final_state",)
-    axes: ClassVar[tuple[Axis, ...]] = ()  # further ones that are varied; see `studies.vary`
     always: ClassVar[frozenset[str]] = frozenset()  # metrics that its runs compute unasked
     holds: ClassVar[str] = "motions"
     point_dim: ClassVar[str] = "point"
@@ -144,11 +143,6 @@ class RunGrid:
     def is_list(self) -> bool:
         """Whether every frame has one amplitude of its own."""
         return False
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-        return self.omega.size
 
     @property
     def n_amplitudes(self) -> int:
@@ -261,23 +255,6 @@ class RunGrid:
         """Return the state from which the run after one of the rows starts."""
         return rows["final_state"][row] if self.carried else self.initial_state
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Return the one motion of a run."""
-        return [run]
-
-    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Count runs by skip rule, and runs without an orbit."""
-        complete, of = done & (runs["outcome"] == Outcome.COMPLETE), self.settings
-        return {
-            "periods_per_run_window": of.transient_cycles + of.sampling_cycles,
-            "runs_spared": {
-                rule.name.lower(): int((done & (runs["skip_rule"] == rule)).sum())
-                for rule in SkipRule
-                if rule is not SkipRule.NONE
-            },
-            "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
-        }
-
     def compute(self, block: Block, state: np.ndarray, poll=None) -> dict[str, np.ndarray]:
         """Compute a block from the present state of its path; rows in file order."""
         _, frame, low = block.first
@@ -288,14 +265,6 @@ class RunGrid:
         """Compute one run alone from a state."""
         _, frame, at = block.run(row)
         return self.runs_at(frame, np.array([at]), state)
-
-    def part_of(self, block: Block) -> tuple["RunGrid", Block]:
-        """Return the part to which a block belongs, and the block with its index there."""
-        return self, block
-
-    def part(self, _place: Place) -> "RunGrid":
-        """Return the study itself, as there are no `axes`."""
-        return self
 
     def with_settings(self, **changes: Any) -> Self:
         """Return the same study with other settings."""
@@ -316,10 +285,6 @@ class RunGrid:
         self.runs_at(frame, places, state, poll)
         return (frame, middle), places.size, time.perf_counter() - begun
 
-    def tally(self) -> Any:
-        """Return a tally of runs for ``summary``."""
-        return RunTally(self)
-
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
         """Return the broken invariants of runs: (row, message)."""
         _, frame, low = block.first
@@ -327,23 +292,26 @@ class RunGrid:
         units = self.structure.units_at(float(self.omega[frame]), amplitudes)
         return broken_invariants(self.structure, self.settings, amplitudes, rows, units)
 
-    def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
-        """Describe a run: ``direction``, ``omega``, ``amplitude``."""
-        direction, frame, at = run
-        omega, amplitude = float(self.omega[frame]), float(self.amplitudes_of(frame)[at])
-        return {"direction": self.directions[direction], "omega": omega, "amplitude": amplitude}
+    def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+        """Compute a complete stored run again, another way; see `hpcsweep.studies.recompute`."""
+        return compute_again(self, block, row, run, start)
 
-    def describe_task(self, task: int) -> str:
-        """Describe a task by its frequency and other properties."""
-        raise NotImplementedError
+    @property
+    def kernels(self) -> tuple:
+        """What identifies the kernels that its runs call."""
+        from hpcsweep.studies.compilation import kernel_set, settings_of
 
-    def is_compiled(self, n_ranks: int | None = None) -> bool:
+        return kernel_set(settings_of(self), self.structure)
+
+    def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
         from hpcsweep.studies.compilation import is_compiled, settings_of, worth_specialising
 
         return is_compiled(settings_of(self), self.structure, worth_specialising(self, n_ranks))
 
-    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks=None) -> None:
+    def warm_up(
+        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
+    ) -> None:
         """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import settings_of, warm_up, worth_specialising
 

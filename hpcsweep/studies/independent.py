@@ -1,13 +1,17 @@
 """Base of studies whose blocks depend on no other: each is a task of its own."""
 
+from typing import ClassVar
+
 import numpy as np
 
+from hpcsweep.studies.blocks import Block, Path
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import Block, Path
 
 
 class IndependentRuns(RunGrid):
     """A grid of runs without a path: every block is a task, each run starts afresh."""
+
+    is_path: ClassVar[bool] = False
 
     @property
     def map_axes(self) -> dict[str, np.ndarray]:

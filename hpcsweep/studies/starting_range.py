@@ -1,6 +1,6 @@
 """Say in words, with units, where the starts of a study of attractors or basins lie."""
 
-from hpcsweep.model.unit_names import is_in_gaps, unit_of
+from hpcsweep.model.unit_names import known_unit
 
 
 def starting_range(study) -> list[str]:
@@ -20,12 +20,6 @@ def starting_range(study) -> list[str]:
     n = own.structure.n_floors
     return [
         f"{name} from {low:.6g} to {high:.6g}"
-        + unit_after(own.structure, "length" if index < n else "velocity")
+        + known_unit(own.structure, "length" if index < n else "velocity")
         for name, (index, low, high) in getattr(own, "starting_range", {}).items()
     ]
-
-
-def unit_after(structure, quantity: str) -> str:
-    """Format the unit that follows a number; empty where it has no name."""
-    known = any(structure.unit_names) or is_in_gaps(structure)
-    return f" {unit_of(structure, quantity)}" if known else ""

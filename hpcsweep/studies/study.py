@@ -5,18 +5,18 @@ the task's path and committed one by one. A block is a stretch of runs; each blo
 state at the end of the previous one.
 
 `store` creates the file from a study's variables and verifies its blocks, `campaign` hands its
-tasks to ranks, `checks` recomputes its runs; none of them knows which study it is. A new study is a
-module in this folder and an entry in `hpcsweep.studies.kinds`.
+tasks to ranks, `checks` has its runs recomputed; none of them knows which study it is. A new study
+is a module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol, overload
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-Place = tuple[int, ...]
-"""An index, an entry for each axis."""
+from hpcsweep.studies.blocks import Block, BlockTable, Place
+
 Amplitudes = Sequence[float] | np.ndarray
 """In the order in which they are computed, shape (k,)."""
 
@@ -83,104 +83,6 @@ class Axis:
         return Coordinate(np.array(self.values, types[type(self.values[0])]), self.units, self.key)
 
 
-@dataclass(frozen=True)
-class Block:
-    """A stretch of runs that are computed and committed together.
-
-    Attributes
-    ----------
-    task : int
-        Task to which the block belongs.
-    place : tuple of int
-        Its index in ``commit``.
-    first : tuple of int
-        Index of its lowest run in the variables of the runs.
-    n_runs : int
-        Number of consecutive runs along the last axis.
-    descending : bool
-        Whether runs are computed from the highest to the lowest.
-    """
-
-    task: int
-    place: Place
-    first: Place
-    n_runs: int
-    descending: bool = False
-
-    @property
-    def order(self) -> slice:
-        """Permutation between rows of the file and the order of computation, either way."""
-        return slice(None, None, -1) if self.descending else slice(None)
-
-    @property
-    def begin(self) -> int:
-        """Row of the file that is computed first."""
-        return self.n_runs - 1 if self.descending else 0
-
-    @property
-    def end(self) -> int:
-        """Row of the file that is computed last."""
-        return 0 if self.descending else self.n_runs - 1
-
-    @property
-    def runs(self) -> tuple:
-        """Index of all its runs in the variables of the runs."""
-        return (*self.first[:-1], slice(self.first[-1], self.first[-1] + self.n_runs))
-
-    def run(self, row: int) -> Place:
-        """Return the index of one of its runs."""
-        return (*self.first[:-1], self.first[-1] + row)
-
-
-class Path(Sequence[Block]):
-    """Blocks of a task in the order of computation, made lazily.
-
-    Parameters
-    ----------
-    length : int
-    block : callable
-        Return the block at a position.
-    """
-
-    def __init__(self, length: int, block: Callable[[int], Block]):
-        self._positions = range(length)
-        self._block = block
-
-    def __len__(self) -> int:
-        return len(self._positions)
-
-    @overload
-    def __getitem__(self, position: int) -> Block: ...
-
-    @overload
-    def __getitem__(self, position: slice) -> "Path": ...
-
-    def __getitem__(self, position):
-        if isinstance(position, slice):
-            part = Path(0, self._block)
-            part._positions = self._positions[position]
-            return part
-        return self._block(self._positions[position])
-
-
-class BlockTable(NamedTuple):
-    """All blocks of a study, grouped by task, in path order.
-
-    Attributes
-    ----------
-    task, n_runs : ndarray of int, shape (n_blocks,)
-    place : ndarray of int, shape (n_blocks, n_axes)
-        Index in ``commit``.
-    middle : ndarray of float, shape (n_blocks,)
-        Position of the block's middle along the last axis of the runs, from 0 to 1.
-    """
-
-    task: np.ndarray
-    n_runs: np.ndarray
-    place: np.ndarray
-    middle: np.ndarray
-
-
 class Work(Protocol):
     """Work of a study: tasks, each a path of blocks, in any order and on any rank.
 
@@ -244,15 +146,26 @@ class Work(Protocol):
         """
         ...
 
-    def is_compiled(self, n_ranks: int | None = None) -> bool:
+    def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> Any:
+        """Compute a complete stored run again, another way: a `recompute.RunAgain`."""
+        ...
+
+    @property
+    def kernels(self) -> tuple:
+        """What identifies the kernels that its runs call; empty: all of the kind call the same."""
+        ...
+
+    def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call; see `warm_up`."""
         ...
 
-    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
+    def warm_up(
+        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
+    ) -> None:
         """Compile, or load from disk, all that its runs call.
 
-        With `n_ranks`, for all of its runs on that many ranks: where it pays, kernels are
-        specialised to the structure.
+        With `n_ranks`, for all of its runs on that many ranks, or that share of one: where it
+        pays, kernels are specialised to the structure.
         """
         ...
 
@@ -266,6 +179,8 @@ class Data(Protocol):
     """Keys that are varied, the first dimensions of the file; see `hpcsweep.studies.vary`."""
     run_dims: tuple[str, ...]
     """Dimensions of a run."""
+    has_seeds: bool
+    """Whether its runs start from motions of results files."""
     commit: Variable
     """Checksums of the blocks."""
     structure: Any
@@ -314,6 +229,14 @@ class Report(Protocol):
     """Sweeps over the last axis, of each direction."""
     status_variables: tuple[str, ...]
     """Variables of `count`."""
+
+    def lines(self) -> Iterable[str]:
+        """List, before anything is computed, what drives the structure."""
+        ...
+
+    def warnings(self) -> Iterable[str]:
+        """Return one line for each thing there that looks like a mistake."""
+        ...
 
     def describe(self, run: Place) -> dict[str, Any]:
         """Describe a run by its dimensions: ``record``, ``scale``, say; the values of `axes`."""

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.unit_names import unit_of
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import Axis, Block, BlockTable, Coordinate, Path, Place, Variable
+from hpcsweep.studies.recompute import RunAgain
+from hpcsweep.studies.study import Axis, Coordinate, Variable
 
 PARTS_KEPT = 64
 """Parts that a process keeps: ranks come back to the one they left."""
@@ -174,6 +176,11 @@ class Varied:
         """Return the value of each axis at a place."""
         return {axis.name: axis.values[at] for axis, at in zip(self.axes, place, strict=True)}
 
+    def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+        """Compute a complete stored run again, another way."""
+        part, inner = self.part_of(block)
+        return part.run_again(inner, row, run, start)
+
     def describe_task(self, task: int) -> str:
         """Describe a task by the values of the axes and its description in its part."""
         number, inner = divmod(task, self.base.n_tasks)
@@ -189,36 +196,28 @@ class Varied:
             for axis, at in zip(self.axes, place, strict=True)
         )
 
-    def is_compiled(self, n_ranks: int | None = None) -> bool:
+    def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        if self.base.holds == "responses":
-            return self.base.is_compiled(n_ranks)
-        from hpcsweep.studies.compilation import is_compiled, settings_of, worth_specialising
+        return all(part.is_compiled(self._share(n_ranks)) for part in self._parts_by_kernels())
 
-        specialised = worth_specialising(self, n_ranks)
-        return all(
-            is_compiled(settings_of(part), part.structure, specialised)
-            for part in self._parts_by_kernels()
-        )
-
-    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
+    def warm_up(
+        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
+    ) -> None:
         """Compile, or load from disk, all that its runs call."""
-        if self.base.holds == "responses":
-            self.base.warm_up(say, n_ranks)
-            return
-        from hpcsweep.studies.compilation import settings_of, warm_up, worth_specialising
-
-        specialised = worth_specialising(self, n_ranks)
         for part in self._parts_by_kernels():
-            warm_up(settings_of(part), say, structure=part.structure, specialised=specialised)
+            part.warm_up(say, self._share(n_ranks))
+
+    def _share(self, n_ranks: float | None) -> float | None:
+        """Return the share of the ranks that each part has."""
+        return None if n_ranks is None else n_ranks / self.n_parts
 
     def _parts_by_kernels(self) -> list[RunGrid]:
         """Return parts that together call all kernels, one for each set of these."""
-        from hpcsweep.studies.compilation import kernel_set, settings_of
-
+        if not self.base.kernels:
+            return [self.base]
         shape = [len(a.values) if _picks_kernels(a.key) else 1 for a in self.axes]
         parts = (self.part(place) for place in np.ndindex(*shape))
-        return list({kernel_set(settings_of(one), one.structure): one for one in parts}.values())
+        return list({one.kernels: one for one in parts}.values())
 
     def _place(self, number: int) -> Place:
         # for each task of millions: a tenth of the time of `unravel_index`
@@ -243,7 +242,8 @@ SHARED = frozenset(
         "initial_state",
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
         *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words", "refine"),
-        *("frame_dim", "suite", "scale", "measure", "gravity", "storey_height"),
+        *("frame_dim", "has_seeds", "lines", "warnings"),
+        *("suite", "scale", "measure", "gravity", "storey_height"),
     )
 )
 """What all parts of a `Varied` have in common."""

@@ -43,8 +43,9 @@ from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Layout, StoreError, WriteError, open_layout, open_results, pack
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.offsets import Offsets
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import Block, Study
+from hpcsweep.studies.study import Study
 
 ALLOWED = (
     "result equal",

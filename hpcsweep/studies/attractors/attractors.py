@@ -24,9 +24,10 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import Limits, attractors_as_runs, read_limits
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import attractor_variables
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.refine.refinement import Refinement, read_refinement
-from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.sweep.amplitude_sweep import UP, AmplitudeSweep
 from hpcsweep.studies.variables import numbered
 

@@ -16,8 +16,9 @@ from hpcsweep.studies.basins.refined import LABEL, RefinedBasins
 from hpcsweep.studies.basins.slice import SliceGrid, read_slice
 from hpcsweep.studies.basins.tally import BasinTally
 from hpcsweep.studies.basins.variables import COMMIT, RUN, basin_variables
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.refine.refinement import read_refinement
-from hpcsweep.studies.study import Amplitudes, Block, Variable
+from hpcsweep.studies.study import Amplitudes, Variable
 
 
 @dataclass(frozen=True, eq=False)

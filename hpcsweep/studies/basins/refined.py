@@ -23,8 +23,9 @@ from hpcsweep.studies.basins.variables import (
     is_of_attractors,
     listed_variables,
 )
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.refine.refinement import Refinement
-from hpcsweep.studies.study import Block, Coordinate, Variable
+from hpcsweep.studies.study import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 LABEL = "attractor"

@@ -10,7 +10,7 @@ leave these, and, if the job has starts, those of orbits that a search finds
 files and the job alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -19,6 +19,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS, PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.branches.curves import read_curves
 from hpcsweep.studies.branches.keys import (
     largest_step_of,
@@ -38,7 +39,7 @@ from hpcsweep.studies.branches.variables import (
     VARIABLES,
 )
 from hpcsweep.studies.independent import IndependentRuns
-from hpcsweep.studies.study import Amplitudes, Block, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 START = "branches"
@@ -113,6 +114,7 @@ class Branches(IndependentRuns):
         "sweep": ("omega", "frequency", "amplitude"),
     }
     default_block: ClassVar[int] = 1
+    has_seeds: ClassVar[bool] = True
     frame_dim: ClassVar[str] = "line"
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
@@ -162,13 +164,20 @@ class Branches(IndependentRuns):
         )
 
     @property
-    def followed(self) -> list[str]:
-        """What is followed, and from where, in words."""
+    def covered(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies and amplitudes of the branches: of the parameter its span."""
+        omega, amplitude = super().covered
+        along = {self.parameter: np.array(self.span)}
+        return along.get("omega", omega), along.get("amplitude", amplitude)
+
+    def lines(self) -> Iterator[str]:
+        """List the ranges, and what is followed from where."""
+        yield from super().lines()
         low, high = self.span
-        return [
+        yield (
             f"branches:   along {self.parameter} from {low:.6g} to {high:.6g}, through the "
             f"periodic motions of {', '.join(self.seeds)}"
-        ]
+        )
 
     def where(self, line: int) -> Where:
         """Return of which motions of the files the seeds of a line are."""

@@ -17,6 +17,7 @@ from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers import response
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.responses import SKIP_RULES, Responses
 from hpcsweep.studies.ground_motion.tally import ResponseTally
@@ -29,15 +30,17 @@ from hpcsweep.studies.ground_motion.variables import (
     place_coordinates,
     response_variables,
 )
+from hpcsweep.studies.part import Part
+from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Axis, Block, BlockTable, Coordinate, Path, Place, Variable
+from hpcsweep.studies.study import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
 MOST_SCALES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Records:
+class Records(Part):
     """Records at scales, a record a task; see `hpcsweep.studies.study.Study`.
 
     Attributes
@@ -92,12 +95,12 @@ class Records:
     grid_fields: ClassVar[tuple[str, ...]] = ()
     commit: ClassVar[Variable] = COMMIT
     carried: ClassVar[tuple[str, ...]] = ()
-    axes: ClassVar[tuple[Axis, ...]] = ()
     directions: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[str] = "responses"
     is_list: ClassVar[bool] = False
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     polls_per_run: ClassVar[int] = 1
+    kernels: ClassVar[tuple] = ()
 
     @classmethod
     def read(cls, values, **common) -> "Records":
@@ -260,20 +263,19 @@ class Records:
         record, at = block.run(row)
         return self.responses.rows(self.record(record), self.factor[record, at : at + 1])
 
-    def part_of(self, block: Block) -> tuple["Records", Block]:
-        """Return the part to which a block belongs, and the block with its index there."""
-        return self, block
-
-    def part(self, _place: Place) -> "Records":
-        """Return the study itself, as there are no `axes`."""
-        return self
-
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
         """Return the broken invariants of runs: (row, message)."""
         from hpcsweep.studies.ground_motion.invariants import broken_invariants
 
         del block
         return broken_invariants(rows)
+
+    def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+        """Compute a complete stored run again, another way; see `.recompute`."""
+        from hpcsweep.studies.ground_motion.recompute import response_again
+
+        del start
+        return response_again(self, block, row, run)
 
     def time_runs(
         self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
@@ -311,21 +313,23 @@ class Records:
         """Return a tally of runs for ``summary``."""
         return ResponseTally(self)
 
-    def is_compiled(self, n_ranks: int | None = None) -> bool:
+    def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
         from hpcsweep.studies.compilation import is_compiled_for_records
 
         del n_ranks
         return is_compiled_for_records()
 
-    def warm_up(self, say: Callable[[str], None] | None = None, n_ranks: int | None = None) -> None:
+    def warm_up(
+        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
+    ) -> None:
         """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import warm_up_records
 
         del n_ranks
         warm_up_records(say)
 
-    def told(self) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """List the records, a line each, in order."""
         from hpcsweep.studies.ground_motion.describe import lines
 

@@ -11,9 +11,10 @@ from typing import ClassVar
 import numpy as np
 
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.blocks import Block, Path
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Amplitudes, Block, Path
+from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.runs import frame_runs
 
 UP, DOWN = "up", "down"

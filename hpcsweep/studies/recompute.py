@@ -25,8 +25,8 @@ import numpy as np
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.run_names import run_name
-from hpcsweep.studies.study import Block
 
 STEPS = 3
 """Forcing periods of an aperiodic run that are computed again."""
@@ -82,7 +82,7 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
 
     Parameters
     ----------
-    study : Study
+    study : RunGrid
     block : Block
     row : int
         Of the block.
@@ -95,7 +95,6 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     -------
     RunAgain
     """
-    study, block = study.part_of(block)
     other = witness_of(study.settings.solver)
     described = study.describe(block.run(row))
     point = described["omega"], described["amplitude"]

@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 
-from hpcsweep.checks.recompute import RunAgain
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.ground_motion.responses import respond
 from hpcsweep.studies.ground_motion.variables import pack, peaks_of
+from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.run_names import run_name
-from hpcsweep.studies.study import Block
 
 NUDGE = 1e-9
 """Relative change of the scale by which the conditioning of a response is measured."""
@@ -29,7 +29,6 @@ def response_again(study, block: Block, row: int, run: dict[str, np.ndarray]) ->
     Parameters
     ----------
     study : Records
-        The part that the block is of.
     block : Block
     row : int
         Of the block.

@@ -1,0 +1,108 @@
+"""Blocks: stretches of runs that are computed and committed together, and paths of them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, overload
+
+import numpy as np
+
+Place = tuple[int, ...]
+"""An index, an entry for each axis."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A stretch of runs that are computed and committed together.
+
+    Attributes
+    ----------
+    task : int
+        Task to which the block belongs.
+    place : tuple of int
+        Its index in ``commit``.
+    first : tuple of int
+        Index of its lowest run in the variables of the runs.
+    n_runs : int
+        Number of consecutive runs along the last axis.
+    descending : bool
+        Whether runs are computed from the highest to the lowest.
+    """
+
+    task: int
+    place: Place
+    first: Place
+    n_runs: int
+    descending: bool = False
+
+    @property
+    def order(self) -> slice:
+        """Permutation between rows of the file and the order of computation, either way."""
+        return slice(None, None, -1) if self.descending else slice(None)
+
+    @property
+    def begin(self) -> int:
+        """Row of the file that is computed first."""
+        return self.n_runs - 1 if self.descending else 0
+
+    @property
+    def end(self) -> int:
+        """Row of the file that is computed last."""
+        return 0 if self.descending else self.n_runs - 1
+
+    @property
+    def runs(self) -> tuple:
+        """Index of all its runs in the variables of the runs."""
+        return (*self.first[:-1], slice(self.first[-1], self.first[-1] + self.n_runs))
+
+    def run(self, row: int) -> Place:
+        """Return the index of one of its runs."""
+        return (*self.first[:-1], self.first[-1] + row)
+
+
+class Path(Sequence[Block]):
+    """Blocks of a task in the order of computation, made lazily.
+
+    Parameters
+    ----------
+    length : int
+    block : callable
+        Return the block at a position.
+    """
+
+    def __init__(self, length: int, block: Callable[[int], Block]):
+        self._positions = range(length)
+        self._block = block
+
+    def __len__(self) -> int:
+        return len(self._positions)
+
+    @overload
+    def __getitem__(self, position: int) -> Block: ...
+
+    @overload
+    def __getitem__(self, position: slice) -> "Path": ...
+
+    def __getitem__(self, position):
+        if isinstance(position, slice):
+            part = Path(0, self._block)
+            part._positions = self._positions[position]
+            return part
+        return self._block(self._positions[position])
+
+
+class BlockTable(NamedTuple):
+    """All blocks of a study, grouped by task, in path order.
+
+    Attributes
+    ----------
+    task, n_runs : ndarray of int, shape (n_blocks,)
+    place : ndarray of int, shape (n_blocks, n_axes)
+        Index in ``commit``.
+    middle : ndarray of float, shape (n_blocks,)
+        Position of the block's middle along the last axis of the runs, from 0 to 1.
+    """
+
+    task: np.ndarray
+    n_runs: np.ndarray
+    place: np.ndarray
+    middle: np.ndarray

@@ -11,6 +11,10 @@ USER_ERROR, FAILURE = 2, 1
 RAW = argparse.RawDescriptionHelpFormatter
 
 
+class CommandError(ValueError):
+    """A command cannot do what it was given; one line for the user."""
+
+
 def complain(message: str, rank: int | None = None) -> None:
     """Print an error on one line, from one rank."""
     from hpcsweep.campaign.progress import say_line

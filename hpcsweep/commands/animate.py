@@ -6,8 +6,8 @@ import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, add_at, complain
-from hpcsweep.commands.outputs import FILM, PICTURE, overwriting
+from hpcsweep.commands import FAILURE, RAW, USER_ERROR, CommandError, add_at, complain
+from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
 from hpcsweep.figures.film import figure
 from hpcsweep.figures.options import add_options, file_name, whole_number
 
@@ -42,13 +42,9 @@ def add_to(commands) -> None:
 
 def _animate(options) -> int:
     """Make the film on all ranks."""
-    from hpcsweep.parallel.mpi import LauncherError, world
+    from hpcsweep.parallel.mpi import world
 
-    try:
-        comm = world()
-    except LauncherError as error:
-        complain(str(error))
-        return USER_ERROR
+    comm = world()
     try:
         code, text = _make(options, comm)
     except Exception:
@@ -88,10 +84,10 @@ def _make(options, comm) -> tuple[int, str]:
     if comm.rank == 0:
         try:
             film.check(request)
-            problem = overwriting(request.output, FILM)
-            if problem is None and request.poster is not None:
-                problem = overwriting(request.poster, PICTURE)
-        except (PlotError, StoreError) as error:
+            check_overwriting(request.output, FILM)
+            if request.poster is not None:
+                check_overwriting(request.poster, PICTURE)
+        except (PlotError, StoreError, CommandError) as error:
             problem = str(error)
     problem = comm.bcast(problem)
     n_frames = None

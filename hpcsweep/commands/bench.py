@@ -5,8 +5,8 @@ import json
 import sys
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
-from hpcsweep.commands.outputs import PICTURE, overwriting
+from hpcsweep.commands import FAILURE, RAW, CommandError, complain
+from hpcsweep.commands.outputs import PICTURE, check_overwriting
 from hpcsweep.figures.options import whole_number
 
 DESCRIPTION = """\
@@ -86,18 +86,13 @@ def add_to(commands) -> None:
 def _tolerance(options) -> int:
     from hpcsweep.checks import tolerance
     from hpcsweep.figures.diagrams import tolerance as figure
-    from hpcsweep.figures.style import PlotError
 
     rows = tolerance.measure(say=lambda text: print(f"  {text}", file=sys.stderr))
     if options.json:
         print(json.dumps(tolerance.as_json(rows), indent=1))
     else:
         print(tolerance.as_text(rows))
-    try:
-        figure.draw(rows, options.tolerance)
-    except PlotError as error:
-        complain(str(error))
-        return USER_ERROR
+    figure.draw(rows, options.tolerance)
     return 0
 
 
@@ -115,27 +110,20 @@ def _requested(options) -> list[str]:
 
 def _bench(options) -> int:
     for picture in filter(None, (options.plot, options.tolerance)):
-        problem = overwriting(picture, PICTURE)
-        if problem is not None:
-            complain(problem)
-            return USER_ERROR
+        check_overwriting(picture, PICTURE)
     if options.tolerance:
         return _tolerance(options)
     parts = _requested(options)
     if options.plot and "work-precision" not in parts:
-        complain("--plot: draws work-precision, which is not among the parts that are measured")
-        return USER_ERROR
+        raise CommandError(
+            "--plot: draws work-precision, which is not among the parts that are measured"
+        )
     if options.seed < 0:
-        complain(f"--seed {options.seed}: must not be negative")
-        return USER_ERROR
+        raise CommandError(f"--seed {options.seed}: must not be negative")
     from hpcsweep.bench import ratios
-    from hpcsweep.job import JobError, load_job, parse_job
+    from hpcsweep.job import load_job, parse_job
 
-    try:
-        job = load_job(options.job) if options.job else parse_job(ratios.FIGURE_3, "", "figure3")
-    except JobError as error:
-        complain(str(error))
-        return USER_ERROR
+    job = load_job(options.job) if options.job else parse_job(ratios.FIGURE_3, "", "figure3")
     results, failed = {}, False
     for part in parts:
         result, text, well = MEASURE[part](options, job)

@@ -10,6 +10,7 @@ from hpcsweep.commands import (
     FAILURE,
     RAW,
     USER_ERROR,
+    CommandError,
     animate,
     bench,
     complain,
@@ -75,6 +76,14 @@ exit codes:
   141 standard output was closed"""
 
 
+FOR_USERS = {
+    "hpcsweep.job.job": "JobError",
+    "hpcsweep.store.layout": "StoreError",
+    "hpcsweep.figures.style": "PlotError",
+    "hpcsweep.figures.explorer.page": "PageTooLarge",
+    "hpcsweep.parallel.mpi": "LauncherError",
+}
+"""Errors that tell users on one line what is wrong, by their modules."""
 CLOSED_PIPE = 141
 """Exit code when standard output is closed, as the shell gives it: 128 + SIGPIPE."""
 
@@ -130,7 +139,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.command is None and not options.version:
         parser.error("a command is needed")
     try:
-        code = _version() if options.version else options.function(options)
+        code = _version() if options.version else _call(options)
         sys.stdout.flush()
     except BrokenPipeError:
         # the reader has gone (``| head``); print nothing more, not even at exit
@@ -143,6 +152,24 @@ def main(arguments: list[str] | None = None) -> int:
         complain(f"standard output: cannot be written: {error.strerror}")
         return FAILURE
     return code
+
+
+def _call(options) -> int:
+    """Run a command; print an error for users on one line."""
+    try:
+        return options.function(options)
+    except (ValueError, RuntimeError) as error:
+        if not isinstance(error, _for_users()):
+            raise
+        complain(str(error))
+        return USER_ERROR
+
+
+def _for_users() -> tuple[type, ...]:
+    """Return the classes of errors that may have been raised for users."""
+    # who raised one has loaded its module
+    loaded = ((sys.modules.get(module), name) for module, name in FOR_USERS.items())
+    return CommandError, *(getattr(module, name) for module, name in loaded if module)
 
 
 def _version() -> int:

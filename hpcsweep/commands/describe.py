@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, add_settings, complain
+from hpcsweep.commands import RAW, add_settings
 
 HELP = """\
 Describe a job: structure, units, natural frequencies, modes, damping ratios, contacts, the
@@ -26,12 +26,8 @@ def add_to(commands) -> None:
 def _describe(options) -> int:
     from hpcsweep.campaign.describe import describe
     from hpcsweep.campaign.forecast import study_text
-    from hpcsweep.job import JobError, load_job
+    from hpcsweep.job import load_job
 
-    try:
-        job = load_job(options.job, options.settings)
-    except JobError as error:
-        complain(str(error))
-        return USER_ERROR
+    job = load_job(options.job, options.settings)
     print("\n".join([f"{job.name}: {study_text(job.study)}", *job.notes, *describe(job)]))
     return 0

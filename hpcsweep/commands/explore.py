@@ -3,8 +3,8 @@
 import sys
 from pathlib import Path
 
-from hpcsweep.commands import USER_ERROR, add_at, complain
-from hpcsweep.commands.outputs import PAGE, overwriting
+from hpcsweep.commands import CommandError, add_at
+from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.figures.explorer import figure
 from hpcsweep.figures.options import add_options, file_name
 from hpcsweep.studies.run_names import count
@@ -27,40 +27,27 @@ def add_to(commands) -> None:
 
 
 def _explore(options) -> int:
-    from hpcsweep.figures.explorer.page import PageTooLarge, build_page, check_size, write_page
+    from hpcsweep.figures.explorer.page import build_page, check_size, write_page
     from hpcsweep.figures.explorer.page_data import add_branches, gather
-    from hpcsweep.figures.style import PlotError
-    from hpcsweep.store import StoreError
 
     output = options.output or options.file.with_suffix(".html")
     if not output.parent.is_dir():
-        complain(f"{output}: cannot be written: {output.parent} is not a folder")
-        return USER_ERROR
-    problem = overwriting(output, PAGE)
-    if problem is not None:
-        complain(problem)
-        return USER_ERROR
-    try:
-        study = gather(
-            options.file,
-            options.points,
-            options.frame_step,
-            options.amplitude_step,
-            at=options.at,
-            say=_progress if sys.stderr.isatty() else None,
-        )
-        if options.branches is not None:
-            add_branches(study, options.branches)
-        page, sizes = build_page(study, options.bits)
-        check_size(sizes, options.max_mb * 1e6)
-    except (StoreError, PlotError, PageTooLarge) as error:
-        complain(str(error))
-        return USER_ERROR
-    try:
+        raise CommandError(f"{output}: cannot be written: {output.parent} is not a folder")
+    check_overwriting(output, PAGE)
+    study = gather(
+        options.file,
+        options.points,
+        options.frame_step,
+        options.amplitude_step,
+        at=options.at,
+        say=_progress if sys.stderr.isatty() else None,
+    )
+    if options.branches is not None:
+        add_branches(study, options.branches)
+    page, sizes = build_page(study, options.bits)
+    check_size(sizes, options.max_mb * 1e6)
+    with writing(output):
         write_page(page, output)
-    except OSError as error:
-        complain(f"{output}: cannot be written: {error.strerror or error}")
-        return USER_ERROR
     print(f"{output}: {_describe(study, sizes)}")
     return 0
 

@@ -4,8 +4,8 @@ import contextlib
 import json
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, add_at, complain
-from hpcsweep.commands.outputs import DEMANDS, overwriting
+from hpcsweep.commands import RAW, CommandError, add_at
+from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.figures.options import file_name
 
 HELP = """\
@@ -52,8 +52,7 @@ def add_to(commands) -> None:
 
 
 def _fragility(options) -> int:
-    from hpcsweep.campaign.stripes import StripesError
-    from hpcsweep.store import Frames, StoreError
+    from hpcsweep.store import Frames
 
     try:
         with contextlib.closing(Frames(options.file, "responses", options.at)) as frames:
@@ -61,9 +60,8 @@ def _fragility(options) -> int:
         if options.demands:
             return _demands(options, results, study)
         return _threshold(options, results, study)
-    except (StoreError, StripesError, ValueError) as error:
-        complain(str(error))
-        return USER_ERROR
+    except ValueError as error:
+        raise CommandError(str(error)) from error
 
 
 def _threshold(options, results, study) -> int:
@@ -116,9 +114,7 @@ def _demands(options, results, study) -> int:
     from hpcsweep.campaign.stripes import StripesError, places_of
     from hpcsweep.earthquakes.demands import write_demands
 
-    refused = overwriting(options.demands, DEMANDS)
-    if refused:
-        raise StripesError(refused)
+    check_overwriting(options.demands, DEMANDS)
     if "storey_height" not in results:
         raise StripesError(f"{options.file}: its job gives no storey_height: drift has no ratio")
     scales = results["scale"].values

@@ -5,11 +5,13 @@ must not cost them. The first bytes of a file show its kind; a name that is not 
 as ``/dev/null``, is simply written to.
 """
 
+import contextlib
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
-from hpcsweep.commands import USER_ERROR, complain
+from hpcsweep.commands import CommandError
 
 HEAD = 512
 """First bytes of each kind of file."""
@@ -47,16 +49,29 @@ def kind_of(path: Path) -> str:
     return "job file" if path.suffix == ".toml" else "file"
 
 
-def overwriting(path: Path, kind: str) -> str | None:
-    """Return why a command that writes `kind` must leave `path` alone, on one line; None if not."""
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn a failure to write `path` into one line."""
     try:
-        found = kind_of(path)
+        yield
     except OSError as error:
-        return f"{path}: cannot be written: {error.strerror or error}"
-    if found in ("", kind):
-        return None
-    what = "is there already" if found == "file" else f"is a {found}"
-    return f"{path}: {what}, and no {kind} is written over it; name another {kind} with -o"
+        raise CommandError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def check_overwriting(path: Path, kind: str) -> None:
+    """Make sure that a command that writes `kind` need not leave `path` alone.
+
+    Raises
+    ------
+    CommandError
+    """
+    with writing(path):
+        found = kind_of(path)
+    if found not in ("", kind):
+        what = "is there already" if found == "file" else f"is a {found}"
+        raise CommandError(
+            f"{path}: {what}, and no {kind} is written over it; name another {kind} with -o"
+        )
 
 
 def write_job(path: Path, text: str, *options: str) -> int:
@@ -74,17 +89,13 @@ def write_job(path: Path, text: str, *options: str) -> int:
     if launched_rank() != 0:
         return 0
     if path.suffix != ".toml":
-        complain(f"{path}: the name of a job file must end in .toml")
-        return USER_ERROR
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        complain(f"{path}: exists already, and is not overwritten")
-        return USER_ERROR
-    except OSError as error:
-        complain(f"{path}: cannot be written: {error.strerror or error}")
-        return USER_ERROR
+        raise CommandError(f"{path}: the name of a job file must end in .toml")
+    with writing(path):
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except FileExistsError:
+            raise CommandError(f"{path}: exists already, and is not overwritten") from None
     # quoted for the shell: a name may have spaces, or begin with a dash
     named = f"./{path}" if str(path).startswith("-") else str(path)
     print(f"{path}: written; run it with: {shlex.join(['hpcsweep', 'run', named, *options])}")

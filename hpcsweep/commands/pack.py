@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands import RAW
 from hpcsweep.figures.options import file_name
 
 PACK_HELP = """\
@@ -28,13 +28,9 @@ def add_to(commands) -> None:
 
 
 def _pack(options) -> int:
-    from hpcsweep.store import StoreError, pack
+    from hpcsweep.store import pack
 
-    try:
-        before, after = pack(options.file, options.output)
-    except StoreError as error:
-        complain(str(error))
-        return USER_ERROR
+    before, after = pack(options.file, options.output)
     print(
         f"{options.output or options.file}: {after / 1e6:.4g} MB, "
         f"{before / 1e6:.4g} MB before packing; equal in every dataset and checksum"

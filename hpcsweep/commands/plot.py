@@ -5,8 +5,8 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcsweep.commands import RAW, USER_ERROR, add_at, complain
-from hpcsweep.commands.outputs import PICTURE, overwriting
+from hpcsweep.commands import RAW, CommandError, add_at
+from hpcsweep.commands.outputs import PICTURE, check_overwriting, writing
 from hpcsweep.figures.options import add_options, figures, file_name, options_of, whole_number
 
 if TYPE_CHECKING:
@@ -67,21 +67,17 @@ def _describe(figure, default: dict[str, str]) -> str:
 
 
 def _plot(options) -> int:
-    from hpcsweep.figures.style import PlotError, resolution
-    from hpcsweep.store import Frames, StoreError, job_of
+    from hpcsweep.figures.style import resolution
+    from hpcsweep.store import Frames, job_of
     from hpcsweep.studies.refine.refinement import refinement_of
 
     known = figures()
-    try:
-        study = job_of(options.file).study
-        # points of a list have no amplitudes in common, those of a refined map are not all computed
-        default = _defaults(known)[study.holds]
-        if study.is_list or refinement_of(study):
-            default = MAPS.get(study.holds, default)
-        kind = options.kind or default
-    except StoreError as error:
-        complain(str(error))
-        return USER_ERROR
+    study = job_of(options.file).study
+    # points of a list have no amplitudes in common, those of a refined map are not all computed
+    default = _defaults(known)[study.holds]
+    if study.is_list or refinement_of(study):
+        default = MAPS.get(study.holds, default)
+    kind = options.kind or default
     figure = known[kind]
     given = {}
     for option in options_of(known.values()):
@@ -90,25 +86,14 @@ def _plot(options) -> int:
             continue
         if option not in figure.OPTIONS:
             kinds = ", ".join(f.NAME for f in known.values() if option in f.OPTIONS)
-            complain(f"{option.flag} does not go with --kind {kind}, only with: {kinds}")
-            return USER_ERROR
+            raise CommandError(f"{option.flag} does not go with --kind {kind}, only with: {kinds}")
         given[option.keyword] = value
     output = options.output or options.file.with_suffix(".png")
     if not output.suffix:
         output = output.with_name(f"{output.name}.png")
-    problem = overwriting(output, PICTURE)
-    if problem is not None:
-        complain(problem)
-        return USER_ERROR
-    try:
-        frames = Frames(options.file, figure.DRAWS, options.at)
-        with resolution(options.dpi), contextlib.closing(frames):
-            figure.draw(figure.load(frames, **given), output, **given)
-    except (StoreError, PlotError) as error:
-        complain(str(error))
-        return USER_ERROR
-    except OSError as error:
-        complain(f"{output}: cannot be written: {error.strerror or error}")
-        return USER_ERROR
+    check_overwriting(output, PICTURE)
+    frames = Frames(options.file, figure.DRAWS, options.at)
+    with contextlib.closing(frames), resolution(options.dpi), writing(output):
+        figure.draw(figure.load(frames, **given), output, **given)
     print(output)
     return 0

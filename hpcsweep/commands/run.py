@@ -80,7 +80,7 @@ def add_to(commands) -> None:
 
 def _run(options) -> int:
     """Run a job on all ranks."""
-    from hpcsweep.parallel.mpi import LauncherError, launched_size, world
+    from hpcsweep.parallel.mpi import launched_size, world
     from hpcsweep.parallel.stopping import StopFlag
 
     # listens from here to the end of the process: a signal while a library is loading is not lost,
@@ -91,11 +91,7 @@ def _run(options) -> int:
     from hpcsweep.job import JobError
     from hpcsweep.store import StoreError, WriteError
 
-    try:
-        comm = world()
-    except LauncherError as error:
-        complain(str(error))
-        return USER_ERROR
+    comm = world()
     if options.dry_run:
         return _dry_run(options) if comm.rank == 0 else 0
     try:
@@ -196,13 +192,7 @@ def _worst(endings) -> int:
 def _dry_run(options) -> int:
     """Print the forecast cost of each job."""
     from hpcsweep.campaign.forecast import estimate
-    from hpcsweep.job import JobError
-    from hpcsweep.store import StoreError
 
-    try:
-        texts = [estimate(job, output) for job, output in _read(options)]
-    except (JobError, StoreError) as error:
-        complain(str(error))
-        return USER_ERROR
+    texts = [estimate(job, output) for job, output in _read(options)]
     print("\n\n".join(texts))
     return 0

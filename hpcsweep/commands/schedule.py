@@ -48,13 +48,9 @@ def _counts(text: str) -> tuple[int, ...]:
 
 
 def _schedule(options) -> int:
-    from hpcsweep.parallel.mpi import LauncherError, world
+    from hpcsweep.parallel.mpi import world
 
-    try:
-        comm = world()
-    except LauncherError as error:
-        complain(str(error))
-        return USER_ERROR
+    comm = world()
     known, problem = _costs(options.source) if comm.rank == 0 else (None, None)
     if comm.bcast(problem is not None):
         if problem is not None:

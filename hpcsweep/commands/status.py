@@ -5,8 +5,8 @@ import sys
 import time
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
-from hpcsweep.commands.outputs import PAGE, overwriting
+from hpcsweep.commands import RAW, USER_ERROR, CommandError
+from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.figures.options import file_name
 
 HELP = """\
@@ -42,24 +42,19 @@ def add_to(commands) -> None:
 
 def _status(options) -> int:
     from hpcsweep.campaign.status import status
-    from hpcsweep.store import StoreError, job_of
+    from hpcsweep.store import job_of
 
     if options.html:
         return _keep_page(options.files, options.html)
-    try:
-        if options.job:
-            if len(options.files) > 1:
-                complain("--job: goes with one file")
-                return USER_ERROR
-            sys.stdout.buffer.write(job_of(options.files[0]).text.encode())
-            sys.stdout.flush()
-            return 0
+    if options.job:
         if len(options.files) > 1:
-            return _overview(options)
-        state = status(options.files[0])
-    except StoreError as error:
-        complain(str(error))
-        return USER_ERROR
+            raise CommandError("--job: goes with one file")
+        sys.stdout.buffer.write(job_of(options.files[0]).text.encode())
+        sys.stdout.flush()
+        return 0
+    if len(options.files) > 1:
+        return _overview(options)
+    state = status(options.files[0])
     if options.json:
         print(json.dumps(state, indent=1))
         return 0
@@ -81,17 +76,11 @@ def _keep_page(files: list[Path], page: Path) -> int:
     from hpcsweep.campaign.overview import REFRESH, as_page, finished, overview
     from hpcsweep.figures.explorer.page import write_page
 
-    refused = overwriting(page, PAGE)
-    if refused:
-        complain(refused)
-        return USER_ERROR
+    check_overwriting(page, PAGE)
     while True:
         rows = [overview(path) for path in files]
-        try:
+        with writing(page):
             write_page(as_page(rows), page)
-        except OSError as error:
-            complain(f"{page}: cannot be written: {error.strerror or error}")
-            return USER_ERROR
         if finished(rows):
             return USER_ERROR if any(row["state"] == "unreadable" for row in rows) else 0
         time.sleep(REFRESH)

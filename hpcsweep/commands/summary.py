@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands import RAW
 from hpcsweep.commands.status import inferred_text
 from hpcsweep.figures.options import whole_number
 from hpcsweep.studies.run_names import count
@@ -42,18 +42,13 @@ def add_to(commands) -> None:
 
 def _summary(options) -> int:
     from hpcsweep.campaign.summary import summarize
-    from hpcsweep.store import StoreError
 
-    try:
-        found = [summarize(path) for path in options.files]
-        if options.transients:
-            from hpcsweep.checks.transients import outliving
+    found = [summarize(path) for path in options.files]
+    if options.transients:
+        from hpcsweep.checks.transients import outliving
 
-            for summary in found:
-                summary["transients"] = outliving(summary["file"], options.transients)
-    except StoreError as error:
-        complain(str(error))
-        return USER_ERROR
+        for summary in found:
+            summary["transients"] = outliving(summary["file"], options.transients)
     if options.json:
         print(json.dumps(found, indent=1))
     elif options.markdown:

@@ -5,7 +5,7 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, complain
+from hpcsweep.commands import FAILURE, RAW
 from hpcsweep.figures.options import whole_number
 
 VALIDATE_HELP = """\
@@ -51,13 +51,8 @@ def add_to(commands) -> None:
 
 def _validate(options) -> int:
     from hpcsweep.checks.validate import validate
-    from hpcsweep.store import StoreError
 
-    try:
-        report = validate(options.file, options.samples, options.seed)
-    except StoreError as error:
-        complain(str(error))
-        return USER_ERROR
+    report = validate(options.file, options.samples, options.seed)
     if options.json:
         print(json.dumps({**dataclasses.asdict(report), "sound": report.sound}, indent=1))
     else:

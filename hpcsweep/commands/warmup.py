@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands import RAW, CommandError
 
 WARMUP_HELP = """\
 Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsweep or
@@ -47,19 +47,14 @@ def add_to(commands) -> None:
 def _warmup(options) -> int:
     import time
 
-    from hpcsweep.job import JobError, load_job
+    from hpcsweep.job import load_job
     from hpcsweep.kernels.compile.cache import kept_in, processor
     from hpcsweep.parallel.mpi import launched_rank
     from hpcsweep.studies.compilation import warm_up, warm_up_all
 
     if options.jobs is not None and options.jobs < 1:
-        complain(f"--jobs {options.jobs}: must be at least 1")
-        return USER_ERROR
-    try:
-        studies = [load_job(path).study for path in options.job]
-    except JobError as error:
-        complain(str(error))
-        return USER_ERROR
+        raise CommandError(f"--jobs {options.jobs}: must be at least 1")
+    studies = [load_job(path).study for path in options.job]
     if launched_rank() != 0:
         return 0
     begun = time.perf_counter()

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, complain
+from hpcsweep.commands import RAW, CommandError
 from hpcsweep.commands.outputs import write_job
 
 HELP = """\
@@ -43,16 +43,10 @@ def add_to(commands) -> None:
 
 
 def _zoom(options) -> int:
-    from hpcsweep.job import JobError
     from hpcsweep.job.zoom import zoom
-    from hpcsweep.store import StoreError, job_of
+    from hpcsweep.store import job_of
 
     if options.omega is None and options.amplitude is None:
-        complain("zoom: needs --omega LOW HIGH or --amplitude LOW HIGH")
-        return USER_ERROR
-    try:
-        text = zoom(job_of(options.file), options.factor, options.omega, options.amplitude)
-    except (JobError, StoreError) as error:
-        complain(str(error))
-        return USER_ERROR
+        raise CommandError("zoom: needs --omega LOW HIGH or --amplitude LOW HIGH")
+    text = zoom(job_of(options.file), options.factor, options.omega, options.amplitude)
     return write_job(options.output, text, "--reuse", str(options.file))

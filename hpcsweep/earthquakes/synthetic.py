@@ -116,28 +116,6 @@ def synthetic_records(
     return [Record(_at_rest(motion[:, i], dt), dt, f"synthetic-{seed}-{i + 1}") for i in range(n)]
 
 
-def spectral_density(
-    omega: np.ndarray, dt: float = 0.01, rms: float = 1.0, soil: str | Soil = "firm"
-) -> np.ndarray:
-    """Return the two-sided power spectral density S of the stationary motion.
-
-    Its integral over omega from -pi / dt to pi / dt is the variance, rms^2.
-
-    Parameters
-    ----------
-    omega : ndarray, any shape
-        Frequencies, radians per time.
-    dt, rms, soil
-        As of `synthetic_records`.
-    """
-    filters = _filters(_soil(soil), dt)
-    back = np.exp(-1j * np.asarray(omega) * dt)
-    response = np.ones_like(back)
-    for b0, b1, b2, a1, a2 in filters:
-        response = response * (b0 + back * (b1 + back * b2)) / (1.0 + back * (a1 + back * a2))
-    return (rms / _deviation(filters)) ** 2 * dt / (2.0 * math.pi) * np.abs(response) ** 2
-
-
 def _soil(given: str | Soil) -> Soil:
     """Take a soil by its name, or its four numbers."""
     if isinstance(given, tuple) and len(given) == len(Soil._fields):

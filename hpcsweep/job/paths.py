@@ -1,7 +1,6 @@
 """Check file names given as arguments; see `hpcsweep.model.arguments`."""
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 from hpcsweep.model.arguments import refused
@@ -30,15 +29,3 @@ def beside(path: Path, suffix: str) -> Path:
     """Return the name of a file that belongs to another one, after following links."""
     path = followed(path)
     return path.with_name(path.name + suffix)
-
-
-def paths_of(name: str, value: object) -> list[Path]:
-    """Return the paths of a sequence of file names; a single name is refused.
-
-    Raises
-    ------
-    ValueError
-    """
-    if isinstance(value, str | bytes) or not isinstance(value, Sequence):
-        raise refused(name, "a sequence of paths", value)
-    return [path_of(name, one) for one in value]

@@ -1,5 +1,6 @@
 """What commands write over, what they print to, and what they say of a list of points."""
 
+import contextlib
 import os
 import shutil
 import signal
@@ -10,7 +11,8 @@ from pathlib import Path
 import pytest
 from tools import environment, hpcsweep
 
-from hpcsweep.commands.outputs import FILM, PAGE, PICTURE, kind_of, overwriting
+from hpcsweep.commands import CommandError
+from hpcsweep.commands.outputs import FILM, PAGE, PICTURE, check_overwriting, kind_of
 
 LIST = """
 [structure]
@@ -103,9 +105,11 @@ def test_kinds_are_told_by_the_first_bytes(tmp_path):
     for content, kind in contents.items():
         path.write_bytes(content)
         assert kind_of(path) == kind
-        assert (overwriting(path, PICTURE) is None) == (kind in ("", PICTURE))
-    assert overwriting(Path(os.devnull), FILM) is None
-    assert overwriting(tmp_path / "nothing", FILM) is None
+        free = contextlib.nullcontext() if kind in ("", PICTURE) else pytest.raises(CommandError)
+        with free:
+            check_overwriting(path, PICTURE)
+    check_overwriting(Path(os.devnull), FILM)
+    check_overwriting(tmp_path / "nothing", FILM)
 
 
 def test_a_list_of_points_is_a_map_and_no_sweep(folder, tmp_path):

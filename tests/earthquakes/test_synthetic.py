@@ -9,7 +9,29 @@ import pytest
 from hpcsweep import intensity, synthetic_records
 from hpcsweep.earthquakes import synthetic
 from hpcsweep.earthquakes.intensity import ground_motion
-from hpcsweep.earthquakes.synthetic import SOILS, Soil, spectral_density
+from hpcsweep.earthquakes.synthetic import SOILS, Soil
+
+
+def spectral_density(
+    omega: np.ndarray, dt: float = 0.01, rms: float = 1.0, soil: str | Soil = "firm"
+) -> np.ndarray:
+    """Return the two-sided power spectral density S of the stationary motion.
+
+    Its integral over omega from -pi / dt to pi / dt is the variance, rms^2.
+
+    Parameters
+    ----------
+    omega : ndarray, any shape
+        Frequencies, radians per time.
+    dt, rms, soil
+        As of `synthetic_records`.
+    """
+    filters = synthetic._filters(synthetic._soil(soil), dt)
+    back = np.exp(-1j * np.asarray(omega) * dt)
+    response = np.ones_like(back)
+    for b0, b1, b2, a1, a2 in filters:
+        response = response * (b0 + back * (b1 + back * b2)) / (1.0 + back * (a1 + back * a2))
+    return (rms / synthetic._deviation(filters)) ** 2 * dt / (2.0 * math.pi) * np.abs(response) ** 2
 
 
 def test_records_are_the_same_to_the_last_bit_everywhere():

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.diagrams.orbit_diagram import FINE, FINE_KEY, PAGE, PANEL
+from hpcsweep.figures.diagrams.orbit_diagram import FINE, FINE_KEY, PAGE, PANEL, mark_stops
 from hpcsweep.figures.fitting import legend_below
 from hpcsweep.figures.labels import WORD, amplitude, choose_floors, displacement
 from hpcsweep.figures.options import FLOORS, OMEGA
-from hpcsweep.figures.palette import MOTIONS, STOP, motion_index
+from hpcsweep.figures.palette import MOTIONS, motion_index
 from hpcsweep.figures.style import (
     PlotError,
     caption,
@@ -23,7 +23,6 @@ from hpcsweep.figures.style import (
     save,
     structure_of,
 )
-from hpcsweep.model.description import stops
 from hpcsweep.studies.starting_range import starting_range
 
 NAME = "attractors"
@@ -63,11 +62,7 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
         _scatter(axis, frame, index, floor)
         axis.set_ylabel(displacement(structure, floor, "(jT)"))
         axis.margins(y=0.08)
-        limits = axis.get_ylim()
-        for place in (place for side in stops(structure, floor) for place in side):
-            if limits[0] < place < limits[1]:
-                axis.axhline(place, color=STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
-        axis.set_ylim(limits)
+        mark_stops(axis, structure, floor)
     axes[-1].set_xlabel(amplitude(structure))
     limit_amplitudes(axes[-1], frame["amplitude"].values)
     legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS)

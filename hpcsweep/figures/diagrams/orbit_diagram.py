@@ -135,7 +135,7 @@ def draw(
             _scatter(axis, frame, group, floor)
         axis.set_ylabel(displacement(structure, floor, "" if low else "(jT)"))
         axis.margins(y=0.08)
-        _mark_stops(axis, structure, floor)
+        mark_stops(axis, structure, floor)
     axes[-1].set_xlabel(amplitude(structure))
     limit_amplitudes(axes[-1], frame["amplitude"].values)
     note = ""
@@ -213,7 +213,7 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
                 )
 
 
-def _mark_stops(axis, structure, floor: int) -> None:
+def mark_stops(axis, structure, floor: int) -> None:
     """Draw the floor's stops that lie within the panel."""
     limits = axis.get_ylim()
     for place in (place for side in stops(structure, floor) for place in side):

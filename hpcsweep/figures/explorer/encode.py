@@ -8,8 +8,6 @@ import zlib
 
 import numpy as np
 
-MOST_BITS = 16
-
 
 def resolution(low: np.ndarray | float, high: np.ndarray | float, bits: int) -> np.ndarray:
     """Return the step between quantised values that cover [`low`, `high`].
@@ -39,12 +37,6 @@ def quantise(values: np.ndarray, low, high, bits: int) -> np.ndarray:
     step = np.where(step > 0, step, 1.0)
     levels = np.clip(np.rint((values - low) / step), 0, 2**bits - 2) + 1
     return np.where(np.isfinite(values), levels, 0).astype(np.uint16)
-
-
-def dequantise(codes: np.ndarray, low, high, bits: int) -> np.ndarray:
-    """Invert `quantise` to within half a `resolution`."""
-    values = low + (codes.astype(float) - 1) * resolution(low, high, bits)
-    return np.where(codes > 0, values, np.nan)
 
 
 def predict_rows(codes: np.ndarray) -> np.ndarray:
@@ -89,11 +81,3 @@ def to_text(codes: np.ndarray) -> str:
     planes = flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T
     packed = deflate.compress(planes.tobytes()) + deflate.flush()
     return base64.b64encode(packed).decode("ascii")
-
-
-def from_text(text: str, dtype, shape: tuple[int, ...]) -> np.ndarray:
-    """Invert `to_text`, as the page does."""
-    kind = np.dtype(dtype).newbyteorder("<")
-    planes = np.frombuffer(zlib.decompress(base64.b64decode(text)), np.uint8)
-    flat = np.ascontiguousarray(planes.reshape(kind.itemsize, -1).T).view(kind)
-    return flat.reshape(shape).astype(dtype)

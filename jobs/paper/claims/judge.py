@@ -7,7 +7,8 @@ from claims import coexistence, judgement
 from claims.data import Claim, Map, Verdict
 from claims.evidence import Study, variant_of
 from claims.reading import open_frames, read_map, read_study
-from hpcsweep.job.paths import paths_of
+from hpcsweep.job.paths import path_of
+from hpcsweep.model.arguments import refused
 
 STIFF, SOFT = 1000.0, 100.0
 """beta of the paper's two maps."""
@@ -28,7 +29,7 @@ def judge_files(paths: Sequence[Path]) -> dict[str, list[Claim]]:
     """
     studies: dict[str, Study] = {}
     maps: dict[str, dict[float, Map]] = {}
-    for path in paths_of("paths", paths):
+    for path in _paths_of("paths", paths):
         frames = open_frames(path)
         try:
             variant = variant_of(frames.study.structure)
@@ -126,3 +127,15 @@ def _better(study: Study, other: Study | None) -> bool:
 def _finer(new: Map, other: Map | None) -> bool:
     """Return the map with more computed runs, the first of equal ones."""
     return other is None or new.valid.sum() > other.valid.sum()
+
+
+def _paths_of(name: str, value: object) -> list[Path]:
+    """Return the paths of a sequence of file names; a single name is refused.
+
+    Raises
+    ------
+    ValueError
+    """
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence):
+        raise refused(name, "a sequence of paths", value)
+    return [path_of(name, one) for one in value]

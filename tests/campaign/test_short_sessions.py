@@ -10,6 +10,7 @@ from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 
+QUICK = ("amplitude_sweep", "records")
 SHORT = 20
 """Sessions."""
 BUILDING = """
@@ -52,7 +53,10 @@ class StopsAfterACommit(StopFlag):
         return self.looks > 2
 
 
-@pytest.mark.parametrize("kind", STUDIES)
+@pytest.mark.parametrize(
+    "kind",
+    [one if one in QUICK else pytest.param(one, marks=pytest.mark.slow) for one in STUDIES],
+)
 def test_twenty_short_sessions_in_a_row_finish_a_campaign(kind, tmp_path):
     job = parse_job(STUDIES[kind], "job", "job")
     assert job.study.n_runs == SHORT

@@ -30,7 +30,7 @@ from typing import ClassVar
 import fuzz_kinds
 import h5py
 import numpy as np
-from tools import JOBS, SMALL, command, datasets, environment
+from tools import SMALL, command, datasets, environment, shipped
 
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.progress import Silent
@@ -182,7 +182,7 @@ class Patient:
         self.inside = np.setdiff1d(
             np.arange(len(self.bytes["metadata"])), self.places["metadata"]
         ).tolist()
-        self.texts = [load_job(path).text for path in sorted(JOBS.rglob("*.toml"))] + [SMALL]
+        self.texts = [job.text for job in shipped().values()] + [SMALL]
 
     # results files
 

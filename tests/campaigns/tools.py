@@ -144,6 +144,14 @@ def command(ranks: int, *arguments: object) -> list[str]:
     return [*launcher, sys.executable, "-m", "hpcsweep", *map(str, arguments)]
 
 
+@functools.cache
+def shipped() -> dict:
+    """Load every shipped job, once for all tests of a process: a map of 1,728 parts takes 4 s."""
+    from hpcsweep.job import load_job
+
+    return {path: load_job(path) for path in sorted(JOBS.rglob("*.toml"))}
+
+
 def made(text: str, path: Path, **options) -> Path:
     """Run a job, given as text, to its end in this process; return its file."""
     from hpcsweep.campaign.run import COMPLETE, run_all

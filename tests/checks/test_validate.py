@@ -300,6 +300,7 @@ class NotFollowing(AmplitudeSweep):
         return runs.each(amplitudes, np.zeros_like(state), poll)
 
 
+@pytest.mark.slow
 def test_orbits_off_the_path_are_found_out(tmp_path):
     path = tmp_path / "off.h5"
     make(path, HYSTERESIS, NotFollowing)

@@ -45,9 +45,13 @@ NOT_OURS = re.compile(r"^(?!hpcsweep |mpirun )")
 """Command lines that install, or ask for a cluster."""
 
 
-def pages_with(language: str):
+def pages_with(language: str, slow: tuple[str, ...] = ()):
     """Parametrise a test over the pages that have blocks of a language."""
-    found = [page for page in PAGES if blocks(page.read_text(), language)]
+    found = [
+        pytest.param(page, marks=pytest.mark.slow) if page.name in slow else page
+        for page in PAGES
+        if blocks(page.read_text(), language)
+    ]
     return pytest.mark.parametrize("page", found, ids=lambda page: page.name)
 
 
@@ -76,7 +80,7 @@ def folder(tmp_path_factory, recorded):
     return made
 
 
-@pages_with("python")
+@pages_with("python", slow=("attractors.md", "branches.md", "earthquakes.md"))
 def test_python_prints_what_the_page_says(page, folder):
     found = re.findall(r"^```(python|text)\n(.*?)^```$", page.read_text(), re.M | re.S)
     script = "".join(f"{body}print({MARK!r})\n" for kind, body in found if kind == "python")

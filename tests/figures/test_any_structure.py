@@ -103,7 +103,7 @@ KEYS = {
 }
 
 
-QUICK = ("two sides", "pounding", "no stop")
+QUICK = ("pounding", "no stop")
 
 
 @pytest.fixture(

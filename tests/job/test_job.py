@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 import pytest
-from tools import JOBS, SMALL
+from tools import SMALL, shipped
 
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.model.structure import Structure
@@ -16,12 +16,11 @@ def job(text: str):
 
 
 def test_every_shipped_job_loads():
-    names = sorted(JOBS.rglob("*.toml"))
     assert {"demo.toml", "figure3.toml", "figure3-described.toml", "ci.toml"} <= {
-        path.name for path in names
+        path.name for path in shipped()
     }
-    for path in names:
-        assert load_job(path).study.n_runs > 0
+    for job in shipped().values():
+        assert job.study.n_runs > 0
 
 
 @pytest.mark.parametrize(

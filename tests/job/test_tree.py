@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from tools import JOBS, SMALL, assert_same_datasets, hpcsweep
+from tools import SMALL, assert_same_datasets, hpcsweep, shipped
 
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.job.reading import every_key
@@ -319,8 +319,7 @@ def test_the_text_depends_on_the_tree_not_on_the_order_of_known_keys(tree):
 
 
 def test_every_shipped_job_is_as_its_text_says():
-    for path in sorted(JOBS.rglob("*.toml")):
-        job = load_job(path)
+    for path, job in shipped().items():
         again = parse_job(job.text, path.name, path.stem)
         assert (again.fingerprint, again.name) == (job.fingerprint, path.stem)
         made = "extends =" in path.read_text() or job.study.kind == "records"

@@ -161,6 +161,7 @@ print(lost, len(warm.missing(needed)), solver.is_specialised)
 """
 
 
+@pytest.mark.slow
 def test_what_another_process_has_fitted_is_kept(tmp_path):
     def reported(n):
         done = python(FITTED, str(n), NUMBA_CACHE_DIR=str(tmp_path))

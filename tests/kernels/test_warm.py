@@ -278,7 +278,7 @@ Path.write_bytes = write_bytes
 """
 
 
-@pytest.mark.parametrize("elsewhere", ["with room", "full"])
+@pytest.mark.parametrize("elsewhere", [pytest.param("with room", marks=pytest.mark.slow), "full"])
 def test_a_disk_that_fills_up_in_mid_write_takes_one_line(tmp_path, elsewhere):
     cache, temporary = tmp_path / "cache", tmp_path / "temporary"
     cache.mkdir()

@@ -151,7 +151,9 @@ def swept(structure, omega, amplitudes):
     return FrameRuns(moving, omega, SETTINGS).follow(amplitudes, state)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize(
+    "seed", [*range(8), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 24))]
+)
 def test_units_of_length_mass_and_time_change_no_class_and_no_number(seed):
     """Up to the first chaotic run: how long chaos lasts is a matter of the last digit."""
     once = swept(*in_units(seed, 1.0, 1.0, 1.0))

@@ -11,8 +11,8 @@ from tools import (
     ATTRACTORS,
     BASINS,
     GRID,
-    JOBS,
     RECORDS,
+    SMALL,
     assert_same_datasets,
     datasets,
     hpcsweep,
@@ -20,7 +20,7 @@ from tools import (
 )
 
 STUDIES = {
-    "amplitude_sweep": (JOBS / "ci.toml").read_text(),
+    "amplitude_sweep": SMALL,
     "points": GRID,
     "attractors": ATTRACTORS,
     "basins": BASINS,
@@ -72,7 +72,7 @@ def test_every_number_of_ranks_gives_the_same_bytes(folder, study):
 
 def test_another_job_gives_other_bytes(folder, tmp_path):
     control = tmp_path / "control.toml"
-    control.write_text(STUDIES["amplitude_sweep"].replace("400.0", "400.0000001"))
+    control.write_text(STUDIES["amplitude_sweep"].replace("300.0", "300.0000001"))
     assert hpcsweep(0, "run", control, "-o", tmp_path / "control.h5").returncode == 0
     left, right = datasets(folder / "0" / "amplitude_sweep.h5"), datasets(tmp_path / "control.h5")
     assert not np.array_equal(left["final_state"], right["final_state"])

@@ -22,6 +22,8 @@ from hpcsweep.solvers.trajectory import trajectory
 ALL = sum(PEAK_FLAGS) + IMPACT_FLAG
 STILL = Record(np.zeros(2), 0.05)
 RULES = pytest.mark.parametrize("tension", [False, True])
+ONE_QUICK = pytest.mark.parametrize("tension", [False, pytest.param(True, marks=pytest.mark.slow)])
+"""By the integrator, which takes seconds."""
 START = np.array([0.1, 0.2, 0.9, 0.3, 0.5, 0.8])
 
 
@@ -247,7 +249,7 @@ def test_a_volume_shrinks_by_the_damping_and_the_time_in_which_contacts_push():
     assert np.linalg.det(matrix) == pytest.approx(math.exp(-own), rel=1e-11)
 
 
-@RULES
+@ONE_QUICK
 def test_the_solvers_observe_the_same(tension):
     structure = storeys(tension)
     flow = FlowMap(structure, 0.445).observe(START, 0.15, 2, modal_norm=True, measures=ALL)
@@ -261,7 +263,7 @@ def test_the_solvers_observe_the_same(tension):
     assert path[-1] == pytest.approx(points[0], abs=1e-9)
 
 
-@RULES
+@ONE_QUICK
 def test_the_same_response_by_the_other_solver(tension):
     structure, record = neighbours(tension, 0.03), Record(9 * np.cos(np.arange(25.0)), 0.05)
     flow = hpcsweep.response(structure, record, tail=0.33)

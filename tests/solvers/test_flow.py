@@ -638,6 +638,7 @@ def test_pieces_of_any_size_change_nothing(size, monkeypatch):
 
 
 @compiled_only
+@pytest.mark.slow
 def test_periods_that_become_slow_at_once_do_not_delay_polls():
     """With 52 stops hardly any set of them returns, and each needs a table of its own."""
     structure = Structure(52, 1000.0, 1e4, 0.05)

@@ -124,6 +124,7 @@ def test_sizes_inside_the_file_are_not_believed(copy, place):
     refused(copy, "has no size" if place == "size of a heap" else "no length")
 
 
+@pytest.mark.slow
 def test_damaged_bytes_of_metadata_at_random(whole, tmp_path):
     """The fuzzer's own cases, a few: any byte outside the results, one or many."""
     rng = random.Random(7)

@@ -99,7 +99,7 @@ def test_points_of_branches_are_orbits_stable_or_not(whole):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_on_any_number_of_ranks_the_file_is_the_same(folder, whole, ranks):
     path = folder / f"on{ranks}.h5"
     assert hpcsweep(ranks, "run", folder / "job.toml", "-o", path).returncode == 0
@@ -140,7 +140,7 @@ def test_killed_again_and_again_it_equals_the_uninterrupted_one(tmp_path):
 
 
 def test_the_file_is_sound_and_lines_that_contradict_themselves_are_told(folder, whole):
-    report = validate(whole, samples=3)
+    report = validate(whole, samples=1)
     assert report.problems == []
     assert all(run.whole_run == "equal" for run in report.sample)
     assert any(run.difference is not None for run in report.sample)
@@ -201,6 +201,8 @@ def _film(folder, branches) -> tuple:
     poster = folder / "poster.png"
     return (
         folder / "sweep.h5",
+        "--width",
+        "480",
         "-o",
         folder / "film.mp4",
         "--branches",
@@ -293,6 +295,7 @@ def test_special_points_lie_on_curves_that_meet_where_strips_do(curves):
     assert "special points on a curve  9 (100 %)" in hpcsweep(0, "summary", curves).stdout
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_curves_are_the_same_on_ranks_and_after_a_kill(folder, curves):
     path = folder / "curves3.h5"
@@ -381,6 +384,7 @@ def test_what_cannot_be_followed_is_told_in_one_line(folder, tmp_path, old, new,
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_a_search_finds_orbits_that_no_motion_tells(folder, whole):
     job, path = folder / "search.toml", folder / "search.h5"
     text = (folder / "job.toml").read_text().replace("steps = 300", "steps = 300\nstarts = 32")

@@ -30,7 +30,7 @@ def compute(text: str, path):
 
 
 @pytest.mark.parametrize(
-    "text", [SMALL + TWO, GRID + TWO, ATTRACTORS + STOPS, BASINS + STOPS], ids="sgab"
+    "text", [SMALL + STOPS, GRID + STOPS, ATTRACTORS + STOPS, BASINS + STOPS], ids="sgab"
 )
 def test_each_part_is_that_of_a_job_of_its_own_to_the_last_bit(text, tmp_path):
     job, results = compute(text, tmp_path / "varied.h5")
@@ -87,7 +87,7 @@ def test_words_are_an_axis_too(tmp_path):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_on_any_number_of_ranks_the_bytes_are_the_same(ranks, tmp_path):
     job, one, many = tmp_path / "job.toml", tmp_path / "one.h5", tmp_path / "many.h5"
     job.write_text(SMALL + TWO)

@@ -1,4 +1,4 @@
-"""One forcing period of a motion with dashpots: linear segments from one change to the next."""
+"""Motions with dashpots: linear segments from one change of the contacts to the next."""
 
 import numpy as np
 
@@ -10,16 +10,21 @@ from hpcsweep.solvers.flow.dashpot.contacts import (
     past_stops,
     pushing,
 )
-from hpcsweep.solvers.flow.dashpot.gather import observe_piece, record_passing
+from hpcsweep.solvers.flow.dashpot.gather import (
+    impacts_on_piece,
+    observe_piece,
+    peaks_on_piece,
+    record_passing,
+)
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent, linear_tangent
 from hpcsweep.solvers.flow.search.search import UNDECIDED
 from hpcsweep.solvers.flow.search.steps import coast, take_step
 from hpcsweep.solvers.flow.state.augmented import start
-from hpcsweep.solvers.flow.state.segment import Segment
+from hpcsweep.solvers.flow.state.segment import Segment, Stretch
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
-from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY
+from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY, PEAKS
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 
@@ -45,15 +50,32 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
     int
         An `Outcome`.
     """
-    model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    end = model.period
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    past = past_stops(0.0, z, amplitude, model, work)
+    stretch = Stretch(0.0, shared.model.period, 0.0)
+    return march_pieces(packed, stretch, z, amplitude, shared, wanted, tangent)
+
+
+@inlined
+def march_pieces(packed, stretch, z, amplitude, shared, wanted, tangent):
+    """Advance z over a part of a period or of a sample interval, in place; return the outcome.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    wanted : int
+        Flags of what to gather, see `tally`; of a record only `PEAKS` and `IMPACTS`, together.
+    tangent : ndarray, shape (2R, m), or None
+        Multiplied by the tangent map of a period. None, in compiling, is a record: steps are taken
+        one by one, and peaks are those of the record.
+    """
+    model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
+    tau, end, time = stretch
+    past = past_stops(tau, z, amplitude, model, work)
     key = pushing(past, z, model.contacts)
-    forcing_at(0.0, amplitude, model, work.forcing, 0)
+    forcing_at(tau, amplitude, model, work.forcing, 0)
     start(work.x, z, work.forcing)
-    tau, steps = 0.0, 0
+    steps = 0
     while tau < end:
         steps += 1
         if steps > shared.max_steps:
@@ -61,7 +83,7 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
         index = table_of(key, tables, packed)
         segment = Segment(key, index, tables.h[index], tau, end)
         known = False
-        if wanted == NO_TALLY and past == np.uint64(0):
+        if tangent is not None and wanted == NO_TALLY and past == np.uint64(0):
             tau, coasted, known = coast(segment, shared.max_steps - steps, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)
@@ -76,15 +98,21 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
             place = -1  # what changes at the end does so at the start of what follows
         if not is_ordinary(work.z_end):
             return NON_FINITE
-        if tangent.shape[1] > 0:
-            linear_tangent(tables, index, span, tangent, work.tangent)
-        if wanted != NO_TALLY:
-            observe_piece(segment, past, span, amplitude, wanted, shared)
+        if tangent is None:
+            if wanted != NO_TALLY:
+                peaks_on_piece(segment, span, time + tau, amplitude, PEAKS, shared)
+                impacts_on_piece(segment, past, span, model, tables, shared.tally, work)
+        else:
+            if tangent.shape[1] > 0:
+                linear_tangent(tables, index, span, tangent, work.tangent)
+            if wanted != NO_TALLY:
+                observe_piece(segment, past, span, amplitude, wanted, shared)
         if place >= 0:
             counts[1] += 1
             before = past
             past, key, passing = changed(place, segment, before, model, work.z_end)
-            change_tangent(passing, before, segment.key, model, tangent)
+            if tangent is not None:
+                change_tangent(passing, before, segment.key, model, tangent)
             if wanted & IMPACTS:
                 record_passing(passing, before, model, shared.tally, work.z_end)
         copy_state(work.z_end, z)

@@ -73,3 +73,12 @@ def measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shar
         impacts_at_end(segment, ending, passing, model, tally, work)
     if wanted & ACCELERATION:
         accelerations_at_end(segment, ending, z, amplitude, packed, shared)
+
+
+@inlined
+def measure_piece(segment, ending, passing, time, amplitude, shared):
+    """Update peaks and impacts by a segment of a record that begins at a time, and its end."""
+    model, work, tally = shared.model, shared.work, shared.tally
+    peaks_on_segment(segment, ending.span, time, amplitude, PEAKS, shared)
+    impacts_on_segment(segment, ending.span, model, shared.tables, tally, work)
+    impacts_at_end(segment, ending, passing, model, tally, work)

@@ -35,6 +35,7 @@ from hpcsweep.solvers.flow.passage.passage import (
 )
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent
 from hpcsweep.solvers.flow.period.gather import (
+    measure_piece,
     measure_segment,
     observe_segment,
     segment_tangent,
@@ -50,7 +51,7 @@ from hpcsweep.solvers.flow.state.augmented import start
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.segment import Ending, Segment
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
-from hpcsweep.solvers.flow.state.tally import NO_TALLY
+from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
@@ -207,12 +208,34 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
     int
         An `Outcome`.
     """
-    model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    end = model.period
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    tau, steps, index = 0.0, 0, NO_TABLE
-    key = promised = np.uint64(0)
+    whole = Segment(np.uint64(0), NO_TABLE, 0.0, 0.0, shared.model.period)
+    return march_segments(packed, whole, 0.0, z, amplitude, shared, wanted, tangent, measures)
+
+
+@inlined
+def march_segments(packed, begun, time, z, amplitude, shared, wanted, tangent, measures):
+    """Advance z over a part of a period or of a sample interval, in place; return the outcome.
+
+    Parameters
+    ----------
+    begun : Segment
+        Contact set and table, which may be `NO_TABLE`, start and end.
+    time : float
+        At which a sample interval begins.
+    wanted : int
+        Of a record only `PEAKS` and `IMPACTS`, together.
+    tangent : ndarray, shape (2R, m), or None
+        None, in compiling, is a record: steps are taken one by one, and peaks are those of the
+        record.
+    measures
+        See `march_period`.
+    """
+    model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
+    key, index, _, tau, end = begun
+    steps = 0
+    promised = np.uint64(0)
     while tau < end:
         steps += index != AT_EDGE
         if steps > shared.max_steps:
@@ -220,7 +243,12 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
         if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
             interval = Interval(tau, end, shared.max_steps - steps)
             counts[3] += 1
-            tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
+            if tangent is None:
+                tau, outcome, used = visit_layer(
+                    packed, interval, z, amplitude, wanted & IMPACTS, shared.no_tangent
+                )
+            else:
+                tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
             counts[2] += used
             steps += used
             if outcome != COMPLETE:
@@ -234,7 +262,7 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
             start(work.x, z, work.forcing)
         segment = Segment(key, index, tables.h[index], tau, end)
         known = False
-        if wanted == NO_TALLY:
+        if tangent is not None and wanted == NO_TALLY:
             steps_left = shared.max_steps - steps
             tau, coasted, known = coast(segment, steps_left, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
@@ -247,16 +275,19 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
             return SOLVER_FAILED
         promised = ending.promised
         counts[1] += ending.how != INTEGRATED
-        if tangent.shape[1] > 0:
+        if tangent is not None and tangent.shape[1] > 0:
             segment_tangent(segment, ending, packed, shared, tangent)
         if ending.how != INTEGRATED:
             copy_state(z, work.z_end)
         if not is_ordinary(work.z_end):
             return NON_FINITE
-        if wanted != NO_TALLY:
+        if tangent is not None and wanted != NO_TALLY:
             observe_segment(segment, ending.span, wanted, shared)
         passing = passing_contacts(segment, ending, work.z_end, model)
-        if measures is not None:
+        if tangent is None:
+            if wanted != NO_TALLY:
+                measure_piece(segment, ending, passing, time + tau, amplitude, shared)
+        elif measures is not None:
             measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span

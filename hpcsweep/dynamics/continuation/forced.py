@@ -67,7 +67,7 @@ class ForcedMap:
     rtol : float
         Relative tolerance of the solver.
     poll : callable, optional
-        Called before each forcing period; may raise to leave.
+        Called before each piece of the work (`polling`); may raise to leave.
 
     Raises
     ------

@@ -157,6 +157,14 @@ def _along(size: int, sign: float) -> np.ndarray:
     return unit
 
 
+def continued(map_: Map, points: np.ndarray, value: Any, period: int) -> np.ndarray:
+    """Return the first points of an orbit, shape (k, N), and the images of the last, (p, N)."""
+    found = list(points)
+    while len(found) < period:
+        found.append(map_.images(found[-1][None], value)[0])
+    return np.array(found)
+
+
 def jacobian(matrices: np.ndarray) -> np.ndarray:
     """Return the Jacobian of G by X, shape (p N, p N)."""
     p, n, _ = matrices.shape
@@ -249,18 +257,14 @@ def _solve(
     reached: float,
 ) -> Solution:
     y, least, fresh_least = guess, np.inf, np.inf
-    off, fixed = np.zeros(y.size), abs(border[-1]) == 1.0
     for _ in range(STEPS):
         fresh = inverse is None
         if inverse is None:
-            off[:-1], matrices, slopes = curve.linearise(y)
+            misses, matrices, slopes = curve.linearise(y)
             inverse = np.linalg.inv(curve.bordered(matrices, slopes, border))
         else:
-            off[:-1] = curve.residual(y)
-        off[-1] = border @ (y - guess)
-        move = inverse @ off
-        if fixed:
-            move[-1] = 0.0
+            misses = curve.residual(y)
+        move = _move(misses, y - guess, border, inverse)
         distance = float(np.abs(move).max())
         if fresh:
             if not distance < fresh_least:
@@ -272,17 +276,26 @@ def _solve(
             y, least = y - move, distance
         if distance <= reached:
             break
-    off[:-1], matrices, slopes = curve.linearise(y)
-    off[-1] = border @ (y - guess)
+    misses, matrices, slopes = curve.linearise(y)
     inverse = np.linalg.inv(curve.bordered(matrices, slopes, border))
-    move = inverse @ off
-    if fixed:  # to the last bit, so that it is one solver
-        move[-1] = 0.0
+    move = _move(misses, y - guess, border, inverse)
     if not np.abs(move).max() <= reached:
         raise NotConvergedError(f"Newton's method has not converged in {STEPS} steps")
     tangent = inverse[:, -1] / np.linalg.norm(inverse[:, -1])
-    size = float(np.abs(off[:-1]).max())
+    size = float(np.abs(misses).max())
     return Solution(y - move, tangent, TangentMaps(matrices), size, inverse)
+
+
+def _move(
+    misses: np.ndarray, away: np.ndarray, border: np.ndarray, inverse: np.ndarray
+) -> np.ndarray:
+    """Return by how much a point `away` from its guess misses the curve and the hyperplane."""
+    off = np.empty(away.size)
+    off[:-1], off[-1] = misses, border @ away
+    move: np.ndarray = inverse @ off
+    if abs(border[-1]) == 1.0:  # at one value, to the last bit, so that it is one solver
+        move[-1] = 0.0
+    return move
 
 
 def correct(curve: Any, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
@@ -292,14 +305,10 @@ def correct(curve: Any, guess: np.ndarray, border: np.ndarray, near: Solution) -
     by `solve` where these do not contract.
     """
     assert near.inverse is not None
-    y, least, off = guess, np.inf, np.empty(guess.size)
+    y, least = guess, np.inf
     try:
         for _ in range(STEPS):
-            off[:-1] = curve.residual(y)
-            off[-1] = border @ (y - guess)
-            move = near.inverse @ off
-            if abs(border[-1]) == 1.0:
-                move[-1] = 0.0
+            move = _move(curve.residual(y), y - guess, border, near.inverse)
             distance = float(np.abs(move).max())
             if distance <= EXACT:
                 return near._replace(y=y - move)

@@ -5,7 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, solve_at
+from hpcsweep.dynamics.continuation.cycle import (
+    Curve,
+    NotConvergedError,
+    Solution,
+    continued,
+    solve_at,
+)
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
@@ -98,15 +104,14 @@ def find(
     period = count("period", period, 1, MAX_PERIOD)
     forced = ForcedMap(structure, amplitude, omega, parameter)
     curve = Curve(forced, period, 1.0)
-    points = [z / forced.units]
+    start = z / forced.units
     try:
-        for _ in range(period - 1):
-            points.append(forced.image(points[-1], forced.value))
-        found = solve_at(curve, np.array(points), forced.value)
+        points = continued(forced, start[None], forced.value, period)
+        found = solve_at(curve, points, forced.value)
     except (NotConvergedError, ArithmeticError) as error:
         raise ArithmeticError(f"no orbit of period {period} near the state: {error}") from None
     there = curve.split(found.y)[0]
-    away = float(np.abs(there[0] - points[0]).max())
+    away = float(np.abs(there[0] - start).max())
     if away > REACH:
         raise ArithmeticError(
             f"no orbit of period {period} within {REACH} of the state: the one found is {away:.3g} "

@@ -24,6 +24,7 @@ from hpcsweep.dynamics.continuation.cycle import (
     Curve,
     Map,
     NotConvergedError,
+    continued,
     jacobian,
     miss_of,
     solve_at,
@@ -96,11 +97,8 @@ def deflated(
     """Seek an orbit other than those known, from a start; return its points, shape (p, N)."""
     map_ = curve.map
     try:
-        points = [start]
-        for _ in range(curve.period - 1):
-            points.append(map_.images(points[-1][None], value)[0])
         n = map_.size
-        y = curve.join(np.array(points), value)
+        y = curve.join(continued(map_, start[None], value, curve.period), value)
         for _ in range(STEPS):
             x = y[:-1].reshape(-1, n)
             images, matrices = map_.tangents(x, value)

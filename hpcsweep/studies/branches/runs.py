@@ -7,6 +7,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import Limits
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
+from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.search import search
@@ -105,10 +106,8 @@ def _take(rows: dict, study, forced: ForcedMap, catalogue: Catalogue, seeds: See
 
 def _whole(seed: Seed, forced: ForcedMap, value: float) -> np.ndarray:
     """Return all points of the orbit of a seed, in units of the state, shape (p, 2n)."""
-    points = list(seed.points[: seed.period] / forced.units)
-    while len(points) < seed.period:
-        points.append(forced.image(points[-1], value))
-    return np.array(points)
+    known = seed.points[: seed.period] / forced.units
+    return continued(forced, known, value, seed.period)
 
 
 def _checksum(seeds: Seeds) -> int:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.figures.style import PlotError
 
@@ -109,10 +110,8 @@ def branches_of(run: dict[str, Any], study, line: int) -> Iterator[Drawn]:
         if number and own.any():
             points = np.empty((own.sum(), period, forced.size))
             for k, (x, value) in enumerate(zip(run["point"][own], run["value"][own], strict=True)):
-                for turn in range(period):
-                    points[k, turn] = x
-                    if turn < period - 1:
-                        x = forced.image(x / forced.units, float(value)) * forced.units
+                start = (x / forced.units)[None]
+                points[k] = continued(forced, start, float(value), period) * forced.units
             yield Drawn(
                 *(number, period, run["value"][own], run["stable"][own] > 0, points),
                 run["contact"][own],

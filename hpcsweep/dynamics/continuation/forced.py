@@ -135,10 +135,6 @@ class ForcedMap:
                 self._solvers.popitem(last=False)
         return solver, amplitude
 
-    def image(self, x: np.ndarray, value: Any) -> np.ndarray:
-        """Return the state after a forcing period."""
-        return self.images(x[None], value)[0]
-
     def images(self, points: np.ndarray, value: Any) -> np.ndarray:
         """Return the states after a forcing period, shape (p, N)."""
         solver, amplitude = self._begin(value, len(points))

@@ -5,6 +5,7 @@ arrays themselves lie in it too (`places`). Where kernels are not compiled (`fal
 passed unchanged.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +16,7 @@ from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
 from hpcsweep.kernels.compile import kernel, specialise
-from hpcsweep.kernels.compile.places import Shapes, apart, in_one_piece, with_arrays
+from hpcsweep.kernels.compile.places import Pattern, Shapes, Zeros, apart, shapes_of, with_arrays
 from hpcsweep.kernels.simd import fallback
 
 
@@ -90,11 +91,10 @@ def _write(value, buffer):
 def _form_of(value):
     """Return all that the type of a placed tuple depends on: that of its values and arrays.
 
-    It takes a twentieth of the time of numba's type, and a solver is made for each value of a
-    number along a branch.
+    It takes a twentieth of the time of numba's type.
     """
-    if isinstance(value, np.ndarray):
-        return value.dtype, value.ndim
+    if isinstance(value, np.ndarray | Zeros):
+        return value.dtype, len(value.shape)
     if isinstance(value, tuple):
         return type(value), *map(_form_of, value)
     return type(value)
@@ -129,13 +129,54 @@ class Arena:
         context = cpu_target.target_context
         return context.get_abi_sizeof(context.get_value_type(self._kind))
 
-    def place(self, value: tuple) -> tuple[Any, np.ndarray]:
-        """Copy a tuple into memory from which kernels read it (`places`).
+    def pattern(self, value: tuple) -> "Placing":
+        """Return what places copies of a tuple into memory from which kernels read them (`places`).
 
         Parameters
         ----------
         value : tuple
             `places.zeros` may stand for an array.
+
+        Raises
+        ------
+        TypeError
+            If the value is of another type, which kernels would misread.
+        """
+        form = _form_of(value)
+        if form != self._form:
+            kind = numba.typeof(with_arrays(value, apart))
+            if kind != self._kind:
+                raise TypeError(f"the kernels read {self._kind}, not {kind}")
+            self._form = form
+        return Placing(value, self._head)
+
+    def place(self, value: tuple) -> tuple[Any, np.ndarray]:
+        """Place one copy of a tuple; see `pattern` and `Placing.place`."""
+        return self.pattern(value).place()
+
+    def pack(self, value: tuple) -> np.ndarray:
+        """Copy like `place`, and return only the argument of the kernels."""
+        return self.place(value)[1]
+
+
+class Placing:
+    """Place copies of a tuple that have the same arrays, and other numbers: see `Arena.pattern`."""
+
+    def __init__(self, value: tuple, head: int):
+        self._value, self._pattern = value, Pattern(value, head)
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Shapes of the arrays: `shapes_of`."""
+        return shapes_of(self._value)
+
+    def place(self, change: Callable[[Any], Any] = lambda value: value) -> tuple[Any, np.ndarray]:
+        """Place a copy.
+
+        Parameters
+        ----------
+        change : callable, optional
+            Replaces numbers of the copy.
 
         Returns
         -------
@@ -143,26 +184,11 @@ class Arena:
             The copy, whose arrays the kernels work on.
         packed : ndarray of bytes
             Argument of the kernels.
-
-        Raises
-        ------
-        TypeError
-            If the value is of another type, which kernels would misread.
         """
         if numba.config.DISABLE_JIT:
-            value = packed = with_arrays(value, apart)
-        else:
-            value, packed = in_one_piece(value, self._head)
-        form = _form_of(value)
-        if form != self._form:
-            kind = numba.typeof(value)
-            if kind != self._kind:
-                raise TypeError(f"the kernels read {self._kind}, not {kind}")
-            self._form = form
-        if not numba.config.DISABLE_JIT:
-            _write(value, packed)
+            value = change(with_arrays(self._value, apart))
+            return value, value
+        value, packed = self._pattern.copy()
+        value = change(value)
+        _write(value, packed)
         return value, packed
-
-    def pack(self, value: tuple) -> np.ndarray:
-        """Copy like `place`, and return only the argument of the kernels."""
-        return self.place(value)[1]

@@ -15,6 +15,7 @@ the state of the kernels has R >= n rows of displacements and as many velocities
 beyond n enter no force but that of their contact.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -88,7 +89,19 @@ class Model(NamedTuple):
 
 
 def kernel_model(structure: Structure, omega: float) -> Model:
-    """Return the kernels' model of a structure at forcing frequency Omega."""
+    """Return the kernels' model of a structure at forcing frequency Omega; arrays are read-only."""
+    return model_at_frequency(_at_any_frequency(structure), structure, omega)
+
+
+def model_at_frequency(model: Model, structure: Structure, omega: float) -> Model:
+    """Return the model of a structure at another forcing frequency."""
+    own = float(omega / structure.frequency_unit)
+    return model._replace(omega=own, period=structure.forcing.period(own))
+
+
+@lru_cache(maxsize=64)
+def _at_any_frequency(structure: Structure) -> Model:
+    """Return the model but for the forcing frequency."""
     length, rate = structure.length_unit, structure.frequency_unit
     mass = structure.mass_matrix
     n = structure.n_floors
@@ -121,8 +134,8 @@ def kernel_model(structure: Structure, omega: float) -> Model:
         bandwidth=_bandwidth(stiffness) if not len(extra) else n + len(extra) - 1,
         damping_bandwidth=_bandwidth(damping) if not len(extra) else n + len(extra) - 1,
         rho=float(structure.sharpness * length),
-        omega=float(omega / rate),
-        period=structure.forcing.period(float(omega / rate)),
+        omega=0.0,
+        period=0.0,
         layer=layer,
     )
     return _of_one_kind(model)
@@ -161,10 +174,14 @@ def _watched(drift_rows: np.ndarray, n: int, places) -> np.ndarray:
 
 
 def _of_one_kind(value):
-    """Copy all arrays, writable and C-contiguous: all structures share the compiled kernels."""
+    """Copy all arrays, C-contiguous, for good."""
     if isinstance(value, tuple):
         return type(value)(*(_of_one_kind(field) for field in value))
-    return np.array(value, order="C") if isinstance(value, np.ndarray) else value
+    if not isinstance(value, np.ndarray):
+        return value
+    copy = np.array(value, order="C")
+    copy.flags.writeable = False
+    return copy
 
 
 class _Rows:

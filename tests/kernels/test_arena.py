@@ -11,8 +11,8 @@ from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.places import (
     LINE,
+    Pattern,
     first_place,
-    in_one_piece,
     next_place,
     shapes_of,
     zeros,
@@ -65,7 +65,7 @@ def last_added_up(packed):
 @pytest.mark.parametrize("sizes", [(1, 1), (3, 5), (64, 8)])
 def test_arrays_lie_behind_each_other_and_begin_with_a_line(sizes):
     given, head = value_of(*sizes), 1000
-    value, memory = in_one_piece(given, head)
+    value, memory = Pattern(given, head).copy()
     assert type(value) is Value
     assert type(value.inner) is Inner
     assert shapes_of(value) == shapes_of(given)
@@ -106,7 +106,7 @@ def test_what_is_packed_needs_nothing_else_to_be_kept():
 @pytest.mark.skipif(not STATM.exists(), reason="the system does not tell what is resident")
 def test_pages_of_zeros_are_not_touched():
     resident = resident_bytes()
-    value, _ = in_one_piece((zeros(50_000_000),), 8)
+    value, _ = Pattern((zeros(50_000_000),), 8).copy()
     assert resident_bytes() - resident < 50e6
     assert value[0].nbytes == 400e6
 

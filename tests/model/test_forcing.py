@@ -10,6 +10,7 @@ from hpcsweep.model.forcing import Harmonics
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap, flow_map
+from hpcsweep.solvers.flow.state import shared
 from hpcsweep.solvers.reference import reference_points
 
 TERMS = (
@@ -54,7 +55,8 @@ def test_without_elastic_contacts_every_layer_is_collocated(monkeypatch, sharpne
         model = kernel_model(*arguments)
         return model._replace(contacts=model.contacts._replace(is_elastic=False))
 
-    monkeypatch.setattr(flow_map, "kernel_model", inelastic)
+    monkeypatch.setattr(shared, "kernel_model", inelastic)
+    monkeypatch.setattr(flow_map, "placing_for", shared.placing_for.__wrapped__)
     other = FlowMap(structure, omega)
     slow, _ = other.points(z, amplitude, 6)
     assert usual.counts[1] > 0

@@ -6,7 +6,7 @@ known not to overlap.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,32 +74,55 @@ def apart(array: np.ndarray | Zeros) -> np.ndarray:
     return np.zeros(array.shape, array.dtype) if isinstance(array, Zeros) else array.copy()
 
 
-def in_one_piece(value, head: int) -> tuple[Any, np.ndarray]:
-    """Copy a tuple so that its arrays lie in one piece of memory, behind `head` bytes.
+def _maker(value) -> Callable[[Iterator], Any]:
+    """Return the function that makes such a value from its arrays, in order."""
+    if isinstance(value, np.ndarray | Zeros):
+        return next
+    if not isinstance(value, tuple):
+        return lambda _: value
+    parts = [_maker(one) for one in value]
+    make = type(value)._make if hasattr(value, "_fields") else tuple
+    return lambda arrays: make([part(arrays) for part in parts])
 
-    Returns
-    -------
+
+class Pattern:
+    """A tuple of which copies are made whose arrays lie in one piece of memory.
+
+    Parameters
+    ----------
     value : tuple
-        Its arrays are views.
-    memory : ndarray of bytes
-        Aligned to a cache line.
+        `zeros` may stand for an array.
+    head : int
+        Bytes before the arrays.
     """
-    places = [first_place(head)]
 
-    def add(array: np.ndarray | Zeros) -> np.ndarray | Zeros:
-        places.append(next_place(places[-1], array.nbytes))
-        return array
+    def __init__(self, value: tuple, head: int):
+        self._arrays: list[tuple] = []
+        self._given: list[tuple[int, np.ndarray]] = []
+        self._size = first_place(head)
+        with_arrays(value, self._add)
+        self._make = _maker(value)
 
-    with_arrays(value, add)
-    size = places[-1]
-    raw = np.zeros(size + LINE, np.uint8)
-    first = -raw.ctypes.data % LINE
-    memory, at = raw[first : first + size], iter(places)
-
-    def view(array: np.ndarray | Zeros) -> np.ndarray:
-        made: np.ndarray = np.ndarray(array.shape, array.dtype, memory, next(at))
+    def _add(self, array: np.ndarray | Zeros):
         if isinstance(array, np.ndarray):
-            made[...] = array
-        return made
+            self._given.append((len(self._arrays), array.copy()))
+        self._arrays.append((array.shape, array.dtype, self._size))
+        self._size = next_place(self._size, array.nbytes)
 
-    return with_arrays(value, view), memory
+    def copy(self) -> tuple[Any, np.ndarray]:
+        """Return a copy.
+
+        Returns
+        -------
+        value : tuple
+            Its arrays are views.
+        memory : ndarray of bytes
+            Aligned to a cache line.
+        """
+        raw = np.zeros(self._size + LINE, np.uint8)
+        first = -raw.ctypes.data % LINE
+        memory = raw[first : first + self._size]
+        views = [np.ndarray(shape, kind, memory, place) for shape, kind, place in self._arrays]
+        for index, array in self._given:
+            views[index][...] = array
+        return self._make(iter(views)), memory

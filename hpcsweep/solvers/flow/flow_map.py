@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 
-from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import (
@@ -19,7 +18,7 @@ from hpcsweep.solvers.arguments import (
 from hpcsweep.solvers.flow.observe.gathered import gathered
 from hpcsweep.solvers.flow.orbit import batch, chain
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
-from hpcsweep.solvers.flow.state.shared import SHARED, WATCH, Watch, new_shared, new_watch
+from hpcsweep.solvers.flow.state.shared import WATCH, Watch, at_frequency, new_watch, placing_for
 from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS, clear
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
@@ -54,11 +53,11 @@ class FlowMap:
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
         self.structure, self.omega, self.rtol = solver_arguments(structure, omega, rtol)
-        model = kernel_model(structure, self.omega)
-        self._units = Units(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
-        self._kernels = kernels_for(self._shared)
+        placing = placing_for(structure, tolerance, MAX_STEPS)
+        self._shared, self._packed = placing.place(partial(at_frequency, structure, self.omega))
+        self._units = Units(structure, self._shared.model)
+        self._kernels = kernels_for(self._shared, placing.shapes)
         self._watches: dict[int, tuple] = {}
         self._watch_for(1)
         self.counts = self._shared.counts

@@ -43,7 +43,9 @@ class RecordMap:
         self._units = Units(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         last = len(model.drift_rows)
-        model.watched[last - one_sided : last, 2] = 1
+        watched = model.watched.copy()
+        watched[last - one_sided : last, 2] = 1
+        model = model._replace(watched=watched)
         self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
         self._told = model.watched[:, 3] > 0
         self._polling = Polling()

@@ -58,13 +58,20 @@ FOR_ANY = MotionKernels(
 )
 
 
-def kernels_for(shared: Shared) -> MotionKernels:
-    """Return the kernels for a structure: specialised ones if they are loaded or in the cache."""
+def kernels_for(shared: Shared, shapes: Shapes) -> MotionKernels:
+    """Return the kernels for a structure: specialised ones if they are loaded or in the cache.
+
+    Parameters
+    ----------
+    shared : Shared
+    shapes : Shapes
+        Of its arrays.
+    """
     dashpots = has_dashpots.py_func(shared.model)
     if not (dashpots or _loaded or _kept_keys()):
         return FOR_ANY
     with LOADING:
-        return _kernels_for(shapes_of(shared), dashpots)
+        return _kernels_for(shapes, dashpots)
 
 
 def needed_kernels(

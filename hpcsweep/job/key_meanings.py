@@ -69,7 +69,8 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
         "0.2",
     ),
     "study.components": (
-        "the two components of the state that span the slice, among `u_1` .. `u_n`, `v_1` .. `v_n`",
+        "the two components of the state that span the slice, `u_1` .. `u_n`, `v_1` .. `v_n`, "
+        "of buildings `u_A1` ..",
         '["u_1", "v_1"]',
     ),
     "study.horizontal, study.vertical": (

@@ -211,7 +211,7 @@ class RunGrid(RunReport, Part):
             "omega": Coordinate(self.omega.astype("<f8"), *OMEGA),
             "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),
             self.point_dim: numbered(size[self.point_dim], "stroboscopic point"),
-            "state": states(n),
+            "state": states(self.structure),
             "mode": numbered(n, "mode of the free structure", first=1),
             "block": numbered(size["block"], "block of amplitudes"),
         }

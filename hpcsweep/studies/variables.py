@@ -125,17 +125,26 @@ def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
     return Coordinate(np.array(names, object), "1", long_name)
 
 
-def states(n: int) -> Coordinate:
+def floor_names(structure) -> tuple[str, ...]:
+    """Return the names of the floors, or their numbers."""
+    return structure.names.floors or tuple(map(str, range(1, structure.n_floors + 1)))
+
+
+def state_names(structure) -> list[str]:
+    """Return the names of the components of a state: u_1 .. v_n, of buildings u_A1 ..."""
+    return [f"{letter}_{floor}" for letter in "uv" for floor in floor_names(structure)]
+
+
+def states(structure) -> Coordinate:
     """Make the coordinate of the components of a state."""
-    return named([f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)], "state component")
+    return named(state_names(structure), "state component")
 
 
 def measure_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions of the requested measures: storeys, floors, contacts."""
-    n = structure.n_floors
-    floors = structure.names.floors or tuple(map(str, range(1, n + 1)))
+    floors = floor_names(structure)
     n_drifts = len(structure.drift_rows)
-    storeys = floors if n_drifts == n else tuple(map(str, range(1, n_drifts + 1)))
+    storeys = floors if n_drifts == len(floors) else tuple(map(str, range(1, n_drifts + 1)))
     made = {}
     if "storey_drift" in settings.metrics:
         made["storey"] = named(storeys, "storey")

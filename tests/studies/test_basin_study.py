@@ -228,3 +228,32 @@ def test_a_mistake_in_a_job_is_one_line(old, new, words):
     assert "\n" not in text
     for word in ("x.toml", *words):
         assert word in text
+
+
+def test_components_of_buildings_have_the_names_of_their_floors():
+    buildings = """
+        [[building]]
+        mass = [1.0, 1.0]
+        storey_stiffness = 100.0
+        [[building]]
+        name = "old"
+        mass = 1.0
+        storey_stiffness = 80.0
+        [pounding]
+        gap = 0.1
+        stiffness = 1e4
+        [study]
+        kind = "basins"
+        components = ["u_A2", "v_old1"]
+        [sweep]
+        omega = 5.0
+        amplitude = 0.5
+        """
+    study = parse_job(buildings, "x.toml", "x").study
+    assert study.components == (1, 5)
+    assert study.names() == ("u_A2", "v_old1")
+    assert list(study.coordinates["state"].values) == [
+        *("u_A1", "u_A2", "u_old1", "v_A1", "v_A2", "v_old1")
+    ]
+    with pytest.raises(JobError, match=r"must be two of u_A1 \.\. u_old1, v_A1 \.\. v_old1"):
+        parse_job(buildings.replace("u_A2", "u_2"), "x.toml", "x")

@@ -18,7 +18,7 @@ from hpcsweep.studies.attractors.search import read_limits
 from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
 from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.study import Coordinate, Variable
-from hpcsweep.studies.variables import numbered
+from hpcsweep.studies.variables import numbered, state_names
 
 START = "slice"
 SPAN = 200
@@ -78,11 +78,11 @@ class SliceGrid(IndependentRuns):
     @property
     def starting_range(self) -> dict[str, tuple[int, float, float]]:
         """Component and range of the slice."""
-        n, ranges = self.structure.n_floors, {}
-        for k, values in zip(self.components, (self.horizontal, self.vertical), strict=True):
-            name = f"u_{k + 1}" if k < n else f"v_{k - n + 1}"
-            ranges[f"{name}, {values.size} values"] = (k, float(values[0]), float(values[-1]))
-        return ranges
+        spans = zip(self.names(), self.components, (self.horizontal, self.vertical), strict=True)
+        return {
+            f"{name}, {values.size} values": (k, float(values[0]), float(values[-1]))
+            for name, k, values in spans
+        }
 
     @property
     def starting_states(self) -> np.ndarray:
@@ -119,9 +119,9 @@ class SliceGrid(IndependentRuns):
 
     def names(self) -> tuple[str, str]:
         """Names of the components of the slice."""
-        names = self.coordinates["state"].values
+        names = state_names(self.structure)
         first, second = self.components
-        return str(names[first]), str(names[second])
+        return names[first], names[second]
 
     @property
     def slice_runs(self) -> Any:
@@ -166,7 +166,7 @@ def read_slice(values, kind: type, common: dict[str, Any]) -> dict[str, Any]:
         if found.size != 1:
             raise values.error(key, values.get(key), "must be one number: basins of one point")
     metrics = frozenset(settings.metrics) | {"lyapunov"}
-    components = _components(values, structure.n_floors)
+    components = _components(values, structure)
     reach = usual_reach(structure)
     horizontal, vertical = (
         _span(values, f"study.{name}", float(reach[component]))
@@ -188,10 +188,10 @@ def read_slice(values, kind: type, common: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _components(values, n: int) -> tuple[int, int]:
+def _components(values, structure) -> tuple[int, int]:
     """Read the two components of the slice."""
-    names = [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]
-    given = values.get("study.components", ["u_1", "v_1"])
+    names, n = state_names(structure), structure.n_floors
+    given = values.get("study.components", [names[0], names[n]])
     known = isinstance(given, list) and len(given) == 2 and all(one in names for one in given)
     if not known or given[0] == given[1]:
         limit = f"must be two of {names[0]} .. {names[n - 1]}, {names[n]} .. {names[-1]}"

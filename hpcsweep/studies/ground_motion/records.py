@@ -201,7 +201,7 @@ class Records(Part):
             **place_coordinates(self.structure, self.settings),
             "record": named([one.name for one in self.suite], "ground-motion record"),
             "scale": keys.scale_coordinate(self.measure, self.scale),
-            "state": states(self.structure.n_floors),
+            "state": states(self.structure),
             "block": numbered(self.n_blocks, "block of scales"),
             **self.instants,
         }

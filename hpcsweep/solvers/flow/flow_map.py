@@ -59,7 +59,6 @@ class FlowMap:
         self._units = Units(structure, self._shared.model)
         self._kernels = kernels_for(self._shared, placing.shapes)
         self._watches: dict[int, tuple] = {}
-        self._watch_for(1)
         self.counts = self._shared.counts
         self._polling = Polling()
         self._gathered = partial(gathered, self.structure, self._shared)

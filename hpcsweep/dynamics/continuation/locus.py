@@ -33,8 +33,8 @@ from hpcsweep.dynamics.continuation.slice import Slice
 STEEP, FLAT = 0.005, 0.0005
 """Component along lambda_2 from which points are sought at one lambda_2: of a tangent's part in the
 plane of the parameters, of length 1, and of the whole tangent. The first ends it where a curve
-turns back in lambda_2, the second at a cusp. In Figure 6 a point at one frequency takes 7 to 12 ms,
-one across such a curve 70 to 240: each of its moves needs a solver."""
+turns back in lambda_2, the second at a cusp. In Figure 6 a point at one frequency takes 4 to 11 ms,
+one across such a curve 12 to 90: each of its moves needs a solver."""
 WIDTHS = (1e-4, 2e-3, 0.02, 0.2, 2.0, 20.0)
 """Shares of a step to either side of a guess within which the locus is sought, as they are tried.
 A step is refused where more than `branch.ASTRAY` was needed."""

@@ -15,11 +15,11 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
-from hpcsweep.solvers.flow.observe.gathered import gathered
+from hpcsweep.solvers.flow.observe.gathered import gathered, reset
 from hpcsweep.solvers.flow.orbit import batch, chain
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import WATCH, Watch, at_frequency, new_watch, placing_for
-from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS, clear
+from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.measures import measures_of
@@ -234,7 +234,7 @@ class FlowMap:
         """
         z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         wanted = self._wanted(modal_norm, measures)
-        clear.py_func(self._shared.tally)
+        reset(self._shared.tally)
         tangent = logarithms = None
         if growth:
             tangent = self._units.tangent_into(tangent_column(self.structure, None))
@@ -249,7 +249,7 @@ class FlowMap:
         """
         z, amplitude = self._units.into(states), amplitude / self._units.amplitude_unit
         wanted, outcome = self._wanted(False, measures), Outcome.COMPLETE
-        clear.py_func(self._shared.tally)
+        reset(self._shared.tally)
         for one in z:
             if outcome is Outcome.COMPLETE:
                 _, outcome = self._march(one, amplitude, 1, poll, wanted=wanted)

@@ -12,9 +12,9 @@ from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
+from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.record.march import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
-from hpcsweep.solvers.flow.state.tally import clear
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.record_response import Response, intervals, response_of
@@ -61,7 +61,7 @@ class RecordMap:
         at_samples: bool = False,
     ) -> Response:
         """Return the response to a record; see `hpcsweep.solvers.response.response`."""
-        clear.py_func(self._shared.tally)
+        reset(self._shared.tally)
         n = self.structure.n_floors
         z = self._units.into(np.zeros(2 * n) if state is None else state)
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written

@@ -6,9 +6,16 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.state.shared import Shared
+from hpcsweep.solvers.flow.state.tally import Tally
 from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation, window_growth
+
+
+def reset(tally: Tally) -> None:
+    """Reset a tally, as `hpcsweep.solvers.flow.state.tally.clear` does within kernels."""
+    for array in tally:
+        array.fill(0)
 
 
 def gathered(

@@ -41,6 +41,7 @@ class MotionKernels(NamedTuple):
     end_of_transient: EntryPoint
     follow_orbits: EntryPoint
     advance_chain: EntryPoint
+    """Compiled on its first call: sweeps do without."""
     measures: list[EntryPoint]
     """What these call where measures are requested."""
 
@@ -89,7 +90,7 @@ def needed_kernels(
         Include those of measures.
     """
     if structure is None:
-        return _needed(True, measures)
+        return with_called(*_needed(True, measures), advance_chain)
     model = kernel_model(structure, 1.0)
     needed = _needed(has_dashpots.py_func(model), measures)
     if not specialised:
@@ -101,7 +102,7 @@ def needed_kernels(
 @functools.cache
 def _needed(dashpots: bool, measures: bool) -> list[EntryPoint]:
     own = (march_dashpots,) * dashpots + (march_measured, measure_layer_step) * measures
-    return with_called(march, end_of_transient, follow_orbits, advance_chain, *own)
+    return with_called(march, end_of_transient, follow_orbits, *own)
 
 
 def _shapes_for(model: Model) -> Shapes:

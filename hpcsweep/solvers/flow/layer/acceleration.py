@@ -17,8 +17,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import fma, load, maximum
-from hpcsweep.model.kernel_model import ACCELERATION
+from hpcsweep.kernels.simd.vectors import fma, load, maximum, modulus, negative, total
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES
 from hpcsweep.solvers.flow.state.accelerations import accelerations
 
@@ -29,12 +28,13 @@ _APART = POINTS[:, None] - POINTS + np.eye(N_POINTS)
 SCALES = 1.0 / _APART.prod(axis=1)
 SLOPES = (1.0 / _APART).sum(axis=1) - 1.0
 """L_k'(t_k)"""
+STAGE_SCALES, STAGE_SLOPES = SCALES[1:-1].copy(), SLOPES[1:-1].copy()
 BETWEEN = 0.1
 """How far a component may come beyond its values at ends and nodes, over their range; of a parabola
 between nodes it is 0.03, with its top in the step."""
 PARABOLAS = 12
-SAME = 1e-14
-"""Relative change of a peak after which no other parabola follows."""
+SAME = 1e-12
+"""Relative change of a peak after which no other parabola follows: the next changes it far less."""
 CUTS = 4
 """How often the interval beside an end is cut in search of a value above that at the end."""
 
@@ -47,32 +47,51 @@ def range_of(inner, first, last):
 
 
 @inlined
-def accelerations_in_layer(step, z0, z1, only_look, model, tally, work):
-    """Raise the peaks of absolute accelerations over one step from state z0 to state z1.
-
-    With `only_look` nothing is raised; return then whether a peak may be.
+def may_be_higher(step, first, model, tally, work):
+    """Return whether an acceleration may exceed its peak on a step, by its stages.
 
     Parameters
     ----------
     step : tuple of float
         Its start, its length, A, and the forcing at both ends.
-    z0, z1, model, tally, work
+    first : int
+        Place of the accelerations in `Model.watched`.
+    model, tally, work
         Of `observation.observe_layer_step`.
+    """
+    for i in range(model.ground.shape[0]):
+        if _floor_may_be_higher(i, step, tally.peaks[first + i], model, work):
+            return True
+    return False
+
+
+@inlined
+def _floor_may_be_higher(i, step, peak, model, work):
+    """Return whether the acceleration of floor i may exceed a peak."""
+    _, _, _, ground0, ground1 = step
+    own = model.ground[i]
+    start, end = work.a[i] + own * ground0, work.a_end[i] + own * ground1
+    inner = fma(load(work.layer.ground, 0), own, load(work.layer.g, i * N_STAGES))
+    most = peak * (1.0 / (1.0 + 2.0 * BETWEEN))
+    if abs(start) <= most and abs(end) <= most and negative(most - modulus(inner)) == 0:
+        return False
+    bottom, top = range_of(inner, start, end)
+    return not max(top, -bottom) + BETWEEN * (top - bottom) <= peak
+
+
+@inlined
+def accelerations_in_layer(step, z0, z1, first, model, tally, work):
+    """Raise the peaks of absolute accelerations over one step from state z0 to state z1.
+
+    Arguments of `may_be_higher` and of `observation.observe_layer_step`.
     """
     _, _, _, ground0, ground1 = step
     values = work.layer.values
-    for p in range(model.watched.shape[0]):
-        i, _, _, flag = model.watched[p]
-        if flag != ACCELERATION:
+    for i in range(model.ground.shape[0]):
+        p, own = first + i, model.ground[i]
+        if not _floor_may_be_higher(i, step, tally.peaks[p], model, work):
             continue
-        own = model.ground[i]
         values[0], values[N_POINTS - 1] = work.a[i] + own * ground0, work.a_end[i] + own * ground1
-        inner = fma(load(work.layer.ground, 0), own, load(work.layer.g, i * N_STAGES))
-        bottom, top = range_of(inner, values[0], values[N_POINTS - 1])
-        if max(top, -bottom) + BETWEEN * (top - bottom) <= tally.peaks[p]:
-            continue
-        if only_look:
-            return True
         for k in range(N_STAGES):
             values[k + 1] = work.layer.g[i, k] + own * work.layer.ground[k]
         for k in range(N_POINTS):
@@ -84,14 +103,16 @@ def accelerations_in_layer(step, z0, z1, only_look, model, tally, work):
             right = sign * values[min(k + 1, N_POINTS - 1)]
             rise = max(here - left, here - right)
             if here >= left and here >= right and here + rise > tally.peaks[p]:
-                top = _highest_beside(k, i, sign, step, z0, z1, model, work)
+                top = _highest_beside(k, i, sign, tally.peaks[p], step, z0, z1, model, work)
                 tally.peaks[p] = max(tally.peaks[p], top)
-    return False
 
 
 @kernel
-def _highest_beside(k, i, sign, step, z0, z1, model, work):
-    """Find the largest sign times the acceleration of floor i beside point k, a local maximum."""
+def _highest_beside(k, i, sign, peak, step, z0, z1, model, work):
+    """Find the largest sign times the acceleration of floor i beside point k, a local maximum.
+
+    The search ends where that does not exceed the peak.
+    """
     values = work.layer.values
     a, b = POINTS[max(k - 1, 0)], POINTS[min(k + 1, N_POINTS - 1)]
     fa, fb = sign * values[max(k - 1, 0)], sign * values[min(k + 1, N_POINTS - 1)]
@@ -109,6 +130,8 @@ def _highest_beside(k, i, sign, step, z0, z1, model, work):
     if not a < m < b:
         return fm
     for _ in range(PARABOLAS):
+        if fm + max(fm - fa, fm - fb) <= peak:
+            break
         p, q = (m - a) * (fm - fb), (m - b) * (fm - fa)
         t = m - 0.5 * ((m - a) * p - (m - b) * q) / (p - q) if p != q else m
         if not (a < t < b and t != m):
@@ -132,31 +155,41 @@ def _highest_beside(k, i, sign, step, z0, z1, model, work):
 
 @kernel
 def _acceleration_at(t, i, step, z0, z1, model, work):
-    """Evaluate the absolute acceleration of floor i at a part t of the step."""
+    """Evaluate the absolute acceleration of floor i at a part t of the step, beside all points."""
     tau, h, amplitude, _, _ = step
     stage, n = work.layer, z0.shape[0] // 2
     z = stage.state
-    for row in range(2 * n):
-        z[row] = 0.0
-    for k in range(N_POINTS):
-        basis = SCALES[k]
-        for other in range(N_POINTS):
-            if other != k:
-                basis *= t - POINTS[other]
-        slope = (t - POINTS[k]) * basis * basis
-        value = basis * basis - 2.0 * SLOPES[k] * slope
-        for row in range(n):
-            if k == 0:
-                u, v, g = z0[row], z0[n + row], work.a[row]
-            elif k == N_POINTS - 1:
-                u, v, g = z1[row], z1[n + row], work.a_end[row]
-            else:
-                u, v, g = stage.u[row, k - 1], stage.v[row, k - 1], stage.g[row, k - 1]
-            z[row] += value * u + slope * h * v
-            z[n + row] += value * v + slope * h * g
+    apart = t - load(NODES, 0)
+    whole = t * (t - 1.0)
+    for k in range(N_STAGES):
+        whole *= t - NODES[k]
+    basis = load(STAGE_SCALES, 0) * whole / apart
+    slope = apart * basis * basis
+    value = fma(load(STAGE_SLOPES, 0) * -2.0, slope, basis * basis)
+    slope = slope * h
+    value0, slope0 = _weights_of_end(0, t, h, whole)
+    value1, slope1 = _weights_of_end(N_POINTS - 1, t, h, whole)
+    for row in range(n):
+        at = row * N_STAGES
+        speeds = load(stage.v, at)
+        inner = total(fma(load(stage.u, at), value, speeds * slope))
+        begin = value0 * z0[row] + slope0 * z0[n + row]
+        z[row] = inner + (begin + (value1 * z1[row] + slope1 * z1[n + row]))
+        inner = total(fma(speeds, value, load(stage.g, at) * slope))
+        begin = value0 * z0[n + row] + slope0 * work.a[row]
+        z[n + row] = inner + (begin + (value1 * z1[n + row] + slope1 * work.a_end[row]))
     ground = _ground_at(tau + t * h, amplitude, model)
     accelerations(ground, z, model, stage.rates)
     return stage.rates[i] + model.ground[i] * ground
+
+
+@inlined
+def _weights_of_end(k, t, h, whole):
+    """Return the weights of value and slope at point k, an end."""
+    apart = t - POINTS[k]
+    basis = SCALES[k] * whole / apart
+    slope = apart * basis * basis
+    return basis * basis - 2.0 * SLOPES[k] * slope, slope * h
 
 
 @inlined

@@ -9,7 +9,12 @@ from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.compile.entry_points import BYTES, INT, VECTOR, entry_point, type_of
 from hpcsweep.kernels.simd.vectors import LANES, load
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
-from hpcsweep.solvers.flow.layer.acceleration import BETWEEN, accelerations_in_layer, range_of
+from hpcsweep.solvers.flow.layer.acceleration import (
+    BETWEEN,
+    accelerations_in_layer,
+    may_be_higher,
+    range_of,
+)
 from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer, missed_force
 from hpcsweep.solvers.flow.layer.interpolant import highest_near, interpolate
 from hpcsweep.solvers.flow.layer.observation import ends_of, highest_of, longest_ways
@@ -25,10 +30,11 @@ from hpcsweep.solvers.flow.state.accelerations import accelerations
 from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state
-from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS
+from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, IMPACTS, PEAKS
 from hpcsweep.solvers.measures import FORCE, TIME
 
 STEP = type_of((0.0, 0.0, 0.0, 0.0, 0.0))
+DISPLACEMENTS = PEAKS & ~ACCELERATION
 LOOK, FIRST_HALF, SECOND_HALF, WHOLE = range(4)
 """Parts of a step: at first bounds alone, by the stages of the whole step; then two halves of a
 solitary one, or the whole of a collocated one."""
@@ -36,24 +42,9 @@ NEAR_PEAK = 1e-6
 """Relative distance below the peak so far within which a maximum is evaluated exactly."""
 
 
-@entry_point(INT, BYTES, STEP, VECTOR, INT, INT, inner=True, specialises=True, on_demand=True)
-def measure_layer_step(packed, step, z0, wanted, solitary):
-    """Update peaks and impacts by one step inside a layer, from z0 to ``work.z_end``; return 0.
-
-    Parameters
-    ----------
-    packed : ndarray of bytes
-        A packed `Shared`.
-    step : tuple of float
-        Its start, its length, A, and the forcing at both ends.
-    z0 : ndarray, shape (2R,)
-        ``work.a`` and ``work.a_end`` hold the accelerations at both ends.
-    wanted : int
-        See `tally`.
-    solitary : int
-        1 if it is a step of `solitary`, 0 if a collocated one, whose stages are in
-        ``work.layer``.
-    """
+@entry_point(INT, BYTES, STEP, VECTOR, INT, INT, inner=True, specialises=True)
+def _measure_by_parts(packed, step, z0, wanted, solitary):
+    """Update peaks and impacts by one step; arguments of `measure_layer_step`."""
     shared = read_shared(packed)
     z0 = as_long_as(z0, shared.previous)
     model, tally, work = shared.model, shared.tally, shared.work
@@ -68,8 +59,11 @@ def measure_layer_step(packed, step, z0, wanted, solitary):
                 alone = contact
     pairs, between = work.x[z0.shape[0] :], work.layer.between
     start, end = z0, work.z_end
+    begin = WHOLE
+    if solitary:
+        begin = FIRST_HALF if wanted & ANY_MEASURE == ACCELERATION else LOOK
     # every function at one place, where it becomes part of this kernel
-    for part in range(LOOK if solitary else WHOLE, WHOLE if solitary else WHOLE + 1):
+    for part in range(begin, WHOLE if solitary else WHOLE + 1):
         if part == FIRST_HALF:
             motion_in_halves(contact, tau, h, amplitude, z0, packed, shared)
             h *= 0.5
@@ -86,19 +80,22 @@ def measure_layer_step(packed, step, z0, wanted, solitary):
                 forcing_at(tau + h, amplitude, model, pairs, 0)
                 ground = total_forcing(pairs, 0, model)
             accelerations(ground, end, model, work.a_end)
-            longest_ways(h, start, work)
-            for k in range(work.layer.missed.shape[0]):
-                work.layer.missed[k] = math.inf if k == contact and alone < 0 else 0.0
+            if wanted & (DISPLACEMENTS | IMPACTS):
+                longest_ways(h, start, work)
+                for k in range(work.layer.missed.shape[0]):
+                    work.layer.missed[k] = math.inf if k == contact and alone < 0 else 0.0
         else:
             ground = after
         look = part == LOOK
         changes = False
-        if wanted & PEAKS:
+        if wanted & DISPLACEMENTS:
             changes = _update_peaks(h, start, end, wanted, look, model, work.ways, tally, work)
         if wanted & ACCELERATION and not changes:
-            changes = accelerations_in_layer(
-                (tau, h, amplitude, before, ground), start, end, look, model, tally, work
-            )
+            own, first = (tau, h, amplitude, before, ground), shared.outputs.first
+            if look:
+                changes = may_be_higher(own, first, model, tally, work)
+            else:
+                accelerations_in_layer(own, start, end, first, model, tally, work)
         if wanted & IMPACTS and not changes:
             if look:
                 changes = _may_close(contact, alone, h, start, end, model, tally, work)
@@ -107,6 +104,35 @@ def measure_layer_step(packed, step, z0, wanted, solitary):
         if look and not changes:
             break
     return 0
+
+
+@entry_point(INT, BYTES, STEP, VECTOR, INT, INT, inner=True, specialises=True, on_demand=True)
+def measure_layer_step(packed, step, z0, wanted, solitary):
+    """Update peaks and impacts by one step inside a layer, from z0 to ``work.z_end``; return 0.
+
+    Where accelerations alone are wanted most steps cannot raise a peak, which this small kernel
+    tells: in a wide layer a window takes 1.12 of the time without, by `_measure_by_parts` 1.28.
+
+    Parameters
+    ----------
+    packed : ndarray of bytes
+        A packed `Shared`.
+    step : tuple of float
+        Its start, its length, A, and the forcing at both ends.
+    z0 : ndarray, shape (2R,)
+        ``work.a`` and ``work.a_end`` hold the accelerations at both ends.
+    wanted : int
+        See `tally`.
+    solitary : int
+        1 if it is a step of `solitary`, 0 if a collocated one, whose stages are in
+        ``work.layer``.
+    """
+    if wanted & ANY_MEASURE == ACCELERATION:
+        shared = read_shared(packed)
+        first, tally = shared.outputs.first, shared.tally
+        if not may_be_higher(step, first, shared.model, tally, shared.work):
+            return 0
+    return _measure_by_parts(packed, step, z0, wanted, solitary)
 
 
 @inlined

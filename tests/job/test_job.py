@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 import pytest
-from tools import SMALL, shipped
+from tools import SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.model.structure import Structure
@@ -13,14 +13,6 @@ from hpcsweep.studies.settings import SweepSettings
 
 def job(text: str):
     return parse_job(text, "x.toml", "x")
-
-
-def test_every_shipped_job_loads():
-    assert {"demo.toml", "figure3.toml", "figure3-described.toml", "ci.toml"} <= {
-        path.name for path in shipped()
-    }
-    for job in shipped().values():
-        assert job.study.n_runs > 0
 
 
 @pytest.mark.parametrize(

@@ -318,6 +318,14 @@ def test_the_text_depends_on_the_tree_not_on_the_order_of_known_keys(tree):
 # --- the jobs that are shipped
 
 
+def test_every_shipped_job_loads():
+    assert {"demo.toml", "figure3.toml", "figure3-described.toml", "ci.toml"} <= {
+        path.name for path in shipped()
+    }
+    for job in shipped().values():
+        assert job.study.n_runs > 0
+
+
 def test_every_shipped_job_is_as_its_text_says():
     for path, job in shipped().items():
         again = parse_job(job.text, path.name, path.stem)

@@ -25,7 +25,7 @@ RESPONSES = {
 
 
 class StripesError(ValueError):
-    """A response that a file does not have; the message is one line for the user."""
+    """What a file of responses does not have or bound; the message is one line for the user."""
 
 
 class Stripes(NamedTuple):
@@ -103,7 +103,7 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
 
     Raises
     ------
-    ValueError
+    StripesError
         If the stripes bound no curve: see `hpcsweep.fragility`.
     """
     from hpcsweep.earthquakes.fragility import fragility  # loads scipy
@@ -111,7 +111,10 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
     known = np.isfinite(stripes.values)
     exceeded = (known & (stripes.values >= threshold)).sum(axis=0)
     held = known.any(axis=0)
-    return fragility(stripes.intensity[held], exceeded[held], known.sum(axis=0)[held])
+    try:
+        return fragility(stripes.intensity[held], exceeded[held], known.sum(axis=0)[held])
+    except ValueError as error:
+        raise StripesError(str(error)) from None
 
 
 def _label(unit: str) -> str:

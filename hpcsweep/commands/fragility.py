@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 from pathlib import Path
 
 from hpcsweep.commands import RAW, CommandError, add_at
@@ -54,14 +55,13 @@ def add_to(commands) -> None:
 def _fragility(options) -> int:
     from hpcsweep.store import Frames
 
-    try:
-        with contextlib.closing(Frames(options.file, "responses", options.at)) as frames:
-            results, study = frames.gather([*frames]), frames.study
-        if options.demands:
-            return _demands(options, results, study)
-        return _threshold(options, results, study)
-    except ValueError as error:
-        raise CommandError(str(error)) from error
+    with contextlib.closing(Frames(options.file, "responses", options.at)) as frames:
+        results, study = frames.gather([*frames]), frames.study
+    if options.demands:
+        return _demands(options, results, study)
+    if not math.isfinite(options.threshold):
+        raise CommandError(f"--threshold {options.threshold:g}: must be finite")
+    return _threshold(options, results, study)
 
 
 def _threshold(options, results, study) -> int:
@@ -111,15 +111,15 @@ def _demands(options, results, study) -> int:
     """Write the table of demands of a building at the scale nearest to one."""
     import numpy as np
 
-    from hpcsweep.campaign.stripes import StripesError, places_of
+    from hpcsweep.campaign.stripes import places_of
     from hpcsweep.earthquakes.demands import write_demands
 
     check_overwriting(options.demands, DEMANDS)
     if "storey_height" not in results:
-        raise StripesError(f"{options.file}: its job gives no storey_height: drift has no ratio")
+        raise CommandError(f"{options.file}: its job gives no storey_height: drift has no ratio")
     scales = results["scale"].values
     if options.scale is None and scales.size > 1:
-        raise StripesError(f"--scale is missing: one of {scales[0]:g} to {scales[-1]:g}")
+        raise CommandError(f"--scale is missing: one of {scales[0]:g} to {scales[-1]:g}")
     at = int(np.argmin(np.abs(scales - (options.scale or scales[0]))))
     one = results.isel(scale=at)
     storeys, floors = (
@@ -128,12 +128,13 @@ def _demands(options, results, study) -> int:
     )
     height = results["storey_height"].values[storeys]
     g = study.gravity
-    write_demands(
-        options.demands,
+    columns = (
         one["storey_drift"].values[:, storeys] / height,
         one["floor_acceleration"].values[:, floors] / g,
         one["pga"].values * one["factor"].values / g,
-        unit="g",
     )
+    if not all(np.isfinite(column).all() for column in columns):
+        raise CommandError(f"{options.file}: holds no response of some records at {scales[at]:g}")
+    write_demands(options.demands, *columns, unit="g")
     print(f"{options.demands}: {one.sizes['record']} records at {scales[at]:g}")
     return 0

@@ -48,6 +48,8 @@ def test_every_figure_is_drawn(folder, kind):
         (["plot", "job.h5", "--kind", "profile", "--response", "force"], "no profile"),
         (["plot", "job.h5", "--kind", "orbit"], "holds responses"),
         (["fragility", "job.h5", "--threshold", "1e9"], "must not be 0"),
+        (["fragility", "job.h5", "--threshold", "nan"], "must be finite"),
+        (["fragility", "job.h5", "--threshold", "0.5", "--place", "Z"], "or a building"),
         (["fragility", "job.h5", "--demands", "job.toml", "--scale", "1"], "job.toml"),
         (["fragility", "job.h5", "--demands", "new.csv"], "--scale is missing"),
     ],

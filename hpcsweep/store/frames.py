@@ -28,8 +28,8 @@ class Frames:
     Parameters
     ----------
     path : str or Path
-    holds : str, optional
-        What the file must hold (`Study.holds`); None: anything.
+    holds : str or tuple of str, optional
+        What the file must hold (`Study.holds`), or one of several; None: anything.
     at : mapping of str to number or str, optional
         Value of each axis of a job that varies keys; the nearest is chosen, by default the first.
 
@@ -55,7 +55,7 @@ class Frames:
     def __init__(
         self,
         path: str | Path,
-        holds: str | None = "motions",
+        holds: str | tuple[str, ...] | None = "motions",
         at: Mapping[str, float | str] | None = None,
     ):
         self.path = path_of("path", path)
@@ -70,11 +70,12 @@ class Frames:
             self.close()
             raise
 
-    def _check(self, holds: str | None) -> None:
-        if holds not in (None, self.study.holds):
+    def _check(self, holds: str | tuple[str, ...] | None) -> None:
+        accepted = (holds,) if isinstance(holds, str) else holds
+        if accepted is not None and self.study.holds not in accepted:
             raise StoreError(
                 f'{self.path}: holds {self.study.holds} (study.kind = "{self.study.kind}") where '
-                f"{holds} are needed; hpcsweep plot FILE draws it"
+                f"{' or '.join(accepted)} are needed; hpcsweep plot FILE draws it"
             )
 
     def choose(self, place: Place) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION, MotionClass
 
-HOLDS = "attractors"
+DIMENSION = "attractor"
+"""Dimension of a frame that has several motions a run."""
 VALUES = ("share", "number")
 """Values that only attractors have."""
 
@@ -25,7 +26,7 @@ def as_runs(frame):
         Dimensions (direction, frame, amplitude, ...): a direction is a slot, which an attractor
         keeps along the amplitudes. Where a slot has no attractor the motion is not computed.
     """
-    one = frame.isel(direction=0, drop=True).rename(attractor="direction")
+    one = frame.isel(direction=0, drop=True).rename({DIMENSION: "direction"})
     order = slots(one["attractor_id"].isel(omega=0).transpose("amplitude", "direction").values)
     each = ("amplitude", np.arange(len(order)))
     one = one.isel(direction=(("amplitude", "direction"), order), amplitude=each)
@@ -85,5 +86,5 @@ def as_study(study):
         counts=study.counts[:, :n],
         speed=study.speed[:, :n],
         thinned={**study.thinned, "of_points": study.thinned["points"]},
-        each="attractor",
+        each=DIMENSION,
     )

@@ -104,10 +104,9 @@ def gather(
     StoreError
         If the file is not a campaign file.
     """
-    from hpcsweep.store import Frames, Grid, job_of
+    from hpcsweep.store import Frames, Grid
 
-    several = job_of(path).study.holds == attractors.HOLDS
-    reader = Frames(path, attractors.HOLDS if several else "motions", at)
+    reader = Frames(path, ("motions", "attractors"), at)
     study, grid = reader.study, Grid(reader)
     rows = range(0, grid.omega.size, frame_step)
     _check_cells(path, len(rows), grid)
@@ -118,6 +117,7 @@ def gather(
     held = 0
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel(amplitude=slice(None, None, amplitude_step))
+        several = attractors.DIMENSION in chosen.dims
         if several:
             chosen = attractors.as_runs(chosen)
         codes.append(_codes(chosen))

@@ -3,6 +3,7 @@
 # Needs Python 3.11 or newer with venv; writes .venv.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+export PYTHONDONTWRITEBYTECODE=  # pytest keeps the tests as it has rewritten them
 bash .ci/venv .venv mpich,test
 # once, before many tests want the kernels; four processes leave no core idle at the end
 .venv/bin/python tests/reference/warm_up.py &

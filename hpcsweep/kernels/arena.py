@@ -16,7 +16,7 @@ from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
 from hpcsweep.kernels.compile import kernel, specialise
-from hpcsweep.kernels.compile.places import Pattern, Shapes, Zeros, apart, shapes_of, with_arrays
+from hpcsweep.kernels.compile.places import Pattern, Shapes, Zeros, apart, with_arrays
 from hpcsweep.kernels.simd import fallback
 
 
@@ -129,8 +129,8 @@ class Arena:
         context = cpu_target.target_context
         return context.get_abi_sizeof(context.get_value_type(self._kind))
 
-    def pattern(self, value: tuple) -> "Placing":
-        """Return what places copies of a tuple into memory from which kernels read them (`places`).
+    def pattern(self, value: tuple) -> Pattern:
+        """Return a tuple as the pattern of copies that have the same arrays.
 
         Parameters
         ----------
@@ -148,33 +148,17 @@ class Arena:
             if kind != self._kind:
                 raise TypeError(f"the kernels read {self._kind}, not {kind}")
             self._form = form
-        return Placing(value, self._head)
+        return Pattern(value, self._head)
 
-    def place(self, value: tuple) -> tuple[Any, np.ndarray]:
-        """Place one copy of a tuple; see `pattern` and `Placing.place`."""
-        return self.pattern(value).place()
-
-    def pack(self, value: tuple) -> np.ndarray:
-        """Copy like `place`, and return only the argument of the kernels."""
-        return self.place(value)[1]
-
-
-class Placing:
-    """Place copies of a tuple that have the same arrays, and other numbers: see `Arena.pattern`."""
-
-    def __init__(self, value: tuple, head: int):
-        self._value, self._pattern = value, Pattern(value, head)
-
-    @cached_property
-    def shapes(self) -> Shapes:
-        """Shapes of the arrays: `shapes_of`."""
-        return shapes_of(self._value)
-
-    def place(self, change: Callable[[Any], Any] = lambda value: value) -> tuple[Any, np.ndarray]:
-        """Place a copy.
+    def copy(
+        self, pattern: Pattern, change: Callable[[Any], Any] = lambda value: value
+    ) -> tuple[Any, np.ndarray]:
+        """Copy a tuple into memory from which kernels read it (`places`).
 
         Parameters
         ----------
+        pattern : Pattern
+            Of this arena.
         change : callable, optional
             Replaces numbers of the copy.
 
@@ -185,10 +169,17 @@ class Placing:
         packed : ndarray of bytes
             Argument of the kernels.
         """
-        if numba.config.DISABLE_JIT:
-            value = change(with_arrays(self._value, apart))
-            return value, value
-        value, packed = self._pattern.copy()
+        value, packed = pattern.copy()
         value = change(value)
+        if numba.config.DISABLE_JIT:
+            return value, value
         _write(value, packed)
         return value, packed
+
+    def place(self, value: tuple) -> tuple[Any, np.ndarray]:
+        """Copy a tuple like `copy`, once."""
+        return self.copy(self.pattern(value))
+
+    def pack(self, value: tuple) -> np.ndarray:
+        """Copy like `place`, and return only the argument of the kernels."""
+        return self.place(value)[1]

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from hpcsweep.model.forcing import Harmonics
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow import FlowMap, flow_map
+from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.state import shared
 from hpcsweep.solvers.reference import reference_points
 
@@ -56,7 +56,7 @@ def test_without_elastic_contacts_every_layer_is_collocated(monkeypatch, sharpne
         return model._replace(contacts=model.contacts._replace(is_elastic=False))
 
     monkeypatch.setattr(shared, "kernel_model", inelastic)
-    monkeypatch.setattr(flow_map, "placing_for", shared.placing_for.__wrapped__)
+    monkeypatch.setattr(shared, "_pattern_of", shared._pattern_of.__wrapped__)
     other = FlowMap(structure, omega)
     slow, _ = other.points(z, amplitude, 6)
     assert usual.counts[1] > 0

@@ -8,6 +8,7 @@ known not to overlap.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -74,15 +75,16 @@ def apart(array: np.ndarray | Zeros) -> np.ndarray:
     return np.zeros(array.shape, array.dtype) if isinstance(array, Zeros) else array.copy()
 
 
-def _maker(value) -> Callable[[Iterator], Any]:
-    """Return the function that makes such a value from its arrays, in order."""
+def _maker(value, arrays: list) -> Callable[[Iterator], Any]:
+    """Append the arrays of such a value; return what makes it from others, in order."""
     if isinstance(value, np.ndarray | Zeros):
+        arrays.append(value)
         return next
     if not isinstance(value, tuple):
         return lambda _: value
-    parts = [_maker(one) for one in value]
+    parts = [_maker(one, arrays) for one in value]
     make = type(value)._make if hasattr(value, "_fields") else tuple
-    return lambda arrays: make([part(arrays) for part in parts])
+    return lambda others: make([part(others) for part in parts])
 
 
 class Pattern:
@@ -97,17 +99,22 @@ class Pattern:
     """
 
     def __init__(self, value: tuple, head: int):
-        self._arrays: list[tuple] = []
-        self._given: list[tuple[int, np.ndarray]] = []
-        self._size = first_place(head)
-        with_arrays(value, self._add)
-        self._make = _maker(value)
+        arrays: list[np.ndarray | Zeros] = []
+        self._value, self._make = value, _maker(value, arrays)
+        self._given = [
+            (index, array.copy())
+            for index, array in enumerate(arrays)
+            if isinstance(array, np.ndarray)
+        ]
+        self._places, self._size = [], first_place(head)
+        for array in arrays:
+            self._places.append((array.shape, array.dtype, self._size))
+            self._size = next_place(self._size, array.nbytes)
 
-    def _add(self, array: np.ndarray | Zeros):
-        if isinstance(array, np.ndarray):
-            self._given.append((len(self._arrays), array.copy()))
-        self._arrays.append((array.shape, array.dtype, self._size))
-        self._size = next_place(self._size, array.nbytes)
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Shapes of the arrays: `shapes_of`."""
+        return shapes_of(self._value)
 
     def copy(self) -> tuple[Any, np.ndarray]:
         """Return a copy.
@@ -122,7 +129,7 @@ class Pattern:
         raw = np.zeros(self._size + LINE, np.uint8)
         first = -raw.ctypes.data % LINE
         memory = raw[first : first + self._size]
-        views = [np.ndarray(shape, kind, memory, place) for shape, kind, place in self._arrays]
+        views = [np.ndarray(shape, kind, memory, place) for shape, kind, place in self._places]
         for index, array in self._given:
             views[index][...] = array
         return self._make(iter(views)), memory

@@ -18,7 +18,7 @@ from hpcsweep.solvers.arguments import (
 from hpcsweep.solvers.flow.observe.gathered import gathered, reset
 from hpcsweep.solvers.flow.orbit import batch, chain
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
-from hpcsweep.solvers.flow.state.shared import WATCH, Watch, at_frequency, new_watch, placing_for
+from hpcsweep.solvers.flow.state.shared import WATCH, Watch, new_watch, shared_at
 from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
@@ -54,10 +54,10 @@ class FlowMap:
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
         self.structure, self.omega, self.rtol = solver_arguments(structure, omega, rtol)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        placing = placing_for(structure, tolerance, MAX_STEPS)
-        self._shared, self._packed = placing.place(partial(at_frequency, structure, self.omega))
+        made = shared_at(structure, self.omega, tolerance, MAX_STEPS)
+        self._shared, self._packed, shapes = made
         self._units = Units(structure, self._shared.model)
-        self._kernels = kernels_for(self._shared, placing.shapes)
+        self._kernels = kernels_for(self._shared, shapes)
         self._watches: dict[int, tuple] = {}
         self.counts = self._shared.counts
         self._polling = Polling()

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.arena import Arena, Placing
-from hpcsweep.kernels.compile.places import zeros
+from hpcsweep.kernels.arena import Arena
+from hpcsweep.kernels.compile.places import Pattern, Shapes, zeros
 from hpcsweep.model.kernel_model import Model, kernel_model, model_at_frequency
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.state.outputs import Outputs, new_outputs
@@ -116,16 +116,21 @@ WATCH = Arena(new_watch(1, 1))
 read_shared, read_watch = SHARED.read, WATCH.read
 
 
-@lru_cache(maxsize=64)
-def placing_for(structure: Structure, tolerance: float, max_steps: int) -> Placing:
-    """Return what places the data of a structure at any frequency.
+def shared_at(
+    structure: Structure, omega: float, tolerance: float, max_steps: int
+) -> tuple[Shared, np.ndarray, Shapes]:
+    """Return the data of a structure at a forcing frequency, packed, and the shapes of its arrays.
 
-    Of 1.2 ms for a solver of three floors it saves 1.0: along a curve over Omega, each step needs
-    two.
+    A structure keeps its pattern. Of 1.2 ms for a solver of three floors that saves 1.0: along a
+    curve over Omega, each step needs two.
     """
+    pattern = _pattern_of(structure, tolerance, max_steps)
+    shared, packed = SHARED.copy(
+        pattern, lambda it: it._replace(model=model_at_frequency(it.model, structure, omega))
+    )
+    return shared, packed, pattern.shapes
+
+
+@lru_cache(maxsize=64)
+def _pattern_of(structure: Structure, tolerance: float, max_steps: int) -> Pattern:
     return SHARED.pattern(new_shared(kernel_model(structure, 1.0), tolerance, max_steps))
-
-
-def at_frequency(structure: Structure, omega: float, shared: Shared) -> Shared:
-    """Return the data of a structure at another forcing frequency."""
-    return shared._replace(model=model_at_frequency(shared.model, structure, omega))

@@ -1,4 +1,7 @@
-"""Numbers and names of contacts: bits of a contact set, labels in figures, names in files."""
+"""Numbers and names of contacts: bits of a contact set, labels in figures, names in files.
+
+Names of floors besides.
+"""
 
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,11 +13,16 @@ if TYPE_CHECKING:
 
 
 class ContactNames:
-    """Names of the contacts of a structure."""
+    """Names of the contacts and floors of a structure."""
 
     n_floors: int
     matrices: "Matrices | None"
     names: Names
+
+    @property
+    def floor_names(self) -> tuple[str, ...]:
+        """Name of each floor: as given, e.g. A3, or its number."""
+        return self.names.floors or tuple(map(str, range(1, self.n_floors + 1)))
 
     @property
     def contact_numbers(self) -> tuple[int, ...]:

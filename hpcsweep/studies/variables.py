@@ -125,14 +125,9 @@ def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
     return Coordinate(np.array(names, object), "1", long_name)
 
 
-def floor_names(structure) -> tuple[str, ...]:
-    """Return the names of the floors, or their numbers."""
-    return structure.names.floors or tuple(map(str, range(1, structure.n_floors + 1)))
-
-
 def state_names(structure) -> list[str]:
     """Return the names of the components of a state: u_1 .. v_n, of buildings u_A1 ..."""
-    return [f"{letter}_{floor}" for letter in "uv" for floor in floor_names(structure)]
+    return [f"{letter}_{floor}" for letter in "uv" for floor in structure.floor_names]
 
 
 def states(structure) -> Coordinate:
@@ -142,7 +137,7 @@ def states(structure) -> Coordinate:
 
 def measure_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions of the requested measures: storeys, floors, contacts."""
-    floors = floor_names(structure)
+    floors = structure.floor_names
     n_drifts = len(structure.drift_rows)
     storeys = floors if n_drifts == len(floors) else tuple(map(str, range(1, n_drifts + 1)))
     made = {}

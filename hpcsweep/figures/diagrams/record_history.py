@@ -41,7 +41,7 @@ def draw(
     names = list(structure.contact_names.values())
     if place is not None and place not in names:
         raise PlotError(f"--place {place}: must be a contact, of {', '.join(names) or 'none'}")
-    floors = structure.names.floors or tuple(map(str, range(1, structure.n_floors + 1)))
+    floors = structure.floor_names
     figure, axes = new_figure(3 if names else 2, 6.2, 7.6)
     ground, moving = axes[:2]
     ground.plot(samples.times, factor * samples.acceleration / study.gravity, color="0.3", lw=0.6)

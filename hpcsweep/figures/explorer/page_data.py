@@ -110,14 +110,13 @@ def gather(
     study, grid = reader.study, Grid(reader)
     rows = range(0, grid.omega.size, frame_step)
     _check_cells(path, len(rows), grid)
-    n = study.structure.n_floors
+    n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points
     codes, values, counts, points, speed = [], [], [], [], []
     held = 0
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel(amplitude=slice(None, None, amplitude_step))
-        several = attractors.DIMENSION in chosen.dims
         if several:
             chosen = attractors.as_runs(chosen)
         codes.append(_codes(chosen))

@@ -329,7 +329,7 @@ def test_results_of_another_structure_are_found_out_by_the_other_solver(tmp_path
 def test_wrong_metrics_are_found_out_by_the_other_solver(tmp_path, name, change, finding):
     path = tmp_path / "altered.h5"
     make(path, study=altered(**{name: change}))
-    report = validate(path, samples=2)
+    report = validate(path, samples=5)
     assert any(finding in problem for problem in report.problems), report.problems
 
 

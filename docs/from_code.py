@@ -11,8 +11,9 @@ from pathlib import Path
 from hpcsweep.commands.cli import build_parser
 from hpcsweep.job import JobError, load_job
 from hpcsweep.job.key_meanings import KEY_MEANINGS
-from hpcsweep.job.reading import keys_of
+from hpcsweep.job.reading import every_key, keys_of
 from hpcsweep.job.template import TEMPLATE
+from hpcsweep.job.tree import resolve
 from hpcsweep.model.unit_names import GAPS
 from hpcsweep.studies.kinds import KINDS
 from hpcsweep.studies.refine.variables import derived_variables
@@ -196,7 +197,7 @@ def examples() -> dict[str, tuple]:
     """
     fullest: dict[str, tuple[int, int, Path]] = {}
     for path in sorted((ROOT / "jobs").rglob("*.toml")):
-        if "vary" in tomllib.loads(path.read_text()):
+        if "vary" in tomllib.loads(resolve(path, (), every_key())[0]):
             continue
         study = load_job(path).study
         fullest[study.kind] = max(

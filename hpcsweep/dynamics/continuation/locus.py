@@ -28,7 +28,7 @@ from hpcsweep.dynamics.continuation.events import (
     locate_change,
     tests_of,
 )
-from hpcsweep.dynamics.continuation.slice import Slice
+from hpcsweep.dynamics.continuation.slice import Slice, split
 
 STEEP, FLAT = 0.005, 0.0005
 """Component along lambda_2 from which points are sought at one lambda_2: of a tangent's part in the
@@ -87,8 +87,7 @@ class Locus:
 
     def split(self, y: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
         """Return the points of y, shape (p, N), and the values of the parameters."""
-        first, second = (y[-2:] * self.scale).tolist()
-        return y[:-2].reshape(self.period, -1), (first, second)
+        return split(y, self.period, self.scale)
 
     def signature(self, point: Solution) -> tuple[int, ...]:
         """Return the signature of an orbit."""

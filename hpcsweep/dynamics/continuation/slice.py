@@ -7,6 +7,12 @@ import numpy as np
 from hpcsweep.dynamics.continuation.cycle import Map, Solution, correct, jacobian, miss_of, solve
 
 
+def split(y: np.ndarray, period: int, scale: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
+    """Return the points of y, shape (p, N), and the values of both parameters."""
+    first, second = (y[-2:] * scale).tolist()
+    return y[:-2].reshape(period, -1), (first, second)
+
+
 class Slice(NamedTuple):
     """The curve of the orbits of one period on a hyperplane, over two parameters.
 
@@ -33,10 +39,10 @@ class Slice(NamedTuple):
 
     def split(self, y: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
         """Return the points of y, shape (p, N), and the values of the parameters."""
-        first, second = (y[-2:] * self.scale).tolist()
+        points, (first, second) = split(y, self.period, self.scale)
         if self.is_fixed:  # to the last bit, so that it is one solver
             second = float(self.at[-1] * self.scale[1])
-        return y[:-2].reshape(self.period, -1), (first, second)
+        return points, (first, second)
 
     def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
         """Return across what a point is sought: along the slice."""

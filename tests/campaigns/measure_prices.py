@@ -1,7 +1,9 @@
 """Time of a window with one measure over that of the same window without, in turn.
 
-`python tests/campaigns/measure_prices.py [--repeats N]` takes the least processor time of each. The
-window gathers points, contact set, drift and modal norms, as a job does by default.
+`python tests/campaigns/measure_prices.py [--repeats N] [--specialised]` takes the least processor
+time of each, all by the kernels of any structure, or all by those specialised to it, which are
+compiled first. The window gathers points, contact set, drift and modal norms, as a job does by
+default.
 """
 
 import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
@@ -15,7 +17,10 @@ from hpcsweep.job import load_job
 from hpcsweep.model.kernel_model import PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.flow.specialised import FOR_ANY
 from hpcsweep.solvers.measures import IMPACT_FLAG
+from hpcsweep.studies.compilation import warm_up
+from hpcsweep.studies.settings import METRICS, SweepSettings
 
 FLAGS = dict(
     zip(
@@ -45,10 +50,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=25)
     parser.add_argument("--periods", type=int, default=400)
+    parser.add_argument("--specialised", action="store_true")
     options = parser.parse_args()
     print(f"{'':20s} us a period | " + " ".join(f"{name:>13s}" for name in FLAGS))
     for name, structure, amplitude, omega in cases():
+        if options.specialised:
+            everything = SweepSettings(metrics=frozenset(METRICS))
+            warm_up(everything, structure=structure, specialised=True)
         flow = FlowMap(structure, omega)
+        if not options.specialised:
+            flow._kernels = FOR_ANY
+        assert flow.is_specialised == options.specialised
         z = flow.advance([0.0] * (2 * structure.n_floors), amplitude, 400).state
         least = dict.fromkeys((0, *FLAGS.values()), math.inf)
         for _ in range(options.repeats):

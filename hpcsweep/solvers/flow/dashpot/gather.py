@@ -10,7 +10,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
-from hpcsweep.model.kernel_model import CONTACT
+from hpcsweep.model.kernel_model import CONTACT, DRIFT
 from hpcsweep.solvers.flow.dashpot.contacts import force_polynomial
 from hpcsweep.solvers.flow.linear.polynomials import (
     evaluate,
@@ -39,7 +39,8 @@ def observe_piece(segment, past, span, amplitude, wanted, shared):
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     index = segment.index
     tally.contact[0] |= past
-    drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
+    if wanted & DRIFT == 0:
+        drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
     if wanted & PEAKS:
         peaks_on_piece(segment, span, segment.tau, amplitude, wanted & PEAKS, shared)
     if wanted & IMPACTS:
@@ -71,7 +72,8 @@ def _force_peaks(segment, span, time, shared):
         ends = (g0, v0, g1, v1)
         at = raise_to_ends(ends, 1, span, w, tally.peaks)
         if row_may_be_higher(tally.peaks[w], 1, span, ends, bound4):
-            found = raise_peak(rows, h, span, ends, bound4, 1, w, tally.peaks, work.stack)
+            near = tally.times[w] - time
+            found = raise_peak(rows, h, span, ends, bound4, 1, w, near, tally.peaks, work.stack)
             at = found if found >= 0.0 else at
         if at >= 0.0:
             tally.times[w] = time + at

@@ -2,7 +2,9 @@
 
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
+from hpcsweep.model.kernel_model import DRIFT
 from hpcsweep.solvers.flow.dashpot.period import march_period
+from hpcsweep.solvers.flow.observe.drift import largest_of_storeys
 from hpcsweep.solvers.flow.state.periods import begin_period, end_period
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state
@@ -32,4 +34,6 @@ def march_dashpots(shared, z, amplitude, n_periods, points, wanted, tangent, gro
             copy_state(common.previous, z)
             return period, outcome
         end_period(period, z, points, tangent, growth)
+    if wanted & DRIFT:
+        largest_of_storeys(common.model, common.tally)
     return n_periods, COMPLETE

@@ -17,33 +17,21 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import fma, load, maximum, modulus, negative, total
-from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES
+from hpcsweep.kernels.simd.vectors import fma, load, modulus, negative, total
+from hpcsweep.solvers.flow.layer.bounds import BETWEEN, beyond, range_of
+from hpcsweep.solvers.flow.rules.tableau import N_POINTS, N_STAGES, NODES, POINTS
 from hpcsweep.solvers.flow.state.accelerations import accelerations
 
-N_POINTS = N_STAGES + 2
-"""The ends and the stages."""
-POINTS = np.concatenate(([0.0], NODES, [1.0]))
 _APART = POINTS[:, None] - POINTS + np.eye(N_POINTS)
 SCALES = 1.0 / _APART.prod(axis=1)
 SLOPES = (1.0 / _APART).sum(axis=1) - 1.0
 """L_k'(t_k)"""
 STAGE_SCALES, STAGE_SLOPES = SCALES[1:-1].copy(), SLOPES[1:-1].copy()
-BETWEEN = 0.1
-"""How far a component may come beyond its values at ends and nodes, over their range; of a parabola
-between nodes it is 0.03, with its top in the step."""
 PARABOLAS = 12
 SAME = 1e-12
 """Relative change of a peak after which no other parabola follows: the next changes it far less."""
 CUTS = 4
 """How often the interval beside an end is cut in search of a value above that at the end."""
-
-
-@inlined
-def range_of(inner, first, last):
-    """Return the least and the greatest of Lanes and two numbers."""
-    top = max(maximum(inner), max(first, last))
-    return min(-maximum(0.0 - inner), min(first, last)), top
 
 
 @inlined
@@ -76,7 +64,7 @@ def _floor_may_be_higher(i, step, peak, model, work):
     if abs(start) <= most and abs(end) <= most and negative(most - modulus(inner)) == 0:
         return False
     bottom, top = range_of(inner, start, end)
-    return not max(top, -bottom) + BETWEEN * (top - bottom) <= peak
+    return not max(beyond(bottom, top), beyond(-top, -bottom)) <= peak
 
 
 @inlined

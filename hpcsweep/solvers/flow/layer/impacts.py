@@ -5,9 +5,11 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import load, total
 from hpcsweep.model.contact import contact_forces
+from hpcsweep.solvers.flow.layer.bounds import range_of, stays
 from hpcsweep.solvers.flow.layer.interpolant import integral_of_force, interpolate, interpolated
 from hpcsweep.solvers.flow.layer.limits import allowed_error
 from hpcsweep.solvers.flow.layer.quintic import hermite, root_of, turn_of, value_of
+from hpcsweep.solvers.flow.layer.scheme import distances
 from hpcsweep.solvers.flow.observe.impacts import record
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
@@ -51,6 +53,35 @@ def impacts_in_layer(h, z0, z1, alone, model, ways, tally, work):
         if start[0] >= 0.0:
             tally.closed[0] |= contact_bit(k)
         _follow(k, h, start, end, tally, work)
+
+
+@inlined
+def impacts_without_change(h, z0, z1, model, tally, work):
+    """Add the impacts of a collocated step on which no contact closes or opens.
+
+    Return whether that is so; nothing is added where one may, or where the rule misses too much.
+    """
+    contacts, stage = model.contacts, work.layer
+    for k in range(contacts.row.shape[0]):
+        first, last = distance(k, z0, contacts), distance(k, z1, contacts)
+        if first + work.ways[contacts.row[k]] < -model.layer:
+            continue
+        if stage.active[k] == 2 and stage.missed[k] > contacts.beta[k] * missed_force(z1):
+            return False
+        closed = first >= 0.0 or tally.closed[0] & contact_bit(k) != np.uint64(0)
+        bottom, top = range_of(distances(k, stage.u, contacts), first, last)
+        if not stays(closed, bottom, top):
+            return False
+    for k in range(contacts.row.shape[0]):
+        first = distance(k, z0, contacts)
+        if first + work.ways[contacts.row[k]] < -model.layer:
+            continue
+        forces = contact_forces(distances(k, stage.u, contacts), 1.0, model.rho)
+        tally.impacts[FORCE, k] += h * total(load(WEIGHTS, 0) * forces)
+        if first >= 0.0:
+            tally.closed[0] |= contact_bit(k)
+            tally.impacts[TIME, k] += h
+    return True
 
 
 @inlined

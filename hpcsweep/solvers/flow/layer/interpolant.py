@@ -2,14 +2,24 @@
 
 Values and velocities at the ends and the `N_STAGES` stages have one polynomial of degree
 2 `N_STAGES` + 3, right to kappa^-20 with kappa of `limits`. It is kept in Newton's form, every
-node twice, in ``work.newton``: divided differences, and nodes.
+node twice: its divided differences are in ``work.newton``.
 """
+
+import numpy as np
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.simd.vectors import fma, load, total
 from hpcsweep.model.contact import contact_forces
-from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
+from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, POINTS, WEIGHTS
 
+TWICE = np.repeat(POINTS, 2)
+INVERSES = np.zeros((TWICE.size, TWICE.size))
+"""1 / (`TWICE`[i] - `TWICE`[i - order]) by order and i, 0 where they are the same."""
+for _order in range(1, TWICE.size):
+    _apart = TWICE[_order:] - TWICE[:-_order]
+    INVERSES[_order, _order:] = np.divide(
+        1.0, _apart, where=_apart > 0.0, out=np.zeros_like(_apart)
+    )
 SAME_INTEGRAL = 1e-13
 MOST_PARTS = 256
 
@@ -17,32 +27,31 @@ MOST_PARTS = 256
 @kernel
 def interpolate(h, start, end, work):
     """Build the polynomial of ``work.stage_u`` and ``stage_v`` and of both ends."""
-    c, nodes = work.newton[0], work.newton[1]
-    last = nodes.size - 1
+    c = work.newton
+    last = c.size - 1
     for s in range(N_STAGES + 2):
-        at, x = 0.0, start[0]
+        x = start[0]
         if s == N_STAGES + 1:
-            at, x = 1.0, end[0]
+            x = end[0]
         elif s > 0:
-            at, x = NODES[s - 1], work.stage_u[s - 1]
-        for i in (2 * s, 2 * s + 1):
-            nodes[i], c[i] = at, x
+            x = work.stage_u[s - 1]
+        c[2 * s], c[2 * s + 1] = x, x
     for i in range(last, 0, -1):
         if i % 2 == 0:
-            c[i] = (c[i] - c[i - 1]) / (nodes[i] - nodes[i - 1])
+            c[i] = (c[i] - c[i - 1]) * INVERSES[1, i]
         elif i == 1 or i == last:
             c[i] = h * (start[1] if i == 1 else end[1])
         else:
             c[i] = h * work.stage_v[i // 2 - 1]
     for order in range(2, last + 1):
         for i in range(last, order - 1, -1):
-            c[i] = (c[i] - c[i - 1]) / (nodes[i] - nodes[i - order])
+            c[i] = (c[i] - c[i - 1]) * INVERSES[order, i]
 
 
 @kernel
 def interpolated(s, work):
     """Evaluate the polynomial, its slope and half its second derivative at a part s of the step."""
-    c, nodes = work.newton[0], work.newton[1]
+    c, nodes = work.newton, TWICE
     value, slope, bend = 0.0, 0.0, 0.0
     for i in range(c.size - 1, -1, -1):
         bend = bend * (s - nodes[i]) + slope
@@ -66,7 +75,7 @@ def highest_near(s, peak, work):
 @kernel
 def integral_of_force(h, rho, work):
     """Integrate x S over the step, x the polynomial, in as many parts as that needs."""
-    c, nodes = work.newton[0], work.newton[1]
+    c, nodes = work.newton, TWICE
     found, parts = 0.0, 2
     while True:
         before, found = found, 0.0

@@ -2,6 +2,9 @@
 
 from hpcsweep.kernels.compile import inlined, kernel
 
+NEAR = 1e-6
+"""Last move to a root, which `impacts` finds exactly from there."""
+
 
 @inlined
 def hermite(d, left, right):
@@ -51,7 +54,7 @@ def root_of(c, a, b, sign):
             b = t
         step = t - value / slope if slope != 0.0 else a
         step = step if a < step < b else 0.5 * (a + b)
-        if abs(step - t) <= 1e-9:
+        if abs(step - t) <= NEAR:
             return step
         t = step
     return t

@@ -25,6 +25,8 @@ NOTHING = 1e-200
 """Of drifts below this the ends of the steps are enough."""
 FOURTH = np.array([math.perm(p, 4) for p in range(N_COEFFICIENTS)], float)
 """Factors of the coefficients in the fourth derivative by sigma."""
+REPEATED = 0.02
+"""Share of a step by which the extremum of the cubic interpolant may miss."""
 MOST_STEPS = 5
 """Of Newton's method, from the cubic Hermite interpolant: its error is squared by each."""
 
@@ -45,6 +47,13 @@ def drift_on_segment(index, x, z_end, s, model, tables, tally, work):
             search_peak(
                 work.drift_rows, tables.h[index], s, bound4, 0, 0, tally.peak_drift, work.stack
             )
+
+
+@inlined
+def largest_of_storeys(model, tally):
+    """Raise the largest drift to the peaks of the storeys, where these are gathered instead."""
+    for d in range(model.drift_rows.shape[0]):
+        tally.peak_drift[0] = max(tally.peak_drift[0], tally.peaks[d])
 
 
 @inlined
@@ -171,14 +180,15 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
 
 
 @kernel
-def raise_peak(rows, h, s, ends, bound4, side, w, peaks, stack):
+def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
     """Update peak w with the extrema of polynomial 0 of `rows` on [0, s], as `search_peak` does.
 
     The coefficients bound the fourth derivative more sharply than the state does, which makes most
     searches needless. Where slopes at the `ends`, of `row_at_ends`, differ in sign, Newton's method
-    begins at the extremum of the cubic Hermite interpolant. It ends where the Hermite bounds of the
-    parts before and beyond allow no more than the peak, after two to four evaluations. Otherwise,
-    and where that fails, the peak is searched.
+    begins at the extremum of the cubic Hermite interpolant, or at the time `near`, when the peak
+    was reached last, if that is within `REPEATED` of the step: of a periodic motion it is the
+    extremum. It ends where the Hermite bounds of the parts before and beyond allow no more than the
+    peak, after one to four evaluations. Otherwise, and where that fails, the peak is searched.
 
     Returns
     -------
@@ -194,6 +204,8 @@ def raise_peak(rows, h, s, ends, bound4, side, w, peaks, stack):
         m = 3.0 * (g1 - g0) / s - v0 - v1
         root = math.sqrt(m * m - v0 * v1)
         t = s * v0 / (v0 - m + (root if v0 > 0.0 else -root))
+        if abs(near - t) <= REPEATED * s:
+            t = near
         for _ in range(MOST_STEPS):
             if not 0.0 < t < s:
                 break

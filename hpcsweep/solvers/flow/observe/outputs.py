@@ -23,12 +23,17 @@ from hpcsweep.solvers.flow.state.contacts import contact_bit
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, product, product_of_moduli
 
 
-@kernel
+@inlined
 def fill_outputs(index, model, tables, outputs):
     """Fill table `index` of the accelerations for the contact set of that of the motion, once."""
+    if not (outputs.filled[index] and outputs.key[index] == tables.keys[index]):
+        _fill(index, model, tables, outputs)
+
+
+@kernel
+def _fill(index, model, tables, outputs):
+    """Fill table `index` of the accelerations."""
     key = tables.keys[index]
-    if outputs.filled[index] and outputs.key[index] == key:
-        return
     outputs.filled[index], outputs.key[index] = True, key
     rows, constant = outputs.functionals, outputs.constant
     _write_functionals(key, model, rows, constant)

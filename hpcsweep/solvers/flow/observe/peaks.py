@@ -9,7 +9,7 @@ bound of `search` allows more.
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.simd.vectors import LANES, fma, greatest, load, negative
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import expand_row
@@ -26,9 +26,20 @@ from hpcsweep.solvers.flow.search.search import HERMITE_MIDDLE
 from hpcsweep.solvers.flow.state.contacts import contact_bit
 from hpcsweep.solvers.flow.state.state import copy_state
 
+DISPLACEMENT_KINDS = 3
 LEAST = 1e-200
 """Excess over a peak that is not looked for, however small the peak is."""
-ALL = (1 << LANES) - 1
+
+
+@inlined
+def rows_of_kind(kind, shared):
+    """Return the flag of drifts, floors or contacts, where in `Model.watched`, and how many."""
+    model, outputs = shared.model, shared.outputs
+    if kind == 0:
+        return DRIFT, 0, model.drift_rows.shape[0]
+    if kind == 1:
+        return FLOOR, outputs.first_floor, model.ground.shape[0]
+    return CONTACT, outputs.first_contact, model.contacts.row.shape[0]
 
 
 @inlined
@@ -51,12 +62,8 @@ def _displacements_on_segment(segment, span, time, wanted, shared):
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     contacts, peaks = model.contacts, tally.peaks
     index = segment.index
-    for kind in range(3):
-        flag, first, count = DRIFT, 0, model.drift_rows.shape[0]
-        if kind == 1:
-            flag, first, count = FLOOR, shared.outputs.first_floor, model.ground.shape[0]
-        elif kind == 2:
-            flag, first, count = CONTACT, shared.outputs.first_contact, contacts.row.shape[0]
+    for kind in range(DISPLACEMENT_KINDS):
+        flag, first, count = rows_of_kind(kind, shared)
         if wanted & flag == 0 or (flag == CONTACT and segment.key == np.uint64(0)):
             continue
         for k in range(count):
@@ -73,7 +80,8 @@ def _displacements_on_segment(segment, span, time, wanted, shared):
             if row_may_be_higher(peaks[p], side, span, ends, bound4):
                 expand_difference(row, index, work.x, tables, work)
                 h, rows = tables.h[index], work.drift_rows
-                found = raise_peak(rows, h, span, ends, bound4, side, p, peaks, work.stack)
+                near = tally.times[p] - time
+                found = raise_peak(rows, h, span, ends, bound4, side, p, near, peaks, work.stack)
                 at = found if found >= 0.0 else at
             if at >= 0.0:
                 tally.times[p] = time + at
@@ -110,17 +118,17 @@ def _accelerations_on_segment(segment, span, time, amplitude, shared):
         peak = load(shared.tally.peaks, outputs.first + p)
         g0, slope0 = load(start, 2 * p), load(start, 2 * p + LANES)
         g1, slope1 = load(end, 2 * p), load(end, 2 * p + LANES)
-        reached = greatest(greatest(g0, g1), greatest(-1.0 * g0, -1.0 * g1))
+        limit = peak * (1.0 + SAME_PEAK) + LEAST
         middle = fma(slope0 - slope1, sixth, 0.5 * (g0 + g1))
         more = load(bounds, p) * fourth
         early, late = fma(slope0, quarter, g0), fma(slope1, -quarter, g1)
-        top = greatest(greatest(early, late), middle + more)
-        bottom = greatest(greatest(-1.0 * early, -1.0 * late), -1.0 * middle + more)
-        raised = negative(peak - reached)
-        high = ALL ^ negative(greatest(top, bottom) - peak * (1.0 + SAME_PEAK) - LEAST)
-        if raised | high != 0:
+        # signs one by one: a maximum of Lanes that keeps NaN takes five times a difference
+        higher = negative(peak - modulus(g0)) | negative(peak - modulus(g1))
+        higher |= negative(limit - modulus(early)) | negative(limit - modulus(late))
+        higher |= negative(limit - more - modulus(middle))
+        if higher != 0:
             for lane in range(LANES):
-                if (raised | high) >> lane & 1:
+                if higher >> lane & 1:
                     _raise_acceleration(p + lane, segment, span, time, shared)
 
 
@@ -136,7 +144,8 @@ def _raise_acceleration(p, segment, span, time, shared):
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
         expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
         rows = outputs.rows[p : p + 1]
-        found = raise_peak(rows, segment.h, span, ends, bound4, 0, w, peaks, work.stack)
+        near, h = shared.tally.times[w] - time, segment.h
+        found = raise_peak(rows, h, span, ends, bound4, 0, w, near, peaks, work.stack)
         reached = found if found >= 0.0 else reached
     if reached >= 0.0:
         shared.tally.times[w] = time + reached

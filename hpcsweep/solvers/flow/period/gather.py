@@ -3,7 +3,7 @@
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.model.kernel_model import ACCELERATION
+from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.drift import drift_on_segment
 from hpcsweep.solvers.flow.observe.impacts import impacts_at_end, impacts_on_segment
@@ -43,13 +43,17 @@ def segment_tangent(segment, ending, packed, shared, tangent):
 
 
 @inlined
-def observe_segment(segment, span, wanted, shared):
-    """Update contact set, drift and modal norms by a segment of length `span`."""
+def observe_segment(segment, span, wanted, measures, shared):
+    """Update contact set, drift and modal norms by a segment of length `span`.
+
+    `measures` as of `period.march_period`.
+    """
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     key, index = segment.key, segment.index
     if key != np.uint64(0):
         tally.contact[0] |= key
-    drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
+    if measures is None or wanted & DRIFT == 0:  # see `observe.drift.largest_of_storeys`
+        drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
     if wants_norms(wanted) and key == np.uint64(0):
         modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
 

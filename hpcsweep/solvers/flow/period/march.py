@@ -3,8 +3,10 @@
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
+from hpcsweep.model.kernel_model import DRIFT
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
 from hpcsweep.solvers.flow.dashpot.march import march_dashpots
+from hpcsweep.solvers.flow.observe.drift import largest_of_storeys
 from hpcsweep.solvers.flow.period.period import march_period
 from hpcsweep.solvers.flow.state.periods import begin_period, end_period
 from hpcsweep.solvers.flow.state.shared import read_shared
@@ -30,7 +32,10 @@ from hpcsweep.solvers.outcome import COMPLETE
 def march_measured(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     """Advance z as `march` does where measures are requested."""
     common = read_shared(shared)
-    return _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, True)
+    done = _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, True)
+    if wanted & DRIFT:
+        largest_of_storeys(common.model, common.tally)
+    return done
 
 
 @entry_point((INT, INT), BYTES, VECTOR, FLOAT, INT, MATRIX, INT, MATRIX, VECTOR, specialises=True)

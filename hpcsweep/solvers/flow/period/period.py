@@ -282,13 +282,13 @@ def march_segments(packed, begun, time, z, amplitude, shared, wanted, tangent, m
         if not is_ordinary(work.z_end):
             return NON_FINITE
         if tangent is not None and wanted != NO_TALLY:
-            observe_segment(segment, ending.span, wanted, shared)
+            observe_segment(segment, ending.span, wanted, measures, shared)
         passing = passing_contacts(segment, ending, work.z_end, model)
-        if tangent is None:
-            if wanted != NO_TALLY:
+        if measures is not None:  # in compiling; an array that is no None would not be left out
+            if tangent is not None:
+                measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared)
+            elif wanted != NO_TALLY:
                 measure_piece(segment, ending, passing, time + tau, amplitude, shared)
-        elif measures is not None:
-            measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)

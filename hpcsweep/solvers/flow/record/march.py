@@ -102,7 +102,7 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
                 outcome = march_pieces(shared, rest, z, amplitude, common, flags, None)
             else:
                 outcome = march_segments(
-                    shared, begun, time, z, amplitude, common, flags, None, None
+                    shared, begun, time, z, amplitude, common, flags, None, True
                 )
             if outcome != COMPLETE:
                 return j - first, outcome

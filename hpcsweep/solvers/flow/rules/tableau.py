@@ -75,6 +75,9 @@ def _check():
 
 
 NODES, WEIGHTS, STAGES, STAGES_SQUARED, LEGENDRE = _collocation()
+POINTS = np.concatenate(([0.0], NODES, [1.0]))
+"""The ends and the stages."""
+N_POINTS = N_STAGES + 2
 SPEED_ROWS = np.ascontiguousarray(STAGES.T)
 POSITION_ROWS = np.ascontiguousarray(STAGES_SQUARED.T)
 POSITION_WEIGHTS = WEIGHTS @ STAGES

@@ -96,7 +96,7 @@ class Workspace(NamedTuple):
     stage_v: np.ndarray
     stage_a: np.ndarray
     newton: np.ndarray
-    """(2, 2 (N_STAGES + 2)): a polynomial of a layer step, and its nodes."""
+    """(2 (N_STAGES + 2),): a polynomial of a layer step."""
 
 
 def new_workspace(model: Model) -> Workspace:
@@ -131,5 +131,5 @@ def new_workspace(model: Model) -> Workspace:
         stage_u=zeros(N_STAGES),
         stage_v=zeros(N_STAGES),
         stage_a=zeros(N_STAGES),
-        newton=zeros(2, 2 * (N_STAGES + 2)),
+        newton=zeros(2 * (N_STAGES + 2)),
     )

@@ -88,10 +88,10 @@ class RunReport:
         """List the ranges of frequency and amplitude, of first contact, and of the starts."""
         structure, (omega, amplitude) = self.structure, self.covered
         unit = known_unit(structure, "acceleration")
-        cycles = ""
-        if structure.unit_names.time:
-            cycles = f" = {_range(omega / (2 * np.pi))} {unit_of(structure, 'cycles')}"
-        yield f"frequency:  {_range(omega)}{known_unit(structure, 'frequency')}{cycles}"
+        named = structure.unit_names.time
+        cycles = unit_of(structure, "cycles") if named else "cycles per unit of time"
+        turns = f"{_range(omega / (2 * np.pi))} {cycles}"
+        yield f"frequency:  {_range(omega)}{known_unit(structure, 'frequency')} = {turns}"
         yield f"amplitude:  {_range(amplitude)}{unit}"
         omegas, grazes = _grazing_amplitudes(structure, omega)
         if np.isfinite(grazes).any():

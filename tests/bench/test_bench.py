@@ -269,6 +269,7 @@ def test_mistakes_take_one_line(tmp_path, arguments, word):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_parts_by_name_as_json(monkeypatch):
     # the command is a fork of this process
     monkeypatch.setattr(scaling, "floors", partial(scaling.floors, repeats=1, n_periods=3))

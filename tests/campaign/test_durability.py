@@ -86,6 +86,7 @@ def wait_for_start(process: faults.Processes, path: Path) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     ("ranks", "name", "victim"),

@@ -15,7 +15,10 @@ def patient(tmp_path_factory):
     return fuzz.Patient(tmp_path_factory.mktemp("fuzz"))
 
 
-@pytest.mark.parametrize("kind", SHARE)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(one, marks=pytest.mark.slow) if one == "job" else one for one in SHARE],
+)
 def test_a_share_of_the_cases_of_each_kind(patient, kind):
     outcomes = {seed: patient.case(kind, seed) for seed in range(SHARE[kind])}
     assert {seed: what for seed, what in outcomes.items() if what not in fuzz.ALLOWED} == {}

@@ -88,6 +88,7 @@ def test_what_is_computed_equals_all_points_and_the_audit_bounds_what_is_inferre
     assert look.low <= wrong[inferred].mean() <= look.high < 0.2
 
 
+@pytest.mark.slow
 def test_readers_tell_computed_from_inferred(refined, tmp_path):
     results = open_results(refined)
     inferred = int((results["source"].values == Source.INFERRED).sum())
@@ -192,6 +193,7 @@ def test_stopped_between_rounds_and_resumed(refined, tmp_path):
     assert_same_datasets(refined, path)
 
 
+@pytest.mark.slow
 def test_refined_by_the_period(refined, tmp_path):
     """The cells of this map are those of the class: no motions without a period lie beside it."""
     text = MAP.replace("wrong = 0.2", 'on = ["period", "contact"], wrong = 0.2')
@@ -253,6 +255,7 @@ def test_in_three_parameters(tmp_path):
     assert validate(path, samples=0).problems == []
 
 
+@pytest.mark.slow
 def test_the_number_of_attractors_is_refined_point_by_point(tmp_path):
     path = made(NUMBER, tmp_path / "number.h5")
     results = open_results(path)
@@ -274,6 +277,7 @@ def test_the_number_of_attractors_is_refined_point_by_point(tmp_path):
         parse_job(NUMBER.replace("wrong = 0.6", 'on = ["class"]'), "job", "job")
 
 
+@pytest.mark.slow
 def test_points_of_a_full_map_are_taken_over(refined, tmp_path):
     whole = made(MAP.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5")
     taken = made(MAP, tmp_path / "new.h5", reuse=[whole])
@@ -284,6 +288,7 @@ def test_points_of_a_full_map_are_taken_over(refined, tmp_path):
     assert_same_datasets(made(MAP.replace("levels = 3", "levels = 2"), tmp_path / "f.h5"), finer)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_beside_other_jobs_in_one_queue(refined, tmp_path):
     for name, text in (("map", MAP), ("small", SMALL)):

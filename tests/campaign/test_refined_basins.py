@@ -58,6 +58,7 @@ def test_a_start_does_not_depend_on_those_beside_it(refined):
             assert values[0] == together[name][k] == stored[name].values[0, 5, at[k]], name
 
 
+@pytest.mark.slow
 def test_readers_and_commands_tell_it(refined, tmp_path):
     results = open_results(refined)
     inferred = int((results["source"].values == Source.INFERRED).sum())
@@ -107,6 +108,7 @@ def test_starts_that_contradict_themselves_are_told(refined):
         assert any(word in reported for _, reported in study.check(block, broken))
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_ranks_and_a_kill_change_no_byte(refined, tmp_path, ranks):

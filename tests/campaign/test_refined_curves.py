@@ -100,6 +100,7 @@ def test_all_points_beside_a_curve_are_computed(folder):
         assert np.array_equal(first, second, equal_nan=True), name
 
 
+@pytest.mark.slow
 def test_a_complete_map_needs_the_curves_no_more(folder, tmp_path):
     shutil.copy(folder / "map.h5", tmp_path)
     assert validate(tmp_path / "map.h5", samples=0).problems == []
@@ -111,6 +112,7 @@ def test_a_complete_map_needs_the_curves_no_more(folder, tmp_path):
     assert "its checksum does not hold" in problem
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_ranks_change_no_byte(folder, tmp_path, ranks):
@@ -119,6 +121,7 @@ def test_ranks_change_no_byte(folder, tmp_path, ranks):
     assert_same_datasets(folder / "map.h5", tmp_path / "map.h5")
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_with_the_same_curves_only(folder, tmp_path):
     for path in folder.glob("*.h5"):
@@ -200,6 +203,7 @@ def test_basins_have_no_curves():
         load_job(JOBS / "refined" / "basins.toml", [f"study.{setting}"])
 
 
+@pytest.mark.slow
 def test_curves_of_one_part_cut_the_cells_on_both_sides_of_it(folder):
     text = (
         MAP.replace("41", "21")

@@ -28,6 +28,7 @@ def pairs(paths, folder):
     return [(load_job(path), folder / f"{path.stem}.h5") for path in paths]
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_three_at_once_equal_three_one_after_the_other(three, tmp_path):
     done = hpcsweep(3, "run", *three)

@@ -142,6 +142,7 @@ def test_the_command_writes_text_tables_and_json(file, tmp_path, capsys):
     assert said.err.startswith(f"hpcsweep: error: {other}: ")
 
 
+@pytest.mark.slow
 def test_maps_read_frame_by_frame_are_the_same_pictures(file, tmp_path):
     whole = store.open_results(file)
     for direction in ("up", "down"):

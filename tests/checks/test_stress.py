@@ -31,6 +31,7 @@ def behave(item):
     return None if item is None else item.upper()
 
 
+@pytest.mark.slow
 def test_a_hang_an_error_and_a_death_are_told_and_the_rest_goes_on():
     items = ["a", "raise", "b", "hang", "c", "die", "d"]
     found = dict(each(behave, items, lambda item: 1.0 if item == "hang" else 60.0))

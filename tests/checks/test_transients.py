@@ -27,6 +27,7 @@ def repeats(points: np.ndarray) -> bool:
     return any(np.abs(points[-1] - points[-1 - p]).max() < 1e-6 for p in range(1, 65))
 
 
+@pytest.mark.slow
 def test_what_ends_repeats_and_what_outlives_does_not(chaos):
     results = open_results(chaos).isel(omega=0)
     structure = load_job("jobs/paper/figure3-described.toml").structure

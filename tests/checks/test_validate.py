@@ -321,9 +321,14 @@ def test_results_of_another_structure_are_found_out_by_the_other_solver(tmp_path
 @pytest.mark.parametrize(
     ("name", "change", "finding"),
     [
-        ("contact", lambda v: v ^ np.uint64(2), "contact"),
         ("drift", lambda v: v * 1.001, "peak drift"),
-        ("modal_norm", lambda v: v * 0.9, "modal norms"),
+        *(
+            pytest.param(*one, marks=pytest.mark.slow)
+            for one in (
+                ("contact", lambda v: v ^ np.uint64(2), "contact"),
+                ("modal_norm", lambda v: v * 0.9, "modal norms"),
+            )
+        ),
     ],
 )
 def test_wrong_metrics_are_found_out_by_the_other_solver(tmp_path, name, change, finding):

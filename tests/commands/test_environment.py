@@ -36,8 +36,11 @@ def whole(tmp_path_factory):
 @pytest.mark.parametrize(
     "redirection",
     [
-        *(pytest.param(one, marks=pytest.mark.slow) for one in ("0<&-", "1>&-", "2>&-")),
-        *("0<&- 1>&- 2>&-", "2>/dev/full", "1>/dev/full"),
+        "0<&- 1>&- 2>&-",
+        *(
+            pytest.param(one, marks=pytest.mark.slow)
+            for one in ("0<&-", "1>&-", "2>&-", "2>/dev/full", "1>/dev/full")
+        ),
     ],
 )
 def test_streams_that_are_closed_or_full_do_not_reach_the_results(

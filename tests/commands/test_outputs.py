@@ -125,7 +125,7 @@ def test_a_list_of_points_is_a_map_and_no_sweep(folder, tmp_path):
         assert "list of points" in done.stderr
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("unbuffered", [pytest.param("", marks=pytest.mark.slow), "1"])
 @pytest.mark.parametrize("into", ["closed pipe", "full device"])
 def test_what_prints_to_nobody_ends_without_a_traceback(folder, into, unbuffered):
     command = [sys.executable, "-m", "hpcsweep", "run", str(folder / "a.toml"), "--dry-run"]
@@ -148,7 +148,7 @@ def test_what_prints_to_nobody_ends_without_a_traceback(folder, into, unbuffered
         assert len(done.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize("name", ["a b.toml", "-a.toml"])
+@pytest.mark.parametrize("name", ["a b.toml", pytest.param("-a.toml", marks=pytest.mark.slow)])
 def test_the_command_that_new_prints_works(tmp_path, name):
     done = hpcsweep(0, "new", "--", name, cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -80,7 +80,12 @@ def test_a_run_loads_kernels_without_what_would_compile_them(tmp_path, small_job
 
 
 @pytest.mark.parametrize(
-    "arguments", [["summary", RESULTS], ["plot", RESULTS, "-o", "one.png"]], ids=lambda one: one[0]
+    "arguments",
+    [
+        ["summary", RESULTS],
+        pytest.param(["plot", RESULTS, "-o", "one.png"], marks=pytest.mark.slow),
+    ],
+    ids=lambda one: one[0],
 )
 def test_results_are_read_and_drawn_without_what_computes(tmp_path, results, arguments):
     shutil.copy(results, tmp_path)
@@ -98,7 +103,7 @@ def test_a_run_loads_the_solver_of_its_job_and_no_other(tmp_path):
     assert not modules & ({"scipy.integrate", "hpcsweep.solvers.bdf"} | DRAWS)
 
 
-@pytest.mark.parametrize("method", ["flow", "bdf"])
+@pytest.mark.parametrize("method", ["flow", pytest.param("bdf", marks=pytest.mark.slow)])
 def test_each_solver_runs_in_a_process_that_has_loaded_no_other(tmp_path, method):
     job = tmp_path / "job.toml"
     text = SMALL

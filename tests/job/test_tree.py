@@ -326,6 +326,7 @@ def test_every_shipped_job_loads():
         assert job.study.n_runs > 0
 
 
+@pytest.mark.slow
 def test_every_shipped_job_is_as_its_text_says():
     for path, job in shipped().items():
         again = parse_job(job.text, path.name, path.stem)

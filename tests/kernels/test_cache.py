@@ -83,6 +83,7 @@ def started_in(folder: Path, cache: Path) -> tuple[str, int, int]:
     return key, int(hits), int(misses)
 
 
+@pytest.mark.slow
 def test_the_cache_is_found_from_another_path_and_not_after_an_edit(tmp_path):
     for name in ("one", "two"):
         shutil.copytree(
@@ -102,6 +103,7 @@ def test_the_cache_is_found_from_another_path_and_not_after_an_edit(tmp_path):
     assert (hits, misses) == (0, 1)
 
 
+@pytest.mark.slow
 def test_settings_of_numba_for_other_packages_are_left_alone():
     code = (
         "import numba; before = numba.config.CACHE_DIR\n"
@@ -126,6 +128,7 @@ def hashed(cache: Path) -> tuple[str, bool]:
     return key, int(parsed) > 0
 
 
+@pytest.mark.slow
 def test_files_that_have_not_changed_are_parsed_once(tmp_path):
     key, parsed = hashed(tmp_path)
     assert parsed
@@ -159,6 +162,7 @@ def test_what_is_not_as_it_was_written_counts_as_not_there(tmp_path):
     assert folders.read_verified(path) is None
 
 
+@pytest.mark.slow
 def test_a_damaged_kernel_is_compiled_again_and_mended(tmp_path):
     shutil.copytree(PACKAGE, tmp_path / "hpcsweep", ignore=shutil.ignore_patterns("__pycache__"))
     cache = tmp_path / "cache"

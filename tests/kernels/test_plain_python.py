@@ -100,6 +100,7 @@ def both(tmp_path_factory):
         return results(), dict(plain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [*PERIODS, *GRAZING, *ORBITS])
 def test_plain_kernels_agree_with_compiled_ones(both, case):
     compiled, plain = both

@@ -214,7 +214,9 @@ def test_a_cache_that_cannot_be_written_takes_one_line(tmp_path):
     assert (second.stdout.split(), second.stderr) == (["1", "0"], "")
 
 
-@pytest.mark.parametrize("kept", ["usual", "own", "nowhere"])
+@pytest.mark.parametrize(
+    "kept", ["usual", *(pytest.param(one, marks=pytest.mark.slow) for one in ("own", "nowhere"))]
+)
 def test_where_kernels_are_kept_is_known(tmp_path, kept):
     (tmp_path / "file").write_text("")
     own = tmp_path / f"hpcsweep-{os.getuid()}"
@@ -232,6 +234,7 @@ def test_where_kernels_are_kept_is_known(tmp_path, kept):
     assert [Path(folder).parent for folder in found] == below
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["file", "open to all"])
 def test_a_folder_that_may_be_another_users_is_not_used(tmp_path, kind):
     (tmp_path / "file").write_text("")
@@ -250,6 +253,7 @@ def test_a_folder_that_may_be_another_users_is_not_used(tmp_path, kind):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_damaged_kernel_is_compiled_anew(tmp_path):
     cache = str(tmp_path)
     assert compiled_in(NUMBA_CACHE_DIR=cache).stdout.split() == ["0", "1"]
@@ -278,6 +282,7 @@ Path.write_bytes = write_bytes
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elsewhere", [pytest.param("with room", marks=pytest.mark.slow), "full"])
 def test_a_disk_that_fills_up_in_mid_write_takes_one_line(tmp_path, elsewhere):
     cache, temporary = tmp_path / "cache", tmp_path / "temporary"
@@ -320,6 +325,7 @@ def on_a_small_disk(size: int, disk: Path, *command, **variables) -> subprocess.
     return done
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_too_small_takes_one_line(tmp_path):
     disk, temporary = tmp_path / "disk", tmp_path / "temporary"
     temporary.mkdir()

@@ -91,6 +91,7 @@ class _Learnt:
         self.done, self.left = known.done, known.left
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_ranks", [2, 48, 2000])
 def test_a_simulation_looks_at_known_costs_a_few_times_however_many_tasks_wait(n_ranks):
     rng = np.random.default_rng(8)
@@ -115,6 +116,7 @@ def test_messages_of_tasks_simulated_together_come_together():
         assert several.master_load == pytest.approx(single.master_load, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_master_is_no_bottleneck_on_4096_ranks():
     rng = np.random.default_rng(4)
     blocks = [np.full(4, cost / 4) for cost in 10 ** rng.uniform(0, 2, 6000)]
@@ -277,6 +279,7 @@ def test_predicted_makespan_is_the_measured_one_on_oversubscribed_ranks(tmp_path
     assert capacity is None if ranks == 1 else capacity > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_frames_that_move_between_ranks_give_the_same_bytes(tmp_path):
     job = tmp_path / "equal.toml"

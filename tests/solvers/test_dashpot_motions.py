@@ -263,6 +263,7 @@ def test_the_solvers_observe_the_same(tension):
     assert path[-1] == pytest.approx(points[0], abs=1e-9)
 
 
+@pytest.mark.slow
 @ONE_QUICK
 def test_the_same_response_by_the_other_solver(tension):
     structure, record = neighbours(tension, 0.03), Record(9 * np.cos(np.arange(25.0)), 0.05)

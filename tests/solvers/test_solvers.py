@@ -307,6 +307,7 @@ def test_step_limit_is_an_outcome(name, monkeypatch):
     assert points.shape == (0, 6)
 
 
+@pytest.mark.slow
 def test_a_tangent_vector_goes_on_from_stretch_to_stretch(name):
     solver = solver_for(name, IMPACTING)
     whole = solver.grow(np.zeros(6), 0.08, 3)

@@ -23,6 +23,7 @@ def whole(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_packed_file_reads_the_same_and_is_smaller(copy, tmp_path):
     packed = tmp_path / "packed.h5"
     done = hpcsweep(0, "pack", copy, "-o", packed)

@@ -153,7 +153,9 @@ def test_a_disk_with_no_room_for_the_whole_file_is_found_before_the_start(tmp_pa
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("ranks", "transport"), [(0, "pwrite"), (2, "offset")])
+@pytest.mark.parametrize(
+    ("ranks", "transport"), [pytest.param(0, "pwrite", marks=pytest.mark.slow), (2, "offset")]
+)
 def test_status_tells_what_was_written_how_fast_and_in_what_share_of_the_time(
     tmp_path, small_job, ranks, transport
 ):

@@ -227,6 +227,7 @@ print(sum(before), sum(len(kernel.signatures) for kernel in kernels))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("metrics", [("contact",), ("poincare", "drift", "modal_norm", "lyapunov")])
 def test_the_warm_up_leaves_nothing_to_compile(metrics):
     script = LEFT_TO_COMPILE.format(metrics=metrics)

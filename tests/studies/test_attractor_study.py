@@ -44,6 +44,7 @@ def test_larger_blocks_give_the_same_results(tmp_path, whole):
     assert two[kept].equals(four[kept])
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
     cut = tmp_path / "cut.h5"

@@ -38,6 +38,7 @@ def whole(job):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
     cut = tmp_path / "cut.h5"

@@ -106,6 +106,7 @@ def test_on_any_number_of_ranks_the_file_is_the_same(folder, whole, ranks):
     assert_same_datasets(whole, path)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(folder, whole):
     cut = folder / "cut.h5"

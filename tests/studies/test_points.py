@@ -35,6 +35,7 @@ def grid_job(tmp_path):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, grid_job):
     long = tmp_path / "long.toml"

@@ -139,6 +139,7 @@ def test_a_branch_passes_the_grazings_of_sharp_stops_from_either_side(sharpness)
     assert np.count_nonzero(below.special_kind.values == "fold") == 4
 
 
+@pytest.mark.slow
 def test_a_branch_does_not_jump_where_a_multiplier_has_a_pole():
     # a soft stop pulls before it pushes: motions that dwell there repel by 1e6 a period
     structure = Structure(3, sharpness=1e3)

@@ -2,8 +2,8 @@ r"""Follow a branch of periodic orbits by pseudo-arclength, with its special poi
 
 A step goes along the tangent and is corrected across it. Its length follows the angle by which the
 tangent turns: `ANGLE` is the target, `LARGEST_ANGLE` is refused. A step is also refused where the
-corrected point is farther from the predicted one than `ASTRAY` of the step, where the number of
-unstable multipliers changes by more than the special points found on it explain, or where a
+corrected point is farther from the predicted one than `ASTRAY` of the step, where the numbers of
+unstable multipliers change otherwise than the special points found on it explain, or where a
 multiplier has a pole: it leaves the real axis at +infinity and comes back from -infinity, as it
 does between two branches, so that prod (1 + mu) and prod (1 - mu) change their signs at one place.
 
@@ -20,11 +20,11 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import Curve, Solution, solve, solve_at
 from hpcsweep.dynamics.continuation.events import (
-    CODIMENSION_ONE,
     PRECISION,
+    REAL,
     Kind,
     Special,
-    n_unstable,
+    cubic,
     special_points,
 )
 
@@ -211,9 +211,7 @@ def step_of_branch(
         return None
     if _has_pole(specials) or (step > COLLAPSED and _crosses(specials)):
         return None
-    explained = sum(CODIMENSION_ONE.get(one.kind, 0) for one in specials)
-    change = abs(n_unstable(point.multipliers) - n_unstable(last.multipliers))
-    if change > explained and step > 16 * limits.smallest:
+    if not _explained(specials, last, point) and step > 16 * limits.smallest:
         return None
     return point, specials, angle, end
 
@@ -226,6 +224,27 @@ def _largest_move(step: float) -> float:
 def _crosses(specials: list[Special]) -> bool:
     """Return whether another branch crosses; a step that jumps to one nearby seems to, too."""
     return any(one.kind is Kind.BRANCH_POINT for one in specials)
+
+
+def _explained(specials: list[Special], last: Solution, point: Solution) -> bool:
+    """Return whether special points explain how many multipliers leave the unit circle, or enter.
+
+    Outside it a complex pair can take the place of two real ones, but not on the step of a special
+    point: there a neutral saddle may hide a torus.
+    """
+    kinds = [one.kind for one in specials]
+    real, paired = (b - a for a, b in zip(_outside(last), _outside(point), strict=True))
+    n_real, n_pairs = sum(kind in REAL for kind in kinds), kinds.count(Kind.TORUS)
+    if n_real + n_pairs == 0:
+        return real + paired == 0
+    return abs(real) <= n_real and abs(paired) <= 2 * n_pairs
+
+
+def _outside(point: Solution) -> tuple[int, int]:
+    """Count the real and the complex multipliers outside the unit circle."""
+    outside = point.multipliers[np.abs(point.multipliers) > 1.0]
+    paired = int(np.count_nonzero(outside.imag))
+    return outside.size - paired, paired
 
 
 def _has_pole(specials: list[Special]) -> bool:
@@ -255,20 +274,12 @@ def on_cubic(
     rises = last.y[component] > first.y[component]
     for _ in range(HALVINGS):
         s = 0.5 * (low + high)
-        if (_cubic(s, first.y[component], last.y[component], own, other) < value) == rises:
+        if (cubic(s, first.y[component], last.y[component], own, other) < value) == rises:
             low = s
         else:
             high = s
     s = 0.5 * (low + high)
-    return _cubic(s, first.y, last.y, length * first.tangent, length * last.tangent), s
-
-
-def _cubic(s: float, first, last, first_slope, last_slope):
-    """Evaluate Hermite's cubic at s from 0 to 1."""
-    r = 1.0 - s
-    return r * r * ((1.0 + 2.0 * s) * first + s * first_slope) + s * s * (
-        (1.0 + 2.0 * r) * last - r * last_slope
-    )
+    return cubic(s, first.y, last.y, length * first.tangent, length * last.tangent), s
 
 
 def _shifted(curve, point: Solution, shift: int) -> Solution:

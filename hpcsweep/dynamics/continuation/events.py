@@ -39,8 +39,8 @@ class Kind(IntEnum):
     GRAZING = 5
 
 
-CODIMENSION_ONE = {Kind.FOLD: 1, Kind.DOUBLING: 1, Kind.TORUS: 2, Kind.BRANCH_POINT: 1}
-"""Multipliers that cross the unit circle."""
+REAL = Kind.FOLD, Kind.DOUBLING, Kind.BRANCH_POINT
+"""Special points at which one real multiplier crosses the unit circle; at a torus a pair does."""
 
 
 class Special(NamedTuple):
@@ -124,16 +124,29 @@ def between(
     """Find the point at a fraction of the chord between two points.
 
     The point is sought along the tangent of `near`, a third point, if given; `corrects` if that was
-    found by this function, so that its Jacobian is kept.
+    found by this function, so that its Jacobian is kept. If `near` is `last`, it is sought from the
+    cubic through both ends: the tangent may lead to another branch from there.
     """
     chord = last.y - first.y
     border = curve.border(chord / np.linalg.norm(chord), first.tangent, last.tangent)
     guess = first.y + fraction * chord
-    if near is not None:
+    if near is last:
+        size = np.linalg.norm(chord)
+        on = cubic(fraction, first.y, last.y, size * first.tangent, size * last.tangent)
+        guess = on + border @ (guess - on) / (border @ border) * border
+    elif near is not None:
         guess = near.y + border @ (guess - near.y) / (border @ near.tangent) * near.tangent
     if near is not None and corrects:
         return curve.correct(guess, border, near)
     return curve.solve(guess, border, near)
+
+
+def cubic(s: float, first, last, first_slope, last_slope):
+    """Evaluate Hermite's cubic at s from 0 to 1."""
+    r = 1.0 - s
+    return r * r * ((1.0 + 2.0 * s) * first + s * first_slope) + s * s * (
+        (1.0 + 2.0 * r) * last - r * last_slope
+    )
 
 
 def special_points(curve: Curve, first: Solution, last: Solution) -> list[Special]:

@@ -160,7 +160,12 @@ def test_a_branch_does_not_jump_to_its_own_other_side():
     assert found.value.values[[0, -1]].tolist() == [0.035, 0.25]
     kinds = found.special_kind.values.tolist()
     assert kinds.count("branch_point") == 0
+    assert len(kinds) == 42
     assert kinds.count("doubling") == 12
+    # one step from a doubling and from a fold, as they are with steps of a tenth
+    tori = found.special_value.values[found.special_kind.values == "torus"]
+    for at in (0.135924374776, 0.170242128620):
+        assert np.abs(tori - at).min() < 1e-10
 
 
 def test_derivatives_by_parameters():

@@ -1,4 +1,4 @@
-"""Largest modulus of the eigenvalues of a small real matrix, without calling a library.
+"""Eigenvalues of a small real matrix, and the largest modulus, without calling a library.
 
 Householder's reflections take the matrix to Hessenberg form, Francis' double-shifted QR steps
 deflate it from below (Golub, Van Loan, Matrix Computations, 4th ed., sections 7.4 and 7.5; the
@@ -28,6 +28,31 @@ def spectral_radius(matrix):
     float
         inf if the matrix is not finite, or the steps do not converge.
     """
+    scale = deflate(matrix)
+    if scale == math.inf:
+        return math.inf
+    largest = 0.0
+    for i in range(matrix.shape[0]):
+        corner, below = matrix[i, i], 0.0
+        if i + 1 < matrix.shape[0]:
+            below = matrix[i + 1, i]
+        size = abs(corner) if below == 0.0 else math.sqrt(corner * corner + below * below)
+        largest = max(largest, size)
+    return scale * largest
+
+
+@kernel
+def deflate(matrix):
+    """Overwrite a matrix with its eigenvalues, over a scale.
+
+    On the diagonal are the real parts. The imaginary part of a complex pair, which is that of two
+    neighbours, is between them below the diagonal; elsewhere there are zeros.
+
+    Returns
+    -------
+    float
+        The scale; inf if the matrix is not finite, or the steps do not converge.
+    """
     size = matrix.shape[0]
     norm = 0.0
     for i in range(size):
@@ -35,16 +60,14 @@ def spectral_radius(matrix):
             norm += abs(matrix[i, j])
     if not norm < math.inf:
         return math.inf
-    scale = 1.0 if SMALL < norm < 1.0 / SMALL else norm
-    if norm == 0.0:
-        return 0.0
+    scale = 1.0 if SMALL < norm < 1.0 / SMALL or norm == 0.0 else norm
     if scale != 1.0:
         # squares beyond this range overflow or underflow
         for i in range(size):
             for j in range(size):
                 matrix[i, j] /= scale
     _to_hessenberg(matrix)
-    return scale * _largest_modulus(matrix, norm / scale)
+    return scale if _deflate(matrix, norm / scale) else math.inf
 
 
 @kernel
@@ -82,12 +105,11 @@ def _to_hessenberg(a):
 
 
 @kernel
-def _largest_modulus(h, norm):
-    """Return the largest modulus of the eigenvalues of a Hessenberg matrix, inf if none is found.
+def _deflate(h, norm):
+    """Overwrite a Hessenberg matrix as `deflate` does; return whether the steps converge.
 
     `shifted` has been taken off the diagonal.
     """
-    largest = 0.0
     shifted = 0.0
     end = h.shape[0] - 1
     steps = 0
@@ -95,7 +117,7 @@ def _largest_modulus(h, norm):
         first = _first_of_block(h, end, norm)
         corner = h[end, end]
         if first == end:
-            largest = max(largest, abs(corner + shifted))
+            h[end, end] = corner + shifted
             end -= 1
             steps = 0
             continue
@@ -107,15 +129,15 @@ def _largest_modulus(h, norm):
             square = half * half + product
             root = math.sqrt(abs(square))
             middle = corner + shifted + half
-            if square >= 0.0:
-                largest = max(largest, abs(middle) + root)
-            else:
-                largest = max(largest, math.sqrt(middle * middle + root * root))
+            apart = root if square >= 0.0 else 0.0
+            h[end - 1, end - 1] = middle + apart
+            h[end, end] = middle - apart
+            h[end, end - 1] = 0.0 if square >= 0.0 else root
             end -= 2
             steps = 0
             continue
         if steps == MOST_STEPS:
-            return math.inf
+            return False
         steps += 1
         if steps % UNUSUAL == 0:
             shifted += corner
@@ -125,7 +147,7 @@ def _largest_modulus(h, norm):
             above = corner
             product = -0.4375 * corner * corner / 0.5625
         _double_step(h, first, end, corner, above, product)
-    return largest
+    return True
 
 
 @kernel

@@ -10,7 +10,7 @@ import math
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
 from hpcsweep.solvers.flow.period.march import advance
-from hpcsweep.solvers.flow.state.state import copy_state
+from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state, make_unit
 from hpcsweep.solvers.outcome import COMPLETE
 from hpcsweep.solvers.skip_rule import LINEAR_DEFECT, STABLE
 
@@ -43,7 +43,7 @@ def newton_orbit(shared, common, watch, period, amplitude):
     found, n_periods = _find_orbit(shared, common, watch, period, amplitude, image)
     if not (found and _is_linear(watch.matrix, state, image, watch.point)):
         return False, n_periods, math.nan
-    _copy_matrix(watch.matrix, watch.factors)
+    copy_matrix(watch.matrix, watch.factors)
     multiplier = spectral_radius(watch.factors)
     return multiplier <= STABLE, n_periods, multiplier
 
@@ -72,7 +72,7 @@ def _find_orbit(shared, common, watch, period, amplitude, image):
             done, outcome = advance(shared, common, point, amplitude, period, common.no_tangent)
         else:
             copy_state(point, taken)
-            _make_unit(matrix)
+            make_unit(matrix)
             done, outcome = advance(shared, common, point, amplitude, period, matrix)
         n_periods += done
         if outcome != COMPLETE:
@@ -80,7 +80,7 @@ def _find_orbit(shared, common, watch, period, amplitude, image):
         last_residual = residual
         residual = _largest_difference(point, left)
         # z - (M - I)^-1 (F(z) - z), z in `left` and F(z) in `point`
-        _copy_matrix(matrix, watch.factors)
+        copy_matrix(matrix, watch.factors)
         for k in range(size):
             watch.previous[k] = point[k] - left[k]
             watch.factors[k, k] -= 1.0
@@ -111,21 +111,6 @@ def _is_linear(matrix, state, image, orbit):
         size_left = max(size_left, abs(image[i] - orbit[i]))
         curved = max(curved, abs(image[i] - orbit[i] - expected))
     return curved <= LINEAR_DEFECT * size_left + NEWTON_RESIDUAL
-
-
-@kernel
-def _copy_matrix(matrix, out):
-    """Copy a square matrix into `out`."""
-    for i in range(matrix.shape[0]):
-        copy_state(matrix[i], out[i])
-
-
-@kernel
-def _make_unit(matrix):
-    """Set a square matrix to the unit matrix."""
-    matrix[:] = 0.0
-    for i in range(matrix.shape[0]):
-        matrix[i, i] = 1.0
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Copy states of motions, and test their size."""
+"""Copy states of motions and matrices, and test their size."""
 
 from hpcsweep.kernels.compile import kernel
 
@@ -20,3 +20,18 @@ def copy_state(z, out):
     """Copy z into `out`, which may be longer."""
     for i in range(z.shape[0]):
         out[i] = z[i]
+
+
+@kernel
+def copy_matrix(matrix, out):
+    """Copy the rows of a matrix into `out`."""
+    for i in range(matrix.shape[0]):
+        copy_state(matrix[i], out[i])
+
+
+@kernel
+def make_unit(matrix):
+    """Set a square matrix to the unit matrix."""
+    matrix[:] = 0.0
+    for i in range(matrix.shape[0]):
+        matrix[i, i] = 1.0

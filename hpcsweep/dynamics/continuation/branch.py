@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, Solution, solve, solve_at
+from hpcsweep.dynamics.continuation.cycle import Curve, Solution, solve_at
 from hpcsweep.dynamics.continuation.events import (
     PRECISION,
     REAL,
@@ -27,22 +27,20 @@ from hpcsweep.dynamics.continuation.events import (
     cubic,
     special_points,
 )
+from hpcsweep.solvers.branch_rule import (
+    ANGLE,
+    ASTRAY,
+    CLOSED,
+    GROWTH,
+    LARGEST_ANGLE,
+    LEAST_MOVE,
+    OF_A_STEP,
+    ON_A_STEP,
+    ON_DIVISOR,
+)
 
-ANGLE = 0.12
-LARGEST_ANGLE = 0.5
-ASTRAY = 0.5
-GROWTH = 2.0
 COLLAPSED = 1e-4
 """Step within which an orbit comes to one of a period that divides its own, or to a crossing."""
-ON_DIVISOR = 1e-3
-"""Share of its distance from an orbit of a period that divides its own, below which it is one."""
-ON_A_STEP = 1e-8
-"""Largest last move to an ordinary point of a branch: multipliers are accurate to about that."""
-OF_A_STEP, LEAST_MOVE = 0.01, 1e-10
-"""The same as a share of the step, where that is less, and the least that is asked of it."""
-CLOSED = 1e-3
-"""Share of a step within which a closed branch comes back to its start."""
-
 HALVINGS = 30
 """Of the share of a step at which a component has a value."""
 
@@ -148,8 +146,19 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
     starts = [_shifted(curve, start, shift) for shift in range(curve.period)]
     step, last, bend = limits.largest / 8, start, np.zeros_like(start.y)
     why = "most steps"
-    while len(arc.points) <= limits.most_steps:
-        found = take(curve, last, bend, step, limits)
+    tracer = curve.tracer if take is step_of_branch else None
+    span = limits.low, limits.high, limits.largest, limits.smallest, limits.reach
+    while (room := limits.most_steps + 1 - len(arc.points)) > 0:
+        if tracer is None:
+            found = take(curve, last, bend, step, limits)
+        else:
+            walked, bend, step, there = tracer.walk(start, last, bend, step, span, room)
+            if walked:
+                last = walked[-1]
+                arc.points += [one._replace(inverse=None) for one in walked]
+            if len(walked) == room:
+                break
+            found = step_of_branch(curve, last, bend, step, limits, there)
         if found is None:
             step *= 0.5
             if step < limits.smallest:
@@ -181,13 +190,22 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
 
 
 def step_of_branch(
-    curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: Limits
+    curve: Curve,
+    last: Solution,
+    bend: np.ndarray,
+    step: float,
+    limits: Limits,
+    point: Solution | None = None,
 ) -> Step | None:
-    """Take one step along the tangent, which turns by `bend` per length; None if it is too long."""
+    """Take one step along the tangent, which turns by `bend` per length; None if it is too long.
+
+    It leads to `point`, if that is given.
+    """
     try:
         guess = last.y + step * (last.tangent + 0.5 * step * bend)
         across = curve.border(last.tangent)
-        point = solve(curve, guess, across, last, _largest_move(step))
+        if point is None:
+            point = curve.solve(guess, across, last, _largest_move(step))
         angle = angle_of_step(last, guess, point, step)
         if angle is None:
             return None

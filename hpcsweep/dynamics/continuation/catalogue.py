@@ -17,13 +17,12 @@ import numpy as np
 from hpcsweep.dynamics.continuation.branch import COLLAPSED, Arc, Limits, follow, on_cubic
 from hpcsweep.dynamics.continuation.cycle import (
     Curve,
-    Map,
     NotConvergedError,
     Solution,
-    solve,
     solve_at,
 )
 from hpcsweep.dynamics.continuation.events import Kind, Special
+from hpcsweep.dynamics.continuation.maps import Map
 from hpcsweep.dynamics.continuation.switching import criticality, switch
 from hpcsweep.dynamics.orbit import smallest_period
 
@@ -255,7 +254,7 @@ def _holds(arc: Arc, points: np.ndarray, value: float) -> bool:
             continue
         own = curve.join(shifts[int(np.argmin(far))], value)
         try:  # the point of the branch on the hyperplane through the orbit, across the branch
-            exact = solve(curve, guess + tangent @ (own - guess) * tangent, tangent).y
+            exact = curve.solve(guess + tangent @ (own - guess) * tangent, tangent).y
         except NotConvergedError:
             continue
         if np.abs(exact - own).max() <= SAME:

@@ -16,71 +16,29 @@ moves fall by `CONTRACTS`; the last move uses the tangent maps at the solution, 
 anyway. Where a motion grazes a contact that is a spring, F is once differentiable, with a term of
 power 3/2: the method is then of order 3/2, not 2. From a distance of 1e-5 it takes 3 to 5 moves at
 the three grazings of Figure 3's branch of period 1, and 2 or 3 elsewhere on it, to reach 1e-13.
+
+Along the amplitude of a structure, where a new value needs no solver, the method is compiled
+(`hpcsweep.solvers.flow.orbit.corrector`), and so are steps on which nothing happens (`.walk`): in
+Python a point of three floors costs 350 to 450 us, of which its map takes 30. The method is written
+twice for this factor; the one here serves any map and parameter, and orbits whose tangent maps have
+no product with the digits of the multipliers.
 """
 
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation.maps import Map
 from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
+from hpcsweep.solvers.branch_rule import CONTRACTS, EXACT, REACHED, ROUNDING, STEPS
 
-STEPS = 12
-CONTRACTS = 0.2
-"""Factor by which moves must fall for the Jacobian to be kept."""
-REACHED = 1e-8
-"""Largest move before the last, and of the last: the remaining distance is then rounding."""
-EXACT, ROUNDING = 1e-13, 1e-11
-"""Moves with a kept Jacobian end at the first, or where they no longer fall and the last one that
-did was at most the second: the map's own rounding, times the norm of the inverse, can be above the
-first."""
 STEEP = 0.2
 """Component of a tangent along the parameter from which points are sought at one value of it."""
 
 
 class NotConvergedError(ArithmeticError):
     """Raised where Newton's method has found no orbit."""
-
-
-class Map(Protocol):
-    """A map with a parameter, or two; points are in units in which they are of order 1."""
-
-    size: int
-    """Dimension N."""
-
-    def images(self, points: np.ndarray, value: Any) -> np.ndarray:
-        """Return F of each point, shape (p, N); raise `ArithmeticError` where there is none."""
-        ...
-
-    def tangents(self, points: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Return F and dF/dx of each point, shapes (p, N) and (p, N, N)."""
-        ...
-
-    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
-        """Return dF/dlambda at each point, whose F is known; of parameter number `k` of two."""
-        ...
-
-    def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
-        """Count non-smooth events of the map along an orbit, (p, N); () for smooth maps."""
-        ...
-
-
-class Solvable(Protocol):
-    """A curve whose points on hyperplanes can be found."""
-
-    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
-        """Return across what a point is sought, between two where the curve goes along `way`."""
-        ...
-
-    def solve(
-        self, guess: np.ndarray, border: np.ndarray, near: "Solution | None" = None
-    ) -> "Solution":
-        """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
-        ...
-
-    def correct(self, guess: np.ndarray, border: np.ndarray, near: "Solution") -> "Solution":
-        """Find it where a neighbour was sought across the same border; see `correct`."""
-        ...
 
 
 class Curve(NamedTuple):
@@ -139,11 +97,32 @@ class Curve(NamedTuple):
         whole[-1] = border
         return whole
 
+    @property
+    def tracer(self) -> Any:
+        """What finds the points by compiled kernels, or None; see `Map`."""
+        return self.map.tracer(self.period, self.scale, Solution.made)
+
+    def signature(self, point: "Solution") -> tuple[int, ...]:
+        """Return the signature of an orbit."""
+        if point.signature is not None:
+            return point.signature
+        return self.map.signature(*self.split(point.y))
+
     def solve(
-        self, guess: np.ndarray, border: np.ndarray, near: "Solution | None" = None
+        self,
+        guess: np.ndarray,
+        border: np.ndarray,
+        near: "Solution | None" = None,
+        reached: float = REACHED,
     ) -> "Solution":
         """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
-        return solve(self, guess, border, near)
+        tracer = self.tracer
+        if tracer is None:
+            return solve(self, guess, border, near, reached)
+        found = tracer.solve(guess, border, None if near is None else near.inverse, reached)
+        if found is None:
+            raise NotConvergedError("Newton's method has not converged")
+        return found
 
     def correct(self, guess: np.ndarray, border: np.ndarray, near: "Solution") -> "Solution":
         """Find it where a neighbour was sought across the same border; see `correct`."""
@@ -203,6 +182,8 @@ class Solution(NamedTuple):
         Largest component of G.
     inverse : ndarray, shape (p N + 1, p N + 1), or None
         Of the bordered Jacobian.
+    signature : tuple of int or None
+        Of the orbit, if it is known.
     """
 
     y: np.ndarray
@@ -210,6 +191,12 @@ class Solution(NamedTuple):
     maps: TangentMaps
     residual: float
     inverse: np.ndarray | None = None
+    signature: tuple[int, ...] | None = None
+
+    @classmethod
+    def made(cls, y, tangent, matrices, multipliers, *others) -> "Solution":
+        """Return what a tracer has found; the multipliers are None where they are not known."""
+        return cls(y, tangent, TangentMaps(matrices, multipliers), *others)
 
     @property
     def multipliers(self) -> np.ndarray:
@@ -311,10 +298,10 @@ def correct(curve: Any, guess: np.ndarray, border: np.ndarray, near: Solution) -
             move = _move(curve.residual(y), y - guess, border, near.inverse)
             distance = float(np.abs(move).max())
             if distance <= EXACT:
-                return near._replace(y=y - move)
+                return near._replace(y=y - move, signature=None)
             if not distance <= CONTRACTS * least:
                 if least <= ROUNDING:
-                    return near._replace(y=y)
+                    return near._replace(y=y, signature=None)
                 break
             y, least = y - move, distance
     except ArithmeticError:
@@ -325,4 +312,4 @@ def correct(curve: Any, guess: np.ndarray, border: np.ndarray, near: Solution) -
 def solve_at(curve: Curve, points: np.ndarray, value: float) -> Solution:
     """Find the orbit near `points`, shape (p, N), at a value of the parameter; see `solve`."""
     y = curve.join(points, value)
-    return solve(curve, y, _along(y.size, 1.0))
+    return curve.solve(y, _along(y.size, 1.0))

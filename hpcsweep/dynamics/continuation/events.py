@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, Solvable
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
+from hpcsweep.dynamics.continuation.maps import Solvable
 
 PRECISION = 1e-12
 BISECTIONS = 44
@@ -158,28 +159,54 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
         If the branch between the two cannot be followed: they are too far apart.
     """
     found = []
-
-    def sought(test: Callable[[Solution], float]) -> tuple[Solution, float]:
-        return locate(curve, first, last, test)
-
-    def along(point: Solution) -> float:
-        return float(point.tangent[-1])
-
-    one, other = tests_of(first), tests_of(last)
-    folds = (along(first) < 0) != (along(last) < 0)
-    if folds:
-        found.append(Special(Kind.FOLD, *sought(along)))
-    if ((one.fold < 0) != (other.fold < 0)) != folds:
-        place = sought(lambda p: tests_of(p).fold * np.sign(along(p)))
-        found.append(Special(Kind.BRANCH_POINT, *place))
-    if (one.doubling < 0) != (other.doubling < 0):
-        found.append(Special(Kind.DOUBLING, *sought(lambda p: tests_of(p).doubling)))
-    if (one.torus < 0) != (other.torus < 0):
-        at, fraction = sought(lambda p: tests_of(p).torus)
-        if on_unit_circle(at.multipliers):
-            found.append(Special(Kind.TORUS, at, fraction))
+    one, other = _read(first), _read(last)
+    for kind, test in FUNCTIONS.items():
+        ends = test(one), test(other)
+        if (ends[0] < 0) != (ends[1] < 0):
+            at, fraction = _located(curve, first, last, test, ends)
+            if kind is not Kind.TORUS or on_unit_circle(at.multipliers):
+                found.append(Special(kind, at, fraction))
     found += _grazings(curve, first, last)
     return sorted(found, key=lambda one: one.fraction)
+
+
+Reading = tuple[float, float, float, float]
+"""Component of the tangent along the parameter, and the values of `Tests`."""
+FUNCTIONS: dict[Kind, Callable[[Reading], float]] = {
+    Kind.FOLD: lambda read: read[0],
+    Kind.BRANCH_POINT: lambda read: read[1] * np.sign(read[0]),
+    Kind.DOUBLING: lambda read: read[2],
+    Kind.TORUS: lambda read: read[3],
+}
+"""Functions that vanish at special points of a branch."""
+
+
+def _read(point: Solution) -> Reading:
+    return float(point.tangent[-1]), *tests_of(point)
+
+
+def _located(
+    curve: Curve, first: Solution, last: Solution, test, ends: tuple[float, float]
+) -> tuple[Solution, float]:
+    """Find where a function vanishes between two points, by kernels where that is possible."""
+    tracer = curve.tracer
+    if tracer is None or 0.0 in ends:
+        return locate(curve, first, last, lambda point: test(_read(point)))
+
+    def value(fraction: float) -> float:
+        found = tracer.along(fraction)
+        if found is None:
+            raise NotConvergedError("no point on a chord")
+        return test(found)
+
+    tracer.begin_chord(first, last)
+    try:
+        fraction = _root(value, *ends, PRECISION)
+        if fraction != tracer.fraction:
+            value(fraction)
+    except NotConvergedError:  # or a product of tangent maps without the digits of its multipliers
+        return locate(curve, first, last, lambda point: test(_read(point)))
+    return tracer.point(), fraction
 
 
 def locate(
@@ -220,19 +247,36 @@ def locate_change(
     It is that at the fraction `low` of the chord, and another at its end. Return the point on the
     far side, its fraction, and its label.
     """
-    high, near, after = 1.0, last, label(last)
+    near = last
+
+    def label_at(fraction: float) -> tuple:
+        nonlocal near
+        near = between(curve, first, last, fraction, near, near is not last)
+        return label(near)
+
+    high, after = _bisected(label_at, low, own, label(last), precision)
+    at = last if high == 1.0 else between(curve, first, last, high, near)
+    return at, high, after
+
+
+def _bisected(
+    label_at: Callable[[float], tuple], low: float, own: tuple, after: tuple, precision: float
+) -> tuple[float, tuple]:
+    """Return up to where, from 1 where it is `after`, a label is no longer `own`; and that there.
+
+    It is `own` at `low`.
+    """
+    high = 1.0
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         if not low < middle < high or high - low <= precision:
             break
-        near = between(curve, first, last, middle, near, near is not last)
-        seen = label(near)
+        seen = label_at(middle)
         if seen == own:
             low = middle
         else:
             high, after = middle, seen
-    at = last if high == 1.0 else between(curve, first, last, high, near)
-    return at, high, after
+    return high, after
 
 
 def on_unit_circle(multipliers: np.ndarray) -> bool:
@@ -242,18 +286,46 @@ def on_unit_circle(multipliers: np.ndarray) -> bool:
 
 
 def _grazings(curve: Curve, first: Solution, last: Solution) -> list[Special]:
-    def counted(point: Solution) -> tuple[int, ...]:
-        return curve.map.signature(*curve.split(point.y))
-
     found: list[Special] = []
-    low, own, end = 0.0, counted(first), counted(last)
+    low, own, end = 0.0, curve.signature(first), curve.signature(last)
     precision = PRECISION / min(1.0, float(np.linalg.norm(last.y - first.y)))
     while own != end:
-        at, low, after = locate_change(curve, first, last, counted, low, own, precision)
+        at, low, after = _changed(curve, first, last, low, own, end, precision)
         change = tuple(b - a for a, b in zip(own, after, strict=True))
         found.append(Special(Kind.GRAZING, at, low, change))
         own = after
     return found
+
+
+def _changed(
+    curve: Curve,
+    first: Solution,
+    last: Solution,
+    low: float,
+    own: tuple,
+    end: tuple,
+    precision: float,
+) -> tuple[Solution, float, tuple]:
+    """Find where the signature is no longer `own`, by kernels where that is possible."""
+    tracer = curve.tracer
+    if tracer is None:
+        return locate_change(curve, first, last, curve.signature, low, own, precision)
+
+    def label_at(fraction: float) -> tuple:
+        found = tracer.along(fraction, counts=True)
+        if found is None:
+            raise NotConvergedError("no point on a chord")
+        return found
+
+    tracer.begin_chord(first, last)
+    high, after = _bisected(label_at, low, own, end, precision)
+    if high == 1.0:
+        return last, high, after
+    tracer.along(high)
+    at = tracer.point()
+    if at is None:
+        raise NotConvergedError("no point on a chord")
+    return at, high, after
 
 
 def _root(function: Callable[[float], float], first: float, last: float, precision: float) -> float:

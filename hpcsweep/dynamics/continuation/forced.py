@@ -21,12 +21,12 @@ import numpy as np
 
 from hpcsweep.model.arguments import choice, shown
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.branch_rule import DIFFERENCE
 from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.solvers.solver import make_solver
 
-DIFFERENCE = 1e-8
 KEPT_SOLVERS, KEPT_SEEN = 8, 10_000
 FORCING_PARAMETERS = ("amplitude", "omega")
 PARAMETERS = (*FORCING_PARAMETERS, "stiffness_ratio", "gap", "sharpness", "damping_ratio")
@@ -94,6 +94,17 @@ class ForcedMap:
         self._poll = poll
         self._seen: OrderedDict[tuple, Observation] = OrderedDict()
         self._solvers: OrderedDict[tuple, Any] = OrderedDict()
+        self._tracers: dict[tuple[int, float], Any] = {}
+
+    def tracer(self, period: int, scale: float, made: Callable) -> Any:
+        """Return what finds points of branches by compiled kernels, None unless along A."""
+        if self.is_costly:
+            return None
+        if (period, scale) not in self._tracers:
+            solver = self.solver(self.amplitude)[0]
+            own = period, scale, self.structure.length_unit, made, self._poll, self._count
+            self._tracers[period, scale] = solver.tracer(*own)
+        return self._tracers[period, scale]
 
     @property
     def is_costly(self) -> bool:
@@ -180,6 +191,9 @@ class ForcedMap:
         own = seen.measures[first : first + count] * len(seen.points)
         return tuple(np.rint(own).astype(int).tolist())
 
-    def _begin(self, value: Any, periods: int = 1) -> tuple[Any, float]:
+    def _count(self, periods: int) -> None:
         self.periods += periods
+
+    def _begin(self, value: Any, periods: int = 1) -> tuple[Any, float]:
+        self._count(periods)
         return self.solver(value)

@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import on_cubic
-from hpcsweep.dynamics.continuation.cycle import Map, NotConvergedError, Solution
+from hpcsweep.dynamics.continuation.cycle import NotConvergedError, Solution
 from hpcsweep.dynamics.continuation.events import (
     PRECISION,
     Kind,
@@ -28,6 +28,7 @@ from hpcsweep.dynamics.continuation.events import (
     locate_change,
     tests_of,
 )
+from hpcsweep.dynamics.continuation.maps import Map
 from hpcsweep.dynamics.continuation.slice import Slice, split
 
 STEEP, FLAT = 0.005, 0.0005

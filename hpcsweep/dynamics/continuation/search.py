@@ -22,13 +22,13 @@ import numpy as np
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import (
     Curve,
-    Map,
     NotConvergedError,
     continued,
     jacobian,
     miss_of,
     solve_at,
 )
+from hpcsweep.dynamics.continuation.maps import Map
 
 VALUES = 8
 """Values of the parameter at which orbits are sought, in the middles of as many parts of a span."""

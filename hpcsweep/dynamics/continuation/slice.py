@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Map, Solution, correct, jacobian, miss_of, solve
+from hpcsweep.dynamics.continuation.cycle import Solution, correct, jacobian, miss_of, solve
+from hpcsweep.dynamics.continuation.maps import Map
 
 
 def split(y: np.ndarray, period: int, scale: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:

@@ -11,7 +11,7 @@ of c, that of the normal form's coefficient (Kuznetsov, Elements of Applied Bifu
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, solve
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
 from hpcsweep.dynamics.continuation.events import Kind, Special, n_unstable, tests_of
 
 DISTANCES = (1e-3, 1e-4, 1e-5, 1e-6)
@@ -49,7 +49,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     for distance in DISTANCES:
         eps = distance * np.sqrt(len(points))
         try:
-            found = solve(new, start + eps * border, border)
+            found = new.solve(start + eps * border, border)
         except NotConvergedError:
             continue
         is_apart = float((found.y - start) @ border) > (1.0 - APART) * eps

@@ -5,16 +5,19 @@ from functools import cached_property
 import numpy as np
 
 from hpcsweep.dynamics.stability import floquet_multipliers
-
-LARGEST_PRODUCT = 1e6
-"""Growth of errors of tangent maps up to which their product has its multipliers to 1e-10."""
+from hpcsweep.solvers.branch_rule import LARGEST_PRODUCT
 
 
 class TangentMaps:
-    """The tangent maps along an orbit, shape (p, N, N), and what follows from them."""
+    """The tangent maps along an orbit, shape (p, N, N), and what follows from them.
 
-    def __init__(self, matrices: np.ndarray):
+    Their multipliers, too, where they are known.
+    """
+
+    def __init__(self, matrices: np.ndarray, known: np.ndarray | None = None):
         self.matrices = matrices
+        if known is not None:
+            self.multipliers = known
 
     @cached_property
     def multipliers(self) -> np.ndarray:

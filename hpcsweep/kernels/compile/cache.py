@@ -52,6 +52,7 @@ KERNEL_FILES = (
     "model/contact.py",
     "model/equations.py",
     "model/kernel_model.py",
+    "solvers/branch_rule.py",
     "solvers/flow",
     "solvers/free.py",
     "solvers/measures.py",

@@ -17,6 +17,7 @@ from hpcsweep.solvers.arguments import (
 )
 from hpcsweep.solvers.flow.observe.gathered import gathered, reset
 from hpcsweep.solvers.flow.orbit import batch, chain
+from hpcsweep.solvers.flow.orbit.tracer import Tracer
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import WATCH, Watch, new_watch, shared_at
 from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
@@ -300,6 +301,11 @@ class FlowMap:
         own = self._kernels.advance_chain, self._packed, self._units, self._polling
         return chain.images(*own, states, amplitude, tangents, poll)
 
+    def tracer(self, *given) -> Tracer:
+        """Return what follows branches of orbits along the amplitude; see `Tracer`."""
+        own = self._kernels, self._packed, self._polling, self._units, self.structure
+        return Tracer(*own, *given)
+
     def _motion(self, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
         """Return the start of a motion in the units of the kernels."""
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
@@ -329,14 +335,10 @@ class FlowMap:
         growth=None,
     ) -> tuple[int, Outcome]:
         """Integrate `n_periods`, z in place; return how many were done, and the outcome."""
-        shared = self._shared
-        done, outcome = 0, int(Outcome.COMPLETE)
+        shared, done, outcome = self._shared, 0, int(Outcome.COMPLETE)
         for first, last in self._polling.cut(n_periods, poll):
             more, outcome = self._kernels.march(
-                self._packed,
-                z,
-                amplitude,
-                last - first,
+                *(self._packed, z, amplitude, last - first),
                 shared.no_points if points is None else points[first:last],
                 wanted,
                 shared.no_tangent if tangent is None else tangent,

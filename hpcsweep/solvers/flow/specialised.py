@@ -30,6 +30,7 @@ from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
+from hpcsweep.solvers.flow.orbit.walk import move_along, solve_point, walk_branch
 from hpcsweep.solvers.flow.period.march import march, march_measured
 from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
 
@@ -41,7 +42,10 @@ class MotionKernels(NamedTuple):
     end_of_transient: EntryPoint
     follow_orbits: EntryPoint
     advance_chain: EntryPoint
-    """Compiled on its first call: sweeps do without."""
+    solve_point: EntryPoint
+    move_along: EntryPoint
+    walk_branch: EntryPoint
+    """These four are compiled on their first call: sweeps do without."""
     measures: list[EntryPoint]
     """What these call where measures are requested."""
 
@@ -50,11 +54,13 @@ class MotionKernels(NamedTuple):
         load_all(self.measures)
 
 
+OF_BRANCHES = advance_chain, solve_point, move_along, walk_branch
+
 FOR_ANY = MotionKernels(
     march,
     end_of_transient,
     follow_orbits,
-    advance_chain,
+    *OF_BRANCHES,
     with_called(march_measured, measure_layer_step),
 )
 
@@ -90,7 +96,7 @@ def needed_kernels(
         Include those of measures.
     """
     if structure is None:
-        return with_called(*_needed(True, measures), advance_chain)
+        return with_called(*_needed(True, measures), *OF_BRANCHES)
     model = kernel_model(structure, 1.0)
     needed = _needed(has_dashpots.py_func(model), measures)
     if not specialised:

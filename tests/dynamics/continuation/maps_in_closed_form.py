@@ -6,6 +6,9 @@ import numpy as np
 class ByPoint:
     """Images, tangent maps and slopes of points, each by those of one point."""
 
+    def tracer(self, period, scale, made):
+        return None
+
     def images(self, points, value):
         return np.array([self.image(x, value) for x in points])
 

@@ -1,0 +1,311 @@
+"""Walk along a branch of periodic orbits where nothing happens, in one compiled call.
+
+The steps are those of `dynamics.continuation.branch`, along the amplitude, by the same rules
+(`solvers.branch_rule`). A walk ends before the first step on which anything is to be told or
+decided: at which a test of the multipliers, the number of them outside the unit circle, the
+signature, or the direction of the branch changes, which comes to its own start or to an orbit of a
+period that divides its own, or leaves the span. There the caller takes over, with the point that
+was found. So no result depends on how many steps a call takes. A special point is located by the
+caller, who moves along the chord between two points.
+"""
+
+import math
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, entry_point, type_of
+from hpcsweep.solvers.branch_rule import (
+    ANGLE,
+    ASTRAY,
+    CLOSED,
+    GROWTH,
+    LARGEST_ANGLE,
+    LEAST_MOVE,
+    OF_A_STEP,
+    ON_A_STEP,
+    ON_DIVISOR,
+    REACHED,
+)
+from hpcsweep.solvers.flow.orbit.corrector import correct_point, find_point
+from hpcsweep.solvers.flow.orbit.multipliers import find_closings, find_multipliers
+from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state
+from hpcsweep.solvers.flow.state.trace import read_trace
+
+PRIMES = (2, 3, 5, 7)
+MORE, AT_EVENT, REFUSED = range(3)
+"""Why `walk_branch` returns: to be called again; something happens on the next step; that is for
+the caller to take, or too short."""
+UNKNOWN = -1.0
+FAILED, FOUND, WITH_MULTIPLIERS = range(3)
+"""What is found of a point; multipliers only where the product of the tangent maps has their
+digits."""
+SPAN = type_of((0.0, 0.0, 0.0, 0.0, 0.0))
+"""Lowest and highest amplitude, largest and smallest step, reach."""
+
+
+@entry_point((INT, INT), BYTES, BYTES, INT, FLOAT, specialises=True)
+def solve_point(shared, packed, known, reached):
+    """Find the point on a hyperplane; see `corrector.find_point`.
+
+    Parameters
+    ----------
+    shared, packed : ndarray of bytes
+        A packed `Shared` and a packed `Trace`.
+    known : int
+        1 if ``now.inverse`` is that of a neighbour, else 0.
+
+    Returns
+    -------
+    found : int
+        See `FAILED`.
+    n_periods : int
+        Forcing periods integrated.
+    """
+    trace = read_trace(packed)
+    trace.n_periods[0] = 0
+    if not find_point(shared, packed, known == 1, reached):
+        return FAILED, trace.n_periods[0]
+    return FOUND + find_multipliers(packed), trace.n_periods[0]
+
+
+@entry_point((INT, INT), BYTES, BYTES, FLOAT, INT, INT, specialises=True)
+def move_along(shared, packed, fraction, begins, counts):
+    """Move ``now`` to a fraction of the chord from ``first`` to ``last``; see `events.between`.
+
+    Parameters
+    ----------
+    shared, packed
+        As in `solve_point`.
+    fraction : float
+    begins : int
+        1 if ``now`` is to be ``last``, from which a cubic through both ends leads: the tangent
+        there may lead to another branch.
+    counts : int
+        1 if the closings are to be counted; then the inverse is kept from the second point on.
+
+    Returns
+    -------
+    found : int
+        See `FAILED`.
+    n_periods : int
+    """
+    trace = read_trace(packed)
+    now, last, first = trace.now, trace.last, trace.first
+    guess, border = trace.guess, trace.border
+    trace.n_periods[0] = 0
+    if begins == 1:
+        copy_matrix(last.inverse, now.inverse)
+    length = _distance(last.y, first.y)
+    rest = 1.0 - fraction
+    own, other = fraction * rest * rest * length, fraction * fraction * rest * length
+    ahead = slope = 0.0
+    for k in range(border.shape[0]):
+        chord = last.y[k] - first.y[k]
+        border[k] = chord / length
+        guess[k] = now.y[k]
+        if begins == 1:
+            guess[k] = first.y[k] + fraction * fraction * (3.0 - 2.0 * fraction) * chord
+            guess[k] += own * first.tangent[k] - other * last.tangent[k]
+        ahead += border[k] * (first.y[k] + fraction * chord - guess[k])
+        slope += border[k] * now.tangent[k]
+    for k in range(border.shape[0]):
+        way = border[k] if begins == 1 else now.tangent[k] / slope
+        guess[k] += ahead * way
+    if counts == 1 and begins == 0:
+        found = correct_point(shared, packed)
+    else:
+        found = find_point(shared, packed, True, REACHED)
+    if not found:
+        return FAILED, trace.n_periods[0]
+    if counts == 1:
+        return FOUND if find_closings(shared, packed) else FAILED, trace.n_periods[0]
+    return FOUND + find_multipliers(packed), trace.n_periods[0]
+
+
+@entry_point((INT, INT, FLOAT, INT), BYTES, BYTES, SPAN, FLOAT, INT, INT, INT, specialises=True)
+def walk_branch(shared, packed, span, step, begins, n_points, n_periods):
+    """Take steps from ``last`` along a branch that began at ``first``.
+
+    Parameters
+    ----------
+    shared, packed
+        As in `solve_point`.
+    span : tuple
+        See `SPAN`.
+    step : float
+        Length of the first step.
+    begins : int
+        0 after a walk. 1 where ``last`` is new, 2 if its inverse is unknown, too.
+    n_points, n_periods : int
+        Most points; forcing periods after which to return.
+
+    Returns
+    -------
+    why : int
+        See `MORE`; at an event ``now`` is the point after it.
+    n_done : int
+        Points in ``walked``.
+    step : float
+        Length of the next step.
+    n_periods : int
+    """
+    trace = read_trace(packed)
+    now, last, spent = trace.now, trace.last, trace.n_periods
+    spent[0] = 0
+    low, high, largest, smallest, reach = span
+    known = begins != 2
+    if begins != 0:
+        copy_state(last.y, now.y)
+        copy_matrix(last.matrices, now.matrices)
+        if not (find_multipliers(packed) and find_closings(shared, packed)):
+            return REFUSED, 0, step, spent[0]
+        _keep_tests(packed)
+    count = 0
+    while True:
+        angle = _try_step(shared, packed, step, known)
+        if math.isnan(angle):
+            if 0.5 * step < smallest:
+                return REFUSED, count, step, spent[0]
+            step *= 0.5
+        elif angle == UNKNOWN:
+            return REFUSED, count, step, spent[0]
+        elif not _is_plain(packed, low / trace.scale, high / trace.scale, reach):
+            return AT_EVENT, count, step, spent[0]
+        else:
+            _accept(packed, count)
+            known = True
+            count += 1
+            step *= min(GROWTH, ANGLE / max(angle, 1e-12))
+            step = min(max(step, smallest), largest)
+        if count == n_points or spent[0] >= n_periods:
+            return MORE, count, step, spent[0]
+
+
+@kernel
+def _keep_tests(packed):
+    """Copy multipliers, their tests and the closings of ``now`` to ``last``."""
+    trace = read_trace(packed)
+    now, last = trace.now, trace.last
+    copy_state(now.multipliers, last.multipliers)
+    copy_state(now.tests, last.tests)
+    copy_state(now.closings, last.closings)
+
+
+@kernel
+def _distance(one, other):
+    square = 0.0
+    for k in range(one.shape[0]):
+        square += (one[k] - other[k]) ** 2
+    return math.sqrt(square)
+
+
+@kernel
+def _try_step(shared, packed, step, known):
+    """Take a step.
+
+    Returns
+    -------
+    float
+        Angle by which it turns the tangent, NaN if it is refused; `UNKNOWN` without multipliers.
+    """
+    trace = read_trace(packed)
+    now, last, guess = trace.now, trace.last, trace.guess
+    for k in range(guess.shape[0]):
+        guess[k] = last.y[k] + step * (last.tangent[k] + 0.5 * step * trace.bend[k])
+    copy_state(last.tangent, trace.border)
+    copy_matrix(last.inverse, now.inverse)
+    reached = min(ON_A_STEP, max(OF_A_STEP * step, LEAST_MOVE))
+    if not find_point(shared, packed, known, reached):
+        return math.nan
+    cosine = 0.0
+    for k in range(guess.shape[0]):
+        cosine += now.tangent[k] * last.tangent[k]
+    angle = math.acos(min(cosine, 1.0))
+    if angle > LARGEST_ANGLE or _distance(now.y, guess) > ASTRAY * step:
+        return math.nan
+    if not find_multipliers(packed):
+        return UNKNOWN
+    return angle if find_closings(shared, packed) else math.nan
+
+
+@kernel
+def _is_plain(packed, low, high, reach):
+    """Return whether nothing happens between ``last`` and ``now``."""
+    trace = read_trace(packed)
+    now, last = trace.now, trace.last
+    end = now.y.shape[0] - 1
+    plain = low <= now.y[end] <= high
+    plain = plain and (now.tangent[end] < 0.0) == (last.tangent[end] < 0.0)
+    for k in range(end):
+        plain = plain and abs(now.y[k]) <= reach
+    for k in range(now.tests.shape[0]):
+        plain = plain and (now.tests[k] < 0.0) == (last.tests[k] < 0.0)
+    outside = 0
+    for k in range(now.multipliers.shape[0]):
+        outside += int(abs(now.multipliers[k]) > 1.0) - int(abs(last.multipliers[k]) > 1.0)
+    for k in range(now.closings.shape[0]):
+        plain = plain and now.closings[k] == last.closings[k]
+    return plain and outside == 0 and not _returns(packed) and not _collapses(packed)
+
+
+@kernel
+def _returns(packed):
+    """Return whether the branch may come back to its start, any of its points counted first.
+
+    What `branch._passes` asks, but for the directions.
+    """
+    trace = read_trace(packed)
+    now, last, start = trace.now, trace.last, trace.first
+    end, size = now.matrices.shape
+    length = _distance(now.y, last.y)
+    turn = _distance(now.tangent, last.tangent)
+    for shift in range(0, end, size):
+        share = square = 0.0
+        for k in range(end + 1):
+            away = start.y[(k + shift) % end if k < end else end] - last.y[k]
+            share += away * (now.y[k] - last.y[k])
+            square += away * away
+        if 0.0 < share <= length * length:
+            off = math.sqrt(max(square - (share / length) ** 2, 0.0))
+            if off <= length * max(0.25 * turn, CLOSED):
+                return True
+    return False
+
+
+@kernel
+def _collapses(packed):
+    """Return whether the orbit comes to one of a divisor of its period; see `branch.collapses`."""
+    trace = read_trace(packed)
+    after, before = trace.now.y, trace.last.y
+    end, size = trace.now.matrices.shape
+    for prime in PRIMES:
+        shift = end // prime
+        if shift % size != 0 or end % prime != 0:
+            continue
+        product = square = 0.0
+        for k in range(end):
+            own = before[k] - before[(k - shift) % end]
+            product += own * (after[k] - after[(k - shift) % end])
+            square += own * own
+        if product < ON_DIVISOR * square:
+            return True
+    return False
+
+
+@kernel
+def _accept(packed, place):
+    """Write ``now`` as a point of the walk, and make it the last one."""
+    trace = read_trace(packed)
+    now, last, walked = trace.now, trace.last, trace.walked
+    length = _distance(now.y, last.y)
+    for k in range(trace.bend.shape[0]):
+        trace.bend[k] = (now.tangent[k] - last.tangent[k]) / length
+    copy_state(now.y, last.y)
+    copy_state(now.tangent, last.tangent)
+    copy_matrix(now.inverse, last.inverse)
+    _keep_tests(packed)
+    copy_state(now.y, walked.y[place])
+    copy_state(now.tangent, walked.tangent[place])
+    copy_matrix(now.matrices, walked.matrices[place])
+    copy_state(now.multipliers, walked.multipliers[place])
+    copy_state(now.closings, walked.closings[place])
+    walked.residual[place] = now.residual[0]

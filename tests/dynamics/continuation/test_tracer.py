@@ -1,0 +1,119 @@
+"""Branches along the amplitude by compiled kernels, against the same in Python for any map."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from hpcsweep import Structure, load_job, stroboscopic_points
+from hpcsweep.dynamics.continuation import cycle, events
+from hpcsweep.dynamics.continuation.branch import Limits, follow
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve_at
+from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.dynamics.continuation.forced import ForcedMap
+from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
+
+TWO_MASSES = load_job("jobs/structures/two-masses.toml").structure
+ORBITS = {
+    "one mass": (Structure(1, 100.0, np.inf, 0.05), 0.6, 1.2, 1),
+    "two masses, one contact, P3": (TWO_MASSES, 0.472, 0.5, 3),
+    "two floors": (Structure(2), 0.06, 0.445, 1),
+    "two floors, P3": (Structure(2), 0.056, 0.6, 3),
+    "three floors": (Structure(3), 0.06, 0.445, 1),
+    "three floors, P2": (Structure(3), 0.088, 0.445, 2),
+    "dashpots": (Structure(2, 100.0, np.inf, 0.05, restitution=0.6), 0.4, 0.5, 1),
+}
+
+
+class InPython(ForcedMap):
+    """The map without its compiled kernels."""
+
+    def tracer(self, period, scale, made):
+        del period, scale, made
+
+
+def curves(name):
+    """Return the curves of an orbit, compiled and not, and its points."""
+    structure, amplitude, omega, period = ORBITS[name]
+    z = np.zeros(2 * structure.n_floors)
+    for at in np.linspace(0.5 * amplitude, amplitude, 5):
+        z = stroboscopic_points(structure, at, omega, z, 300)[-1]
+    own = structure, amplitude, omega
+    compiled, plain = (Curve(kind(*own), period, 0.1) for kind in (ForcedMap, InPython))
+    points = cycle.continued(plain.map, (z / plain.map.units)[None], amplitude, period)
+    return compiled, plain, points
+
+
+@pytest.mark.parametrize("name", ORBITS)
+def test_orbits_are_those_found_in_python(name):
+    compiled, plain, points = curves(name)
+    amplitude, period = compiled.map.amplitude, compiled.period
+    start = solve_at(compiled, points + 1e-4, amplitude)
+    for border in (start.tangent, np.eye(start.y.size)[-1]):
+        guess = start.y + 1e-3 * start.tangent
+        for near in (None, start):
+            own, other = (curve.solve(guess, border, near) for curve in (compiled, plain))
+            np.testing.assert_allclose(own.y, other.y, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(own.tangent, other.tangent, rtol=0, atol=1e-7)
+            np.testing.assert_allclose(own.inverse, other.inverse, rtol=1e-6, atol=1e-6)
+            assert own.residual == pytest.approx(other.residual, abs=1e-10)
+            exact = TangentMaps(own.maps.matrices).multipliers
+            np.testing.assert_allclose(own.multipliers, exact, rtol=0, atol=1e-10 * abs(exact[0]))
+    assert own.y[-1] == guess[-1]  # at one amplitude, to the last bit
+    assert len(own.maps.matrices) == period
+
+
+@pytest.mark.parametrize("name", ["two floors, P3", "three floors", "two masses, one contact, P3"])
+def test_a_walk_is_that_in_python(name):
+    compiled, plain, points = curves(name)
+    at = compiled.map.amplitude
+    limits = Limits(0.7 * at, 1.4 * at, 12)
+    arcs = [follow(curve, solve_at(curve, points, at), limits) for curve in (compiled, plain)]
+    own, other = arcs
+    assert len(own.points) == len(other.points) > 12
+    for one, same in zip(own.points, other.points, strict=True):
+        np.testing.assert_allclose(one.y, same.y, rtol=0, atol=1e-6)
+        assert events.tests_of(one) == pytest.approx(events.tests_of(same), abs=1e-4)
+        # the point of the branch in Python that is next to it
+        again = plain.solve(one.y, one.tangent)
+        np.testing.assert_allclose(one.y, again.y, rtol=0, atol=1e-11)
+        assert one.signature in (None, plain.signature(again))
+    kinds = [[special.kind for _, special in arc.specials] for arc in arcs]
+    assert kinds[0] == kinds[1]
+    values = [[special.at.y[-1] for _, special in arc.specials] for arc in arcs]
+    np.testing.assert_allclose(*values, rtol=0, atol=1e-10)
+
+
+def test_points_do_not_depend_on_how_many_a_call_takes():
+    found = []
+    for most in (64, 3, 1):
+        compiled, _, points = curves("three floors")
+        compiled.tracer._most = most
+        start = solve_at(compiled, points, 0.06)
+        found.append(follow(compiled, start, Limits(0.02, 0.2, 40)))
+    for arc in found[1:]:
+        assert [one.y.tolist() for one in arc.points] == [one.y.tolist() for one in found[0].points]
+        assert [special.kind for _, special in arc.specials] == [
+            special.kind for _, special in found[0].specials
+        ]
+    # a control: another first step leads elsewhere
+    other = follow(compiled, start, Limits(0.02, 0.2, 40, largest=0.04))
+    assert other.points[1].y.tolist() != found[0].points[1].y.tolist()
+    assert {one.kind for _, one in found[0].specials} >= {Kind.GRAZING, Kind.DOUBLING}
+
+
+def test_no_point_is_an_error_of_one_line():
+    compiled, _, points = curves("one mass")
+    with pytest.raises(NotConvergedError, match="not converged"):
+        compiled.solve(compiled.join(points, 1e300), np.array([0.0, 0.0, 1.0]))
+
+
+def test_steps_of_a_walk_lead_along_the_branch():
+    compiled, _, points = curves("one mass")
+    start = solve_at(compiled, points, 0.6)
+    arc = follow(compiled, start, Limits(0.5, 0.7, 3))
+    assert any(point.signature == (1,) for point in arc.points)
+    for first, last in pairwise(arc.points):
+        step = last.y - first.y
+        assert step @ first.tangent > 0.9 * np.linalg.norm(step)
+        np.testing.assert_allclose(compiled.residual(last.y), 0.0, atol=1e-10)

@@ -178,6 +178,12 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
                 arc.specials.append((len(arc.points), one))
         if point is not last:
             arc.points.append(point._replace(inverse=None))
+        if end == "halving":  # there the branch turns round, which rounding can show as a fold
+            arc.specials = [
+                (place, one)
+                for place, one in arc.specials
+                if one.kind is not Kind.FOLD or np.abs(one.at.y - last.y).max() > COLLAPSED
+            ]
         if end:
             why = end
             break
@@ -197,10 +203,7 @@ def step_of_branch(
     limits: Limits,
     point: Solution | None = None,
 ) -> Step | None:
-    """Take one step along the tangent, which turns by `bend` per length; None if it is too long.
-
-    It leads to `point`, if that is given.
-    """
+    """Take a step, to `point` or along a tangent that turns by `bend` a length; None if too far."""
     try:
         guess = last.y + step * (last.tangent + 0.5 * step * bend)
         across = curve.border(last.tangent)

@@ -155,7 +155,7 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
             walked, bend, step, there = tracer.walk(start, last, bend, step, span, room)
             if walked:
                 last = walked[-1]
-                arc.points += [one._replace(inverse=None) for one in walked]
+                arc.points += [*walked[:-1], last._replace(inverse=None)]
             if len(walked) == room:
                 break
             found = step_of_branch(curve, last, bend, step, limits, there)

@@ -12,6 +12,7 @@ from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
+from hpcsweep.solvers.polling import Polling
 
 TWO_MASSES = load_job("jobs/structures/two-masses.toml").structure
 ORBITS = {
@@ -84,13 +85,17 @@ def test_a_walk_is_that_in_python(name):
     np.testing.assert_allclose(*values, rtol=0, atol=1e-10)
 
 
-def test_points_do_not_depend_on_how_many_a_call_takes():
-    found = []
-    for most in (64, 3, 1):
+def test_points_do_not_depend_on_how_many_a_call_takes(monkeypatch):
+    found, spent = [], []
+    for most, periods in ((64, 10_000), (3, 10_000), (64, 1)):
         compiled, _, points = curves("three floors")
         compiled.tracer._most = most
+        own = periods
+        monkeypatch.setattr(Polling, "begin", lambda self, poll=None, own=own: own)
         start = solve_at(compiled, points, 0.06)
         found.append(follow(compiled, start, Limits(0.02, 0.2, 40)))
+        spent.append(compiled.map.periods)
+    assert len(set(spent)) == 1
     for arc in found[1:]:
         assert [one.y.tolist() for one in arc.points] == [one.y.tolist() for one in found[0].points]
         assert [special.kind for _, special in arc.specials] == [
@@ -100,6 +105,25 @@ def test_points_do_not_depend_on_how_many_a_call_takes():
     other = follow(compiled, start, Limits(0.02, 0.2, 40, largest=0.04))
     assert other.points[1].y.tolist() != found[0].points[1].y.tolist()
     assert {one.kind for _, one in found[0].specials} >= {Kind.GRAZING, Kind.DOUBLING}
+
+
+def test_a_branch_whose_tangent_maps_have_no_product_is_that_in_python():
+    # a P8 with a multiplier of 2e12
+    structure = load_job("jobs/paper/figure3-described.toml").structure
+    at = 0.1442077035710309
+    z = np.array([-0.4381586532696103, -0.12981894730389607, 1.000539807472604] + [0.0] * 3)
+    z[3:] = -0.4948446245200967, -0.3079619444343885, 0.16597709445722805
+    arcs = []
+    for kind in (ForcedMap, InPython):
+        curve = Curve(kind(structure, at, 0.445), 8, 0.1)
+        points = cycle.continued(curve.map, (z / curve.map.units)[None], at, 8)
+        start = solve_at(curve, points, at)
+        arcs.append(follow(curve, start, Limits(0.1, 0.2, 4)))
+    own, other = arcs
+    assert abs(own.points[0].multipliers[0]) > 1e11
+    assert len(own.points) == len(other.points)
+    for one, same in zip(own.points, other.points, strict=True):
+        np.testing.assert_allclose(one.y, same.y, rtol=0, atol=1e-6)
 
 
 def test_no_point_is_an_error_of_one_line():

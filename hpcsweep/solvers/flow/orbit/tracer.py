@@ -100,15 +100,15 @@ class Tracer:
         trace, points, why = self._trace, [], MORE
         self._begin(start, last)
         trace.bend[:] = bend
-        begins = 1 if last.inverse is not None else 2
+        begins, known = 1, int(last.inverse is not None)
         while why == MORE and len(points) < room:
             most = min(self._most, room - len(points))
             n_periods = self._polling.begin(self._poll)
-            own = self._shared, self._packed, span, step, begins, most, n_periods
+            own = self._shared, self._packed, span, step, begins, known, most, n_periods
             why, count, step, n_periods = self._kernels.walk_branch(*own)
             self._end(n_periods)
             points += self._walked(count)
-            begins = 0 if count else begins
+            begins, known = 0, max(known, int(count > 0))
         if points:
             points[-1] = points[-1]._replace(inverse=trace.last.inverse.copy())
         found = self._point(True, True) if why == AT_EVENT else None

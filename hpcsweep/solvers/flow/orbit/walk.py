@@ -121,8 +121,8 @@ def move_along(shared, packed, fraction, begins, counts):
     return FOUND + find_multipliers(packed), trace.n_periods[0]
 
 
-@entry_point((INT, INT, FLOAT, INT), BYTES, BYTES, SPAN, FLOAT, INT, INT, INT, specialises=True)
-def walk_branch(shared, packed, span, step, begins, n_points, n_periods):
+@entry_point((INT, INT, FLOAT, INT), BYTES, BYTES, SPAN, FLOAT, *(INT,) * 4, specialises=True)
+def walk_branch(shared, packed, span, step, begins, known, n_points, n_periods):
     """Take steps from ``last`` along a branch that began at ``first``.
 
     Parameters
@@ -134,7 +134,9 @@ def walk_branch(shared, packed, span, step, begins, n_points, n_periods):
     step : float
         Length of the first step.
     begins : int
-        0 after a walk. 1 where ``last`` is new, 2 if its inverse is unknown, too.
+        1 where ``last`` is new, 0 after another call.
+    known : int
+        1 if the inverse of ``last`` is known, else 0.
     n_points, n_periods : int
         Most points; forcing periods after which to return.
 
@@ -152,8 +154,8 @@ def walk_branch(shared, packed, span, step, begins, n_points, n_periods):
     now, last, spent = trace.now, trace.last, trace.n_periods
     spent[0] = 0
     low, high, largest, smallest, reach = span
-    known = begins != 2
-    if begins != 0:
+    known = known == 1
+    if begins == 1:
         copy_state(last.y, now.y)
         copy_matrix(last.matrices, now.matrices)
         if not (find_multipliers(packed) and find_closings(shared, packed)):

@@ -115,6 +115,17 @@ def warm_up_records(say: Callable[[str], None] | None = None) -> None:
     load_all(_record_kernels(), None if say is None else announced(say, "kernels"), processors())
 
 
+def is_compiled_for_branches(structure: Structure) -> bool:
+    """Return whether the cache is known to have what branches of a structure call besides."""
+    return not missing(_branch_kernels(structure))
+
+
+def warm_up_branches(structure: Structure, say: Callable[[str], None] | None = None) -> None:
+    """Compile what branches of a structure call besides, or load it from the disk."""
+    tell = None if say is None else announced(say, "kernels of branches")
+    load_all(_branch_kernels(structure), tell, processors())
+
+
 def worth_specialising(study: Any, n_ranks: float | None) -> bool:
     """Return whether the histories of a study on `n_ranks` repay kernels of their own."""
     if n_ranks is None or study.settings.solver != "flow":
@@ -151,6 +162,12 @@ def _needed(settings: SweepSettings, structure: Structure | None, specialised: b
     from hpcsweep.solvers.flow.specialised import needed_kernels
 
     return needed_kernels(structure, specialised, settings.measures != 0)
+
+
+def _branch_kernels(structure: Structure) -> list[Any]:
+    from hpcsweep.solvers.flow.specialised import branch_kernels
+
+    return branch_kernels(structure)
 
 
 def _record_kernels() -> list[Any]:

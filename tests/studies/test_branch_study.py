@@ -23,7 +23,8 @@ from hpcsweep.figures.film.frame import Painter
 from hpcsweep.figures.film.piece import Film, Request
 from hpcsweep.figures.film.scene import STABLE, UNSTABLE, Page
 from hpcsweep.figures.style import PlotError
-from hpcsweep.job import JobError, parse_job
+from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.solvers.flow.specialised import branch_kernels
 
 KILLS = int(os.environ.get("KILLS", "8"))
 SWEEP = f"""
@@ -61,6 +62,14 @@ def whole(folder):
     done = hpcsweep(0, "run", folder / "job.toml", "-o", folder / "whole.h5")
     assert done.returncode == 0, done.stderr
     return folder / "whole.h5"
+
+
+def test_the_kernels_that_follow_branches_are_there_before_the_first_run(folder):
+    study = load_job(folder / "job.toml").study
+    names = {one.__name__ for one in branch_kernels(study.structure)}
+    assert {"walk_branch", "move_along", "solve_point", "advance_chain"} <= names
+    study.warm_up()
+    assert study.is_compiled()
 
 
 def test_every_periodic_motion_of_the_file_lies_on_a_branch(folder, whole):

@@ -111,6 +111,14 @@ def _needed(dashpots: bool, measures: bool) -> list[EntryPoint]:
     return with_called(march, end_of_transient, follow_orbits, *own)
 
 
+def branch_kernels(structure: Structure) -> list[EntryPoint]:
+    """Return what following branches calls besides, of the kernels that solvers call."""
+    needed = with_called(*OF_BRANCHES, *FOR_ANY.measures)
+    shared = new_shared(kernel_model(structure, 1.0), 0.0, 0)
+    shapes = shapes_of(shared)
+    return needed if kernels_for(shared, shapes) is FOR_ANY else _specialised(shapes).of(needed)
+
+
 def _shapes_for(model: Model) -> Shapes:
     return shapes_of(new_shared(model, 0.0, 0))
 

@@ -300,6 +300,21 @@ class Branches(IndependentRuns):
         """Count branches, and the seeds that lie on them."""
         return {name: int(runs[name][done].sum()) for name in self.status_variables}
 
+    def is_compiled(self, n_ranks: float | None = None) -> bool:
+        """Return whether the cache is known to hold all that its runs call."""
+        from hpcsweep.studies.compilation import is_compiled_for_branches
+
+        return super().is_compiled(n_ranks) and is_compiled_for_branches(self.structure)
+
+    def warm_up(
+        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
+    ) -> None:
+        """Compile, or load from disk, all that its runs call."""
+        from hpcsweep.studies.compilation import warm_up_branches
+
+        super().warm_up(say, n_ranks)
+        warm_up_branches(self.structure, say)
+
     def tally(self) -> Any:
         """Make what counts the lines for ``summary``."""
         return BranchTally(self)

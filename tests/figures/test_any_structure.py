@@ -103,7 +103,7 @@ KEYS = {
 }
 
 
-QUICK = ("pounding", "no stop")
+QUICK = ("pounding",)
 
 
 @pytest.fixture(

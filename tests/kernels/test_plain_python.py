@@ -123,6 +123,7 @@ def test_plain_kernels_agree_with_compiled_ones(both, case):
         ), name
 
 
+@pytest.mark.slow
 def test_the_cases_reach_what_they_are_for(both):
     compiled, _ = both
     passes, visits = np.array([compiled[f"{case}: visits"] for case in PERIODS]).T

@@ -54,6 +54,7 @@ def wait_until_nobody_writes(path: Path) -> None:
             return
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ranks", [pytest.param(0, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.mpi)]
 )

@@ -180,6 +180,7 @@ def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
     assert "there are 3 lines" in done.stderr
 
 
+@pytest.mark.slow
 def test_branches_lie_under_the_points_of_a_film(folder, whole):
     """Where a branch passes and no run is, the frame has the branch's colour."""
     request = Request(folder / "sweep.h5", folder / "film.mp4", branches=whole)

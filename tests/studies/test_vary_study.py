@@ -30,7 +30,12 @@ def compute(text: str, path):
 
 
 @pytest.mark.parametrize(
-    "text", [SMALL + STOPS, GRID + STOPS, ATTRACTORS + STOPS, BASINS + STOPS], ids="sgab"
+    "text",
+    [
+        GRID + STOPS,
+        *(pytest.param(one + STOPS, marks=pytest.mark.slow) for one in (SMALL, ATTRACTORS, BASINS)),
+    ],
+    ids="gsab",
 )
 def test_each_part_is_that_of_a_job_of_its_own_to_the_last_bit(text, tmp_path):
     job, results = compute(text, tmp_path / "varied.h5")
@@ -96,6 +101,7 @@ def test_on_any_number_of_ranks_the_bytes_are_the_same(ranks, tmp_path):
     assert_same_datasets(one, many)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path):
     job, whole, cut = tmp_path / "job.toml", tmp_path / "whole.h5", tmp_path / "cut.h5"

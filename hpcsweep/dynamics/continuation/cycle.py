@@ -25,7 +25,7 @@ no product with the digits of the multipliers.
 """
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -39,6 +39,24 @@ STEEP = 0.2
 
 class NotConvergedError(ArithmeticError):
     """Raised where Newton's method has found no orbit."""
+
+
+class Solvable(Protocol):
+    """A curve whose points on hyperplanes can be found."""
+
+    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
+        """Return across what a point is sought, between two where the curve goes along `way`."""
+        ...
+
+    def solve(
+        self, guess: np.ndarray, border: np.ndarray, near: "Solution | None" = None
+    ) -> "Solution":
+        """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
+        ...
+
+    def correct(self, guess: np.ndarray, border: np.ndarray, near: "Solution") -> "Solution":
+        """Find it where a neighbour was sought across the same border; see `correct`."""
+        ...
 
 
 class Curve(NamedTuple):

@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
-from hpcsweep.dynamics.continuation.maps import Solvable
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, Solvable
 
 PRECISION = 1e-12
 BISECTIONS = 44

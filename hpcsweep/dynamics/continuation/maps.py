@@ -1,12 +1,9 @@
-"""What is asked of maps whose orbits are continued, and of curves of such orbits."""
+"""What a map whose orbits are continued has."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from hpcsweep.dynamics.continuation.cycle import Solution
 
 
 class Map(Protocol):
@@ -31,27 +28,9 @@ class Map(Protocol):
         """Count non-smooth events of the map along an orbit, (p, N); () for smooth maps."""
         ...
 
-    def tracer(self, period: int, scale: float, made: Callable[..., "Solution"]) -> Any:
+    def tracer(self, period: int, scale: float, made: Callable[..., Any]) -> Any:
         """Return what finds points of a `Curve` by compiled kernels, None for most maps.
 
         See `hpcsweep.solvers.flow.orbit.tracer`; `made` makes a point of what that knows of it.
         """
-        ...
-
-
-class Solvable(Protocol):
-    """A curve whose points on hyperplanes can be found."""
-
-    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
-        """Return across what a point is sought, between two where the curve goes along `way`."""
-        ...
-
-    def solve(
-        self, guess: np.ndarray, border: np.ndarray, near: "Solution | None" = None
-    ) -> "Solution":
-        """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
-        ...
-
-    def correct(self, guess: np.ndarray, border: np.ndarray, near: "Solution") -> "Solution":
-        """Find it where a neighbour was sought across the same border; see `correct`."""
         ...

@@ -85,9 +85,7 @@ def warm_up(
     example = Structure(1, 10.0) if structure is None or not specialised else structure
     if settings.solver == "flow":
         kernels = "kernels specialised to the structure" if specialised else "kernels"
-        tell = None if say is None else announced(say, kernels)
-        needed = _needed(settings, structure, specialised)
-        load_all(needed, tell, processors() if jobs is None else jobs)
+        _load(_needed(settings, structure, specialised), say, jobs, kernels)
         if specialised:
             from hpcsweep.solvers.flow.specialised import use
 
@@ -112,7 +110,7 @@ def is_compiled_for_records() -> bool:
 
 def warm_up_records(say: Callable[[str], None] | None = None) -> None:
     """Compile what responses to records call, or load it from the disk."""
-    load_all(_record_kernels(), None if say is None else announced(say, "kernels"), processors())
+    _load(_record_kernels(), say)
 
 
 def is_compiled_for_branches(structure: Structure) -> bool:
@@ -122,8 +120,7 @@ def is_compiled_for_branches(structure: Structure) -> bool:
 
 def warm_up_branches(structure: Structure, say: Callable[[str], None] | None = None) -> None:
     """Compile what branches of a structure call besides, or load it from the disk."""
-    tell = None if say is None else announced(say, "kernels of branches")
-    load_all(_branch_kernels(structure), tell, processors())
+    _load(_branch_kernels(structure), say, kernels="kernels of branches")
 
 
 def worth_specialising(study: Any, n_ranks: float | None) -> bool:
@@ -140,10 +137,20 @@ def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = Non
     """Compile, or load, what runs with any settings and responses to records call."""
     every = SweepSettings(metrics=frozenset(METRICS))
     needed = dict.fromkeys([*_needed(every, None, False), *_record_kernels()])
-    tell = None if say is None else announced(say, "kernels")
-    load_all(list(needed), tell, processors() if jobs is None else jobs)
+    _load(list(needed), say, jobs)
     for name in SOLVERS:
         warm_up(replace(every, solver=name), say, jobs)
+
+
+def _load(
+    needed: list[Any],
+    say: Callable[[str], None] | None,
+    jobs: int | None = None,
+    kernels: str = "kernels",
+) -> None:
+    """Compile kernels, or load them from the disk, and tell the progress."""
+    tell = None if say is None else announced(say, kernels)
+    load_all(needed, tell, processors() if jobs is None else jobs)
 
 
 def settings_of(study: Any) -> SweepSettings:

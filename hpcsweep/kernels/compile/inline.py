@@ -50,6 +50,13 @@ class _InlineLibrary(JITCodeLibrary):
 class _WholeLibrary(JITCodeLibrary):
     """Library with all its parts, recursively; no other is linked with it."""
 
+    def _optimize_functions(self, ll_module):
+        """Leave the function as it is until its parts are linked, and all are optimised at once.
+
+        Before that it would be optimised for nothing: a tenth of a cold compile.
+        """
+        ll_module.data_layout = self._codegen._data_layout
+
     def finalize(self):
         """Link, optimise and generate code."""
         called = _all_that_is_called(self)

@@ -197,7 +197,7 @@ def examples() -> dict[str, tuple]:
     """
     fullest: dict[str, tuple[int, int, Path]] = {}
     for path in sorted((ROOT / "jobs").rglob("*.toml")):
-        if "vary" in tomllib.loads(resolve(path, (), every_key())[0]):
+        if "vary" in tomllib.loads(resolve(path, (), every_key)[0]):
             continue
         study = load_job(path).study
         fullest[study.kind] = max(

@@ -8,6 +8,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,6 @@ import numpy as np
 from hpcsweep.job import structures
 from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.paths import path_of
-from hpcsweep.job.suites import with_found
 from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import MAX_VALUES, Values
 from hpcsweep.job.vary import read_varied, unused
@@ -87,7 +87,7 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     path = path_of("path", path)
     settings = arguments.words("settings", settings)
     try:
-        text, source, notes = resolve(path, settings, every_key(), _drop_inherited)
+        text, source, notes = resolve(path, settings, every_key, _drop_inherited)
     except TreeError as error:
         raise JobError(str(error)) from None
     job = parse_job(text, source, path.stem, path.parent)
@@ -141,9 +141,12 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
         tree = parse_toml(text, source)
     except TreeError as error:
         raise JobError(str(error)) from None
-    whole = with_found(Values(source, tree), tree, folder)
-    if whole is not tree:
-        tree, text = whole, write(whole, every_key())
+    if "records" in tree:
+        from hpcsweep.job.suites import with_found
+
+        whole = with_found(Values(source, tree), tree, folder)
+        if whole is not tree:
+            tree, text = whole, write(whole, every_key())
     values = Values(source, tree)
     study = read_varied(values, tree, read_study)
     _check_extent(values, study)
@@ -157,7 +160,7 @@ def read_study(source: str, tree: Mapping):
     """Read the study of a job that varies no key; `source` is named in errors."""
     values = Values(source, tree)
     study = _kind(values)
-    values.check_tables(keys_of(study), _keys_of_others(study))
+    values.check_tables(keys_of(study), partial(_keys_of_others, study))
     structure = structures.read_structure(values)
     return study.read(
         values,

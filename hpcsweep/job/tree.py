@@ -46,7 +46,7 @@ class TreeError(ValueError):
 def resolve(
     path: Path,
     settings: Sequence[str],
-    order: Order,
+    order: Callable[[], Order],
     inherit: Callable[[dict, set[str]], list[str]] | None = None,
 ) -> tuple[str, str, list[str]]:
     """Read a job file with all that it extends and all that the command line sets.
@@ -56,8 +56,8 @@ def resolve(
     path : Path
     settings : sequence of str
         ``TABLE.KEY=VALUE`` each, the value in TOML; later ones replace earlier ones.
-    order : mapping
-        Order in which the keys are written.
+    order : callable
+        Return the order in which the keys are written.
     inherit : callable, optional
         Given the whole tree and the job's own keys, drop inherited ones of no use; return messages.
 
@@ -98,10 +98,11 @@ def resolve(
         if isinstance(keys, Mapping)
         for key in keys
     }
-    whole = _without_unset(whole, order)
+    keys = order()
+    whole = _without_unset(whole, keys)
     notes = inherit(whole, own) if inherit else []
     try:
-        text = write(whole, order)
+        text = write(whole, keys)
     except (ValueError, RecursionError) as error:  # numbers too long, brackets nested too deeply
         raise TreeError(f"{source}: cannot be written as TOML: {error}") from None
     made_of += notes

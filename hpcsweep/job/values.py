@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -59,15 +59,17 @@ class Values:
             shown = shown[:57] + "..."
         return JobError(f"{self.source}: {key} = {shown}: {limit}")
 
-    def check_tables(self, keys: Mapping[str, Sequence[str]], elsewhere: Mapping[str, str]) -> None:
+    def check_tables(
+        self, keys: Mapping[str, Sequence[str]], elsewhere: Callable[[], Mapping[str, str]]
+    ) -> None:
         """Refuse unknown keys.
 
         Parameters
         ----------
         keys : mapping of str to sequence of str
             Keys of each table; under '' those outside tables, including tables.
-        elsewhere : mapping of str to str
-            Full names of keys that are known in other cases, and these cases.
+        elsewhere : callable
+            Return full names of keys that are known in other cases, and these cases.
         """
         self.check_keys("", self._tree, keys[""], keys, elsewhere)
         for table in keys:
@@ -90,8 +92,8 @@ class Values:
             homes = [name for name in keys or {} if name and name != table and key in keys[name]]
             if homes:
                 hint = f"; it belongs in [{homes[0]}]"
-            if elsewhere and full in elsewhere:
-                hint = f"; it goes with {elsewhere[full]}"
+            if elsewhere and full in (others := elsewhere()):
+                hint = f"; it goes with {others[full]}"
             raise JobError(f"{self.source}: unknown key {full!r}{hint}")
 
     def has(self, key: str) -> bool:

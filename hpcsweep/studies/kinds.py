@@ -1,15 +1,34 @@
-"""All kinds of study, by their names in jobs."""
+"""All kinds of study, by their names in jobs. Each is imported when it is first asked for."""
 
+from collections.abc import Iterator, Mapping
+from importlib import import_module
 from typing import Any
 
-from hpcsweep.studies.attractors.attractors import Attractors
-from hpcsweep.studies.basins.basins import Basins
-from hpcsweep.studies.branches.branches import Branches
-from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.points import Points
-from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
-
-ALL: tuple[Any, ...] = (AmplitudeSweep, Points, Attractors, Basins, Records, Branches)
-KINDS = {study.kind: study for study in ALL}
-DEFAULT_KIND = AmplitudeSweep.kind
+DEFAULT_KIND = "amplitude_sweep"
 """Default study of a job."""
+STUDIES = {
+    DEFAULT_KIND: "sweep.amplitude_sweep.AmplitudeSweep",
+    "points": "points.Points",
+    "attractors": "attractors.attractors.Attractors",
+    "basins": "basins.basins.Basins",
+    "records": "ground_motion.records.Records",
+    "branches": "branches.branches.Branches",
+}
+"""Module and class of each kind of study in this folder."""
+
+
+class _Kinds(Mapping[str, Any]):
+    """The classes of `STUDIES`: all take 30 ms to import, a job needs one."""
+
+    def __getitem__(self, kind: str) -> Any:
+        module, _, name = STUDIES[kind].rpartition(".")
+        return getattr(import_module(f"hpcsweep.studies.{module}"), name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(STUDIES)
+
+    def __len__(self) -> int:
+        return len(STUDIES)
+
+
+KINDS = _Kinds()

@@ -8,6 +8,8 @@ import sys
 import pytest
 from tools import JOBS, SMALL, environment, hpcsweep
 
+from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
+
 COMPUTES = {"numba", "llvmlite", "scipy.integrate", "hpcsweep.solvers.flow", "hpcsweep.solvers.bdf"}
 DRAWS = {"matplotlib", "xarray"}
 COMPILES = {"numba.np.random.generator_methods", "numba.np.polynomial.polynomial_core"}
@@ -118,4 +120,6 @@ def test_each_solver_runs_in_a_process_that_has_loaded_no_other(tmp_path, method
     job.write_text(f'{text}\n[solver]\nmethod = "{method}"\n')
     code, modules = loaded("run", job, "-o", tmp_path / "out.h5")
     assert code == 0
+    studies = {name for name, study in KINDS.items() if study.__module__ in modules}
+    assert studies == {DEFAULT_KIND}
     assert f"hpcsweep.solvers.{method}" in modules

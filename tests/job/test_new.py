@@ -78,7 +78,8 @@ def shown(key: str) -> str:
 
 
 def test_every_kind_of_study_is_told_with_the_keys_that_only_it_has():
-    for kind in KINDS:
+    for kind, study in KINDS.items():
+        assert study.kind == kind
         assert f'"{kind}"' in shown("kind")
     for table, keys in every_key().items():
         for key in set(keys) - set(KEYS[table]):

@@ -12,7 +12,7 @@ from functools import cached_property
 
 from llvmlite import binding, ir
 from llvmlite.binding import Linkage
-from numba.core import compiler, typed_passes
+from numba.core import compiler, typed_passes, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_machinery import register_pass
 from numba.core.registry import CPUDispatcher
@@ -176,8 +176,8 @@ class KernelDispatcher(CPUDispatcher):
         return _InlineDispatcher(self.py_func, targetoptions=options, pipeline_class=_PART)
 
     def get_call_template(self, args, kws):
-        """Return the signature of a call by a kernel."""
-        return self._part.get_call_template(args, kws)
+        """Return the signature of a call by a kernel; a part is not typed anew for constants."""
+        return self._part.get_call_template(tuple(map(types.unliteral, args)), kws)
 
     def is_kept(self, sig) -> bool:
         """Return whether the cache has the kernel compiled for a signature."""

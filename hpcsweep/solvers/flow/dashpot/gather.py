@@ -34,7 +34,7 @@ from hpcsweep.solvers.measures import DISSIPATED, FORCE, TIME
 
 
 @inlined
-def observe_piece(segment, past, span, amplitude, wanted, shared):
+def observe_segment(segment, past, span, amplitude, wanted, shared):
     """Bring the tally up to date with a segment of that length, to ``work.z_end``."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     index = segment.index
@@ -42,15 +42,15 @@ def observe_piece(segment, past, span, amplitude, wanted, shared):
     if wanted & DRIFT == 0:
         drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
     if wanted & PEAKS:
-        peaks_on_piece(segment, span, segment.tau, amplitude, wanted & PEAKS, shared)
+        peaks_with_dashpots(segment, span, segment.tau, amplitude, wanted & PEAKS, shared)
     if wanted & IMPACTS:
-        impacts_on_piece(segment, past, span, model, tables, tally, work)
+        impacts_with_dashpots(segment, past, span, model, tables, tally, work)
     if wants_norms(wanted) and past == np.uint64(0):
         modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
 
 
 @inlined
-def peaks_on_piece(segment, span, time, amplitude, wanted, shared):
+def peaks_with_dashpots(segment, span, time, amplitude, wanted, shared):
     """Raise the peaks that are wanted over a segment; see `peaks.peaks_on_segment`."""
     peaks_on_segment(segment, span, time, amplitude, wanted & ~CONTACT, shared)
     if wanted & CONTACT:
@@ -80,7 +80,7 @@ def _force_peaks(segment, span, time, shared):
 
 
 @kernel
-def impacts_on_piece(segment, past, span, model, tables, tally, work):
+def impacts_with_dashpots(segment, past, span, model, tables, tally, work):
     """Add force, time and energy of the contacts past their stops on the first `span` of a step."""
     contacts, index, h = model.contacts, segment.index, segment.h
     n = work.z_end.shape[0] // 2

@@ -11,9 +11,9 @@ from hpcsweep.solvers.flow.dashpot.contacts import (
     pushing,
 )
 from hpcsweep.solvers.flow.dashpot.gather import (
-    impacts_on_piece,
-    observe_piece,
-    peaks_on_piece,
+    impacts_with_dashpots,
+    observe_segment,
+    peaks_with_dashpots,
     record_passing,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
@@ -53,11 +53,11 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
     stretch = Stretch(0.0, shared.model.period, 0.0)
-    return march_pieces(packed, stretch, z, amplitude, shared, wanted, tangent)
+    return march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent)
 
 
 @inlined
-def march_pieces(packed, stretch, z, amplitude, shared, wanted, tangent):
+def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
     """Advance z over a part of a period or of a sample interval, in place; return the outcome.
 
     Parameters
@@ -100,13 +100,13 @@ def march_pieces(packed, stretch, z, amplitude, shared, wanted, tangent):
             return NON_FINITE
         if tangent is None:
             if wanted != NO_TALLY:
-                peaks_on_piece(segment, span, time + tau, amplitude, PEAKS, shared)
-                impacts_on_piece(segment, past, span, model, tables, shared.tally, work)
+                peaks_with_dashpots(segment, span, time + tau, amplitude, PEAKS, shared)
+                impacts_with_dashpots(segment, past, span, model, tables, shared.tally, work)
         else:
             if tangent.shape[1] > 0:
                 linear_tangent(tables, index, span, tangent, work.tangent)
             if wanted != NO_TALLY:
-                observe_piece(segment, past, span, amplitude, wanted, shared)
+                observe_segment(segment, past, span, amplitude, wanted, shared)
         if place >= 0:
             counts[1] += 1
             before = past

@@ -9,6 +9,7 @@ import math
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.solvers.branch_rule import CONTRACTS, DIFFERENCE, EXACT, REACHED, ROUNDING, STEPS
+from hpcsweep.solvers.flow.linear.elimination import invert
 from hpcsweep.solvers.flow.period.march import march
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state
@@ -92,42 +93,6 @@ def _linearise(shared, packed):
         whole[row, last] = (trace.ahead[row] - trace.images[row]) / (high - value) * scale
     copy_state(trace.border, whole[last])
     return invert(whole, trace.pivots)
-
-
-@kernel
-def invert(matrix, pivots):
-    """Overwrite a matrix with its inverse, by elimination with row pivots.
-
-    Returns
-    -------
-    bool
-        Whether the matrix is regular.
-    """
-    size = matrix.shape[0]
-    for k in range(size):
-        pivot = k
-        for row in range(k + 1, size):
-            if abs(matrix[row, k]) > abs(matrix[pivot, k]):
-                pivot = row
-        if not abs(matrix[pivot, k]) > 0.0:
-            return False
-        pivots[k] = pivot
-        factor = 1.0 / matrix[pivot, k]
-        matrix[pivot, k] = 1.0
-        for j in range(size):
-            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
-            matrix[k, j] *= factor
-        for row in range(size):
-            if row != k:
-                factor = matrix[row, k]
-                matrix[row, k] = 0.0
-                for j in range(size):
-                    matrix[row, j] -= factor * matrix[k, j]
-    for k in range(size - 1, -1, -1):
-        pivot = pivots[k]
-        for row in range(size):
-            matrix[row, k], matrix[row, pivot] = matrix[row, pivot], matrix[row, k]
-    return True
 
 
 @kernel

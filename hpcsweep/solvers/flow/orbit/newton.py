@@ -8,6 +8,7 @@ it is tried and when the orbit is that of the motion.
 import math
 
 from hpcsweep.kernels.compile import kernel
+from hpcsweep.solvers.flow.linear.elimination import solve
 from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
 from hpcsweep.solvers.flow.period.march import advance
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state, make_unit
@@ -84,7 +85,7 @@ def _find_orbit(shared, common, watch, period, amplitude, image):
         for k in range(size):
             watch.previous[k] = point[k] - left[k]
             watch.factors[k, k] -= 1.0
-        if not _solve(watch.factors, watch.previous):
+        if not solve(watch.factors, watch.previous):
             return False, n_periods
         for k in range(size):
             point[k] = left[k] - watch.previous[k]
@@ -137,37 +138,3 @@ def _extrapolate(before, state, image, out):
     factor = ratio / (1.0 - ratio) if abs(ratio) < 1.0 else 0.0
     for k in range(out.shape[0]):
         out[k] = image[k] + factor * (image[k] - state[k])
-
-
-@kernel
-def _solve(matrix, right):
-    """Solve matrix x = right by elimination with row pivots, both overwritten, x in `right`.
-
-    Returns
-    -------
-    bool
-        Whether the matrix is regular.
-    """
-    size = right.shape[0]
-    for column in range(size):
-        pivot = column
-        for row in range(column + 1, size):
-            if abs(matrix[row, column]) > abs(matrix[pivot, column]):
-                pivot = row
-        if not abs(matrix[pivot, column]) > 0.0:
-            return False
-        if pivot != column:
-            for k in range(column, size):
-                matrix[column, k], matrix[pivot, k] = matrix[pivot, k], matrix[column, k]
-            right[column], right[pivot] = right[pivot], right[column]
-        for row in range(column + 1, size):
-            factor = matrix[row, column] / matrix[column, column]
-            for k in range(column + 1, size):
-                matrix[row, k] -= factor * matrix[column, k]
-            right[row] -= factor * right[column]
-    for row in range(size - 1, -1, -1):
-        value = right[row]
-        for k in range(row + 1, size):
-            value -= matrix[row, k] * right[k]
-        right[row] = value / matrix[row, row]
-    return True

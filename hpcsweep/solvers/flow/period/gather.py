@@ -80,7 +80,7 @@ def measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shar
 
 
 @inlined
-def measure_piece(segment, ending, passing, time, amplitude, shared):
+def measure_record_segment(segment, ending, passing, time, amplitude, shared):
     """Update peaks and impacts by a segment of a record that begins at a time, and its end."""
     model, work, tally = shared.model, shared.work, shared.tally
     peaks_on_segment(segment, ending.span, time, amplitude, PEAKS, shared)

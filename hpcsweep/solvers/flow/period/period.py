@@ -35,7 +35,7 @@ from hpcsweep.solvers.flow.passage.passage import (
 )
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent
 from hpcsweep.solvers.flow.period.gather import (
-    measure_piece,
+    measure_record_segment,
     measure_segment,
     observe_segment,
     segment_tangent,
@@ -49,7 +49,7 @@ from hpcsweep.solvers.flow.search.search import UNDECIDED, Bracket, Curve, Level
 from hpcsweep.solvers.flow.search.steps import coast, take_step
 from hpcsweep.solvers.flow.state.augmented import start
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.segment import Ending, Segment
+from hpcsweep.solvers.flow.state.segment import Ending, Segment, Stretch
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
 from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
@@ -210,20 +210,21 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
     """
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    whole = Segment(np.uint64(0), NO_TABLE, 0.0, 0.0, shared.model.period)
-    return march_segments(packed, whole, 0.0, z, amplitude, shared, wanted, tangent, measures)
+    stretch, key = Stretch(0.0, shared.model.period, 0.0), np.uint64(0)
+    return march_segments(
+        packed, stretch, key, NO_TABLE, z, amplitude, shared, wanted, tangent, measures
+    )
 
 
 @inlined
-def march_segments(packed, begun, time, z, amplitude, shared, wanted, tangent, measures):
+def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, tangent, measures):
     """Advance z over a part of a period or of a sample interval, in place; return the outcome.
 
     Parameters
     ----------
-    begun : Segment
-        Contact set and table, which may be `NO_TABLE`, start and end.
-    time : float
-        At which a sample interval begins.
+    stretch : Stretch
+    key, index : uint64, int
+        Contact set at its start and its table, which may be `NO_TABLE`.
     wanted : int
         Of a record only `PEAKS` and `IMPACTS`, together.
     tangent : ndarray, shape (2R, m), or None
@@ -233,7 +234,7 @@ def march_segments(packed, begun, time, z, amplitude, shared, wanted, tangent, m
         See `march_period`.
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    key, index, _, tau, end = begun
+    tau, end, time = stretch
     steps = 0
     promised = np.uint64(0)
     while tau < end:
@@ -288,7 +289,7 @@ def march_segments(packed, begun, time, z, amplitude, shared, wanted, tangent, m
             if tangent is not None:
                 measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared)
             elif wanted != NO_TALLY:
-                measure_piece(segment, ending, passing, time + tau, amplitude, shared)
+                measure_record_segment(segment, ending, passing, time + tau, amplitude, shared)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)

@@ -16,7 +16,7 @@ from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots, past_stops, pushing
-from hpcsweep.solvers.flow.dashpot.period import march_pieces
+from hpcsweep.solvers.flow.dashpot.period import march_with_dashpots
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
@@ -95,14 +95,13 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
-            begun = Segment(key, index, 0.0, tau, length)
+            rest = Stretch(tau, length, time)
             flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
             if with_dashpots:
-                rest = Stretch(tau, length, time)
-                outcome = march_pieces(shared, rest, z, amplitude, common, flags, None)
+                outcome = march_with_dashpots(shared, rest, z, amplitude, common, flags, None)
             else:
                 outcome = march_segments(
-                    shared, begun, time, z, amplitude, common, flags, None, True
+                    shared, rest, key, index, z, amplitude, common, flags, None, True
                 )
             if outcome != COMPLETE:
                 return j - first, outcome

@@ -150,9 +150,13 @@ class Work(Protocol):
         """Compute a complete stored run again, another way: a `recompute.RunAgain`."""
         ...
 
+
+class Compiled(Protocol):
+    """Kernels that the runs of a study call."""
+
     @property
     def kernels(self) -> tuple:
-        """What identifies the kernels that its runs call; empty: all of the kind call the same."""
+        """What identifies them; empty: all of the kind call the same."""
         ...
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
@@ -269,5 +273,5 @@ class Report(Protocol):
         ...
 
 
-class Study(Work, Data, Report, Protocol):
+class Study(Work, Compiled, Data, Report, Protocol):
     """What `store`, `campaign` and `checks` need of a study."""

@@ -3,8 +3,8 @@
 Called kernels are usually inlined (`inline`) and optimised and compiled again in each caller, which
 pays where the call would cost more than the work. A kernel that works for long in a call is an
 entry point: its types are declared, it has one address, and callers read that from a cell that they
-know by name. So a caller can be compiled, and cached, before its callees. A cold compile takes 82 s
-of processor time with entry points, 267 s with these inlined as well.
+know by name. So a caller can be compiled, and cached, before its callees. Where a cold compile took
+82 s of processor time, it took 267 s with these inlined as well.
 
 `EntryPoint.load` fills a cell: it compiles the entry point or loads it from the cache. The first
 call from Python loads all that the entry point calls (`with_called`), and nothing else. Only one

@@ -3,8 +3,8 @@
 numba compiles a called function on its own, to machine code, and then optimises and compiles it
 again inside its caller, and inside the caller's caller. Here a called kernel is only lowered to
 LLVM's intermediate form; optimisation and code generation happen once for each kernel that is
-called from Python or through its address (`entry_points`), over all of its parts. A cold compile
-takes 82 s of processor time and 371 MB, without this module 214 s and 861 MB. It derives from
+called from Python or through its address (`entry_points`), over all of its parts. Where that took
+82 s of processor time and 371 MB, it took 214 s and 861 MB without this module. It derives from
 private classes of numba, which is the reason for the upper bound on numba's version.
 """
 

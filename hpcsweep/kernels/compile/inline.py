@@ -53,7 +53,8 @@ class _WholeLibrary(JITCodeLibrary):
     def _optimize_functions(self, ll_module):
         """Leave the function as it is until its parts are linked, and all are optimised at once.
 
-        Before that it would be optimised for nothing: a tenth of a cold compile.
+        To optimise it alone before that would be a tenth of the processor time of a cold compile;
+        it would lower the peak of memory from 363 to 331 MB.
         """
         ll_module.data_layout = self._codegen._data_layout
 

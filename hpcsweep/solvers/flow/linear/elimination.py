@@ -5,7 +5,7 @@ from hpcsweep.kernels.compile import inlined, kernel
 
 @inlined
 def _pivot_row(matrix, k):
-    """Return the row of the largest entry of column k from its diagonal on, -1 if that is 0."""
+    """Return the row of the largest entry of column k from the diagonal on; -1: it is 0 or NaN."""
     pivot = k
     for row in range(k + 1, matrix.shape[0]):
         if abs(matrix[row, k]) > abs(matrix[pivot, k]):

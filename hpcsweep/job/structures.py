@@ -4,10 +4,11 @@ Every error is one line that names the file, the key, the value and the limit;
 `hpcsweep.model.structure` defines the limits.
 """
 
+import functools
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from hpcsweep.job.job import JobError
@@ -114,11 +115,26 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
 def _building(number: int, table: Mapping) -> Building:
     """Make one of several buildings; an error names its table, counted from 0."""
     try:
-        made = Building(**{key: _tuples(value) for key, value in table.items()})
-        _ = made.structure  # which checks what the building itself does not
+        given = {key: _tuples(value) for key, value in table.items()}
+        return _made(_Table(repr(given), given))
     except ValueError as error:
         text = str(error).removeprefix("building.")
         raise ValueError(f"building[{number}].{text}") from None
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table as a key, by its text, in which 1, 1.0 and true differ."""
+
+    text: str
+    given: dict = field(compare=False)
+
+
+@functools.lru_cache(maxsize=1024)
+def _made(table: _Table) -> Building:
+    """Make a building; the parts of a varied job share most of theirs."""
+    made = Building(**table.given)
+    _ = made.structure  # which checks what the building itself does not
     return made
 
 

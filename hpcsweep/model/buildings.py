@@ -1,5 +1,6 @@
 """Buildings side by side, in an engineer's terms: masses, storeys, gaps between floors."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -61,6 +62,7 @@ class Building:
             wanted = positive("building.period", self.period)
             found = 2.0 * math.pi / float(self.structure.frequencies[0])
             stiffness = self._each("building.storey_stiffness", self.storey_stiffness)
+            del self.__dict__["structure"]  # of the stiffness as it is given
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
 
@@ -76,7 +78,7 @@ class Building:
             return vector(name, given, self.n_floors, "numbers, one per floor")
         return (finite(name, given),) * self.n_floors
 
-    @property
+    @functools.cached_property
     def structure(self) -> Structure:
         """Structure of the building alone, without stops."""
         return Structure(

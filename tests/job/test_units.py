@@ -204,6 +204,13 @@ def test_one_of_several_buildings_is_named_where_it_is_wrong():
             parse(wrong)
 
 
+def test_a_building_is_not_taken_for_one_that_python_calls_equal():
+    """Buildings are made once for all parts of a job: true is 1 for Python, and is no mass."""
+    parse(TWO.replace("1.0e5]", "1]"))
+    with pytest.raises(JobError, match=r"building\[1\]\.mass"):
+        parse(TWO.replace("1.0e5]", "true]"))
+
+
 def test_one_of_several_contacts_is_set():
     from tools import JOBS
 

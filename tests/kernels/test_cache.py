@@ -16,6 +16,7 @@ from tools import environment, python
 import hpcsweep
 from hpcsweep.kernels import folders
 from hpcsweep.kernels.compile import cache as jit
+from hpcsweep.kernels.compile.decorators import Kernel
 from hpcsweep.kernels.compile.entry_points import EntryPoint
 
 if numba.config.DISABLE_JIT:
@@ -32,7 +33,7 @@ def kernels():
             continue
         module = importlib.import_module(info.name)
         for value in vars(module).values():
-            if isinstance(value, numba.core.dispatcher.Dispatcher | EntryPoint):
+            if isinstance(value, Kernel | EntryPoint):
                 found[value.py_func] = value
     return found
 
@@ -70,7 +71,7 @@ from hpcsweep.{module} import switch
 from hpcsweep.kernels.compile import cache as jit
 from hpcsweep.kernels.compile.entry_points import EntryPoint
 switch(0.5, 3.0)
-stats = switch.stats
+stats = switch.dispatcher.stats
 print(jit.source_hash(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
 MODULE = "model.contact"
@@ -173,3 +174,31 @@ def test_a_damaged_kernel_is_compiled_again_and_mended(tmp_path):
     kept.write_bytes(whole[:5000] + bytes([whole[5000] ^ 4]) + whole[5001:])
     assert started_in(tmp_path, cache) == (key, 0, 1)
     assert started_in(tmp_path, cache) == (key, 1, 0)
+
+
+STARTED = """
+import sys
+import numpy
+from numba.core.runtime import rtsys
+from hpcsweep import Structure
+from hpcsweep.kernels.compile.decorators import Kernel
+from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.reference import horner
+FlowMap(Structure(), 0.445).advance([0.0] * 6, 0.06, 3)
+modules = [one for name, one in sys.modules.items() if name.startswith("hpcsweep.")]
+kernels = {id(one): one for each in modules for one in vars(each).values() if type(one) is Kernel}
+declared = ["dispatcher" in vars(one) for one in kernels.values()]
+print(len(declared), sum(declared), rtsys._init)
+horner(numpy.ones(3), 0.5)
+print(rtsys._init)
+"""
+
+
+def test_what_is_loaded_from_the_cache_declares_no_other_kernel_and_counts_no_reference():
+    python(STARTED)  # compiles them where they are not yet
+    start = [sys.executable, "-c", STARTED]
+    done = subprocess.run(start, env=environment(), capture_output=True, text=True, check=True)
+    kernels, declared, counts, then = done.stdout.split()
+    assert int(kernels) > 150
+    assert int(declared) < 10
+    assert (counts, then) == ("False", "True")

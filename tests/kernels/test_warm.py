@@ -189,7 +189,8 @@ def test_warmup_fills_a_cache_that_is_only_read_later(tmp_path):
 COMPILED = """
 from hpcsweep.model.contact import switch
 switch(0.5, 3.0)
-print(sum(switch.stats.cache_hits.values()), sum(switch.stats.cache_misses.values()))
+stats = switch.dispatcher.stats
+print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
 
 

@@ -63,6 +63,11 @@ KERNEL_FILES = (
 """Files and folders of the package that define kernels and the constants in them."""
 SUFFIX = ".kernel"
 HASH_LENGTH = 16
+COUNTS_REFERENCES = b"NRT_"
+"""In machine code that counts references to arrays (`decorators.jit`).
+
+numba's runtime for that is compiled at its first use, which takes 28 ms of a start.
+"""
 
 
 def kernel_files(package: Path = PACKAGE, names: tuple[str, ...] = KERNEL_FILES) -> list[Path]:
@@ -182,11 +187,12 @@ class KernelCache(FunctionCache):
     def load_overload(self, sig, target_context):
         """Return a compiled kernel; None if it is absent or damaged."""
         # `refresh` would load all of numba's registries, which only compilation needs
-        rtsys.initialize(target_context)
         place = self._path(sig, target_context.codegen())
         for root in roots():
             found = read_verified(root / place)
             if found is not None:
+                if COUNTS_REFERENCES in found:
+                    rtsys.initialize(target_context)
                 return self._impl.rebuild(target_context, pickle.loads(found))
         return None
 

@@ -84,13 +84,18 @@ class EntryPoint:
         self.result, self.arguments, self.inner = result, arguments, inner
         result = types.Tuple(result) if isinstance(result, tuple) else result
         self._signature = signature(result, *arguments)
-        self.dispatcher = kernel(function, no_cpython_wrapper=inner)
+        self._kernel = kernel(function, no_cpython_wrapper=inner)
         self.py_func = function
         self._all_loaded = False
         self._cell = np.zeros(1, np.int64)
         self.symbol = f"address of {self.name}"
         binding.add_symbol(self.symbol, self._cell.ctypes.data)
         self._declare(arguments)
+
+    @property
+    def dispatcher(self):
+        """Compiler of the kernel."""
+        return self._kernel.dispatcher
 
     def _declare(self, arguments) -> None:
         """Declare the entry point to kernels."""

@@ -134,6 +134,7 @@ _unsaid: list[str] = []
 def _compile_named(module: str, name: str, specialisation: Specialisation | None) -> list[str]:
     """Compile a kernel into the cache; return messages about the cache."""
     one = getattr(importlib.import_module(module), name)
+    gc.freeze()  # modules and earlier kernels stay
     _load(one if specialisation is None else SpecialisedKernels(specialisation)[one])
     return _unsaid
 

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 import xarray
-from tools import GRID, SMALL, TWO_STOPS, assert_same_datasets, hpcsweep, made
+from tools import REFINE, REFINED, SMALL, TWO_STOPS, assert_same_datasets, hpcsweep, made
 
 from hpcsweep import open_results
 from hpcsweep.campaign.overview import overview
@@ -31,19 +31,12 @@ from hpcsweep.studies.refine.audit import n_drawn
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import last_look
 
-REFINE = 'kind = "points"\nrefine = {levels = 3, wrong = 0.2}'
-MAP = (
-    GRID.replace('kind = "points"', REFINE)
-    .replace("from = 0.5, to = 0.8, count = 4", "from = 0.3, to = 0.9, count = 26")
-    .replace("count = 11", "count = 20")
-    .replace("lyapunov = true", "poincare = false")
-)
 RUNS = 520
-SLOW = MAP.replace("transient_cycles = 30", "transient_cycles = 1500").replace(
+SLOW = REFINED.replace("transient_cycles = 30", "transient_cycles = 1500").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'
 )
 COARSE = REFINE.replace("levels = 3", "levels = 2")
-THREE = MAP.replace(REFINE, COARSE) + "[vary]\nstructure.gap = [0.99, 1.0, 1.01]\n"
+THREE = REFINED.replace(REFINE, COARSE) + "[vary]\nstructure.gap = [0.99, 1.0, 1.01]\n"
 NUMBER = f"""
 [study]
 kind = "attractors"
@@ -60,13 +53,13 @@ max_points = 32
 
 @pytest.fixture(scope="module")
 def refined(tmp_path_factory):
-    return made(MAP, tmp_path_factory.mktemp("refined") / "map.h5")
+    return made(REFINED, tmp_path_factory.mktemp("refined") / "map.h5")
 
 
 def test_what_is_computed_equals_all_points_and_the_audit_bounds_what_is_inferred(
     refined, tmp_path
 ):
-    whole = open_results(made(MAP.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5"))
+    whole = open_results(made(REFINED.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5"))
     results = open_results(refined)
     source = results["source"].values
     inferred = source == Source.INFERRED
@@ -139,7 +132,7 @@ def test_a_damaged_byte_of_what_is_inferred_is_seen_and_mended(refined, tmp_path
     (problem,) = validate(path, samples=0).problems
     assert "frame 5 " in problem
     assert "its checksum does not hold" in problem
-    made(MAP, path)
+    made(REFINED, path)
     assert_same_datasets(refined, path)
 
 
@@ -155,21 +148,11 @@ def test_inferred_values_that_do_not_follow_are_seen(refined, tmp_path):
     values = {name: results[name].values.ravel().copy() for name in names}
     first = np.flatnonzero(values["source"] == Source.INFERRED)[0]
     values["inferred_orbit_period"][first] += 1
-    campaign = open_campaign(path, Layout(parse_job(MAP, "job", "job")), Serial())
+    campaign = open_campaign(path, Layout(parse_job(REFINED, "job", "job")), Serial())
     write_inferred(campaign, {**values, "audit": results["audit"].values})
     campaign.close()
     (problem,) = validate(path, samples=0).problems
     assert "inferred_orbit_period does not follow from the computed points" in problem
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_ranks_change_no_byte(refined, tmp_path, ranks):
-    job = tmp_path / "job.toml"
-    job.write_text(MAP)
-    done = hpcsweep(ranks, "run", job, "-o", tmp_path / "map.h5")
-    assert done.returncode == 0, done.stderr
-    assert_same_datasets(refined, tmp_path / "map.h5")
 
 
 def test_stopped_between_rounds_and_resumed(refined, tmp_path):
@@ -181,7 +164,7 @@ def test_stopped_between_rounds_and_resumed(refined, tmp_path):
         def advance(self, runs):
             flag.reason = flag.reason or "SIGTERM"
 
-    job = [(parse_job(MAP, "job", "job"), path)]
+    job = [(parse_job(REFINED, "job", "job"), path)]
     (ending,) = run_all(job, Serial(), flag=flag, progress=lambda *_: Stopping())
     assert ending.code == STOPPED
     part = open_results(path)
@@ -189,14 +172,14 @@ def test_stopped_between_rounds_and_resumed(refined, tmp_path):
     assert np.isnan(part["audit"].values).all()
     assert status(path)["audit"] is None
     assert overview(path)["state"] == "stopped"
-    made(MAP, path)
+    made(REFINED, path)
     assert_same_datasets(refined, path)
 
 
 @pytest.mark.slow
 def test_refined_by_the_period(refined, tmp_path):
     """The cells of this map are those of the class: no motions without a period lie beside it."""
-    text = MAP.replace("wrong = 0.2", 'on = ["period", "contact"], wrong = 0.2')
+    text = REFINED.replace("wrong = 0.2", 'on = ["period", "contact"], wrong = 0.2')
     path = made(text, tmp_path / "map.h5")
     results, by_class = open_results(path), open_results(refined)
     assert "inferred_motion" not in results
@@ -279,19 +262,23 @@ def test_the_number_of_attractors_is_refined_point_by_point(tmp_path):
 
 @pytest.mark.slow
 def test_points_of_a_full_map_are_taken_over(refined, tmp_path):
-    whole = made(MAP.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5")
-    taken = made(MAP, tmp_path / "new.h5", reuse=[whole])
+    whole = made(REFINED.replace(REFINE, 'kind = "points"'), tmp_path / "whole.h5")
+    taken = made(REFINED, tmp_path / "new.h5", reuse=[whole])
     assert_same_datasets(refined, taken)
     told = [r for r in faults.records(taken) if r["kind"] == "reuse"]
     assert told[0][f"from {whole}"] == status(refined)["runs_done"]
-    finer = made(MAP.replace("levels = 3", "levels = 2"), tmp_path / "finer.h5", reuse=[refined])
-    assert_same_datasets(made(MAP.replace("levels = 3", "levels = 2"), tmp_path / "f.h5"), finer)
+    finer = made(
+        REFINED.replace("levels = 3", "levels = 2"), tmp_path / "finer.h5", reuse=[refined]
+    )
+    assert_same_datasets(
+        made(REFINED.replace("levels = 3", "levels = 2"), tmp_path / "f.h5"), finer
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_beside_other_jobs_in_one_queue(refined, tmp_path):
-    for name, text in (("map", MAP), ("small", SMALL)):
+    for name, text in (("map", REFINED), ("small", SMALL)):
         (tmp_path / f"{name}.toml").write_text(text)
     done = hpcsweep(2, "run", "map.toml", "small.toml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -341,8 +328,8 @@ def test_killed_again_and_again_it_equals_the_uninterrupted_one(tmp_path):
     ],
 )
 def test_what_cannot_be_refined_gets_one_line_and_nothing_is_written(tmp_path, change, said):
-    text = MAP.replace(*change)
-    assert text != MAP
+    text = REFINED.replace(*change)
+    assert text != REFINED
     if "points =" in text:
         text = text.replace("omega = {from = 0.3, to = 0.9, count = 26}\n", "")
         text = text.replace("amplitude = {from = 0.02, to = 0.3, count = 20}\n", "")
@@ -361,7 +348,7 @@ def test_what_cannot_be_refined_gets_one_line_and_nothing_is_written(tmp_path, c
 
 def test_a_dry_run_says_what_is_computed_at_least(refined, tmp_path):
     job = tmp_path / "job.toml"
-    job.write_text(MAP)
+    job.write_text(REFINED)
     said = hpcsweep(0, "run", job, "--dry-run", cwd=tmp_path).stdout
     (line,) = (line for line in said.splitlines() if line.startswith("refined:"))
     least = int(re.search(r"(\d+) points", line)[1])

@@ -62,7 +62,6 @@ poincare = false
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("curves")
     jobs = {"one": SWEEP, "curves": CURVES, "none": BRANCHES, "map": MAP}
-    jobs["grazing"] = CURVES.replace('"fold", ', "")
     for name, text in jobs.items():
         (folder / f"{name}.toml").write_text(text)
         done = hpcsweep(0, "run", f"{name}.toml", cwd=folder)
@@ -126,6 +125,8 @@ def test_ranks_change_no_byte(folder, tmp_path, ranks):
 def test_killed_and_resumed_with_the_same_curves_only(folder, tmp_path):
     for path in folder.glob("*.h5"):
         shutil.copy(path, tmp_path)
+    (tmp_path / "grazing.toml").write_text(CURVES.replace('"fold", ', ""))
+    assert hpcsweep(0, "run", "grazing.toml", cwd=tmp_path).returncode == 0
     text = MAP.replace("[output]", '[solver]\nskip = "none"\n[output]')
     text = text.replace("transient_cycles = 100", "transient_cycles = 1500")
     text = text.replace('"curves.h5"', f'"{tmp_path / "curves.h5"}"')

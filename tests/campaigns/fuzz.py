@@ -23,7 +23,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -182,7 +182,11 @@ class Patient:
         self.inside = np.setdiff1d(
             np.arange(len(self.bytes["metadata"])), self.places["metadata"]
         ).tolist()
-        self.texts = [job.text for job in shipped().values()] + [SMALL]
+
+    @cached_property
+    def texts(self) -> list[str]:
+        """Jobs whose text is changed."""
+        return [job.text for job in shipped().values()] + [SMALL]
 
     # results files
 

@@ -43,6 +43,14 @@ max_orbit_period = 6
 block = 4
 """
 GRID = '[study]\nkind = "points"\n' + SMALL.replace("block = 4", "lyapunov = true")
+REFINE = 'kind = "points"\nrefine = {levels = 3, wrong = 0.2}'
+REFINED = (
+    GRID.replace('kind = "points"', REFINE)
+    .replace("from = 0.5, to = 0.8, count = 4", "from = 0.3, to = 0.9, count = 26")
+    .replace("count = 11", "count = 20")
+    .replace("lyapunov = true", "poincare = false")
+)
+"""520 points."""
 TWO_STOPS = """
 [structure]
 n_floors = 1
@@ -146,7 +154,7 @@ def command(ranks: int, *arguments: object) -> list[str]:
 
 @functools.cache
 def shipped() -> dict:
-    """Load every shipped job, once for all tests of a process: a map of 1,728 parts takes 4 s."""
+    """Load every shipped job, once for all tests of a process: a map of 1,728 parts takes 2 s."""
     from hpcsweep.job import load_job
 
     return {path: load_job(path) for path in sorted(JOBS.rglob("*.toml"))}

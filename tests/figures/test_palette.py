@@ -221,7 +221,7 @@ KINDS = (
 )
 
 
-@pytest.fixture(params=["all motions", "few motions"])
+@pytest.fixture(params=["all motions", pytest.param("few motions", marks=pytest.mark.slow)])
 def mixed(request, results):
     """Results in which the runs have all motions, or three of them, in turn."""
     kinds = KINDS if request.param == "all motions" else (KINDS[5], KINDS[12], KINDS[1])

@@ -1,8 +1,10 @@
-"""Every study gives the same bytes on one, two and three ranks.
+"""Every kind of campaign gives the same bytes on one, two and three ranks.
 
 The campaigns of a number of ranks are run one after the other by one `mpirun`: its ranks load their
 libraries once.
 """
+
+import functools
 
 import faults
 import numpy as np
@@ -12,19 +14,47 @@ from tools import (
     BASINS,
     GRID,
     RECORDS,
+    REFINED,
     SMALL,
+    TWO_STOPS,
     assert_same_datasets,
     datasets,
     hpcsweep,
+    made,
     run_script,
 )
 
-STUDIES = {
+SEEDS = f"""
+{TWO_STOPS}
+[sweep]
+omega = [0.9, 1.0, 1.1]
+amplitude = {{from = 0.2, to = 0.7, count = 6}}
+transient_cycles = 100
+sampling_cycles = 32
+"""
+BRANCHES = """
+[study]
+kind = "branches"
+[branches]
+seeds = "seeds.h5"
+steps = 100
+max_points = 1000
+max_seeds = 40
+"""
+VARY = """
+[vary]
+structure.stiffness_ratio = [100, 300]
+structure.gap = {from = 0.5, to = 1.5, count = 3}
+"""
+CAMPAIGNS = {
     "amplitude_sweep": SMALL,
     "points": GRID,
     "attractors": ATTRACTORS,
     "basins": BASINS,
     "records": RECORDS,
+    "branches": SEEDS + BRANCHES,
+    "vary": SMALL + VARY,
+    "refined": REFINED,
 }
 EACH = """
 import sys
@@ -33,46 +63,53 @@ for name in sys.argv[2:]:
     if code := cli.main(["run", f"{sys.argv[1]}/{name}.toml", "-o", f"{name}.h5"]):
         sys.exit(code)
 """
-RANKS = (0, 2, 3)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Results of every study, in a folder for each number of ranks."""
+    """Jobs of all campaigns, and their results on one rank."""
     folder = tmp_path_factory.mktemp("ranks")
-    script = folder / "each.py"
-    script.write_text(EACH)
-    for name, text in STUDIES.items():
-        (folder / f"{name}.toml").write_text(text)
-    for ranks in RANKS:
-        own = folder / str(ranks)
-        own.mkdir()
-        if ranks:
-            done = run_script(ranks, script, folder, *STUDIES, cwd=own)
-            assert done.returncode == 0, done.stderr
-            continue
-        for name in STUDIES:
-            done = hpcsweep(0, "run", folder / f"{name}.toml", cwd=own)
-            assert done.returncode == 0, done.stderr
+    seeds = made(SEEDS, folder / "seeds.h5")
+    for name, text in CAMPAIGNS.items():
+        (folder / f"{name}.toml").write_text(text.replace("seeds.h5", str(seeds)))
+        done = hpcsweep(0, "run", folder / f"{name}.toml", cwd=folder)
+        assert done.returncode == 0, done.stderr
     return folder
 
 
+@pytest.fixture(scope="module")
+def results_on(folder):
+    """Return a function that gives the folder of all results on several ranks, made once."""
+    script = folder / "each.py"
+    script.write_text(EACH)
+
+    @functools.cache
+    def results_on(ranks: int):
+        own = folder / str(ranks)
+        own.mkdir()
+        done = run_script(ranks, script, folder, *CAMPAIGNS, cwd=own)
+        assert done.returncode == 0, done.stderr
+        return own
+
+    return results_on
+
+
 @pytest.mark.mpi
-@pytest.mark.parametrize("study", STUDIES)
-def test_every_number_of_ranks_gives_the_same_bytes(folder, study):
-    for ranks in RANKS:
-        path = folder / str(ranks) / f"{study}.h5"
-        assert_same_datasets(folder / "0" / f"{study}.h5", path)
-        records = faults.records(path)
-        (start,) = (record for record in records if record["kind"] == "start")
-        assert start["ranks"] == max(ranks, 1)
+@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
+@pytest.mark.parametrize("name", CAMPAIGNS)
+def test_every_number_of_ranks_gives_the_same_bytes(folder, results_on, name, ranks):
+    path = results_on(ranks) / f"{name}.h5"
+    assert_same_datasets(folder / f"{name}.h5", path)
+    records = faults.records(path)
+    (start,) = (record for record in records if record["kind"] == "start")
+    assert start["ranks"] == ranks
     blocks = [record for record in records if record["kind"] == "block"]
     assert len({record["rank"] for record in blocks}) > 1
 
 
 def test_another_job_gives_other_bytes(folder, tmp_path):
     control = tmp_path / "control.toml"
-    control.write_text(STUDIES["amplitude_sweep"].replace("300.0", "300.0000001"))
+    control.write_text(CAMPAIGNS["amplitude_sweep"].replace("300.0", "300.0000001"))
     assert hpcsweep(0, "run", control, "-o", tmp_path / "control.h5").returncode == 0
-    left, right = datasets(folder / "0" / "amplitude_sweep.h5"), datasets(tmp_path / "control.h5")
+    left, right = datasets(folder / "amplitude_sweep.h5"), datasets(tmp_path / "control.h5")
     assert not np.array_equal(left["final_state"], right["final_state"])

@@ -107,14 +107,6 @@ def test_points_of_branches_are_orbits_stable_or_not(whole):
         np.testing.assert_allclose(found.multipliers, own, rtol=0, atol=1e-5)
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
-def test_on_any_number_of_ranks_the_file_is_the_same(folder, whole, ranks):
-    path = folder / f"on{ranks}.h5"
-    assert hpcsweep(ranks, "run", folder / "job.toml", "-o", path).returncode == 0
-    assert_same_datasets(whole, path)
-
-
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(folder, whole):

@@ -91,16 +91,6 @@ def test_words_are_an_axis_too(tmp_path):
     frames.close()
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
-def test_on_any_number_of_ranks_the_bytes_are_the_same(ranks, tmp_path):
-    job, one, many = tmp_path / "job.toml", tmp_path / "one.h5", tmp_path / "many.h5"
-    job.write_text(SMALL + TWO)
-    assert hpcsweep(0, "run", job, "-o", one).returncode == 0
-    assert hpcsweep(ranks, "run", job, "-o", many).returncode == 0
-    assert_same_datasets(one, many)
-
-
 @pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path):

@@ -35,7 +35,6 @@ from hpcsweep.solvers.flow.passage.passage import (
 )
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent
 from hpcsweep.solvers.flow.period.gather import (
-    measure_record_segment,
     measure_segment,
     observe_segment,
     segment_tangent,
@@ -286,10 +285,10 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
             observe_segment(segment, ending.span, wanted, measures, shared)
         passing = passing_contacts(segment, ending, work.z_end, model)
         if measures is not None:  # in compiling; an array that is no None would not be left out
-            if tangent is not None:
-                measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared)
-            elif wanted != NO_TALLY:
-                measure_record_segment(segment, ending, passing, time + tau, amplitude, shared)
+            begun = time + tau
+            measure_segment(
+                segment, ending, passing, begun, z, amplitude, wanted, tangent, packed, shared
+            )
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)

@@ -57,7 +57,8 @@ class Model(NamedTuple):
     harmonics: np.ndarray
     """(H, 3): order, amplitude and phase."""
     ramp: np.ndarray
-    """(P, 2), P = 0 or 1: G and G' at the start of a period along which G is linear."""
+    """(P, 3), P = 0 or 1: G and G' at the start of a period along which G is linear, and when it
+    starts."""
     rows: np.ndarray
     """(R - n, n): E."""
     contacts: Contacts
@@ -121,7 +122,7 @@ def _at_any_frequency(structure: Structure) -> Model:
         forcing=forcing,
         ground=-forcing[:n] if structure.shakes else np.zeros(n),
         harmonics=np.array(structure.forcing.terms, float).reshape(-1, 3),
-        ramp=np.zeros((0, 2)),
+        ramp=np.zeros((0, 3)),
         rows=extra,
         contacts=kernel_contacts(structure, places, extra, (stiffness, damping), layer),
         drift_rows=drift_rows.reshape(-1, 2),
@@ -155,7 +156,7 @@ def record_model(structure: Structure, dt: float) -> Model:
     return model._replace(
         ground=-model.forcing[: structure.n_floors],
         harmonics=np.zeros((0, 3)),
-        ramp=np.zeros((1, 2)),
+        ramp=np.zeros((1, 3)),
         omega=0.0,
         period=float(dt * structure.frequency_unit),
     )

@@ -65,7 +65,7 @@ class Pieces:
             size * np.sin(order * model.omega * tau + phase)
             for order, size, phase in model.harmonics
         )
-        ground += sum(value + rate * tau for value, rate in model.ramp)
+        ground += sum(value + rate * tau for value, rate, _ in model.ramp)
         found = self.matrix @ z + self._constant
         found[self._n :] += model.forcing * (self._amplitude * ground)
         return found

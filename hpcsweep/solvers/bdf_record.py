@@ -62,9 +62,9 @@ class BdfRecordMap:
 
         time, outcome = 0.0, Outcome.COMPLETE
         for j, length in enumerate(lengths):
-            model.ramp[0] = 0.0
+            model.ramp[0] = 0.0, 0.0, time
             if j + 1 < len(acceleration):
-                model.ramp[0] = samples[j], (samples[j + 1] - samples[j]) / model.period
+                model.ramp[0, :2] = samples[j], (samples[j + 1] - samples[j]) / model.period
             peaks.begun = time
             z, outcome = self._steps.advance(z, amplitude, length, poll, on_step)
             if outcome is not Outcome.COMPLETE:
@@ -104,7 +104,7 @@ class _Peaks:
         model, n = self._model, self._model.stiffness.shape[0]
         found = [self._rows @ states[:n], np.empty((self._floors, len(times)))]
         for at, (time, z) in enumerate(zip(times, states.T, strict=True)):
-            value, rate = model.ramp[0]
+            value, rate, _ = model.ramp[0]
             ground = self._amplitude * (value + rate * time)
             found[1][:, at] = field(time, z)[n:][: self._floors] + model.ground * ground
         contacts = range(model.contacts.gap.size)

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import expit
 
 import hpcsweep
 from hpcsweep import Contact, Record, Structure, history, read_record
@@ -16,6 +17,7 @@ PEAKS = (
     *("displacement", "drift", "floor_acceleration", "force", "impact_velocity", "impulse"),
     "residual",
 )
+FIELDS = ("gap", "stiffness")
 
 
 def oscillator(omega: float, zeta: float, contacts=()) -> Structure:
@@ -175,6 +177,62 @@ def test_two_buildings_by_an_integrator_of_its_own():
     np.testing.assert_allclose(found.final_state, z, atol=1e-7 * np.abs(z).max())
     assert (found.drift >= drift * (1 - 1e-7)).all()
     np.testing.assert_allclose(found.drift, drift, rtol=0.01)
+
+
+@pytest.mark.parametrize("sharpness", [3.0, 30.0, 1000.0])
+def test_peaks_inside_the_layer_of_a_smooth_stop(sharpness):
+    """scipy's DOP853, an interval at a time, on equations written down here.
+
+    A layer may be passed in a thousandth of an interval, or never be left.
+    """
+    structure, dt, parts = Structure(2, 100.0, sharpness), 0.05, 400
+    samples = np.convolve(np.random.default_rng(1).normal(size=160), np.full(10, 0.3), "same")
+    record = hpcsweep.Record(samples, dt)
+    found = hpcsweep.response(structure, record, rtol=1e-12)
+    at_samples = hpcsweep.response(structure, record, rtol=1e-12, at_samples=True)
+    inverse, rows_of = np.linalg.inv(structure.mass_matrix), structure.directions
+    gaps, kappa = ([[getattr(c, name)] for c in structure.contacts] for name in FIELDS)
+
+    def force(z):
+        x = rows_of @ z[:2].reshape(2, -1) - gaps
+        return kappa * x * expit(sharpness * x)
+
+    def accelerations(z, ground):
+        inner = structure.damping_matrix @ z[2:] + structure.stiffness_matrix @ z[:2]
+        push = (rows_of.T @ force(z)).reshape(z[2:].shape)
+        forced = np.multiply.outer(structure.forcing_vector, ground)
+        return inverse @ (forced - inner - push)
+
+    z, rows, sampled = np.zeros(4), [], []
+    for before, after in itertools.pairwise(samples.tolist()):
+        slope = (after - before) / dt
+
+        def rates(time, z, before=before, slope=slope):
+            return np.concatenate((z[2:], accelerations(z, before + slope * time)))
+
+        done = solve_ivp(rates, (0.0, dt), z, "DOP853", dense_output=True, rtol=1e-12, atol=1e-14)
+        z, times = done.y[:, -1], np.linspace(0.0, dt, parts + 1)
+        seen = done.sol(times)
+        ground = before + slope * times
+        absolute = accelerations(seen, ground) - np.multiply.outer(
+            inverse @ structure.forcing_vector, ground
+        )
+        drift, floors = structure.drift_rows @ seen[:2], seen[:2]
+        row = np.vstack(
+            (np.abs(drift), np.abs(floors), np.abs(absolute), np.maximum(force(seen), 0.0))
+        )
+        rows.append(row[:, 1:])
+        sampled.append(row[:, -1])
+    every = np.hstack(rows)
+    names = ("drift", "displacement", "floor_acceleration", "force")
+    assert found.impacts.any()
+    peaks = np.concatenate([getattr(found, name) for name in names])
+    np.testing.assert_allclose(peaks, every.max(axis=1), rtol=2e-6)
+    when = ("drift_time", "displacement_time", "acceleration_time", "force_time")
+    times = np.concatenate([getattr(found, name) for name in when])
+    np.testing.assert_allclose(times, (every.argmax(axis=1) + 1) * dt / parts, atol=dt / parts)
+    peaks = np.concatenate([getattr(at_samples, name) for name in names])
+    np.testing.assert_allclose(peaks, np.max(sampled, axis=0), rtol=1e-9)
 
 
 @pytest.mark.parametrize("sharpness", [math.inf, 2e4])

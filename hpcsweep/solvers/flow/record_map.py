@@ -67,10 +67,15 @@ class RecordMap:
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
         wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
         done, outcome = self._advance(z, samples, scale, tail, poll, wanted)
-        tally = self._shared.tally
+        tally, model = self._shared.tally, self._shared.model
+        peaks = tally.peaks[self._told]
+        if model.rho < np.inf:
+            # of a smooth contact the largest distance is known; its force grows with it
+            past = peaks[len(peaks) - model.contacts.gap.size :]
+            past /= 1.0 + np.exp(-model.rho * past)
         return response_of(
             self.structure,
-            tally.peaks[self._told],
+            peaks,
             tally.times[self._told],
             tally.impacts,
             self._units.out_of(z).copy(),

@@ -28,6 +28,7 @@ from hpcsweep.solvers.flow.observe.impacts import record
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.segment import time_of
 from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
 from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS, wants_norms
 from hpcsweep.solvers.measures import DISSIPATED, FORCE, TIME
@@ -42,7 +43,7 @@ def observe_segment(segment, past, span, amplitude, wanted, shared):
     if wanted & DRIFT == 0:
         drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
     if wanted & PEAKS:
-        peaks_with_dashpots(segment, span, segment.tau, amplitude, wanted & PEAKS, shared)
+        peaks_with_dashpots(segment, span, amplitude, wanted & PEAKS, shared)
     if wanted & IMPACTS:
         impacts_with_dashpots(segment, past, span, model, tables, tally, work)
     if wants_norms(wanted) and past == np.uint64(0):
@@ -50,18 +51,18 @@ def observe_segment(segment, past, span, amplitude, wanted, shared):
 
 
 @inlined
-def peaks_with_dashpots(segment, span, time, amplitude, wanted, shared):
+def peaks_with_dashpots(segment, span, amplitude, wanted, shared):
     """Raise the peaks that are wanted over a segment; see `peaks.peaks_on_segment`."""
-    peaks_on_segment(segment, span, time, amplitude, wanted & ~CONTACT, shared)
+    peaks_on_segment(segment, span, amplitude, wanted & ~CONTACT, shared)
     if wanted & CONTACT:
-        _force_peaks(segment, span, time, shared)
+        _force_peaks(segment, span, shared)
 
 
 @kernel
-def _force_peaks(segment, span, time, shared):
+def _force_peaks(segment, span, shared):
     """Raise the peaks of the forces, over their units, of the contacts that push."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
-    rows, h = work.drift_rows, segment.h
+    rows, h, time = work.drift_rows, segment.h, time_of(segment.tau, model)
     for k in range(model.contacts.row.shape[0]):
         if segment.key & contact_bit(k) == np.uint64(0):
             continue

@@ -52,7 +52,7 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
     """
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    stretch = Stretch(0.0, shared.model.period, 0.0)
+    stretch = Stretch(0.0, shared.model.period)
     return march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent)
 
 
@@ -67,10 +67,10 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
         Flags of what to gather, see `tally`; of a record only `PEAKS` and `IMPACTS`, together.
     tangent : ndarray, shape (2R, m), or None
         Multiplied by the tangent map of a period. None, in compiling, is a record: steps are taken
-        one by one, and peaks are those of the record.
+        one by one.
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    tau, end, time = stretch
+    tau, end = stretch
     past = past_stops(tau, z, amplitude, model, work)
     key = pushing(past, z, model.contacts)
     forcing_at(tau, amplitude, model, work.forcing, 0)
@@ -100,7 +100,7 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
             return NON_FINITE
         if tangent is None:
             if wanted != NO_TALLY:
-                peaks_with_dashpots(segment, span, time + tau, amplitude, PEAKS, shared)
+                peaks_with_dashpots(segment, span, amplitude, PEAKS, shared)
                 impacts_with_dashpots(segment, past, span, model, tables, shared.tally, work)
         else:
             if tangent.shape[1] > 0:

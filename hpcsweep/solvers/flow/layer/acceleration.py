@@ -21,6 +21,7 @@ from hpcsweep.kernels.simd.vectors import fma, load, modulus, negative, total
 from hpcsweep.solvers.flow.layer.bounds import BETWEEN, beyond, range_of
 from hpcsweep.solvers.flow.rules.tableau import N_POINTS, N_STAGES, NODES, POINTS
 from hpcsweep.solvers.flow.state.accelerations import accelerations
+from hpcsweep.solvers.flow.state.segment import time_of
 
 _APART = POINTS[:, None] - POINTS + np.eye(N_POINTS)
 SCALES = 1.0 / _APART.prod(axis=1)
@@ -73,8 +74,8 @@ def accelerations_in_layer(step, z0, z1, first, model, tally, work):
 
     Arguments of `may_be_higher` and of `observation.observe_layer_step`.
     """
-    _, _, _, ground0, ground1 = step
-    values = work.layer.values
+    tau, h, _, ground0, ground1 = step
+    values, time = work.layer.values, time_of(tau, model)
     for i in range(model.ground.shape[0]):
         p, own = first + i, model.ground[i]
         if not _floor_may_be_higher(i, step, tally.peaks[p], model, work):
@@ -83,7 +84,8 @@ def accelerations_in_layer(step, z0, z1, first, model, tally, work):
         for k in range(N_STAGES):
             values[k + 1] = work.layer.g[i, k] + own * work.layer.ground[k]
         for k in range(N_POINTS):
-            tally.peaks[p] = max(tally.peaks[p], abs(values[k]))
+            if abs(values[k]) > tally.peaks[p]:
+                tally.peaks[p], tally.times[p] = abs(values[k]), time + POINTS[k] * h
         for k in range(N_POINTS):
             sign = 1.0 if values[k] > 0.0 else -1.0
             here = sign * values[k]
@@ -91,15 +93,16 @@ def accelerations_in_layer(step, z0, z1, first, model, tally, work):
             right = sign * values[min(k + 1, N_POINTS - 1)]
             rise = max(here - left, here - right)
             if here >= left and here >= right and here + rise > tally.peaks[p]:
-                top = _highest_beside(k, i, sign, tally.peaks[p], step, z0, z1, model, work)
-                tally.peaks[p] = max(tally.peaks[p], top)
+                top, at = _highest_beside(k, i, sign, tally.peaks[p], step, z0, z1, model, work)
+                if top > tally.peaks[p]:
+                    tally.peaks[p], tally.times[p] = top, time + at * h
 
 
 @kernel
 def _highest_beside(k, i, sign, peak, step, z0, z1, model, work):
     """Find the largest sign times the acceleration of floor i beside point k, a local maximum.
 
-    The search ends where that does not exceed the peak.
+    Return it, and at which part of the step. The search ends where it does not exceed the peak.
     """
     values = work.layer.values
     a, b = POINTS[max(k - 1, 0)], POINTS[min(k + 1, N_POINTS - 1)]
@@ -116,7 +119,7 @@ def _highest_beside(k, i, sign, peak, step, z0, z1, model, work):
         else:
             a, fa = middle, value
     if not a < m < b:
-        return fm
+        return fm, m
     for _ in range(PARABOLAS):
         if fm + max(fm - fa, fm - fb) <= peak:
             break
@@ -138,7 +141,7 @@ def _highest_beside(k, i, sign, peak, step, z0, z1, model, work):
             a, fa = t, value
         if done:
             break
-    return fm
+    return fm, m
 
 
 @kernel

@@ -77,7 +77,7 @@ def _measure_by_parts(packed, step, z0, wanted, kind):
                 for k in range(work.layer.missed.shape[0]):
                     work.layer.missed[k] = math.inf if k == contact and alone < 0 else 0.0
         if wanted & DISPLACEMENTS:
-            displacements_in_layer(h, start, end, wanted, False, shared)
+            displacements_in_layer(tau, h, start, end, wanted, False, shared)
         if wanted & ACCELERATION:
             own, first = (tau, h, amplitude, before, ground), shared.outputs.first
             accelerations_in_layer(own, start, end, first, model, tally, work)
@@ -112,7 +112,7 @@ def measure_layer_step(packed, step, z0, wanted, kind):
     h, z1 = step[1], work.z_end
     changes = False
     if wanted & DISPLACEMENTS:
-        changes = displacements_in_layer(h, z0, z1, wanted, True, shared)
+        changes = displacements_in_layer(step[0], h, z0, z1, wanted, True, shared)
     if wanted & ACCELERATION and not changes:
         changes = may_be_higher(step, shared.outputs.first, model, tally, work)
     if wanted & IMPACTS:

@@ -24,6 +24,7 @@ from hpcsweep.solvers.flow.observe.drift import (
 from hpcsweep.solvers.flow.observe.outputs import bound_outputs, fill_outputs, look
 from hpcsweep.solvers.flow.search.search import HERMITE_MIDDLE
 from hpcsweep.solvers.flow.state.contacts import contact_bit
+from hpcsweep.solvers.flow.state.segment import time_of
 from hpcsweep.solvers.flow.state.state import copy_state
 
 DISPLACEMENT_KINDS = 3
@@ -43,25 +44,24 @@ def rows_of_kind(kind, shared):
 
 
 @inlined
-def peaks_on_segment(segment, span, time, amplitude, wanted, shared):
+def peaks_on_segment(segment, span, amplitude, wanted, shared):
     """Raise the peaks that are wanted over the first `span` of a linear step to ``work.z_end``.
 
     ``work.expanded`` tells which polynomials are there, and ``work.bounds`` the bounds of the
-    fourth derivatives on the step. `time` is that of its start, from which the times of peaks
-    count.
+    fourth derivatives on the step.
     """
     if wanted & ~ACCELERATION:
-        _displacements_on_segment(segment, span, time, wanted & ~ACCELERATION, shared)
+        _displacements_on_segment(segment, span, wanted & ~ACCELERATION, shared)
     if wanted & ACCELERATION:
-        _accelerations_on_segment(segment, span, time, amplitude, shared)
+        _accelerations_on_segment(segment, span, amplitude, shared)
 
 
 @inlined
-def _displacements_on_segment(segment, span, time, wanted, shared):
+def _displacements_on_segment(segment, span, wanted, shared):
     """Raise the peaks of drifts, floors and closed contacts; arguments of `peaks_on_segment`."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     contacts, peaks = model.contacts, tally.peaks
-    index = segment.index
+    index, time = segment.index, time_of(segment.tau, model)
     for kind in range(DISPLACEMENT_KINDS):
         flag, first, count = rows_of_kind(kind, shared)
         if wanted & flag == 0 or (flag == CONTACT and segment.key == np.uint64(0)):
@@ -88,7 +88,7 @@ def _displacements_on_segment(segment, span, time, wanted, shared):
 
 
 @inlined
-def _accelerations_on_segment(segment, span, time, amplitude, shared):
+def _accelerations_on_segment(segment, span, amplitude, shared):
     """Raise the peaks of absolute accelerations; arguments of `peaks_on_segment`."""
     model, tables, work, outputs = shared.model, shared.tables, shared.work, shared.outputs
     index, size = segment.index, work.z_end.shape[0]
@@ -129,17 +129,17 @@ def _accelerations_on_segment(segment, span, time, amplitude, shared):
         if higher != 0:
             for lane in range(LANES):
                 if higher >> lane & 1:
-                    _raise_acceleration(p + lane, segment, span, time, shared)
+                    _raise_acceleration(p + lane, segment, span, shared)
 
 
 @inlined
-def _raise_acceleration(p, segment, span, time, shared):
+def _raise_acceleration(p, segment, span, shared):
     """Raise the peak of floor p by its extrema on a step."""
     work, outputs, peaks = shared.work, shared.outputs, shared.tally.peaks
     w, at = outputs.first + p, p + p // LANES * LANES
     start, end = outputs.start, outputs.end
     ends = (start[at], start[at + LANES], end[at], end[at + LANES])
-    bound4 = outputs.bounds[p]
+    bound4, time = outputs.bounds[p], time_of(segment.tau, shared.model)
     reached = raise_to_ends(ends, 0, span, w, peaks)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
         expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)

@@ -59,25 +59,21 @@ def observe_segment(segment, span, wanted, measures, shared):
 
 
 @inlined
-def measure_segment(segment, ending, passing, time, z, amplitude, wanted, tangent, packed, shared):
+def measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared):
     """Update peaks and impacts by a segment and the passage of contacts at its end.
 
     Parameters
     ----------
     passing : uint64
         Contacts, a set, that pass their stops at the end.
-    time : float
-        Of the segment's beginning, from which the times of peaks count.
     z : ndarray, shape (2R,)
         As `Ending` has it.
-    tangent : ndarray or None
-        None, in compiling, is a record, whose accelerations are those of its samples.
     """
     model, work, tally = shared.model, shared.work, shared.tally
     if wanted & PEAKS:
-        peaks_on_segment(segment, ending.span, time, amplitude, wanted, shared)
+        peaks_on_segment(segment, ending.span, amplitude, wanted, shared)
     if wanted & IMPACTS:
         impacts_on_segment(segment, ending.span, model, shared.tables, tally, work)
         impacts_at_end(segment, ending, passing, model, tally, work)
-    if tangent is not None and wanted & ACCELERATION:
+    if wanted & ACCELERATION:
         accelerations_at_end(segment, ending, z, amplitude, packed, shared)

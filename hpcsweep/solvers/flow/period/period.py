@@ -50,7 +50,7 @@ from hpcsweep.solvers.flow.state.augmented import start
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.segment import Ending, Segment, Stretch
 from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
-from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY
+from hpcsweep.solvers.flow.state.tally import NO_TALLY
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
@@ -209,7 +209,7 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
     """
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    stretch, key = Stretch(0.0, shared.model.period, 0.0), np.uint64(0)
+    stretch, key = Stretch(0.0, shared.model.period), np.uint64(0)
     return march_segments(
         packed, stretch, key, NO_TABLE, z, amplitude, shared, wanted, tangent, measures
     )
@@ -227,13 +227,12 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
     wanted : int
         Of a record only `PEAKS` and `IMPACTS`, together.
     tangent : ndarray, shape (2R, m), or None
-        None, in compiling, is a record: steps are taken one by one, and peaks are those of the
-        record.
+        None, in compiling, is a record: steps are taken one by one.
     measures
         See `march_period`.
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    tau, end, time = stretch
+    tau, end = stretch
     steps = 0
     promised = np.uint64(0)
     while tau < end:
@@ -244,9 +243,8 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
             interval = Interval(tau, end, shared.max_steps - steps)
             counts[3] += 1
             if tangent is None:
-                tau, outcome, used = visit_layer(
-                    packed, interval, z, amplitude, wanted & IMPACTS, shared.no_tangent
-                )
+                nothing = shared.no_tangent
+                tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, nothing)
             else:
                 tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
             counts[2] += used
@@ -285,10 +283,7 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
             observe_segment(segment, ending.span, wanted, measures, shared)
         passing = passing_contacts(segment, ending, work.z_end, model)
         if measures is not None:  # in compiling; an array that is no None would not be left out
-            begun = time + tau
-            measure_segment(
-                segment, ending, passing, begun, z, amplitude, wanted, tangent, packed, shared
-            )
+            measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared)
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)

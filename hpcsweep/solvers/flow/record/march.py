@@ -18,7 +18,7 @@ from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots, past_stops, pushing
 from hpcsweep.solvers.flow.dashpot.period import march_with_dashpots
 from hpcsweep.solvers.flow.layer.visit import inside_layer
-from hpcsweep.solvers.flow.linear.forcing import forcing_at, turn_forcing
+from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
@@ -26,6 +26,7 @@ from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
+from hpcsweep.solvers.flow.state.accelerations import accelerations
 from hpcsweep.solvers.flow.state.augmented import renew_rows, start
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.segment import Segment, Stretch
@@ -71,6 +72,7 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
     with_dashpots = has_dashpots(model)
     for j in range(first, last):
         model.ramp[0, 0] = model.ramp[0, 1] = 0.0
+        model.ramp[0, 2] = j * model.period
         if j + 1 < samples.shape[0]:
             model.ramp[0, 0] = samples[j]
             model.ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
@@ -79,7 +81,6 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
         if model.rows.shape[0] > 0:
             # at every one, so that nothing depends on where a call begins
             renew_rows(z, common.no_tangent, model)
-        time = j * model.period
         if index == NO_TABLE and with_dashpots:
             if past_stops(0.0, z, amplitude, model, work) == np.uint64(0):
                 index = table_of(key, tables, shared)
@@ -91,11 +92,11 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
             forcing_at(0.0, amplitude, model, work.forcing, 0)
             start(work.x, z, work.forcing)
             segment = Segment(key, index, tables.h[index], 0.0, length)
-            tau = _coast(segment, time, amplitude, wanted, common)
+            tau = _coast(segment, amplitude, wanted, common)
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
-            rest = Stretch(tau, length, time)
+            rest = Stretch(tau, length)
             flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
             if with_dashpots:
                 outcome = march_with_dashpots(shared, rest, z, amplitude, common, flags, None)
@@ -114,7 +115,7 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
 
 
 @inlined
-def _coast(segment, time, amplitude, wanted, shared):
+def _coast(segment, amplitude, wanted, shared):
     """Take linear steps from ``work.x`` while no contact can change, up to the end at most.
 
     Returns
@@ -140,7 +141,7 @@ def _coast(segment, time, amplitude, wanted, shared):
                 work.expanded[row] = False
                 work.z_end[row] = wide[row]
             own = Segment(key, index, h, step * h, end)
-            peaks_on_segment(own, h, time + step * h, amplitude, PEAKS, shared)
+            peaks_on_segment(own, h, amplitude, PEAKS, shared)
             if key != np.uint64(0):
                 impacts_on_segment(own, h, model, tables, tally, work)
         for row in range(work.z_end.shape[0]):
@@ -153,29 +154,34 @@ def _coast(segment, time, amplitude, wanted, shared):
 
 @kernel
 def _sample_peaks(packed, j, z, amplitude, shared):
-    """Raise the peaks by the state at the end of interval j; inside a layer it is passed over."""
+    """Raise the peaks by the state at the end of interval j."""
     model, tables, work = shared.model, shared.tables, shared.work
     outputs, tally = shared.outputs, shared.tally
-    if inside_layer(z, model):
-        return
-    key = contact_key(model.period, z, amplitude, model, work)
-    if not model.contacts.is_elastic:
-        key = pushing(key, z, model.contacts)
-    index = table_of(key, tables, packed)
-    fill_outputs(index, model, tables, outputs)
     forcing_at(model.period, amplitude, model, work.forcing, 0)
-    start(outputs.x_end, z, work.forcing)
-    look(index, outputs.x_end, outputs, outputs.end)
+    within, key = inside_layer(z, model), np.uint64(0)
+    ground = total_forcing(work.forcing, 0, model)
+    if within:
+        accelerations(ground, z, model, work.a)
+    else:
+        key = contact_key(model.period, z, amplitude, model, work)
+        if not model.contacts.is_elastic:
+            key = pushing(key, z, model.contacts)
+        index = table_of(key, tables, packed)
+        fill_outputs(index, model, tables, outputs)
+        start(outputs.x_end, z, work.forcing)
+        look(index, outputs.x_end, outputs, outputs.end)
     for p in range(tally.peaks.shape[0]):
         i, below, side, flag = model.watched[p]
         k = p - outputs.first_contact
         if flag == ACCELERATION:
             value = outputs.end[i + i // LANES * LANES]
+            if within:
+                value = work.a[i] + model.ground[i] * ground
         elif flag == CONTACT:
             edges = model.contacts.edges
             value = edges[k, SPRING] * distance(k, z, model.contacts)
             value += edges[k, DASHPOT] * approach_speed(k, z, model.contacts)
-            if key & contact_bit(k) == np.uint64(0):
+            if not within and key & contact_bit(k) == np.uint64(0):
                 value = 0.0
         else:
             value, _, _, _ = row_at_ends((i, below, side, 0.0), z, z, work.bounds)[0]

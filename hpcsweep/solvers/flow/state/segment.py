@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.compile.entry_points import type_of
 
 
@@ -28,8 +29,6 @@ class Stretch(NamedTuple):
     tau: float
     """Start."""
     end: float
-    time: float
-    """At which the interval begins."""
 
 
 class Ending(NamedTuple):
@@ -54,3 +53,9 @@ class Ending(NamedTuple):
 
 
 SEGMENT = type_of(Segment(np.uint64(0), 0, 0.0, 0.0, 0.0))
+
+
+@inlined
+def time_of(tau, model):
+    """Return the time at tau of a sample interval of a record; tau of a forcing period."""
+    return model.ramp[0, 2] + tau if model.ramp.shape[0] > 0 else tau

@@ -34,7 +34,7 @@ class Tally(NamedTuple):
     peaks: np.ndarray
     """(Q,): of each row of `Model.watched`, of a contact past its stop; they start from 0 ..."""
     times: np.ndarray
-    """(Q,): ... and when they are on linear segments."""
+    """(Q,): ... and when they are."""
     impacts: np.ndarray
     """(N_IMPACTS, m): see `hpcsweep.solvers.measures`."""
     closed: np.ndarray

@@ -107,7 +107,7 @@ class BdfMap:
         window is integrated again.
         """
         tally = StepTally(
-            self._model, modal_norm, measures, self._absolute(amplitude), self._steps.in_pieces
+            self._model, modal_norm, measures, self._absolute(amplitude), self._steps.in_segments
         )
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)

@@ -1,7 +1,7 @@
-"""Motions with sharp contacts in smooth pieces: from one change of a contact to the next.
+"""Motions with sharp contacts in linear segments: from one change of a contact to the next.
 
-The state of a contact is whether it is past its stop, and whether it pushes (`Pieces.past`,
-`Pieces.pushing`). With both fixed the motion is linear. It changes where x = 0, and, of a dashpot
+The state of a contact is whether it is past its stop, and whether it pushes (`Segments.past`,
+`Segments.pushing`). With both fixed the motion is linear. It changes where x = 0, and, of a dashpot
 that never pulls, where beta x + drag x' = 0 (see `hpcsweep.model.dashpot`). A step ends there, at
 the root of its interpolant, and the integration starts anew.
 
@@ -23,7 +23,7 @@ STEP_NODES = 9
 """Times at which the interpolant of a step is searched for changes."""
 
 
-class Pieces:
+class Segments:
     """The state of the contacts of one motion, and its linear equations meanwhile.
 
     Parameters
@@ -59,7 +59,7 @@ class Pieces:
             self._write()
 
     def derivative(self, tau: float, z: np.ndarray) -> np.ndarray:
-        """Return z' of the piece at hand, shape (2R,)."""
+        """Return z' of the segment at hand, shape (2R,)."""
         model = self._model
         ground = sum(
             size * np.sin(order * model.omega * tau + phase)

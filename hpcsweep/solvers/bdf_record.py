@@ -51,7 +51,7 @@ class BdfRecordMap:
         lengths = [model.period] * whole
         if rest > 0.0:
             lengths.append(rest * self.structure.frequency_unit)
-        impacts = StepTally(model, False, IMPACT_FLAG, in_pieces=self._steps.in_pieces)
+        impacts = StepTally(model, False, IMPACT_FLAG, in_segments=self._steps.in_segments)
         peaks = _Peaks(self.structure, self._steps, amplitude)
         samples = np.append(acceleration, 0.0)
 
@@ -90,7 +90,7 @@ class _Peaks:
         self._model, self._amplitude = steps.model, amplitude
         model = steps.model
         self._floors = structure.n_floors
-        self._tally = StepTally(model, False, in_pieces=steps.in_pieces)
+        self._tally = StepTally(model, False, in_segments=steps.in_segments)
         n = model.stiffness.shape[0]
         unit = np.vstack((np.eye(n), np.zeros(n)))
         upper, lower = model.drift_rows.T

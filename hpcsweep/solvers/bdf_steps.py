@@ -18,7 +18,7 @@ from scipy.integrate import BDF
 
 from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
 from hpcsweep.model.kernel_model import Model
-from hpcsweep.solvers.bdf_dashpot import Pieces
+from hpcsweep.solvers.bdf_dashpot import Segments
 from hpcsweep.solvers.outcome import Outcome
 
 MAX_STEPS = 200_000
@@ -47,7 +47,7 @@ class BdfSteps:
 
     Attributes
     ----------
-    in_pieces : bool
+    in_segments : bool
         Whether steps end where a contact changes its state (`bdf_dashpot`): of contacts with
         dashpots, and of all that are sharp under a record, whose peaks are followed in time.
     """
@@ -60,10 +60,10 @@ class BdfSteps:
         sharp = model.rho > FLATTEST
         self._layer_steps = model.contacts.beta * (math.pi * self._layer) ** 2 / 6 * sharp
         self.least_limit = (12 * self.rtol / (model.stiffness_bound + model.hardest)) ** (1 / 3)
-        self.in_pieces = not model.contacts.is_elastic or (
+        self.in_segments = not model.contacts.is_elastic or (
             model.rho == math.inf and len(model.ramp) > 0
         )
-        self._pieces = Pieces(self.model) if self.in_pieces else None
+        self._segments = Segments(self.model) if self.in_segments else None
 
     def advance(
         self,
@@ -96,9 +96,9 @@ class BdfSteps:
             poll()
         start, end = z, length
         tau, steps = 0.0, 0
-        pieces = self._pieces
-        if pieces is not None:
-            pieces.begin(tau, z[: self._size], amplitude)
+        segments = self._segments
+        if segments is not None:
+            segments.begin(tau, z[: self._size], amplitude)
         with np.errstate(all="ignore"):
             try:
                 while tau < end:
@@ -121,13 +121,13 @@ class BdfSteps:
                             failed = Outcome.SOLVER_FAILED if finite else Outcome.NON_FINITE
                             return start, failed
                         tau, z, changed = solver.t, solver.y, False
-                        if pieces is not None:
+                        if segments is not None:
                             dense = solver.dense_output()
-                            changed, tau = pieces.first_change(dense, solver.t_old, solver.t)
+                            changed, tau = segments.first_change(dense, solver.t_old, solver.t)
                         if on_step is not None and tau > solver.t_old:
                             on_step(solver.dense_output(), solver.t_old, tau, field)
                         if changed:
-                            z = pieces.change(dense(tau))
+                            z = segments.change(dense(tau))
                             break
             except (ValueError, np.linalg.LinAlgError, FloatingPointError, OverflowError):
                 return start, Outcome.NON_FINITE
@@ -135,21 +135,21 @@ class BdfSteps:
 
     def field(self, z: np.ndarray, tau: float, amplitude: float) -> Callable:
         """Return the right-hand side, called with time and state, about a state."""
-        if self._pieces is not None:
-            self._pieces.begin(tau, z, amplitude)
+        if self._segments is not None:
+            self._segments.begin(tau, z, amplitude)
         return self._equations(amplitude, 0)[0]
 
     def _equations(self, amplitude, columns):
         """Return right-hand side and Jacobian of the state and `columns` tangent vectors."""
-        packed, size, pieces = self._packed, self._size, self._pieces
+        packed, size, segments = self._packed, self._size, self._segments
 
         def motion(tau, z):
-            if pieces is not None:
-                return pieces.derivative(tau, z)
+            if segments is not None:
+                return segments.derivative(tau, z)
             return derivative(tau, z, amplitude, packed)
 
         def matrix(_tau, z):
-            return jacobian_matrix(z, packed) if pieces is None else pieces.matrix
+            return jacobian_matrix(z, packed) if segments is None else segments.matrix
 
         def motion_with_tangent(tau, z):
             product = matrix(tau, z[:size]) @ z[size:].reshape(size, columns)

@@ -39,8 +39,8 @@ class StepTally:
         Flags, see `Observation`.
     accelerate : callable (field, tau, z), optional
         Return the absolute accelerations of the floors, shape (n,), by the right-hand side `field`.
-    in_pieces : bool
-        Whether no contact changes its state within a step, see `BdfSteps.in_pieces`.
+    in_segments : bool
+        Whether no contact changes its state within a step, see `BdfSteps.in_segments`.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class StepTally:
         modal_norm: bool,
         measures: int = 0,
         accelerate: Callable[[Callable, float, np.ndarray], np.ndarray] | None = None,
-        in_pieces: bool = False,
+        in_segments: bool = False,
     ):
         self._model = model
         self.contact = 0
@@ -78,7 +78,7 @@ class StepTally:
         self._modal = np.zeros(len(model.modal_transform))
         self._free_time = 0.0
         self._modal_norm = modal_norm
-        self._in_pieces = in_pieces
+        self._in_segments = in_segments
 
     def add(self, interpolant, start: float, end: float, field: Callable) -> None:
         """Add one step; `field` is the right-hand side, as a function of time and state."""
@@ -110,8 +110,8 @@ class StepTally:
             self.contact |= 1 << int(k)
         if self._wants_impacts:
             if self._closed is None:
-                self._closed = past[:, STEP_NODES // 2 if self._in_pieces else 0] >= 0.0
-            add = self._add_piece if self._in_pieces else self._add_impacts
+                self._closed = past[:, STEP_NODES // 2 if self._in_segments else 0] >= 0.0
+            add = self._add_segment if self._in_segments else self._add_impacts
             for k in np.flatnonzero(highest >= -FAR / max(self._model.rho, 1e-300)):
                 add(int(k), interpolant, tau, past[k], signs[k, 0] * speed[k])
         if self._modal_norm:
@@ -187,7 +187,7 @@ class StepTally:
         force = [contact_force(value, 1.0, self._model.rho) for value in x]
         impacts[FORCE] += np.sum(half * PANEL_WEIGHTS * np.reshape(force, (len(half), -1)))
 
-    def _add_piece(self, k, interpolant, tau, past, speed):
+    def _add_segment(self, k, interpolant, tau, past, speed):
         """Add a contact's closings, force, time and energy of a step in which it does not change.
 
         `past` and `speed`, at times `tau`, are the distance and its speed.
@@ -218,8 +218,8 @@ class StepTally:
         if self._model.rho < math.inf:
             return np.array([contact_force(value, 1.0, self._model.rho) for value in x])
         force = contacts.law[k] @ np.array((x, w))
-        # within a piece a contact is in one state, that of its middle
-        own = slice(x.size // 2, x.size // 2 + 1) if self._in_pieces else slice(None)
+        # within a segment a contact is in one state, that of its middle
+        own = slice(x.size // 2, x.size // 2 + 1) if self._in_segments else slice(None)
         pushes = (x[own] > 0.0) & ~(contacts.lets_go[k] & (force[own] < 0.0))
         return np.where(pushes, force, 0.0)
 

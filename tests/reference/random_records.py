@@ -2,7 +2,10 @@
 
 `python tests/reference/random_records.py [--cases N] [--bdf N] [--seed S]` prints the error of the
 state at the end of a record, over the size of the motion and its conditioning, in a table in
-Markdown: of `flow` on N cases, of `bdf` on every so many of them.
+Markdown: of `flow` on N cases, of `bdf` on every so many of them. A second table has the error of
+the peaks of drifts, displacements, absolute accelerations and, without dashpots, forces: relative
+to the largest of their kind, over the conditioning or, if that is greater, the change of the peaks
+by a small change of the start.
 """
 
 import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
@@ -11,10 +14,12 @@ import math
 
 import numpy as np
 from dashpots import Case, case_of, differences, random_case, scaled
+from measures import CHANGE, largest, slope_of
+from scipy.special import expit
 
 from hpcsweep.checks.random_structures import log_uniform, random_structure
 from hpcsweep.model.record import Record
-from hpcsweep.solvers.reference import reference_record
+from hpcsweep.solvers.reference import reference_record, system
 from hpcsweep.solvers.response import response
 
 KINDS = ("sharp", "smooth", "with dashpots")
@@ -37,25 +42,64 @@ def random_record(rng, case: Case) -> Record:
     return Record(samples, math.pi / case.omega / n_samples)
 
 
-def errors(case: Case, record: Record, solvers: dict[str, float]) -> list[float]:
-    """Return the error of each solver at its tolerance, over the conditioning."""
+def reference_peaks(case: Case, record: Record, state: np.ndarray) -> list[np.ndarray]:
+    """Return the peaks of drifts, displacements, accelerations and, without dashpots, forces."""
+    structure, samples, dt = case.structure, np.array(record.acceleration), record.dt
+    _, steps = reference_record(structure, samples, dt, 1.0, state)
+    parts, n = system(structure, 1.0, 1.0)[2], structure.n_floors
+    starts, sizes = (np.array([step[k] for step in steps]) for k in (0, 1))
+    c = np.array([step[2] for step in steps])
+    c = c * sizes[:, None, None] ** np.arange(c.shape[-1])
+    past = parts.reach @ c[:, :n]
+    past[..., 0] -= parts.gap
+    u = c[:, :n].copy()
+    u[..., 0] += parts.offset
+    own = slope_of(c[:, n:]) / sizes[:, None, None]
+    middle = starts + 0.5 * sizes
+    j = np.minimum((middle / dt).astype(int), len(samples) - 2)
+    slope = (samples[j + 1] - samples[j]) / dt
+    own[..., 0] -= (samples[j] + slope * (starts - j * dt))[:, None] * parts.forcing
+    own[..., 1] -= (slope * sizes)[:, None] * parts.forcing
+    peaks = [np.maximum(largest(one), largest(-one)) for one in (structure.drift_rows @ u, u, own)]
+    if parts.drag.any():
+        return peaks
+    most = np.maximum(largest(past), 0.0)
+    share = expit(parts.rho * most) if parts.rho < math.inf else 1.0
+    return [*peaks, parts.kappa * most * share]
+
+
+def apart(case: Case, one: list[np.ndarray], other: list[np.ndarray]) -> float:
+    """Return the largest difference of peaks over the largest of their kind."""
+    structure = case.structure
+    length, rate = structure.length_unit, structure.frequency_unit
+    units = (length, length, length * rate**2, length * structure.force_per_length.max())
+    return max(
+        float(np.abs(a - b).max(initial=0.0) / b.max(initial=unit))
+        for a, b, unit in zip(one, other, units[: len(other)], strict=True)
+    )
+
+
+def errors(case: Case, record: Record, solvers: dict[str, float]) -> list[tuple[float, float]]:
+    """Return the errors of end and peaks of each solver at its tolerance, over the conditioning."""
 
     def end_of(start):
         return reference_record(case.structure, record.acceleration, record.dt, 1.0, start)[0]
 
     exact, growth = end_of(case.state), differences(end_of, case)
-    return [
-        scaled(
-            response(case.structure, record, state=case.state, solver=name, rtol=rtol).final_state,
-            exact,
-            case,
-            growth,
-        )
-        for name, rtol in solvers.items()
-    ]
+    peaks = reference_peaks(case, record, case.state)
+    push = CHANGE * case.structure.state_units * (-1.0) ** np.arange(case.state.size)
+    steep = apart(case, reference_peaks(case, record, case.state + push), peaks) / CHANGE
+    found = []
+    for name, rtol in solvers.items():
+        seen = response(case.structure, record, state=case.state, solver=name, rtol=rtol)
+        own = [seen.drift, seen.displacement, seen.floor_acceleration, seen.force][: len(peaks)]
+        conditioning = max(1.0, np.abs(growth).max(), steep)
+        ends = scaled(seen.final_state, exact, case, growth)
+        found.append((ends, apart(case, own, peaks) / conditioning))
+    return found
 
 
-def measure(number: int, n_bdf: int, seed: int) -> dict[str, dict[str, list[float]]]:
+def measure(number: int, n_bdf: int, seed: int) -> dict[str, dict[str, list[tuple[float, float]]]]:
     """Return the errors of each solver, by the kind of contacts."""
     rng = np.random.default_rng(seed)
     found: dict = {kind: {"flow": [], "bdf": []} for kind in KINDS}
@@ -80,12 +124,15 @@ def main() -> None:
     parser.add_argument("--bdf", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    print("| contacts | solver | cases | half | 99 % | all |\n|---|---|---:|---:|---:|---:|")
-    for kind, solvers in measure(asked.cases, asked.bdf, asked.seed).items():
-        for name, values in solvers.items():
-            if values:
-                cells = (f"{one:.1e}" for one in np.quantile(values, (0.5, 0.99, 1.0)))
-                print(f"| {kind} | `{name}` | {len(values)} | {' | '.join(cells)} |")
+    found = measure(asked.cases, asked.bdf, asked.seed)
+    for place, what in enumerate(("state at the end", "peaks")):
+        print(f"| {what} | solver | cases | half | 99 % | all |\n|---|---|---:|---:|---:|---:|")
+        for kind, solvers in found.items():
+            for name, values in solvers.items():
+                if values:
+                    own = np.quantile([one[place] for one in values], (0.5, 0.99, 1.0))
+                    cells = " | ".join(f"{one:.1e}" for one in own)
+                    print(f"| {kind} | `{name}` | {len(values)} | {cells} |")
 
 
 if __name__ == "__main__":

@@ -167,6 +167,15 @@ class LinearDynamics:
         kappa = self.contact_stiffness
         return np.where(kappa > 0, kappa, self.contact_damping * self.frequency_unit)
 
+    def switched(self, force: np.ndarray, past: np.ndarray) -> np.ndarray:
+        """Return forces of the contacts, from those of their springs at distances past the stops.
+
+        Beyond a stop they grow with the distance: those of the largest distances are the largest.
+        """
+        if not np.isfinite(self.sharpness):
+            return force
+        return force / (1.0 + np.exp(-self.sharpness * past))
+
     @cached_property
     def contact_softness(self) -> np.ndarray:
         """d_k . M^-1 d_k of every contact: the change of x_k'' per unit force, shape (m,)."""

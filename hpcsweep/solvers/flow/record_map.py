@@ -67,14 +67,12 @@ class RecordMap:
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
         wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
         done, outcome = self._advance(z, samples, scale, tail, poll, wanted)
-        tally, model = self._shared.tally, self._shared.model
+        tally, structure = self._shared.tally, self.structure
         peaks = tally.peaks[self._told]
-        if model.rho < np.inf:
-            # of a smooth contact the largest distance is known; its force grows with it
-            past = peaks[len(peaks) - model.contacts.gap.size :]
-            past /= 1.0 + np.exp(-model.rho * past)
+        force = peaks[len(peaks) - len(structure.contacts) :]
+        force[:] = structure.switched(force, force * structure.length_unit)
         return response_of(
-            self.structure,
+            structure,
             peaks,
             tally.times[self._told],
             tally.impacts,

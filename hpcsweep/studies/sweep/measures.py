@@ -23,18 +23,14 @@ def empty_measures(
 def store_measures(rows: dict[str, np.ndarray], structure: Structure, measures: np.ndarray) -> None:
     """Store measures, shape (k, D + 2 n + 5 m) as in an `Observation`, in rows of results.
 
-    The force of a contact is largest where its floors are farthest past it: beyond the stop it
-    grows with the distance. That of a dashpot comes as the distance at which the spring alone
-    exerts it. Contacts that no motion reaches exert none.
+    The force of a contact is largest where its floors are farthest past it. That of a dashpot comes
+    as the distance at which the spring alone exerts it. Contacts that no motion reaches exert none.
     """
     n_drifts, n, m = len(structure.drift_rows), structure.n_floors, len(structure.contacts)
     ends = np.cumsum((n_drifts, n, n, *4 * (m,)))
     parts = dict(zip(MEASURES, np.split(measures, ends, axis=1), strict=True))
     past = parts["contact_force"]
-    force = structure.force_per_length * past
-    if np.isfinite(structure.sharpness):
-        force /= 1.0 + np.exp(-structure.sharpness * past)
-    parts["contact_force"] = force
+    parts["contact_force"] = structure.switched(structure.force_per_length * past, past)
     parts["impulse"] = structure.force_per_length * parts["impulse"]
     numbers = structure.all_contact_numbers
     places = [numbers.index(number) for number in structure.contact_numbers]

@@ -60,6 +60,20 @@ stiffness_ratio = 50.0
 sharpness = inf
 """
 """One mass between stops (jobs/structures/clearance.toml): two orbits, mirror images."""
+SEEDS = f"""
+{TWO_STOPS}
+[sweep]
+omega = [0.9, 1.0, 1.1]
+amplitude = {{from = 0.2, to = 0.7, count = 11}}
+transient_cycles = 100
+sampling_cycles = 32
+"""
+"""Its motions, through which branches are followed."""
+VARY = """
+[vary]
+structure.stiffness_ratio = [100, 300]
+structure.gap = {from = 0.5, to = 1.5, count = 3}
+"""
 ATTRACTORS = f"""
 [study]
 kind = "attractors"

@@ -15,8 +15,9 @@ from tools import (
     GRID,
     RECORDS,
     REFINED,
+    SEEDS,
     SMALL,
-    TWO_STOPS,
+    VARY,
     assert_same_datasets,
     datasets,
     hpcsweep,
@@ -24,14 +25,6 @@ from tools import (
     run_script,
 )
 
-SEEDS = f"""
-{TWO_STOPS}
-[sweep]
-omega = [0.9, 1.0, 1.1]
-amplitude = {{from = 0.2, to = 0.7, count = 6}}
-transient_cycles = 100
-sampling_cycles = 32
-"""
 BRANCHES = """
 [study]
 kind = "branches"
@@ -40,11 +33,6 @@ seeds = "seeds.h5"
 steps = 100
 max_points = 1000
 max_seeds = 40
-"""
-VARY = """
-[vary]
-structure.stiffness_ratio = [100, 300]
-structure.gap = {from = 0.5, to = 1.5, count = 3}
 """
 CAMPAIGNS = {
     "amplitude_sweep": SMALL,

@@ -11,7 +11,7 @@ import faults
 import h5py
 import numpy as np
 import pytest
-from tools import TWO_STOPS, assert_same_datasets, hpcsweep
+from tools import SEEDS, TWO_STOPS, assert_same_datasets, hpcsweep
 
 from hpcsweep import Structure, open_results, orbit
 from hpcsweep.checks.validate import validate
@@ -27,14 +27,6 @@ from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.solvers.flow.specialised import branch_kernels
 
 KILLS = int(os.environ.get("KILLS", "8"))
-SWEEP = f"""
-{TWO_STOPS}
-[sweep]
-omega = [0.9, 1.0, 1.1]
-amplitude = {{from = 0.2, to = 0.7, count = 11}}
-transient_cycles = 100
-sampling_cycles = 32
-"""
 BRANCHES = """
 extends = "sweep.toml"
 [study]
@@ -50,7 +42,7 @@ max_seeds = 40
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("branches")
-    (folder / "sweep.toml").write_text(SWEEP)
+    (folder / "sweep.toml").write_text(SEEDS)
     done = hpcsweep(0, "run", folder / "sweep.toml", "-o", folder / "sweep.h5")
     assert done.returncode == 0, done.stderr
     (folder / "job.toml").write_text(BRANCHES.format(seeds=folder / "sweep.h5"))
@@ -121,7 +113,7 @@ def test_killed_and_resumed_it_equals_the_uninterrupted_one(folder, whole):
 @pytest.mark.slow
 def test_killed_again_and_again_it_equals_the_uninterrupted_one(tmp_path):
     """Eight kills of one, two or three ranks, at random times; thirty lines."""
-    sweep = SWEEP.replace("[0.9, 1.0, 1.1]", "{from = 0.9, to = 1.1, count = 30}")
+    sweep = SEEDS.replace("[0.9, 1.0, 1.1]", "{from = 0.9, to = 1.1, count = 30}")
     (tmp_path / "sweep.toml").write_text(sweep)
     seeds, rng = tmp_path / "sweep.h5", random.Random(7)
     assert hpcsweep(2, "run", tmp_path / "sweep.toml", "-o", seeds).returncode == 0

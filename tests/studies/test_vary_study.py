@@ -5,7 +5,7 @@ import time
 import faults
 import numpy as np
 import pytest
-from tools import ATTRACTORS, BASINS, GRID, SMALL, assert_same_datasets, hpcsweep
+from tools import ATTRACTORS, BASINS, GRID, SMALL, VARY, assert_same_datasets, hpcsweep
 
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
@@ -15,12 +15,7 @@ from hpcsweep.job import parse_job, part_of
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Frames, StoreError
 
-TWO = """
-[vary]
-structure.stiffness_ratio = [100, 300]
-structure.gap = {from = 0.5, to = 1.5, count = 3}
-"""
-STOPS = TWO.replace("{from = 0.5, to = 1.5, count = 3}", "[0.5, 0.6]")
+STOPS = VARY.replace("{from = 0.5, to = 1.5, count = 3}", "[0.5, 0.6]")
 
 
 def compute(text: str, path):
@@ -63,7 +58,7 @@ def test_each_part_is_that_of_a_job_of_its_own_to_the_last_bit(text, tmp_path):
 
 def test_a_part_is_chosen_by_the_values_of_its_keys(tmp_path):
     path = tmp_path / "varied.h5"
-    compute(SMALL + TWO, path)
+    compute(SMALL + VARY, path)
     frames = Frames(path, at={"gap": 1.0, "stiffness_ratio": 300})
     assert frames.study.structure.gap == 1.0
     assert frames.study.structure.stiffness_ratio == 300.0
@@ -95,7 +90,7 @@ def test_words_are_an_axis_too(tmp_path):
 @pytest.mark.mpi
 def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path):
     job, whole, cut = tmp_path / "job.toml", tmp_path / "whole.h5", tmp_path / "cut.h5"
-    job.write_text(faults.JOB + TWO)
+    job.write_text(faults.JOB + VARY)
     assert hpcsweep(0, "run", job, "-o", whole).returncode == 0
     process = faults.start(2, "run", job, "-o", cut, sync=0.0)
     assert process.kill_after(cut, 20)

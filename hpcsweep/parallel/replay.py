@@ -108,7 +108,7 @@ def replay(
             flag,
             on_report,
             known.left,
-            traffic,
+            traffic=traffic,
             computing_master=computing_master,
         )
     return ended[0] - begun, traffic

@@ -53,7 +53,6 @@ def run(
     traffic: Traffic | None = None,
     tick: Callable[[], None] = lambda: None,
     at_rest: Callable[[], None] = lambda: None,
-    computing_master: bool | None = None,
 ) -> bool:
     """Compute all tasks on all ranks (collective).
 
@@ -81,8 +80,6 @@ def run(
         Called on rank 0 whenever it polls for messages, whether or not there are any.
     at_rest : callable
         Called repeatedly on any other rank while it is idle.
-    computing_master : bool, optional
-        Whether rank 0 computes tasks too. Default: on up to `schedule.DEDICATED_MASTER` ranks.
 
     Returns
     -------
@@ -91,11 +88,7 @@ def run(
     """
     if comm.rank == 0:
         traffic = traffic or Traffic()
-        if computing_master is None or comm.size == 1:
-            computing_master = computing_ranks(comm.size) == comm.size
-        master = _Master(
-            comm, tasks, flag, on_report, cost, on_end, traffic, tick, computing_master
-        )
+        master = _Master(comm, tasks, flag, on_report, cost, on_end, traffic, tick)
         finished = master.run(compute)
     else:
         _work(comm, compute, flag, at_rest)
@@ -106,12 +99,11 @@ def run(
 class _Master:
     """The master: the schedule and the free ranks."""
 
-    def __init__(
-        self, comm, tasks, flag: StopFlag, on_report, cost, on_end, traffic, tick, computes: bool
-    ):
+    def __init__(self, comm, tasks, flag: StopFlag, on_report, cost, on_end, traffic, tick):
         self._comm = comm
-        self._computes = computes
-        self._schedule = Schedule(tasks, cost, comm.size if computes else comm.size - 1)
+        n_computing = computing_ranks(comm.size)
+        self._computes = n_computing == comm.size
+        self._schedule = Schedule(tasks, cost, n_computing)
         self._flag = flag
         self._on_report, self._on_end = on_report, on_end
         self._traffic: Traffic = traffic

@@ -238,7 +238,7 @@ class Varied:
 
 SHARED = frozenset(
     (
-        *("kind", "holds", "task_noun", "run_noun", "why_whole", "structure", "settings"),
+        *("kind", "holds", "run_noun", "structure", "settings"),
         "initial_state",
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
         *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words", "refine"),

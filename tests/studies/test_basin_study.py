@@ -183,7 +183,6 @@ def test_every_command_tells_it(tmp_path, whole):
     (reported,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
     assert sum(entry["runs"] for entry in reported["basins"].values()) == 63
     assert "starts to 1, P1" in hpcsweep(0, "summary", whole).stdout
-    assert "row" in hpcsweep(0, "schedule", whole).stdout
     picture = tmp_path / "picture.png"
     done = hpcsweep(0, "plot", whole, "-o", picture)
     assert done.returncode == 0, done.stderr

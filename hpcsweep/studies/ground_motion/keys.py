@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.reading import STANDARD_GRAVITY, UNITS
+from hpcsweep.earthquakes.units import STANDARD_GRAVITY, UNITS
 from hpcsweep.earthquakes.suite import MEASURES, Facts, Files, Measure, Synthetic
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.model.record import MAX_SAMPLES

@@ -35,8 +35,8 @@ from hpcsweep.earthquakes.units import (
     acceleration_unit,
     factor_of,
     in_seconds,
+    in_unit_of_time,
     plain,
-    seconds_in,
     unit_of,
 )
 from hpcsweep.model.arguments import positive, refused, shown
@@ -117,9 +117,7 @@ def read_record(
     """
     asked = None if unit == OWN else acceleration_unit("unit", unit)
     factor = factor_of(asked, unit, gravity) if asked else 1.0
-    second = seconds_in(time) if isinstance(time, str) else None
-    if second is None:
-        raise refused("time", "a unit of time, such as s or ms", time)
+    in_unit_of_time(1.0, time)
     if dt is not None:
         dt = positive("dt", dt)
     if not isinstance(path, str | PathLike):
@@ -129,8 +127,7 @@ def read_record(
         table = _parse(file, dt)
         if asked:
             _compare_units(table.header, asked, unit)
-        step = in_seconds(table.dt, Unit(1 / second))
-        return Record(table.values * factor, step, file.stem)
+        return Record(table.values * factor, in_unit_of_time(table.dt, time), file.stem)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
 
@@ -165,7 +162,9 @@ def _parse(file: Path, dt: float | None) -> Table:
     first = next((i for i in range(least, len(lines)) if not _is_words(lines[i])), len(lines))
     header = read_header([line for line in lines[:first] if _is_words(line) and line.strip()])
     if is_at2 and not (header.steps and header.counts):
-        raise ValueError(f"NPTS and DT must be a count and a time, are {shown(lines[said[-1]].strip())}")
+        raise ValueError(
+            f"NPTS and DT must be a count and a time, are {shown(lines[said[-1]].strip())}"
+        )
     if file.suffix.lower() == ".at2" and not header.counts:
         raise ValueError(f"must name NPTS and DT in its first {MAX_HEADER} lines, does not")
     if is_at2 and not header.units and header.unknown is None:

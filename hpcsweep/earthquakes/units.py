@@ -99,7 +99,7 @@ def plain(text: str) -> str:
 @lru_cache(maxsize=1024)
 def unit_of(text: str) -> Unit | None:
     """Return the unit that a whole text names, or None."""
-    text = re.sub(r"[()\[\]{}]", " ", plain(text)).strip(" \t.,:;\"")
+    text = re.sub(r"[()\[\]{}]", " ", plain(text)).strip(' \t.,:;"')
     size, powers, sign, at = Fraction(1), [0, 0, 0], 1, 0
     while at < len(text):
         found = FACTOR.match(text, at)
@@ -144,6 +144,20 @@ def standard_gravity(length: str, time: str) -> float | None:
     """Return one g in named units of length and time; None if one is not known."""
     metre, second = _named(length, "displacement"), _named(time, "time")
     return None if metre is None or second is None else float(STANDARD * second**2 / metre)
+
+
+def in_unit_of_time(seconds: float, time: str) -> float:
+    """Return a time in a named unit, the nearest number to that written.
+
+    Raises
+    ------
+    ValueError
+        If the unit is not known.
+    """
+    size = seconds_in(time) if isinstance(time, str) else None
+    if size is None:
+        raise refused("time", "a unit of time, such as s or ms", time)
+    return in_seconds(seconds, Unit(1 / size))
 
 
 def seconds_in(time: str) -> Fraction | None:

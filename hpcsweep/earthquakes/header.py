@@ -282,7 +282,8 @@ def _of_words(what: str, rest: str) -> Iterator[tuple[str, Unit]]:
     elif unit is not None and unit.kind not in ("time", "frequency"):
         yield from _samples(rest, unit)
     elif what.lower().startswith("acc") and words and not REMARK.fullmatch(words[0]):
-        if len(words) == 1 or re.search(r"[/^*²%\d]", words[0]):
+        is_unit = len(words) == 1 or re.search(r"[/^*²%\d]", words[0])
+        if is_unit:
             raise _Unknown(words[0])
 
 

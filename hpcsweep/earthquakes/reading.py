@@ -198,7 +198,8 @@ def _is_closing(line: str) -> bool:
 def _is_words(line: str) -> bool:
     """Return whether a line is one of a header: words or nothing, no numbers that are damaged."""
     cells = line.translate(SEPARATORS).split()
-    if not cells or cells[0].startswith(COMMENTS):
+    is_rule = not re.search(r"\d|\b(?:nan|inf)", line, re.IGNORECASE)
+    if not cells or is_rule or cells[0].startswith(COMMENTS):
         return True
     is_number = [bool(NUMBERS.fullmatch(cell) or NOT_FINITE.fullmatch(cell)) for cell in cells]
     if all(is_number) or ("." in cells[0] and is_number[0] and len(cells) == 2 and not says(line)):

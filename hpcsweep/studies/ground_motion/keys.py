@@ -91,23 +91,23 @@ def positive(values: Any, key: str, given: Any) -> float:
     return number
 
 
-def _units(values: Any) -> tuple[str, str]:
-    """Read the names of the structure's units of length and time; m and s where not named."""
+def _units(values: Any) -> tuple[str, str, float]:
+    """Read the structure's units of length and time, m and s where not named, and one g."""
     named = values.table("units")
     length, time = named.get("length", "m"), named.get("time", "s")
     if not isinstance(time, str) or seconds_in(time) is None:
         limit = "must be a known unit of time, as s or ms, since records are in seconds"
         raise values.error("units.time", time, limit)
-    if not isinstance(length, str) or standard_gravity(length, time) is None:
+    gravity = standard_gravity(length, time) if isinstance(length, str) else None
+    if gravity is None:
         limit = "must be a known unit of length, as m or mm, since records have accelerations"
         raise values.error("units.length", length, limit)
-    return length, time
+    return length, time, gravity
 
 
 def read_gravity(values: Any) -> float:
     """Read one g in the structure's units: by default it follows from their names."""
-    length, time = _units(values)
-    standard = standard_gravity(length, time)
+    length, time, standard = _units(values)
     given = values.get("records.gravity", standard)
     gravity = positive(values, "records.gravity", given)
     if "length" in values.table("units") and abs(gravity / standard - 1.0) > NEAR:

@@ -95,6 +95,10 @@ OTHER_UNIT = _pattern(r"\W*(?:counts?|cnts?|m?v|volts?|lsb|adc|digits?|raw|\S+/s
 SECOND = Unit(Fraction(1), time=1)
 
 
+Said = tuple[str, Unit | None]
+"""Words that name a unit, and the unit, None if it is not known."""
+
+
 class Header(NamedTuple):
     """What is said of the samples; empty, or None, where nothing is."""
 
@@ -107,10 +111,6 @@ class Header(NamedTuple):
     """Of a column of times."""
     unknown: str | None
     """Words that name a unit which is not known."""
-
-
-class _Unknown(ValueError):
-    """A unit that is named but not known."""
 
 
 def refuse_foreign(text: str) -> None:
@@ -150,11 +150,11 @@ def read_header(lines: list[str]) -> Header:
     for i, line in enumerate(lines):
         counts |= _counts(line)
         steps |= _steps(line)
-        try:
-            for words, unit in _named(line, i == len(lines) - 1):
+        for words, unit in _named(line, i == len(lines) - 1):
+            if unit is None:
+                unknown = words
+            else:
                 (times if unit.kind == "time" else units).setdefault(unit, words)
-        except _Unknown as error:
-            unknown = str(error)
     for found in (units, times):
         if len(found) > 1:
             raise ValueError(f"must name one unit, names {' and '.join(found.values())}")
@@ -204,13 +204,13 @@ def number(text: str) -> float:
     return float(text.replace("D", "E").replace("d", "e"))
 
 
-def _named(line: str, is_last: bool) -> Iterator[tuple[str, Unit]]:
+def _named(line: str, is_last: bool) -> Iterator[Said]:
     """Iterate over the units of acceleration and of a column of times that a line names.
 
     Raises
     ------
     ValueError
-        If it names a unit that is not known, or one of velocity or displacement.
+        If it names a unit of velocity or displacement.
     """
     line = re.sub(r"(?<=[A-Za-z])_|_(?=[A-Za-z])", " ", line)
     parts = [part for part in map(_without_peaks, re.split(r"[;,\t]", line)) if part.strip()]
@@ -242,17 +242,18 @@ def _without_peaks(part: str) -> str:
     return said if CLAUSE.search(said) else ""
 
 
-def _samples(words: str, unit: Unit | None) -> Iterator[tuple[str, Unit]]:
-    """Yield a unit of samples if it is one of acceleration; else refuse it."""
+def _samples(words: str, unit: Unit | None) -> Iterator[Said]:
+    """Yield a unit of samples; refuse one of velocity or displacement."""
     words = " ".join(words.split())
     if unit is None or unit.kind in ("time", "frequency"):
-        raise _Unknown(words)
-    if unit.kind != "acceleration":
+        yield words, None
+    elif unit.kind != "acceleration":
         raise ValueError(f"must hold accelerations, has the unit {words}, of {unit.kind}")
-    yield words, unit
+    else:
+        yield words, unit
 
 
-def _of_clause(clause: re.Match, line: str) -> Iterator[tuple[str, Unit]]:
+def _of_clause(clause: re.Match, line: str) -> Iterator[Said]:
     """Read what stands after *units of*: one unit, or several."""
     rest = clause["rest"].strip(" ([{\"'")
     items = re.split(r"[;,()\[\]]|\band\b", rest)
@@ -273,7 +274,7 @@ def _of_clause(clause: re.Match, line: str) -> Iterator[tuple[str, Unit]]:
         yield from _samples(*first)
 
 
-def _of_words(what: str, rest: str) -> Iterator[tuple[str, Unit]]:
+def _of_words(what: str, rest: str) -> Iterator[Said]:
     """Read what stands after *acceleration in*, or *time in*."""
     unit, words = leading_unit(rest), rest.split()
     if TIME.fullmatch(what):
@@ -284,10 +285,10 @@ def _of_words(what: str, rest: str) -> Iterator[tuple[str, Unit]]:
     elif what.lower().startswith("acc") and words and not REMARK.fullmatch(words[0]):
         is_unit = len(words) == 1 or re.search(r"[/^*²%\d]", words[0])
         if is_unit:
-            raise _Unknown(words[0])
+            yield words[0], None
 
 
-def _of_brackets(part: str, in_columns: bool) -> Iterator[tuple[str, Unit]]:
+def _of_brackets(part: str, in_columns: bool) -> Iterator[Said]:
     """Read what stands in brackets behind the name of a column."""
     at = 0
     for found in BRACKETED.finditer(part):
@@ -308,7 +309,7 @@ def _of_brackets(part: str, in_columns: bool) -> Iterator[tuple[str, Unit]]:
                 yield from _samples(words, unit)
 
 
-def _of_cell(part: str, in_columns: bool) -> Iterator[tuple[str, Unit]]:
+def _of_cell(part: str, in_columns: bool) -> Iterator[Said]:
     """Read a unit beside the name of a column, or in a column of its own, without brackets."""
     name = re.match(r"\W*(?:\w+\s+)*?(acc[a-z]*|times?|ag?|t)\b[.\s:=/]*", part, re.IGNORECASE)
     if name and not (in_columns or name[1].lower().startswith("acc")):
@@ -326,7 +327,7 @@ def _of_cell(part: str, in_columns: bool) -> Iterator[tuple[str, Unit]]:
         yield from _samples(words, unit)
 
 
-def _compound(line: str) -> Iterator[tuple[str, Unit]]:
+def _compound(line: str) -> Iterator[Said]:
     """Find units of acceleration that are no word of a language, as cm/s2, anywhere."""
     words = re.split(r"[\s,;:=()\[\]]+", line)
     for before, word in zip(["", *words], words, strict=False):

@@ -303,7 +303,7 @@ def _step(cells: list[str], unit: Unit, said: dict[str, float]) -> float:
     own, apart = step, UNEVEN * step
     for candidate, within in _steps_near(step, (written, single)):
         if np.abs(times - times[0] - candidate * np.arange(n)).max() <= within:
-            own, apart = candidate, within
+            own, apart = candidate, max(within, single)
             break
     own = in_seconds(own, unit)
     for label, value in said.items():

@@ -225,11 +225,11 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
         "1, 0, 0.01, 30, 1, firm",
     ),
     "records.unit, records.gravity": (
-        "unit of the numbers in the files (`g`, `m/s2`, `cm/s2`, `mm/s2`, `in/s2`, `ft/s2`, "
-        "`structure`), and one g in the units of the structure",
-        "g, 9.80665",
+        "unit of the numbers in the files (`g`, `%g`, `mg`, `m/s2`, `cm/s2`, `mm/s2`, `in/s2`, "
+        "`ft/s2`, `structure`), and one g in the units of the structure, which must fit `units`",
+        "g; by `units`, or 9.80665",
     ),
-    "records.dt": ("time between samples, for files that do not say it", ""),
+    "records.dt": ("time in seconds between samples, for files that do not say it", ""),
     "records.scale": (
         'table: `by` an intensity measure, `"factor"`, `"pga"`, `"pgv"`, `"sa"` with `period`, or '
         '`"avgsa"` with `periods`, both with `damping_ratio`; and the intensities, above 0, a '

@@ -172,7 +172,11 @@ def test_records_that_never_reach_the_threshold_count_as_above_the_last_stripe()
     assert found.dispersion == pytest.approx(math.exp(other.x[1]), rel=1e-6)
     for end in found.median_interval:
         best = minimize(
-            lambda p, end=end: less([math.log(end), p[0]]), [-0.5], (), "Nelder-Mead", options=options
+            lambda p, end=end: less([math.log(end), p[0]]),
+            [-0.5],
+            (),
+            "Nelder-Mead",
+            options=options,
         )
         assert best.fun - other.fun == pytest.approx(chi2.ppf(0.95, 1) / 2, rel=1e-6)
     assert "at most 36.7 % of the records reach the threshold" in found.caution

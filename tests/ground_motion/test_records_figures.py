@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from tools import RECORDS, hpcsweep
 
-import hpcsweep as package
 from hpcsweep import open_results, response, synthetic_records
 from hpcsweep.campaign.stripes import RESPONSES, StripesError, fit, stripes_of
 from hpcsweep.figures.options import figures

@@ -175,6 +175,7 @@ def test_what_is_given_beside_vary_has_to_be_right():
     right = text.replace("[sweep]", "gap = 0.7\n\n[sweep]", 1)
     assert parse_job(right, "job", "job").study.axes[0].values == (0.5, 1.0)
 
+
 PAIR = """
 [study]
 kind = "records"
@@ -216,7 +217,7 @@ def test_where_the_damping_is_a_ratio_it_stays_one():
     study = parse('"building[1].period" = [0.3, 0.6]', PAIR)
     for place in study.places():
         structure = study.part(place).structure
-        # the buildings are uncoupled: that of one storey keeps its 5 %, the other its alpha and beta
+        # uncoupled: the building of one storey keeps its 5 %, the other its alpha and beta
         assert (abs(structure.damping_ratios - 0.05) < 1e-12).sum() == 1
         assert "damping matrix, ratios" in repr(structure)
         assert "damping_ratio=" not in repr(structure)

@@ -73,8 +73,8 @@ def _plot(options) -> int:
 
     known = figures()
     study = job_of(options.file).study
-    # points of a list have no amplitudes in common, those of a refined map are not all computed, and
-    # of motions without their points there is nothing to draw over an amplitude
+    # points of a list have no amplitudes in common, those of a refined map are not all computed,
+    # and of motions without their points there is nothing to draw over an amplitude
     default = _defaults(known)[study.holds]
     pointless = study.holds == "motions" and "poincare" not in {v.name for v in study.variables}
     if study.is_list or refinement_of(study) or pointless:

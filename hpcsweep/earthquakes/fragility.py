@@ -37,18 +37,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import log_ndtr, ndtr, ndtri
+from scipy.special import ndtr, ndtri
 
+from hpcsweep.earthquakes.likelihood import Likelihood
 from hpcsweep.earthquakes.stripes import Capacity
 from hpcsweep.model.arguments import array, instance, number, positive
 
-ITERATIONS = 200
-"""Of Newton's method, with halved steps; some ten are needed."""
 FLAT = 1e-9
 """Probits by which the fit rises from the first to the last stripe, at most, if it does not rise:
 rounding leaves about 1e-16."""
-CONVERGED = 1e-12
-"""Change of l that ends it, relative to the number of records."""
 FARTHEST = 60
 """Doublings in the search for an end of an interval: from then on there is none."""
 
@@ -142,7 +139,7 @@ def fragility(intensity: Any, exceeded: Any, total: Any, confidence: float = 0.9
         the intensity grows.
     """
     x, k, n = _stripes(intensity, exceeded, total)
-    fit = _Likelihood(np.log(x), k, n)
+    fit = Likelihood(np.log(x), k, n)
     b = fit.largest(np.zeros(2), np.eye(2))
     if not b[1] * np.ptp(np.log(x)) > FLAT:
         raise ValueError(
@@ -185,7 +182,7 @@ def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
         )
     logs = np.log(own)
     zeros = np.zeros(never.sum())
-    fit = _Likelihood(np.log(below[never]), zeros, zeros + 1.0, logs)
+    fit = Likelihood(np.log(below[never]), zeros, zeros + 1.0, logs)
     b = fit.largest(np.array([-logs.mean(), 1.0]) / logs.std(), np.eye(2))
     ends = above.min(), np.where(never, below, above).max()
     shares = np.array([0.0, own.size / scale.size])
@@ -193,7 +190,7 @@ def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
 
 
 def _fragility(
-    fit: "_Likelihood",
+    fit: Likelihood,
     b: np.ndarray,
     information: np.ndarray,
     confidence: float,
@@ -277,65 +274,6 @@ def cloud(intensity: Any, response: Any) -> Cloud:
     rest = q - intercept - slope * p
     dispersion = math.sqrt(float(rest @ rest) / (x.size - 2))
     return Cloud(intercept, slope, dispersion, dispersion / math.sqrt(squares))
-
-
-class _Likelihood:
-    """Likelihood of stripes and of known capacities as a function of b_0 and b_1."""
-
-    def __init__(self, log_x: np.ndarray, k: np.ndarray, n: np.ndarray, known=()):
-        self.rows, self.known = (
-            np.stack([np.ones(len(p)), p], axis=1) for p in (log_x, np.asarray(known, float))
-        )
-        self.k, self.n = k, n
-
-    def value(self, b: np.ndarray) -> float:
-        h = self.rows @ b
-        found = float(self.k @ log_ndtr(h) + (self.n - self.k) @ log_ndtr(-h))
-        if len(self.known):
-            if not b[1] > 0:
-                return -math.inf
-            found += len(self.known) * math.log(b[1]) - 0.5 * float(np.sum((self.known @ b) ** 2))
-        return found
-
-    def expected(self, b: np.ndarray) -> np.ndarray:
-        """Return Fisher's expected information of the stripes, shape (2, 2)."""
-        h = self.rows @ b
-        weight = self.n * np.exp(-h * h - math.log(2.0 * math.pi) - log_ndtr(h) - log_ndtr(-h))
-        return (self.rows.T * weight) @ self.rows
-
-    def slopes(self, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gradient, shape (2,), and the observed information, shape (2, 2)."""
-        h = self.rows @ b
-        # d ln Phi = m, its derivative -m (h + m)
-        up = np.exp(-0.5 * h * h - 0.5 * math.log(2.0 * math.pi) - log_ndtr(h))
-        down = np.exp(-0.5 * h * h - 0.5 * math.log(2.0 * math.pi) - log_ndtr(-h))
-        slope = self.rows.T @ (self.k * up - (self.n - self.k) * down)
-        curve = self.k * up * (h + up) + (self.n - self.k) * down * (down - h)
-        curves = (self.rows.T * curve) @ self.rows
-        if len(self.known):
-            slope += np.array([0.0, len(self.known) / b[1]]) - self.known.T @ (self.known @ b)
-            curves += np.diag([0.0, len(self.known) / b[1] ** 2]) + self.known.T @ self.known
-        return slope, curves
-
-    def largest(
-        self, start: np.ndarray, along: np.ndarray, at: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Maximise over b = start + t along, `along` of shape (1 or 2, 2), from t = `at`."""
-        t = np.zeros(len(along)) if at is None else np.array(at, float)
-        value = self.value(start + t @ along)
-        for _ in range(ITERATIONS):
-            slope, curves = self.slopes(start + t @ along)
-            move = np.linalg.lstsq(along @ curves @ along.T, along @ slope, rcond=None)[0]
-            part = 1.0
-            while (better := self.value(start + (t + part * move) @ along)) < value:
-                part *= 0.5
-                if part < 1e-10:
-                    return start + t @ along
-            t = t + part * move
-            gained, value = better - value, better
-            if gained <= CONVERGED * (float(self.n.sum()) + len(self.known)):
-                break
-        return start + t @ along
 
 
 def _end(excess: Any, middle: float, step: float) -> float:

@@ -109,7 +109,8 @@ def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
 
     def around(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the values at the stripes before and at the first that reaches it."""
-        return tuple(np.take_along_axis(values, first + k, axis=-1)[..., 0] for k in (0, 1))
+        low, high = (np.take_along_axis(values, first + k, axis=-1)[..., 0] for k in (0, 1))
+        return low, high
 
     ends = np.zeros((*curves.shape[:-1], 1))
     low, high = around(np.concatenate([ends, curves, ends + math.inf], axis=-1))

@@ -41,6 +41,14 @@ class Origin(IntEnum):
     SEARCH = 3
 
 
+class Criticality(IntEnum):
+    """Side to which what is born at a doubling goes."""
+
+    SUBCRITICAL = -1
+    NONE = 0
+    SUPERCRITICAL = 1
+
+
 Met = IntEnum("Met", [one.name for one in Meeting])  # type: ignore[misc]
 """Numbers of the kinds of meetings in the file, from 1."""
 RUN = ("direction", "line", "amplitude")

@@ -41,6 +41,7 @@ from scipy.sparse.linalg import splu
 from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
 from hpcsweep.dynamics.orbit import smallest_period
+from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
 
 STEPS = 40
 PATIENCE = 6
@@ -57,6 +58,8 @@ FAR = 1e3
 """Size of a state, in its units, at which Newton's method is lost."""
 MANY = 400
 """Numbers of an orbit from which its equations are solved as sparse ones."""
+ROUNDING = 1e-10
+"""Further difference of the map from its tangent map that is allowed, in units of the state."""
 SAME, UNCERTAIN = 1e-9, 10.0
 """Distance of points of an orbit that may be one, and its multiple of the uncertainty."""
 
@@ -90,6 +93,28 @@ class VerifiedOrbit(NamedTuple):
     def multipliers(self) -> np.ndarray:
         """Floquet multipliers over p forcing periods, largest modulus first, shape (2n,)."""
         return self.maps.multipliers
+
+    def attracts(self, start: np.ndarray, end: np.ndarray, turns: int, units: np.ndarray) -> bool:
+        """Return whether a motion near the orbit is verified to go to it.
+
+        The multipliers are inside the unit circle, and with o the first point and M the tangent map
+        of so many turns, end - o = M (start - o) up to `LINEAR_DEFECT` of end - o.
+
+        Parameters
+        ----------
+        start, end : ndarray, shape (2n,)
+            Points of the motion, `turns` turns of the orbit apart.
+        turns : int
+        units : ndarray, shape (2n,)
+            Of the state.
+        """
+        expected, left = (start - self.points[0]) / units, (end - self.points[0]) / units
+        for _ in range(turns):
+            for matrix in self.maps.matrices:
+                expected = matrix @ expected
+        bent, away = float(np.abs(left - expected).max()), float(np.abs(left).max())
+        linear = bent <= LINEAR_DEFECT * away + ROUNDING
+        return linear and bool(abs(self.multipliers[0]) < 1.0)
 
 
 class Verdict(NamedTuple):

@@ -44,8 +44,9 @@ from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
 
 STEPS = 40
-PATIENCE = 6
-"""Moves within which the least residual must halve: at a fold it falls to a quarter in one."""
+NEAR, PATIENCE = 1e-3, 6
+"""Residual from which it must halve within so many moves: at a fold it falls to a quarter in one.
+"""
 CURVED = 0.25
 """Share of a residual due to curvature, below which the rest is rounding."""
 LARGEST_ROUNDING = 1e-9
@@ -127,7 +128,7 @@ class Verdict(NamedTuple):
     residual : float
         Least that was reached, in units of the state; inf if the solver has failed.
     away : float
-        Distance from the given state at which the method has ended, in units of the state.
+        Distance of the orbit that was found from the state, in its units; inf if none was.
     cycles : int
         Forcing periods integrated.
     """
@@ -161,17 +162,20 @@ def verify_orbit(
     """
     search = _Search(solver, amplitude)
     given = np.atleast_2d(state) / search.units
-    try:
-        points = search.continued(given, period)
-        found = search.converge(points)
-        if found is None:
-            return Verdict(None, search.least, search.away_from(given[0]), search.cycles)
-        found = search.shortened(found)
-    except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError):
-        return Verdict(None, search.least, search.away_from(given[0]), search.cycles)
-    away = float(np.abs(found.points[0] - given[0]).max())
-    orbit = found._replace(points=found.points * search.units) if away <= reach else None
-    return Verdict(orbit, found.residual, away, search.cycles)
+    least, away = math.inf, math.inf
+    for marched in (False, True):
+        try:
+            found = search.converge(search.continued(given, period), marched)
+            found = None if found is None else search.shortened(found)
+        except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError):
+            found = None
+        least = min(least, search.least)
+        if found is not None:
+            away = min(away, float(np.abs(found.points[0] - given[0]).max()))
+            if away <= reach:
+                orbit = found._replace(points=found.points * search.units)
+                return Verdict(orbit, found.residual, away, search.cycles)
+    return Verdict(None, least, away, search.cycles)
 
 
 class _Search:
@@ -180,12 +184,7 @@ class _Search:
     def __init__(self, solver, amplitude: float):
         self._solver, self._amplitude = solver, amplitude
         self.units = solver.structure.state_units
-        self._last = np.zeros_like(self.units)  # first point of the last iterate
         self.least, self.cycles = math.inf, 0
-
-    def away_from(self, state: np.ndarray) -> float:
-        """Return how far from a state the method has ended."""
-        return float(np.abs(self._last - state).max())
 
     def tangents(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the images of points, shape (p, N), and the tangent maps, (p, N, N)."""
@@ -204,12 +203,15 @@ class _Search:
         self.cycles += missing
         return np.concatenate((points, more / self.units))
 
-    def converge(self, points: np.ndarray) -> VerifiedOrbit | None:
-        """Return the orbit near points, shape (p, N), of p or a divisor; None if there is none."""
-        before = move = None
-        self.least, fallen = math.inf, 0
+    def converge(self, points: np.ndarray, marched: bool = False) -> VerifiedOrbit | None:
+        """Return the orbit near points, shape (p, N), of p or a divisor; None if there is none.
+
+        `marched`: after a move all points follow from the first one.
+        """
+        before = matrices = np.zeros((*points.shape, points.shape[1]))
+        shift, curved, fallen = np.zeros_like(points), math.inf, 0
+        self.least = math.inf
         for step in range(STEPS):
-            self._last = points[0]
             images, matrices = self.tangents(points)
             misses = images - np.roll(points, -1, axis=0)
             residual = float(np.abs(misses).max())
@@ -218,19 +220,20 @@ class _Search:
             if residual <= 0.5 * self.least:
                 fallen = step
             self.least = min(self.least, residual)
-            next_move = _solve(matrices, misses)
-            curved = math.inf
-            if before is not None:
-                bent = np.einsum("pij,pj->pi", matrices - before, move)
+            move = _solve(matrices, misses)
+            if step > 0:
+                bent = np.einsum("pij,pj->pi", matrices - before, shift)
                 curved = 0.5 * float(np.abs(bent).max())
             rounded = residual <= LEAST_ROUNDING * (1.0 + float(np.abs(points).max()))
             if rounded or (residual <= LARGEST_ROUNDING and curved <= CURVED * residual):
-                left = float(np.abs(next_move).max())
+                left = float(np.abs(move).max())
                 return VerifiedOrbit(points, TangentMaps(matrices), residual, left)
-            if step - fallen >= PATIENCE:
+            if self.least <= NEAR and step - fallen >= PATIENCE:
                 return None
-            before, move = matrices, next_move
-            points = points - move
+            moved = points - move
+            if marched:
+                moved = self.continued(moved[:1], len(points))
+            before, shift, points = matrices, points - moved, moved
         return None
 
     def shortened(self, found: VerifiedOrbit) -> VerifiedOrbit:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.lifetime import Lifetime
 from hpcsweep.solvers.outcome import Outcome
 
 UNDECIDED, FAILED, ELSEWHERE = -1, -2, -3
@@ -73,12 +74,18 @@ class Portrait:
         Forcing periods integrated for starts and seeds, without the tests of neighbourhoods.
     outcome : Outcome
         COMPLETE if any start succeeded, otherwise the most frequent failure.
+    n_transient : int
+        Starts that were transient chaos, whatever they ended in.
+    lifetime : Lifetime
+        Mean lifetime of that in forcing periods; NaN without any.
     """
 
     attractors: list[Attractor]
     labels: np.ndarray
     cycles: int
     outcome: Outcome
+    n_transient: int
+    lifetime: Lifetime
 
     @property
     def n_undecided(self) -> int:

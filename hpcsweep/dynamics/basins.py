@@ -14,6 +14,9 @@ import numpy as np
 from hpcsweep.dynamics.attractor import ELSEWHERE, Attractor
 from hpcsweep.dynamics.attractors import LARGEST_GROUP, AttractorSearch
 
+CONFIDENCE = 0.95
+"""Confidence of the tests of lifetimes."""
+
 
 class Basins:
     """Attractors of a point, and classification of states by them.
@@ -49,8 +52,8 @@ class Basins:
         most: int,
         poll: Callable[[], None] | None = None,
     ):
-        self._search = AttractorSearch(solver, amplitude, settings, max_cycles, poll)
-        labels = self._search.confirmed(self._search.labels(starts))
+        self._search = AttractorSearch(solver, amplitude, settings, max_cycles, CONFIDENCE, poll)
+        labels = self._search.labels(starts)
         found = self._search.attractors
         hits = np.bincount(labels[labels >= 0], minlength=len(found))
         order = np.argsort(-hits, kind="stable")[:most]

@@ -21,6 +21,7 @@ class End(IntEnum):
     OUT_OF_REACH = 7
     KNOWN = 8
     RESONANCE = 9
+    GRAZING = 10
 
 
 class Reason(IntEnum):

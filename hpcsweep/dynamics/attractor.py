@@ -60,6 +60,22 @@ class Attractor:
     measures: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
+class Found(list[Attractor]):
+    """Attractors at a point, and what its starts told of transient chaos.
+
+    Attributes
+    ----------
+    n_transient : int
+        Starts that were transient chaos; they count for the attractors in which they ended.
+    lifetime : Lifetime
+        Mean lifetime of transient chaos in forcing periods, with its interval; NaN without any.
+    """
+
+    def __init__(self, attractors, n_transient: int, lifetime: Lifetime):
+        super().__init__(attractors)
+        self.n_transient, self.lifetime = n_transient, lifetime
+
+
 @dataclass(frozen=True)
 class Portrait:
     """Attractors found at one point.

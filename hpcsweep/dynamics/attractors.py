@@ -250,7 +250,7 @@ class AttractorSearch:
         return Fate(there, state, done)
 
     def _orbit_of(self, state: np.ndarray) -> tuple[int | None, np.ndarray]:
-        """Classify a motion: return the index of its orbit if it goes to one, and its last state."""
+        """Classify a motion; return the index of the orbit it goes to, if any, and its end."""
         motion = self._classified(state)
         periodic = motion.kind is MotionClass.PERIODIC
         return self._place_orbit(motion) if periodic else None, motion.points[-1]

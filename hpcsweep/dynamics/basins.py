@@ -13,6 +13,7 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, Attractor
 from hpcsweep.dynamics.attractors import LARGEST_GROUP, AttractorSearch
+from hpcsweep.dynamics.lifetime import Lifetime
 
 CONFIDENCE = 0.95
 """Confidence of the tests of lifetimes."""
@@ -40,6 +41,8 @@ class Basins:
     ----------
     attractors : list of Attractor
         In order of decreasing `hits`.
+    lifetime : Lifetime
+        Mean lifetime of the transient chaos among `starts`, in forcing periods; NaN without any.
     """
 
     def __init__(
@@ -60,6 +63,7 @@ class Basins:
         self.attractors: list[Attractor] = [
             replace(found[place], hits=int(hits[place])) for place in order.tolist()
         ]
+        self.lifetime: Lifetime = self._search.transient.lifetime(CONFIDENCE)
         self._listed = np.full(len(found), ELSEWHERE)
         self._listed[order] = np.arange(order.size)
 

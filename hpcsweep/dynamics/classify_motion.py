@@ -8,7 +8,7 @@ by a part of it from then on, and classified each time by its later part. A moti
   motion is verified to go to it (`verification`);
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
 (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
-  over what is judged, and no orbit has ended it `CONFIRMED` periods later;
+  over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
 - quasi-periodic if over `LEAST_TORUS` periods or more weighted means over both halves agree to
   `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
   confidence, and no orbit is verified that the torus is locked to.
@@ -52,6 +52,8 @@ WATCHED = 4 * LONGEST
 """Forcing periods that are watched before a stretch is observed."""
 FIRST_STRETCH = 200
 """Forcing periods that are observed at first."""
+CHUNK = 512
+"""Forcing periods after which Newton's method is tried from `NEAR` again."""
 CONFIRMED = 100
 """Forcing periods for which chaos is watched for an orbit that ends it. Of 163 windows of 100
 periods with a growth of chaos, drawn from the map of Figure 6 as described, 10 ended in an orbit
@@ -94,6 +96,7 @@ def classify_motion(
     max_cycles: int,
     poll: Callable[[], None] | None = None,
     window: Observation | None = None,
+    outlived: int = CONFIRMED,
 ) -> Motion:
     """Classify the motion that a state goes to.
 
@@ -111,8 +114,12 @@ def classify_motion(
         Called within long work; may raise to leave.
     window : Observation, optional
         A window that ended in `state`, with the growth of a tangent vector: tried first.
+    outlived : int
+        Forcing periods, within `max_cycles`, for which chaos is watched for an orbit that ends it.
     """
-    search = _Classifier(solver, amplitude, settings, poll, count("max_cycles", max_cycles))
+    search = _Classifier(
+        solver, amplitude, settings, poll, count("max_cycles", max_cycles), outlived
+    )
     z, motion = np.array(state, dtype=float), None
     if window is not None:
         z, motion = search.judge_window(z, window)
@@ -127,7 +134,8 @@ def classify_motion(
 class _Classifier:
     """Classifier of one motion."""
 
-    def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int):
+    def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int, outlived: int):
+        self._outlived = outlived
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self._same = settings.period_tolerance
         self._units = solver.structure.state_units
@@ -218,8 +226,13 @@ class _Classifier:
         """Watch chaos for an orbit that ends it; return the resulting motion."""
         if motion is None or motion.kind is not MotionClass.CHAOTIC:
             return motion
-        _, ended = self.watch(z, CONFIRMED)
-        return ended or replace(motion, cycles=self.cycles)
+        left = self._outlived
+        while left > 0 and self.left:
+            z, ended = self.watch(z, min(CHUNK, left))
+            if ended is not None:
+                return ended
+            left -= CHUNK
+        return replace(motion, cycles=self.cycles)
 
     def _closing(self, stretch: np.ndarray) -> Step:
         """Look for an orbit of long period on which a stretch closes, and jump to it.

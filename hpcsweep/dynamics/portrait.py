@@ -53,5 +53,10 @@ def portrait(
     if search.failures and not found and not np.any(labels == UNDECIDED):
         outcome = search.failures.most_common(1)[0][0]
     return Portrait(
-        found, labels, search.cycles, outcome, search.n_transient, search.transient.lifetime(confidence)
+        found,
+        labels,
+        search.cycles,
+        outcome,
+        search.n_transient,
+        search.transient.lifetime(confidence),
     )

@@ -98,7 +98,7 @@ def test_rows_that_contradict_themselves_are_told(whole):
 def test_each_start_goes_where_it_goes_when_it_is_decided_alone(whole):
     study, results = parse_job(JOB, "job", "job").study, open_results(whole)
     search = AttractorSearch(
-        make_solver("flow", study.structure, 1.0, 1e-9), 0.7, study.settings, 600, None
+        make_solver("flow", study.structure, 1.0, 1e-9), 0.7, study.settings, 600, 0.95, None
     )
     labels, points = results["label"].values[0, :, 0], results["point"].values[0, 0, 0]
     assert set(np.unique(labels)) == {1, 2}

@@ -67,6 +67,7 @@ FLAGS: dict[str, type[IntEnum]] = {
     "outcome": Outcome,
     "skip_rule": SkipRule,
     "motion": MotionClass,
+    "window_class": MotionClass,
     "motion_class": MotionClass,
     "special_kind": Kind,
     "criticality": Criticality,

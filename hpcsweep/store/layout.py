@@ -40,7 +40,7 @@ from hpcsweep.studies.refine.variables import derived_coordinates, derived_varia
 from hpcsweep.studies.starting_range import starting_range
 from hpcsweep.studies.study import Variable
 
-LAYOUT_VERSION = 3
+LAYOUT_VERSION = 4
 FORMAT = "hpcsweep campaign"
 
 

@@ -2,9 +2,10 @@
 
 The window procedure takes a window for the motion. A motion that the window leaves open is
 continued from its end, off the path, for at most `classify_cycles` forcing periods
-(`dynamics.classify_motion`); chaos is believed only where it has outlived a number of them
-(`runs.ON_PATH`), since it may be a transient. Points, contact set, drift, modal norms and exponent are then those of
-the motion found. The next run starts from the end of the window nevertheless.
+(`dynamics.classify_motion`). Chaos is told only where it has outlived a number of them, since it
+may be a transient (`runs.ON_PATH`). Points, contact set, drift, modal norms and exponent are then
+those of the motion found; what the window shows is kept beside them. The next run starts from the
+end of the window nevertheless.
 """
 
 import math

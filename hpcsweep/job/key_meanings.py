@@ -59,8 +59,8 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
     "study.confidence": ("confidence level of the intervals of shares, between 0 and 1", "0.95"),
     "study.max_cycles": (
         "forcing periods for which a motion is followed to classify it, after a transient as long, "
-        "or of `sweep.transient_cycles` if that is shorter; a motion without period must outlive 24 "
-        "times as many (at a confidence of 95 %), all of its motions together",
+        "or of `sweep.transient_cycles` if that is shorter; the motions without period that are "
+        "tested together must outlive 24 times as many at a confidence of 95 %",
         "5000",
     ),
     "study.match_distance": (

@@ -4,8 +4,8 @@ The motion is first watched for an orbit nearby, unless small differences grow, 
 with a tangent vector. This stretch is extended, to twice its length up to `LEAST_TORUS` periods and
 by a part of it from then on, and classified each time by its later part. A motion is
 
-- periodic if Newton's method converges to an orbit to rounding, the orbit does not repel, and the
-  motion is verified to go to it (`verification`);
+- periodic if it has closed or is verified to go to an orbit (`shooting`), to which Newton's method
+  converges to rounding (`verification`), and which does not repel;
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
 (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
@@ -35,6 +35,7 @@ from hpcsweep.dynamics.orbit import (
     returning_period,
     stays_near_orbit,
 )
+from hpcsweep.dynamics.shooting import Nearer, shoot
 from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.dynamics.verification import verify_orbit
 from hpcsweep.model.arguments import count
@@ -179,7 +180,7 @@ class _Classifier:
             return end.state, self.motion(MotionClass.FAILED, end.state[None], outcome=end.outcome)
         if not end.period:
             return end.state, None
-        return self._orbit(end.state, end.period, end.state, end.state)
+        return self._orbit(end.state, end.period, end.state)
 
     def observe(self, z: np.ndarray, n_periods: int, direction=None) -> Growth:
         """Integrate with a tangent vector."""
@@ -246,7 +247,7 @@ class _Classifier:
             return end, None
         last = points[-3 * period :]
         if found.distance <= self._same and self._closed(last, 3 * period // 2):
-            return self._jump(stretch, period)
+            return self._closes(end, period)
         limit = limit_of_approach(last, period)
         soon = limit is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
@@ -266,7 +267,7 @@ class _Classifier:
         # short orbits where the last points have closed, long ones where all have
         period = self._closed(points, LONGEST) or (longest and self._closed(points, longest))
         if period:
-            return self._jump(seen.points, period)
+            return self._closes(end, period)
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
             # near a repelling orbit it is that orbit's growth
             third = size // 3
@@ -302,15 +303,29 @@ class _Classifier:
     def _closed(self, points: np.ndarray, max_period: int) -> int:
         return closed_period(points, max_period, self._same)
 
-    def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None = None) -> Step:
-        """Return the orbit on which the last points close, if the motion is verified to go there.
+    def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None) -> Step:
+        """Return the approached orbit, if the motion is verified to go there.
 
         `limit` is the limit of the points, in units of the state, by extrapolation, if it exists.
         """
-        turn = points[-1 - period : -1] if limit is None else limit * self._units
-        return self._orbit(turn, period, points[-1], points[-1 - period])
+        z, nearer = points[-1], None
+        if limit is not None:
+            z, nearer = points[-1 - period], Nearer(points[-1], limit * self._units)
+        shot = shoot(self._solver, z, self._amplitude, period, nearer)
+        self.cycles += shot.cycles
+        if not shot.attracts(0.1 * self._same):
+            return points[-1], None
+        return self._orbit(shot.point, period, points[-1])
 
-    def _orbit(self, turn: np.ndarray, period: int, z: np.ndarray, before: np.ndarray) -> Step:
+    def _closes(self, z: np.ndarray, period: int) -> Step:
+        """Return the orbit on which a motion has closed, if there is one."""
+        shot = shoot(self._solver, z, self._amplitude, period)
+        self.cycles += shot.cycles
+        if not shot.distance <= NEAR:
+            return z, None
+        return self._orbit(shot.point, period, z)
+
+    def _orbit(self, point: np.ndarray, period: int, z: np.ndarray) -> Step:
         """Return the motion of an orbit and where to continue; leave one that repels.
 
         An orbit is claimed only where Newton's method converges to rounding (`verification`): a
@@ -318,30 +333,24 @@ class _Classifier:
 
         Parameters
         ----------
-        turn : ndarray, shape (2n,) or (period, 2n)
-            Points near the orbit, the first at the phase of z.
+        point : ndarray, shape (2n,)
+            Of the orbit, as far as it is known.
+        period : int
         z : ndarray, shape (2n,)
-            State of the motion.
-        before : ndarray, shape (2n,)
-            Its state `period` forcing periods ago, by which it is verified that it goes to the
-            orbit where it is not on it yet, to ``period_tolerance``.
+            State of the motion, at the same phase.
         """
-        verdict = verify_orbit(self._solver, turn, self._amplitude, period)
+        verdict = verify_orbit(self._solver, point, self._amplitude, period)
         self.cycles += verdict.cycles
         orbit = verdict.orbit
         if orbit is None:
             return z, None
-        multiplier = float(abs(orbit.multipliers[0]))
+        multiplier = orbit.multiplier
         if multiplier > 1 + REPELS:
             point = orbit.points[0]
             if np.abs((z - point) / self._units).max() > PUSH:
                 return z, None  # on its way already
             # in no direction that a structure prefers
             return point + PUSH * self._units * np.cos(np.arange(z.size)), None
-        on_it = np.abs((z - orbit.points[0]) / self._units).max() <= self._same
-        turns = period // orbit.period
-        if not on_it and not orbit.attracts(before, z, turns, self._units):
-            return z, None
         exponent = Interval.exact(exponent_of_multiplier(multiplier, orbit.period))
         points = np.roll(orbit.points, -1, axis=0)
         return z, self.motion(MotionClass.PERIODIC, points, orbit.period, multiplier, exponent)

@@ -41,6 +41,7 @@ from scipy.sparse.linalg import splu
 from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
 from hpcsweep.dynamics.orbit import smallest_period
+from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
 
 STEPS = 40
@@ -95,6 +96,14 @@ class VerifiedOrbit(NamedTuple):
         """Floquet multipliers over p forcing periods, largest modulus first, shape (2n,)."""
         return self.maps.multipliers
 
+    @property
+    def multiplier(self) -> float:
+        """Modulus of the largest multiplier: of the product of tangent maps, which keeps it."""
+        product = np.eye(self.points.shape[1])
+        for matrix in self.maps.matrices:
+            product = matrix @ product
+        return float(abs(floquet_multipliers(product)[0]))
+
     def attracts(self, start: np.ndarray, end: np.ndarray, turns: int, units: np.ndarray) -> bool:
         """Return whether a motion near the orbit is verified to go to it.
 
@@ -115,7 +124,7 @@ class VerifiedOrbit(NamedTuple):
                 expected = matrix @ expected
         bent, away = float(np.abs(left - expected).max()), float(np.abs(left).max())
         linear = bent <= LINEAR_DEFECT * away + ROUNDING
-        return linear and bool(abs(self.multipliers[0]) < 1.0)
+        return linear and self.multiplier < 1.0
 
 
 class Verdict(NamedTuple):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, positive, refused, shown
+from hpcsweep.model.arguments import choice, file_name, positive, shown
 from hpcsweep.model.record import MAX_SAMPLES, Record
 
 STANDARD_GRAVITY = 9.80665
@@ -104,9 +104,7 @@ def read_record(
     factor = 1.0 if unit == OWN else positive("gravity", gravity) / GRAVITY_IN[unit]
     if dt is not None:
         dt = positive("dt", dt)
-    if not isinstance(path, str | PathLike):
-        raise refused("path", "a path", path)
-    file = Path(path)
+    file = Path(file_name("path", path))
     try:
         table = _parse(file, dt)
         if table.unit is not None and unit not in (OWN, table.unit):

@@ -18,6 +18,12 @@ from hpcsweep.studies.study import Coordinate
 
 KEYS = ("files", "synthetic", "unit", "gravity", "dt", "tail", "scale", "found")
 MAX_FILES = 10_000
+MAX_SCALES = 1_000_000
+SCALES = 1e-250, 1e250
+"""Smallest and largest scale."""
+MAX_PERIODS = 1000
+MAX_INSTANTS = 10 * MAX_SAMPLES
+"""Of the histories."""
 SCALED_BY = {"sa": ("period",), "avgsa": ("periods",)}
 """Keys of ``scale`` that a measure needs."""
 RANGE = ("values", "from", "to", "count", "step")
@@ -33,15 +39,15 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
     JobError
     """
     given = values.table("records")
-    if ("files" in given) == ("synthetic" in given):
-        what = "either files or synthetic must be given"
-        raise values.error("records", sorted(given), what)
+    if "files" in given and "synthetic" in given:
+        limit = "does not go with records.synthetic: one of the two must go"
+        raise values.error("records.files", given["files"], limit)
     if "files" in given:
-        unit = values.get("records.unit", "g")
-        if unit not in UNITS:
-            raise values.error("records.unit", unit, f"must be one of {', '.join(UNITS)}")
-        dt = positive(values, "records.dt", given["dt"]) if "dt" in given else None
+        unit = values.choice("records.unit", values.get("records.unit", "g"), UNITS)
+        dt = values.positive("records.dt", given["dt"]) if "dt" in given else None
         return Files(paths, unit, read_gravity(values), dt)
+    if "synthetic" not in given:
+        raise values.error("records", sorted(given), "must have files, or synthetic")
     for key in ("unit", "dt"):
         if key in given:
             raise values.error(f"records.{key}", given[key], "goes with records.files")
@@ -58,11 +64,9 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
         name = f"records.synthetic.{key}"
         given = table.get(key, 1 if key == "count" else getattr(Synthetic, key, None))
         if kind is float:
-            read[key] = positive(values, name, given)
+            read[key] = values.positive(name, given)
         elif kind is str:
-            if given not in SOILS:
-                raise values.error(name, given, f"must be one of {', '.join(SOILS)}")
-            read[key] = given
+            read[key] = values.choice(name, given, SOILS)
         else:
             least, most = (1, MAX_RECORDS) if key == "count" else (0, 2**63 - 1)
             read[key] = values.whole_in(name, given, least, most)
@@ -73,17 +77,9 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
     return Synthetic(**read)
 
 
-def positive(values: Any, key: str, given: Any) -> float:
-    """Read a finite number above 0."""
-    number = values.number(key, given)
-    if not 0 < number < math.inf:
-        raise values.error(key, given, "must be finite and above 0")
-    return number
-
-
 def read_gravity(values: Any) -> float:
     """Read one g in the structure's units."""
-    return positive(values, "records.gravity", values.get("records.gravity", STANDARD_GRAVITY))
+    return values.positive("records.gravity", values.get("records.gravity", STANDARD_GRAVITY))
 
 
 def read_tail(values: Any, found: tuple[Facts, ...]) -> float:
@@ -95,12 +91,13 @@ def read_tail(values: Any, found: tuple[Facts, ...]) -> float:
     return tail
 
 
-def read_history(values: Any, found: tuple[Facts, ...]) -> float:
+def read_history(values: Any, found: tuple[Facts, ...], tail: float) -> float:
     """Read the step between the instants of the histories; 0 for none."""
     step = values.get("output.history", False)
     if step is False:
         return 0.0
-    step = positive(values, "output.history", step)
+    longest = _longest(found) + tail
+    step = values.positive("output.history", step, longest / MAX_INSTANTS, longest)
     for one in found:
         if not steps_in(one.dt, step):
             raise values.error("output.history", step, f"{WHOLE.format(one.dt)} of {one.name}")
@@ -118,18 +115,16 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     if not isinstance(table, dict):
         limit = 'must be a table such as {by = "pga", from = 0.5, to = 5.0, count = 10}'
         raise values.error("records.scale", table, limit)
-    by = table.get("by", "factor")
-    if by not in MEASURES:
-        raise values.error("records.scale.by", by, f"must be one of {', '.join(MEASURES)}")
+    by = values.choice("records.scale.by", table.get("by", "factor"), MEASURES)
     needed = SCALED_BY.get(by, ())
     known = ("by", *needed, *(("damping_ratio",) if needed else ()), *RANGE)
     values.check_keys("records.scale", table, known)
     periods: tuple[float, ...] = ()
     for key in needed:
-        listed = values.numbers_in(f"records.scale.{key}", table.get(key), ascending=True)
-        if listed.min() <= 0 or (key == "period" and listed.size > 1):
-            what = "one number above 0" if key == "period" else "numbers above 0"
-            raise values.error(f"records.scale.{key}", table[key], f"must be {what}")
+        most = 1 if key == "period" else MAX_PERIODS
+        listed = values.numbers_in(f"records.scale.{key}", table.get(key), True, most)
+        if listed.min() <= 0:
+            raise values.error(f"records.scale.{key}", table[key], "must be above 0")
         periods = tuple(listed.tolist())
     ratio = values.number("records.scale.damping_ratio", table.get("damping_ratio", 0.05))
     if not 0 <= ratio < 1:
@@ -137,9 +132,10 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     grid = {key: table[key] for key in RANGE if key in table}
     if "values" in grid and len(grid) > 1:
         raise values.error("records.scale.values", grid["values"], "goes without from and to")
-    scale = values.numbers_in("records.scale", grid.get("values", grid), ascending=True)
-    if scale[0] <= 0:
-        raise values.error("records.scale", float(scale[0]), "scales must be above 0")
+    name = "records.scale.values" if "values" in grid else "records.scale"
+    scale = values.numbers_in(name, grid.get("values", grid), True, MAX_SCALES)
+    for end in (scale[0], scale[-1]):
+        values.positive(name, float(end), *SCALES)
     return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
 
 
@@ -176,9 +172,14 @@ def _is_sound(facts: Facts) -> bool:
 
 def instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
     """Return the dimension of the histories: the instants of the longest record and its tail."""
-    longest = max((one.samples - 1) * one.dt for one in found) + tail
+    longest = _longest(found) + tail
     values = step * np.arange(math.floor(longest / step + SAME_STEP) + 1)
     return Coordinate(values, "time", "time since the first sample")
+
+
+def _longest(found: tuple[Facts, ...]) -> float:
+    """Return the duration of the longest record."""
+    return max((one.samples - 1) * one.dt for one in found)
 
 
 def scale_coordinate(measure: Measure, scale: np.ndarray) -> Coordinate:

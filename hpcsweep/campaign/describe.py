@@ -99,9 +99,8 @@ def _warnings(structure) -> Iterator[str]:
 
 def _soft_contacts(structure) -> Iterator[str]:
     """Yield one line if contacts are softer than the structure is to a force along them."""
-    directions = np.array([contact.direction for contact in structure.matrices.contacts])
+    directions, given = structure.directions, structure.contact_stiffness
     flexible = np.linalg.pinv(structure.stiffness_matrix)
-    given = np.array([contact.stiffness for contact in structure.matrices.contacts])
     yielding = given * np.einsum("ki,ij,kj->k", directions, flexible, directions)
     soft = (yielding > 0) & (yielding < 1)
     if soft.any():

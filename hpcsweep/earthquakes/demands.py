@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, count, refused, rows
+from hpcsweep.model.arguments import choice, count, file_name, refused, rows
 
 ACCELERATION_UNITS = ("mps2", "cmps2", "mmps2", "inps2", "ftps2", "g")
 """Names of units in Pelicun."""
@@ -49,6 +49,7 @@ def write_demands(
     ValueError
         If shapes differ, or a value is not finite or below 0; nothing is written then.
     """
+    file = Path(file_name("path", path))
     drift = rows("drift_ratio", drift_ratio)
     floors = rows("floor_acceleration", floor_acceleration)
     ground = rows("ground_acceleration", np.reshape(ground_acceleration, (-1, 1)))
@@ -71,7 +72,7 @@ def write_demands(
             names.append(name)
             units.append(its_unit)
             columns.append(column.tolist())
-    with Path(path).open("w", newline="", encoding="utf-8") as stream:
+    with file.open("w", newline="", encoding="utf-8") as stream:
         table = csv.writer(stream)
         table.writerow(["", *names])
         table.writerow(["Units", *units])

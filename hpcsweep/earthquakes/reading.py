@@ -39,7 +39,7 @@ from hpcsweep.earthquakes.units import (
     plain,
     unit_of,
 )
-from hpcsweep.model.arguments import positive, refused, shown
+from hpcsweep.model.arguments import file_name, positive, shown
 from hpcsweep.model.record import MAX_SAMPLES, Record
 
 MAX_BYTES = 64 * MAX_SAMPLES
@@ -120,9 +120,7 @@ def read_record(
     in_unit_of_time(1.0, time)
     if dt is not None:
         dt = positive("dt", dt)
-    if not isinstance(path, str | PathLike):
-        raise refused("path", "a path", path)
-    file = Path(path)
+    file = Path(file_name("path", path))
     try:
         table = _parse(file, dt)
         if asked:

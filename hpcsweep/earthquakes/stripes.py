@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import array, finite, number, positive
+from hpcsweep.model.arguments import array, count, finite, number, positive, refused
 
 PARTS = (0.16, 0.5, 0.84)
 """Of fractiles: the median, and what is a standard deviation from it in a normal distribution."""
@@ -58,12 +58,18 @@ def fractiles(values: Any, parts: Sequence[float] = PARTS, axis: int = 0) -> np.
     Raises
     ------
     ValueError
-        If a part is none.
+        If a part is none, or there is no such axis.
     """
-    own = np.moveaxis(np.sort(array("values", values), axis=axis), axis, 0)
+    given = array("values", values)
+    if not given.ndim:
+        raise refused("values", "an array of one axis or more", values)
+    axis = count("axis", axis, -given.ndim, given.ndim - 1)
+    if not given.shape[axis]:
+        raise ValueError(f"values must have an entry along the axis, have shape {given.shape}")
+    own = np.moveaxis(np.sort(given, axis=axis), axis, 0)
     known = np.count_nonzero(~np.isnan(own), axis=0)
     found = []
-    for part in parts:
+    for part in np.atleast_1d(array("parts", parts)).tolist():
         part = number("parts", part, "from 0 to 1", 0.0, 1.0)
         place = np.maximum(np.ceil(part * known - ROUNDED).astype(int), 1) - 1
         found.append(np.take_along_axis(own, place[None], axis=0)[0])

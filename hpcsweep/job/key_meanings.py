@@ -56,7 +56,7 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
         "most 64",
         "8",
     ),
-    "study.confidence": ("confidence level of the intervals of shares, between 0 and 1", "0.95"),
+    "study.confidence": ("confidence level of the intervals of shares, 0.5 to below 1", "0.95"),
     "study.max_cycles": (
         "forcing periods for which a motion is followed to classify it, after a transient as long, "
         "or of `sweep.transient_cycles` if that is shorter; the motions without period that are "

@@ -1,9 +1,8 @@
 """Check file names given as arguments; see `hpcsweep.model.arguments`."""
 
-import os
 from pathlib import Path
 
-from hpcsweep.model.arguments import refused
+from hpcsweep.model.arguments import file_name
 
 
 def path_of(name: str, value: object) -> Path:
@@ -14,10 +13,7 @@ def path_of(name: str, value: object) -> Path:
     ValueError
         If it is not a file name; one line names the argument.
     """
-    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
-    if not isinstance(text, str) or not text:
-        raise refused(name, "a path", value)
-    return Path(text)
+    return Path(file_name(name, value))
 
 
 def followed(path: Path) -> Path:

@@ -275,12 +275,10 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
     if not MIN_TOLERANCE <= tolerance < 1:
         limit = f"must lie between 0 and 1, at least {MIN_TOLERANCE:g}"
         raise values.error("sweep.period_tolerance", tolerance, limit)
-    method = values.get("solver.method", default.solver)
-    if not isinstance(method, str) or method not in SOLVERS:
-        raise values.error("solver.method", method, f"must be one of {', '.join(SOLVERS)}")
-    rtol = values.number("solver.rtol", values.get("solver.rtol", SOLVERS[method].rtol))
-    if not 1e-13 <= rtol <= 1e-2:
-        raise values.error("solver.rtol", rtol, "must be from 1e-13 to 1e-2")
+    method = values.choice("solver.method", values.get("solver.method", default.solver), SOLVERS)
+    rtol = values.within(
+        "solver.rtol", values.get("solver.rtol", SOLVERS[method].rtol), 1e-13, 1e-2
+    )
     longest = values.whole(
         "sweep.max_orbit_period", min(default.max_orbit_period, longest), 1, longest
     )
@@ -307,8 +305,8 @@ def _classify_cycles(values: Values, method: str) -> int:
 def _max_points(values: Values, sampling: int, longest: int) -> int | None:
     given = values.get("output.max_points", sampling)
     least = min(2 * longest, sampling)
-    if isinstance(given, bool) or not isinstance(given, int) or given < least:
-        limit = f"must be a whole number of at least 2 max_orbit_period = {least}"
+    if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= MAX_CYCLES:
+        limit = f"must be a whole number from 2 max_orbit_period = {least} to {MAX_CYCLES}"
         raise values.error("output.max_points", given, limit)
     return given if given < sampling else None
 
@@ -329,11 +327,6 @@ def _skip(values: Values, rules: tuple[str, ...]) -> frozenset[str]:
 
 
 def _metrics(values: Values, default: SweepSettings) -> frozenset[str]:
-    wanted = set()
-    for name in METRICS:
-        value = values.get(f"output.{name}", name in default.metrics)
-        if not isinstance(value, bool):
-            raise values.error(f"output.{name}", value, "must be true or false")
-        if value:
-            wanted.add(name)
-    return frozenset(wanted)
+    return frozenset(
+        name for name in METRICS if values.flag(f"output.{name}", name in default.metrics)
+    )

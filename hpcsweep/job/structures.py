@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
 from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
 from hpcsweep.model.buildings import Building, adjacent
@@ -41,6 +43,8 @@ MAX_STIFFNESS = 1e12
 MAX_SHARPNESS = 1e300
 """Of the contact, where it is finite."""
 MAX_DAMPING = 1e6
+MAX_LABEL = 100
+"""Characters of the name of a building."""
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 """Of masses, stiffnesses, gaps and the amplitudes of harmonics that are not 0."""
 
@@ -69,15 +73,27 @@ def read_structure(values: Values) -> Structure:
     except (ValueError, OverflowError) as error:
         if isinstance(error, JobError):
             raise
-        table = "forcing." if str(error).startswith("harmonics") else "structure."
-        if str(error).startswith(("building", "pounding")):
-            table = ""
-        raise JobError(f"{values.source}: {table}{error}") from None
+        side_by_side = values.top("building", None) is not None
+        raise JobError(f"{values.source}: {_keyed(str(error), side_by_side)}") from None
     if structure.rayleigh is not None and "damping_ratio" in given:
         shown = values.get("structure.rayleigh")
         raise values.error("structure.rayleigh", shown, "is given beside damping_ratio")
     _check_sizes(values, structure)
     return replace(structure, unit_names=_unit_names(values, structure))
+
+
+def _keyed(said: str, side_by_side: bool) -> str:
+    """Return what a structure says of one of its parameters, with the key of the job."""
+    if said.startswith(("building", "pounding")):
+        return said
+    if said.startswith("harmonics"):
+        return f"forcing.{said}"
+    if not side_by_side:
+        return f"structure.{said}"
+    for matrix, keys in (("mass", "mass"), ("stiffness", "storey_stiffness or period")):
+        if said.startswith(f"matrices.{matrix} "):
+            return f"building.{keys}{said.removeprefix(f'matrices.{matrix}')}"
+    return f"pounding.{said.removeprefix('contact.')}"
 
 
 def _unit_names(values: Values, structure: Structure) -> UnitNames:
@@ -141,6 +157,9 @@ def _made(table: _Table) -> Building:
 def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     """Read buildings side by side: the tables ``building`` and ``pounding``."""
     tables = values.top("building", None)
+    if tables is None:
+        key, value = next(iter(values.table("pounding").items()))
+        raise values.error(f"pounding.{key}", value, "goes with [[building]]")
     if not isinstance(tables, list):
         raise values.error("building", tables, "must be tables, [[building]], two or more")
     for key in given:
@@ -152,8 +171,10 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
             else ("mass", "storey_stiffness")
         )
         _check_table(values, "building", table, BUILDING, needed)
-        if not isinstance(table.get("name", ""), str):
-            raise values.error("building.name", table["name"], "must be a name")
+        name = table.get("name", "")
+        if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
+            limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"
+            raise values.error("building.name", name, limit)
     pounding = dict(values.table("pounding"))
     for key in ("gap", "stiffness"):
         if key not in pounding:
@@ -209,26 +230,56 @@ def _tuples(value):
 
 def _check_sizes(values: Values, structure: Structure) -> None:
     """Refuse values that no solver can start from."""
-    sizes = {
-        "structure.mass": structure.mass_matrix.ravel().tolist(),
-        "structure.stiffness": structure.stiffness_matrix.ravel().tolist(),
-        "structure.gap": [contact.gap for contact in structure.contacts],
-        "structure.contact.stiffness": structure.contact_stiffness.tolist(),
-        "structure.contact.damping": structure.contact_damping.tolist(),
-        "structure.contact.direction": structure.directions.ravel().tolist(),
-        "forcing.harmonics.amplitude": [size for _, size, _ in structure.harmonics],
-    }
-    for key, listed in sizes.items():
-        for value in listed:
+    table = "structure" if values.top("building", None) is None else "pounding"
+
+    def at_most(largest: float, key: str, value: float) -> None:
+        if largest < value < math.inf:
+            raise values.error(key, value, f"must be at most {largest:g}")
+
+    ratio: Any = structure.stiffness_ratio
+    at_most(MAX_STIFFNESS, "structure.stiffness_ratio", float(np.max(ratio)))
+    at_most(MAX_SHARPNESS, f"{table}.sharpness", structure.sharpness)
+    for key, listed in _sizes(structure, table).items():
+        for value in np.ravel(listed).tolist():
             if value and not MIN_SIZE <= abs(value) <= MAX_SIZE:
                 limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
                 raise values.error(key, value, limit)
-    ratio: Any = structure.stiffness_ratio
-    damping = "damping_ratio" if structure.rayleigh is None else "rayleigh"
-    for key, value, largest in (
-        ("stiffness_ratio", max(ratio) if isinstance(ratio, tuple) else ratio, MAX_STIFFNESS),
-        ("sharpness", structure.sharpness, MAX_SHARPNESS),
-        (damping, float(structure.damping_ratios.max()), MAX_DAMPING),
-    ):
-        if largest < value < math.inf:
-            raise values.error(f"structure.{key}", value, f"must be at most {largest:g}")
+    at_most(MAX_DAMPING, _damping(structure, table), float(structure.damping_ratios.max()))
+
+
+def _damping(structure: Structure, table: str) -> str:
+    """Return the key that gives the damping."""
+    if table == "pounding":
+        return "building.damping_ratio or rayleigh"
+    if structure.matrices is not None and structure.matrices.damping is not None:
+        return "structure.matrices.damping"
+    return f"structure.{'damping_ratio' if structure.rayleigh is None else 'rayleigh'}"
+
+
+def _sizes(structure: Structure, table: str) -> dict[str, Any]:
+    """Return what has a size of its own, by the keys from which it comes."""
+    contacts = structure.contacts
+    gaps = [contact.gap for contact in contacts]
+    sizes: dict[str, Any] = {
+        "forcing.harmonics.amplitude": [size for _, size, _ in structure.harmonics]
+    }
+    if structure.matrices is None:
+        right = [number <= structure.n_floors for number in structure.contact_numbers]
+        return sizes | {
+            "structure.mass": structure.mass_matrix,
+            "structure.storey_stiffness": structure.stiffness_matrix,
+            "structure.gap": np.compress(right, gaps),
+            "structure.gap_left": np.compress(np.logical_not(right), gaps),
+            "structure.stiffness_ratio": structure.contact_stiffness,
+            "structure.restitution": structure.contact_damping,
+        }
+    whole = "building" if table == "pounding" else "structure.matrices"
+    own = "pounding" if table == "pounding" else "structure.contact"
+    return sizes | {
+        f"{whole}.mass": structure.mass_matrix,
+        f"{whole}.stiffness": structure.stiffness_matrix,
+        f"{own}.gap": gaps,
+        f"{own}.stiffness": structure.contact_stiffness,
+        f"{own}.damping": structure.contact_damping,
+        f"{own}.direction": structure.directions,
+    }

@@ -57,7 +57,8 @@ def with_found(values: Values, tree: dict, folder: Path | None) -> dict:
         try:
             facts = facts_of(record, measure, gravity)
         except ValueError as error:
-            raise JobError(f"{values.source}: records.scale: {error} ({record.name})") from None
+            said = str(error).replace("periods", next(iter(keys.SCALED_BY[measure.by]), ""), 1)
+            raise JobError(f"{values.source}: records.scale.{said} ({record.name})") from None
         if not facts.measure > 0:
             shown = f"{values.source}: records: the {measure} of {record.name}"
             raise JobError(f"{shown} is {facts.measure:g}, must be above 0")
@@ -79,13 +80,9 @@ def _compare(values: Values, found: dict[str, Facts]) -> None:
 
 def _paths(values: Values, folder: Path) -> tuple[str, ...]:
     """Return the files that names, folders and patterns stand for, each once, in their order."""
-    given = values.get("records.files")
-    patterns = [given] if isinstance(given, str) else given
-    if not isinstance(patterns, list) or not patterns or not all(map(_is_name, patterns)):
-        limit = 'must be names of files or folders, or patterns: ["*.AT2"]'
-        raise values.error("records.files", given, limit)
+    given, what = values.get("records.files"), 'names of files or folders, or patterns: ["*.AT2"]'
     paths: dict[str, None] = {}
-    for pattern in patterns:
+    for pattern in values.names("records.files", given, what):
         place = (folder / pattern).absolute()
         if place.is_dir():
             found = [str(p) for p in place.iterdir() if p.is_file() and p.name[0] != "."]
@@ -104,7 +101,3 @@ def _paths(values: Values, folder: Path) -> tuple[str, ...]:
         limit = f"gives {len(paths)} records, the most are {keys.MAX_FILES}"
         raise values.error("records.files", given, limit)
     return tuple(paths)
-
-
-def _is_name(pattern: object) -> bool:
-    return isinstance(pattern, str) and bool(pattern) and pattern.isprintable()

@@ -30,6 +30,9 @@ MAX_DEPTH = 8
 MAX_WORD = 4096
 """Characters of a key or a word; the path of another job is the longest."""
 LONG_DOTS = re.compile(r"^\s*\[*\s*(?:[\w\"'-]+\s*\.\s*){8}", re.MULTILINE)
+RUN = re.compile(r"[\d_]+|[\[{]+")
+LONGEST_RUN = 1000
+"""Digits or brackets in a row from which on the parser gives up, without a word where."""
 MAX_SHOWN = 80
 """Characters of a setting that an error shows."""
 QUOTED = re.compile(r"\"[^\"]*\"|'[^']*'")
@@ -209,35 +212,52 @@ def parse_toml(text: str, source: str) -> dict:
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # RecursionError: brackets nested too deeply
-        raise TreeError(f"{source}: not valid TOML: {str(error)[:200]}") from None
+        raise TreeError(
+            f"{source}: not valid TOML: {_unreadable(text)}{str(error)[:200]}"
+        ) from None
     _check_size(tree, source)
     return tree
 
 
+def _unreadable(text: str) -> str:
+    """Return the key whose value the parser gives up, or nothing: of other values it says where."""
+    for run in RUN.finditer(text):
+        if run.end() - run.start() > LONGEST_RUN:
+            key, equals, _ = text[text.rfind("\n", 0, run.start()) + 1 :][:MAX_SHOWN].partition("=")
+            return f"{key.strip()}: " if equals else ""
+    return ""
+
+
 def _check_size(tree: dict, source: str) -> None:
     """Refuse keys, words and whole numbers that are too long, and brackets nested too deeply."""
-    waiting: list[tuple[object, int]] = [(tree, 0)]
+    waiting: list[tuple[str, object, int]] = [("", tree, 0)]
     while waiting:
-        value, depth = waiting.pop()
+        full, value, depth = waiting.pop()
         if depth > MAX_DEPTH:
-            raise TreeError(f"{source}: its brackets are more than {MAX_DEPTH} deep")
+            raise TreeError(f"{source}: {full}: its brackets are more than {MAX_DEPTH} deep")
         if isinstance(value, dict):
-            for key in value:
+            for key, item in value.items():
                 if len(key) > MAX_WORD:
                     raise TreeError(
                         f"{source}: key {key[:20]!r}...: has {len(key)} characters, the most are "
                         f"{MAX_WORD}"
                     )
-            waiting += [(item, depth + 1) for item in value.values()]
+                waiting.append((f"{full}.{key}" if full else key, item, depth + 1))
         elif isinstance(value, list):
-            waiting += [(item, depth + 1) for item in value]
+            tables = any(isinstance(item, dict) for item in value)
+            waiting += [
+                (f"{full}[{i}]" if tables else full, item, depth + 1)
+                for i, item in enumerate(value)
+            ]
         elif isinstance(value, str) and len(value) > MAX_WORD:
             raise TreeError(
-                f"{source}: {value[:20]!r}...: has {len(value)} characters, the most are {MAX_WORD}"
+                f"{source}: {full} = {value[:20]!r}...: has {len(value)} characters, the most are "
+                f"{MAX_WORD}"
             )
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:
             raise TreeError(
-                f"{source}: a whole number of {value.bit_length()} bits does not fit into 64"
+                f"{source}: {full}: a whole number of {value.bit_length()} bits does not fit into "
+                "64"
             )
 
 
@@ -315,7 +335,7 @@ def _ordered(keys: Iterable[str], order: Sequence[str]) -> list[str]:
 
 
 def _write_pairs(table: Mapping, keys: Iterable[str]) -> str:
-    return "".join(f"{_write_key(key)} = {_write_value(table[key])}\n" for key in keys)
+    return "".join(f"{_write_key(key)} = {write_value(table[key])}\n" for key in keys)
 
 
 def _write_key(key: str) -> str:
@@ -327,7 +347,7 @@ def _write_string(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _write_value(value: object) -> str:
+def write_value(value: object) -> str:
     """Return the TOML of any value that ``tomllib`` returns."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -338,10 +358,10 @@ def _write_value(value: object) -> str:
     if isinstance(value, datetime.date | datetime.time):
         return value.isoformat()
     if isinstance(value, Mapping):
-        pairs = (f"{_write_key(key)} = {_write_value(item)}" for key, item in value.items())
+        pairs = (f"{_write_key(key)} = {write_value(item)}" for key, item in value.items())
         return f"{{{', '.join(pairs)}}}"
     if isinstance(value, list):
-        return f"[{', '.join(_write_value(item) for item in value)}]"
+        return f"[{', '.join(write_value(item) for item in value)}]"
     raise TypeError(f"a {type(value).__name__} has no form in TOML")
 
 

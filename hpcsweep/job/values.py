@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -15,14 +15,20 @@ MAX_VALUES = 10_000_000
 
 
 MIN_OMEGA, MAX_OMEGA = 1e-4, 1e6
-MAX_AMPLITUDE = 1e250
-"""Beyond these limits a run leaves double precision, or one forcing period takes over a minute."""
+MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-250, 1e250
+"""Beyond these limits a run leaves double precision, or one forcing period takes over a minute; an
+amplitude may be 0."""
+LEAST, LARGEST = 1e-12, 1e12
+"""Of quantities above 0, in whatever units."""
+NEAR = 0.6
+"""Similarity from which on a known key is taken for the one that is meant."""
 
 
 MEANT = {
     **dict.fromkeys(("beta", "contact_stiffness"), "stiffness_ratio"),
     **dict.fromkeys(("zeta", "damping", "xi"), "damping_ratio"),
     **dict.fromkeys(("rho", "smoothness"), "sharpness"),
+    **dict.fromkeys(("e", "coefficient_of_restitution"), "restitution"),
     **dict.fromkeys(("n", "floors", "storeys", "n_storeys"), "n_floors"),
     **dict.fromkeys(("k", "stiffness", "storey_stiffnesses"), "storey_stiffness"),
     **dict.fromkeys(("m", "masses"), "mass"),
@@ -86,15 +92,11 @@ class Values:
             if key in known:
                 continue
             full = f"{table}.{key}" if table else key
-            near = [MEANT[key]] if MEANT.get(key) in known else []
-            near = near or difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-            hint = f"; did you mean {near[0]!r}?" if near else f"; known are {', '.join(known)}"
-            homes = [name for name in keys or {} if name and name != table and key in keys[name]]
-            if homes:
-                hint = f"; it belongs in [{homes[0]}]"
             if elsewhere and full in (others := elsewhere()):
-                hint = f"; it goes with {others[full]}"
-            raise JobError(f"{self.source}: unknown key {full!r}{hint}")
+                hint = f"it goes with {others[full]}"
+            else:
+                hint = _hint(key, known, keys or {})
+            raise JobError(f"{self.source}: unknown key {full!r}; {hint}")
 
     def has(self, key: str) -> bool:
         """Return whether a key of a table is given."""
@@ -123,6 +125,22 @@ class Values:
             raise self.error(key, value, "must be a number")
         return float(value)  # whole numbers have 64 bits
 
+    def within(self, key: str, value: object, least: float, most: float) -> float:
+        """Return a number within bounds."""
+        number = self.number(key, value)
+        if not least <= number <= most:
+            raise self.error(key, value, f"must be from {least:g} to {most:g}")
+        return number
+
+    def positive(
+        self, key: str, value: object, least: float = LEAST, most: float = LARGEST
+    ) -> float:
+        """Return a number above 0; by default of a size that some unit gives it."""
+        number = self.number(key, value)
+        if not least <= number <= most:
+            raise self.error(key, value, f"must be above 0, from {least:g} to {most:g}")
+        return number
+
     def whole(self, key: str, default: int, least: int, most: int) -> int:
         """Read a whole number within bounds."""
         return self.whole_in(key, self.get(key, default), least, most)
@@ -133,19 +151,53 @@ class Values:
             raise self.error(key, given, f"must be a whole number from {least} to {most}")
         return given
 
-    def numbers(self, key: str, ascending: bool) -> np.ndarray:
-        """Read a number, a list of numbers, or a range table."""
-        return self.numbers_in(key, self.get(key), ascending)
+    def flag(self, key: str, default: bool) -> bool:
+        """Read true or false."""
+        given = self.get(key, default)
+        if not isinstance(given, bool):
+            raise self.error(key, given, "must be true or false")
+        return given
 
-    def numbers_in(self, key: str, given: object, ascending: bool) -> np.ndarray:
+    def choice(self, key: str, given: object, known: Iterable[str]) -> str:
+        """Return one of the known words."""
+        words = tuple(known)
+        if not isinstance(given, str) or given not in words:
+            raise self.error(key, given, f"must be one of {', '.join(words)}")
+        return given
+
+    def choices(self, key: str, given: object, known: Iterable[str]) -> tuple[str, ...]:
+        """Return a list of known words, each once."""
+        words = tuple(known)
+        if not isinstance(given, list) or not all(isinstance(x, str) and x in words for x in given):
+            raise self.error(key, given, f"must be a list of {', '.join(words)}")
+        if len(set(given)) < len(given):
+            raise self.error(key, given, "must not hold a word twice")
+        return tuple(given)
+
+    def names(self, key: str, given: object, what: str) -> tuple[str, ...]:
+        """Return the names of one file or several; `what` they are is said in the error."""
+        listed = given if isinstance(given, list) else [given]
+        if not listed or not all(isinstance(x, str) and x and x.isprintable() for x in listed):
+            raise self.error(key, given, f"must be {what}")
+        return tuple(listed)
+
+    def numbers(self, key: str, ascending: bool, most: int = MAX_VALUES) -> np.ndarray:
+        """Read a number, a list of numbers, or a range table; `most` are counted beforehand."""
+        return self.numbers_in(key, self.get(key), ascending, most)
+
+    def numbers_in(
+        self, key: str, given: object, ascending: bool, most: int = MAX_VALUES
+    ) -> np.ndarray:
         """Read what `numbers` reads, of a value that is at hand; None: it is missing."""
         if given is None:
             raise JobError(f"{self.source}: {key} is missing")
         if isinstance(given, Mapping):
-            return self._range(key, given)
+            return self._range(key, given, most)
         listed = given if isinstance(given, list) else [given]
         if not listed:
             raise self.error(key, given, "must not be empty")
+        if len(listed) > most:
+            raise self.error(key, given, f"must have at most {most} values, has {len(listed)}")
         values = np.array([self.number(key, value) for value in listed])
         if not np.all(np.isfinite(values)):
             raise self.error(key, given, "must be finite")
@@ -180,13 +232,15 @@ class Values:
 
     def check_range(self, key: str, omega=(), amplitude=()) -> None:
         """Refuse frequencies and amplitudes that no solver can start from."""
-        for name, given, least, most in (
-            ("Omega", np.asarray(omega), MIN_OMEGA, MAX_OMEGA),
-            ("A", np.asarray(amplitude), 0.0, MAX_AMPLITUDE),
-        ):
+        omega, amplitude = np.asarray(omega), np.asarray(amplitude)
+        limits = (
+            ("Omega must be", omega, MIN_OMEGA, MAX_OMEGA),
+            ("A must be 0, or", amplitude[amplitude != 0], MIN_AMPLITUDE, MAX_AMPLITUDE),
+        )
+        for what, given, least, most in limits:
             wrong = ~((least <= given) & (given <= most))
             if wrong.any():
-                raise self.error(key, given[wrong][0], f"{name} must be from {least:g} to {most:g}")
+                raise self.error(key, given[wrong][0], f"{what} from {least:g} to {most:g}")
 
     def amplitudes(self, key: str) -> np.ndarray:
         """Read forcing amplitudes, ascending."""
@@ -196,7 +250,7 @@ class Values:
         self.check_range(key, amplitude=amplitude)
         return amplitude
 
-    def _range(self, key: str, given: Mapping) -> np.ndarray:
+    def _range(self, key: str, given: Mapping, most: int) -> np.ndarray:
         self.check_keys(key, given, RANGE_KEYS)
         ends = []
         for end in ("from", "to"):
@@ -215,29 +269,46 @@ class Values:
             count = given["count"]
             if isinstance(count, bool) or not isinstance(count, int):
                 raise self.error(f"{key}.count", count, "must be a whole number")
-            if not 2 <= count <= MAX_VALUES:
-                raise self.error(f"{key}.count", count, f"must be from 2 to {MAX_VALUES}")
+            if not 2 <= count <= most:
+                raise self.error(f"{key}.count", count, f"must be from 2 to {most}")
             if not math.isfinite(high - low):
                 raise self.error(f"{key}.to", high, "must be nearer to from")
             return _grid(low, (Fraction(repr(high)) - Fraction(repr(low))) / (count - 1), count)
         step = self.number(f"{key}.step", given["step"])
-        if not (0 < step <= high - low and (high - low) / step < MAX_VALUES):
+        if not (0 < step <= high - low and (high - low) / step < most):
             raise self.error(
                 f"{key}.step",
                 step,
                 f"must be greater than 0, at most to - from = {high - low:g}, and give at most "
-                f"{MAX_VALUES} values",
+                f"{most} values",
             )
         n_steps = math.floor((high - low) / step * (1 + 1e-12) + 1e-9)
         return _grid(low, Fraction(repr(step)), n_steps + 1)
 
 
+def _hint(key: str, known: Sequence[str], keys: Mapping[str, Sequence[str]]) -> str:
+    """Say which key may be meant by an unknown one: by its meaning, its place, its spelling."""
+    meant = MEANT.get(key)
+    if meant in known:
+        return f"did you mean {meant!r}?"
+    if homes := [table for table in keys if key in keys[table]]:
+        return f"it belongs in [{homes[0]}]" if homes[0] else "it belongs at the top of the file"
+    if meant and (homes := [table for table in keys if table and meant in keys[table]]):
+        return f"did you mean '{homes[0]}.{meant}'?"
+    if near := difflib.get_close_matches(key, known, n=1, cutoff=NEAR):
+        return f"did you mean {near[0]!r}?"
+    return f"known are {', '.join(known)}"
+
+
 def _grid(low: float, step: Fraction, count: int) -> np.ndarray:
     """Return the numbers nearest to low + k step, low as it is written: 0.06, not 0.059999...
 
-    A quotient of whole numbers is rounded once by Python, whatever their size.
+    A quotient of whole numbers is rounded once by Python, whatever their size, and by numpy where
+    both are exact in double precision.
     """
     first = Fraction(repr(low))
     unit = math.lcm(first.denominator, step.denominator)
     start, way = int(first * unit), int(step * unit)
+    if max(unit, abs(start), abs(start + (count - 1) * way), way) < 2**53:
+        return (start + way * np.arange(count)) / unit
     return np.fromiter(((start + k * way) / unit for k in range(count)), float, count)

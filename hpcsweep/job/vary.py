@@ -8,11 +8,12 @@ import itertools
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from hpcsweep.job.job import JobError
-from hpcsweep.job.tree import INDEXED, TreeError, with_indexed
+from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_indexed, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
@@ -65,10 +66,10 @@ class Parts:
         tree = dict(self.tree)
         for axis, at in zip(self.axes, place, strict=True):
             if INDEXED.fullmatch(axis.key):
-                tree = with_indexed(tree, axis.key, axis.values[at], self.source)
+                tree = with_indexed(tree, axis.key, axis.given[at], self.source)
             else:
                 table, _, key = axis.key.partition(".")
-                tree[table] = {**tree.get(table, {}), key: axis.values[at]}
+                tree[table] = {**tree.get(table, {}), key: axis.given[at]}
         return tree
 
     def tree_as_given(self) -> dict:
@@ -161,13 +162,35 @@ def _axis(values: Values, key: str, given: object) -> Axis:
         raise JobError(f"{values.source}: vary: {key!r}: {limit}")
     if key in NEVER:
         raise values.error(f"vary.{key}", given, NEVER[key])
-    if isinstance(given, list) and {type(one) for one in given} in ({str}, {int}):
-        read = [*given]
-    else:
-        read = Values(values.source, {"vary": {key: given}}).numbers(f"vary.{key}", False).tolist()
-    if len(set(read)) < len(read):
+    listed = _listed(values, f"vary.{key}", given)
+    labels = _labels(listed)
+    if len(set(labels)) < len(labels):
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    return Axis(name, key, tuple(read), UNITS.get(re.sub(r"\[\d+\]", "", key), "1"))
+    units = UNITS.get(re.sub(r"\[\d+\]", "", key), "1")
+    return Axis(name, key, labels, units, listed)
+
+
+def _listed(values: Values, key: str, given: object) -> tuple[Any, ...]:
+    """Return the values of a key as the job of each part has them; each part judges its own."""
+    if isinstance(given, Mapping):
+        return tuple(values.numbers_in(key, given, False, MOST_PARTS).tolist())
+    listed = given if isinstance(given, list) else [given]
+    if not 1 <= len(listed) <= MOST_PARTS:
+        raise values.error(key, given, f"must have from 1 to {MOST_PARTS} values")
+    for value in listed:
+        if not isinstance(value, bool | int | float | str | list) or value != value:
+            raise values.error(key, value, "must be numbers, words, true and false, or lists")
+        if len(write_value(value)) > MAX_WORD:
+            raise values.error(key, value, f"must have {MAX_WORD} characters at most")
+    kinds = {type(value) for value in listed}
+    return tuple(map(float, listed)) if kinds == {int, float} else tuple(listed)
+
+
+def _labels(listed: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return values as the file holds them: numbers, or words as they are written in TOML."""
+    if {type(value) for value in listed} <= {int, float}:
+        return listed
+    return tuple(value if isinstance(value, str) else write_value(value) for value in listed)
 
 
 def _check_shape(values: Values, study: Varied, place: Place) -> None:
@@ -175,10 +198,9 @@ def _check_shape(values: Values, study: Varied, place: Place) -> None:
     base, part = study.base, study.part(place)
     other = _difference(base, part)
     if other is not None:
-        where = study.describe_part(place)
-        raise JobError(
-            f"{values.source}: vary: {where}: all parts must be of one shape, it {other}"
-        )
+        pairs = zip(study.axes, place, strict=True)
+        where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
+        raise JobError(f"{values.source}: {where}: all parts must be of one shape, it {other}")
 
 
 def _difference(base: RunGrid, part: RunGrid) -> str | None:
@@ -189,9 +211,14 @@ def _difference(base: RunGrid, part: RunGrid) -> str | None:
         return "has not the dimensions of the first"
     known, own = base.coordinates, part.coordinates
     for name, coordinate in known.items():
-        if not np.array_equal(own[name].values, coordinate.values):
+        if not _equal(own[name].values, coordinate.values):
             return f"has another {name} than the first"
     for (variable, first), (_, values) in zip(base.given, part.given, strict=True):
-        if not np.array_equal(first, values):
+        if not _equal(first, values):
             return f"has another {variable.name} than the first"
     return None
+
+
+def _equal(first: np.ndarray, second: np.ndarray) -> bool:
+    """Return whether values of a dimension are the same; NaN, of none, equals NaN."""
+    return np.array_equal(first, second, equal_nan=first.dtype.kind == "f")

@@ -5,6 +5,7 @@ arrays are accepted: those of numpy, and arrays without dimensions.
 """
 
 import math
+import os
 import reprlib
 import sys
 from collections.abc import Collection, Sequence
@@ -18,6 +19,8 @@ Kind = TypeVar("Kind")
 MAX_COUNT = 10**12
 """Forcing periods, samples: a million periods a second fill eleven days."""
 LARGEST = sys.float_info.max
+MAX_NAME, MAX_PATH = 255, 4095
+"""Bytes of a file name, and of one with its folders."""
 LONGEST = 60
 """Characters of a value in a message."""
 
@@ -215,6 +218,27 @@ def instance(name: str, value: object, kind: type[Kind]) -> Kind:
     if not isinstance(value, kind):
         raise refused(name, f"a {kind.__name__}", value)
     return value
+
+
+def file_name(name: str, value: object) -> str:
+    """Return the name of a file, with or without its folders.
+
+    Raises
+    ------
+    ValueError
+        If no file can have it, or a message could not show it on a line.
+    """
+    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or any(char < " " for char in text):
+        raise refused(name, "a path", value)
+    try:
+        parts = [len(part) for part in os.fsencode(text).split(os.fsencode(os.sep))]
+    except UnicodeError:
+        raise refused(name, "a path", value) from None
+    if max(parts) > MAX_NAME or sum(parts) + len(parts) > MAX_PATH:
+        limit = f"a path of up to {MAX_PATH} bytes, {MAX_NAME} a part"
+        raise refused(name, limit, value)
+    return text
 
 
 def plain(value: Any) -> Any:

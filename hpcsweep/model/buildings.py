@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, plain, positive
-from hpcsweep.model.dashpot import read_restitution
+from hpcsweep.model.arguments import finite, number, plain
+from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, vector
 from hpcsweep.model.structure import Structure
 
+RANGE = 1e-12, 1e12
+PERIODS = "finite and positive, from {:g} to {:g}".format(*RANGE)
+"""Periods of a building, in whatever unit of time."""
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
 
@@ -58,10 +61,10 @@ class Building:
             if min(heights) <= 0:
                 raise ValueError(f"building.storey_height must be above 0, is {min(heights)!r}")
             object.__setattr__(self, "storey_height", heights)
+        stiffness = self._each("building.storey_stiffness", self.storey_stiffness)
         if self.period is not None:
-            wanted = positive("building.period", self.period)
+            wanted = number("building.period", self.period, PERIODS, *RANGE)
             found = 2.0 * math.pi / float(self.structure.frequencies[0])
-            stiffness = self._each("building.storey_stiffness", self.storey_stiffness)
             del self.__dict__["structure"]  # of the stiffness as it is given
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
@@ -75,7 +78,7 @@ class Building:
         """Return a value for each floor, from one number or one for each."""
         given = plain(given)
         if hasattr(given, "__len__"):
-            return vector(name, given, self.n_floors, "numbers, one per floor")
+            return vector(name, given, self.n_floors, "numbers, one per mass")
         return (finite(name, given),) * self.n_floors
 
     @functools.cached_property
@@ -171,6 +174,10 @@ def adjacent(
                 )
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
+    if damping is not None or restitution is not None:
+        name = "damping" if restitution is None else "restitution"
+        given = damping if restitution is None else restitution
+        refuse_smooth(contacts, sharpness, (f"pounding.{name}", given))
     made = Structure.from_matrices(
         _block([one.mass_matrix for one in alone]),
         _block([one.stiffness_matrix for one in alone]),
@@ -195,16 +202,16 @@ def _facing(left: Building, right: Building, left_name: str, right_name: str) ->
         same = [j for j, h in enumerate(right.heights) if abs(h - height) <= SAME_HEIGHT * height]
         if not same and height < lower:
             raise ValueError(
-                f"building: floor {i + 1} of {left_name} at height {height:g} faces a column of "
-                f"{right_name}: floors must be at equal heights"
+                f"building.storey_height: floor {i + 1} of {left_name} at height {height:g} faces "
+                f"a column of {right_name}: floors must be at equal heights"
             )
         pairs += [(i, j) for j in same]
     met = {j for _, j in pairs}
     for j, height in enumerate(right.heights):
         if j not in met and height < lower:
             raise ValueError(
-                f"building: floor {j + 1} of {right_name} at height {height:g} faces a column of "
-                f"{left_name}: floors must be at equal heights"
+                f"building.storey_height: floor {j + 1} of {right_name} at height {height:g} faces "
+                f"a column of {left_name}: floors must be at equal heights"
             )
     return pairs
 

@@ -35,13 +35,13 @@ import numpy as np
 from hpcsweep.model.arguments import finite, number, refused
 from hpcsweep.model.modes import per_mass
 
+MIN_RESTITUTION = 1e-6
+"""A millionth of the speed: nothing bounces any more."""
+
 
 def read_restitution(name: str, given: Any) -> float:
     """Read a coefficient of restitution, above 0 and at most 1."""
-    e = number(name, given)
-    if not 0 < e <= 1:
-        raise ValueError(f"{name} must be above 0 and at most 1, is {e!r}")
-    return e
+    return number(name, given, f"from {MIN_RESTITUTION:g} to 1", MIN_RESTITUTION, 1.0)
 
 
 def read_damping(name: str, given: Any) -> float:
@@ -95,7 +95,7 @@ def ratio_of_restitution(restitution: float, tension: bool = False) -> float:
     Raises
     ------
     ValueError
-        If it is not above 0 and at most 1.
+        If it is below `MIN_RESTITUTION` or above 1.
     """
     e = read_restitution("restitution", restitution)
     if e == 1.0:

@@ -17,11 +17,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, refused, shown
+from hpcsweep.model.arguments import finite, number, refused, shown
 from hpcsweep.model.matrices import vector
 
 MAX_HARMONICS = 16
 MAX_ORDER = 1000
+MAX_PHASE = 1000.0
+"""Beyond it radians are degrees, or angles lose digits."""
+TERM = ("order", "amplitude", "phase")
 ONE_HARMONIC = ((1, 1.0, 0.0),)
 """sin(Omega tau)"""
 
@@ -107,13 +110,13 @@ def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
         raise ValueError(f"harmonics must be 1 to {MAX_HARMONICS}, are {len(given)}")
     found = []
     for entry in given:
-        order, amplitude, phase = vector("harmonics", entry, 3, "numbers each")
+        order, amplitude, phase = vector("harmonics", entry, 3, "numbers each", TERM)
         if not order.is_integer() or not 1 <= order <= MAX_ORDER:
             limit = f"a whole number from 1 to {MAX_ORDER}"
             raise refused("harmonics.order", limit, entry[0])
-        found.append(
-            (int(order), finite("harmonics.amplitude", amplitude), finite("harmonics.phase", phase))
-        )
+        largest = f"finite, of a size up to {MAX_PHASE:g}"
+        phase = number("harmonics.phase", phase, largest, -MAX_PHASE, MAX_PHASE)
+        found.append((int(order), finite("harmonics.amplitude", amplitude), phase))
     orders = [order for order, _, _ in found]
     if len(set(orders)) < len(orders):
         raise ValueError(f"harmonics.order must not hold a value twice, is {orders}")

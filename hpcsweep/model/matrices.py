@@ -7,7 +7,7 @@ right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound w
 A sharp stop may have a dashpot beside its spring (`hpcsweep.model.dashpot`).
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any
@@ -35,14 +35,17 @@ Vector = tuple[float, ...]
 Matrix = tuple[Vector, ...]
 
 
-def vector(name: str, given: Any, size: int | None, what: str = "entries") -> Vector:
-    """Read a sequence of numbers, of a given size if not None."""
+def vector(
+    name: str, given: Any, size: int | None, what: str = "entries", parts: Sequence[str] = ()
+) -> Vector:
+    """Read a sequence of numbers, of a given size if not None; `parts` are names of its entries."""
     listed = _listed(given)
     if listed is None:
         raise ValueError(f"{name} must be a list of numbers, is {shown(given)}")
     if size is not None and len(listed) != size:
         raise ValueError(f"{name} must have {size} {what}, has {len(listed)}")
-    return tuple(number(name, value) for value in listed)
+    names = [f"{name}.{part}" for part in parts] or [name] * len(listed)
+    return tuple(map(number, names, listed))
 
 
 def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matrix:
@@ -52,7 +55,7 @@ def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matri
         raise ValueError(f"{name} must be a list of rows of numbers, is {shown(given)}")
     n_rows, n_columns = shape
     if n_rows is not None and len(rows) != n_rows:
-        raise ValueError(f"{name} must have {n_rows} rows, has {len(rows)}")
+        raise ValueError(f"{name} must have {n_rows} rows, one per mass, has {len(rows)}")
     width = len(rows) if n_columns is None else n_columns
     found = tuple(vector(name, row, width, "entries in each row") for row in rows)
     for row in found:
@@ -214,7 +217,7 @@ def check_definite(name: str, array: np.ndarray) -> None:
     values = np.linalg.eigvalsh(array)
     if not values[0] > 0:
         raise ValueError(f"{name} must be positive definite, has the eigenvalue {values[0]:.3g}")
-    if values[-1] > MOST_SPREAD * values[0]:
+    if values[-1] / MOST_SPREAD > values[0]:
         raise ValueError(
             f"{name} has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}: "
             f"a ratio above {MOST_SPREAD:g} looks like mixed units"

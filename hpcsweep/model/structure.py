@@ -317,9 +317,10 @@ class Structure(MeasuredDynamics, ContactNames):
 
     def without_contacts(self) -> "Structure":
         """Return the same structure without contacts."""
+        names = self.names._replace(contacts=())
         if self.matrices is None:
-            return replace(self, gap=math.inf, gap_left=math.inf)
-        return replace(self, matrices=replace(self.matrices, contacts=()))
+            return replace(self, gap=math.inf, gap_left=math.inf, names=names)
+        return replace(self, matrices=replace(self.matrices, contacts=()), names=names)
 
     @cached_property
     def forcing_vector(self) -> np.ndarray:

@@ -270,8 +270,10 @@ def history(
 def steps_in(dt: float, step: float) -> tuple[int, int] | None:
     """Return parts of a sample interval, and how many of them are a step; one of the two is 1.
 
-    None if a step is neither a whole multiple nor a whole part of an interval.
+    None if a step is neither a whole multiple nor a whole part of an interval, or far from it.
     """
+    if not dt / MAX_SAMPLES <= step <= dt * MAX_SAMPLES:
+        return None
     parts, samples = max(round(dt / step), 1), max(round(step / dt), 1)
     if abs(step * parts - dt * samples) > SAME_STEP * dt * samples:
         return None

@@ -15,7 +15,7 @@ PROVENANCE = ("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ra
 """Attributes of provenance."""
 STRING = np.dtype([("length", "<u4"), ("heap", "<u8"), ("index", "<u4")])
 """HDF5's form of a variable-length string in a dataset."""
-LONGEST_NAME = 1000
+LONGEST_NAME = 4096
 CURVES = "curves_checksum"
 """Attribute of a refined map whose cells known curves cut (`hpcsweep.store.crossing`)."""
 OPTIONAL = ("command", "processor", CHECKSUM, CURVES)

@@ -1,5 +1,6 @@
 """Read one frame at a time, for files that do not fit in memory."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -301,15 +302,15 @@ def _place_of(path: Path, axes: Sequence[Axis], at: Mapping[str, float | str]) -
 
 def _nearest(path: Path, axis: Axis, value: float | str) -> int:
     """Return the index of a value on an axis."""
-    if isinstance(axis.values[0], str) != isinstance(value, str) or (
-        isinstance(value, str) and value not in axis.values
-    ):
+    if isinstance(value, bool):
+        value = str(value).lower()
+    if value in axis.values:
+        return axis.values.index(value)
+    if isinstance(axis.values[0], str) or isinstance(value, str) or not math.isfinite(value):
         there = ", ".join(map(str, axis.values[:MOST_TOLD]))
         raise StoreError(f"{path}: {axis.name} = {value}: must be one of {there}")
-    if isinstance(value, str):
-        return axis.values.index(value)
     place = int(np.argmin(np.abs(np.array(axis.values) - value)))
-    if abs(axis.values[place] - value) > NEAR_ENOUGH * max(abs(value), abs(axis.values[place])):
+    if not math.isclose(axis.values[place], value, rel_tol=NEAR_ENOUGH):
         there = ", ".join(f"{one:.6g}" for one in axis.values[:MOST_TOLD])
         raise StoreError(f"{path}: {axis.name} = {value:g}: must be one of {there}")
     return place

@@ -68,13 +68,17 @@ class Axis:
     key : str
         ``TABLE.KEY`` of job files.
     values : tuple of int, of float or of str
+        As the file holds them; others, such as true, as they are written in TOML.
     units : str
+    given : tuple
+        As the job holds them.
     """
 
     name: str
     key: str
     values: tuple[Any, ...]
-    units: str = "1"
+    units: str
+    given: tuple[Any, ...]
 
     @property
     def coordinate(self) -> Coordinate:

@@ -322,7 +322,10 @@ def test_killed_again_and_again_it_equals_the_uninterrupted_one(tmp_path):
         (("poincare = false", "contact = false"), '"contact" needs output.contact = true'),
         (("poincare = false", "block = 5"), "output.block = 5: must be 1 with study.refine"),
         (("[output]", '[solver]\nmethod = "bdf"\n[output]'), '"class" needs sweep.classify_cycles'),
-        (("{from = 0.3, to = 0.9, count = 26}", "[0.5, 0.4]"), "sweep.omega must have two numbers"),
+        (
+            ("{from = 0.3, to = 0.9, count = 26}", "[0.5, 0.4]"),
+            "omega must have two finite numbers",
+        ),
         (("[output]", "[vary]\nstructure.gap = [1.0, 0.8]\n[output]"), "vary.structure.gap must"),
         (('"points"', '"amplitude_sweep"'), "it goes with study.kind"),
     ],

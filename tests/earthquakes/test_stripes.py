@@ -60,6 +60,20 @@ def test_what_are_no_stripes_is_refused(arguments, message):
         capacity(*arguments)
 
 
-def test_parts_are_from_0_to_1():
-    with pytest.raises(ValueError, match=r"parts must be from 0 to 1, is 1\.5"):
-        fractiles([1.0], [1.5])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([1.0], [1.5]), r"parts must be from 0 to 1, is 1\.5"),
+        (([1.0], 7), r"parts must be from 0 to 1, is 7\.0"),
+        (([1.0], "median"), "parts must be an array of numbers, is 'median'"),
+        (([[1.0]], [0.5], 2), "axis must be a whole number from -2 to 1, is 2"),
+        (([[1.0]], [0.5], -3), "axis must be a whole number from -2 to 1, is -3"),
+        (([[1.0]], [0.5], 0.0), r"axis must be a whole number from -2 to 1, is 0\.0"),
+        (([[1.0]], [0.5], None), "axis must be a whole number from -2 to 1, is None"),
+        ((3.0, [0.5]), r"values must be an array of one axis or more, is 3\.0"),
+        (([], [0.5]), r"values must have an entry along the axis, have shape \(0,\)"),
+    ],
+)
+def test_what_has_no_fractiles_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        fractiles(*arguments)

@@ -249,14 +249,14 @@ def test_a_bad_record_is_one_line(tmp_path, name):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("synthetic = ", 'files = "x"\nsynthetic = ', ("records", "either files or synthetic")),
+        ("synthetic = ", 'files = "x"\nsynthetic = ', ("records.files = 'x'", "one of the two")),
         ("count = 4", "count = 0", ("records.synthetic.count", "from 1 to 1000")),
         ("count = 4", "number = 4", ("records.synthetic.number", "known are count")),
         ("duration = 10.0", "duration = 0.1", ("records.synthetic.duration", "100 to")),
         ("duration = 10.0", 'soil = "rock"', ("records.synthetic.soil", "firm, medium, soft")),
         ('by = "pga"', 'by = "sa"', ("records.scale.period is missing",)),
         ('by = "pga"', 'by = "sa", period = -1', ("records.scale.period", "above 0")),
-        ('by = "pga"', 'by = "sa", period = 1e9', ("records.scale", "periods must be from")),
+        ('by = "pga"', 'by = "sa", period = 1e9', ("records.scale.period must be from",)),
         ('by = "pga"', 'by = "mmi"', ("records.scale.by", "factor, pga, pgv, sa, avgsa")),
         ("from = 0.5", "from = 0.0", ("records.scale", "above 0")),
         ("from = 0.5", "values = [1.0], from = 0.5", ("records.scale.values", "without from")),

@@ -71,14 +71,14 @@ def test_dashpots_are_read(form, damping, tension):
 @pytest.mark.parametrize(
     ("form", "old", "new", "said"),
     [
-        ("short", "0.65", "0.0", "job.toml: structure.restitution must be above 0 and at most 1"),
+        ("short", "0.65", "0.0", "job.toml: structure.restitution must be from 1e-06 to 1"),
         ("short", "0.65", "[0.5]", "job.toml: structure.restitution must have 2 numbers"),
         ("short", "true", "1", "job.toml: structure.tension must be true or false, is 1"),
         ("short", "= inf", "= 1e4", "structure.restitution = 0.65 needs sharpness = inf"),
         ("matrices", "1.5", "-1.5", "job.toml: structure.contact.damping must be at least 0"),
         ("matrices", "1.5", "1e40", "structure.contact.damping = 1e.40"),
         ("matrices", "1.5", '"x"', "job.toml: structure.contact.damping must be a number"),
-        ("pounding", "0.8", "1.8", "job.toml: pounding.restitution must be above 0 and at most 1"),
+        ("pounding", "0.8", "1.8", "job.toml: pounding.restitution must be from 1e-06 to 1"),
         ("pounding", "[0.65, 0.8]", "[0.5]", "job.toml: pounding.restitution must have 2 numbers"),
         ("pounding", "restit", "damping = 1\nrestit", "pounding.damping must not be given both"),
         ("pounding", "restit", "tension = 2\nrestit", "tension must be true or false"),

@@ -47,7 +47,7 @@ def job(text: str):
         ("block = 4", "drift = 1", ("output.drift", "true or false")),
         ("block = 4", "rtol = 1e-6", ("output.rtol", "[solver]")),
         ("[output]", "[solver]\nmethod='rk4'\n[output]", ("solver.method", "rk4", "flow, bdf")),
-        ("[output]", "[solver]\nrtol=0.5\n[output]", ("solver.rtol", "0.5", "1e-2")),
+        ("[output]", "[solver]\nrtol=0.5\n[output]", ("solver.rtol", "0.5", "from 1e-13 to 0.01")),
         ("[output]", "[solver]\nskip=['x']\n[output]", ("solver.skip", "linear")),
         ("[output]", "[output", ("not valid TOML", "line")),
         ("[sweep]", "[sweep]\ninitial_state=[1.0]", ("sweep.initial_state", "2 n = 4")),

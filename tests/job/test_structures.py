@@ -134,7 +134,7 @@ WRONG = [
     (BUILDING, "[0.5, inf]", "nan", "structure.gap must be a number, is nan"),
     (BUILDING, "[0.5, inf]", "[]", "structure.gap must have 2 numbers, one per floor, has 0"),
     (BUILDING, "gap_left = 0.7", "gap_left = [0.7]", "structure.gap_left must have 2 numbers"),
-    (BUILDING, "gap_left = 0.7", "gap_left = 1e-40", "structure.gap = 1e-40: must be 0 or"),
+    (BUILDING, "gap_left = 0.7", "gap_left = 1e-40", "structure.gap_left = 1e-40: must be 0 or"),
     (BUILDING, "[100.0, 200.0]", "[1.0, -1.0]", "structure.stiffness_ratio must be finite and"),
     (BUILDING, "[100.0, 200.0]", "[1.0, 1e13]", "structure.stiffness_ratio = 10000000000000.0"),
     (BUILDING, "[0.01, 0.02]", "[0.01]", "structure.rayleigh must have 2 numbers: alpha, beta"),

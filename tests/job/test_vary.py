@@ -1,12 +1,15 @@
 """Keys that take several values: what may be varied, and what is refused with one line."""
 
+import math
 import re
+import tomllib
 
 import pytest
 from tools import ATTRACTORS, BASINS, GRID, SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job, part_of
 from hpcsweep.job.reading import every_key
+from hpcsweep.job.tree import write
 from hpcsweep.job.vary import NEVER, TABLES
 from hpcsweep.store.layout import Layout
 
@@ -132,15 +135,23 @@ def test_it_is_set_and_extended_as_any_key_is(tmp_path):
         ("sweep.omega = [1.0, 2.0]", "vary.sweep.omega = [1.0, 2.0]"),
         ("structure.gap = []", "vary.structure.gap"),
         ("structure.gap = [1.0, 1.0]", "must not hold a value twice"),
-        ("structure.gap = [1.0, 'a']", "vary.structure.gap"),
+        ("structure.gap = [1.0, 'a']", "structure.gap must be a number, is 'a'"),
         ("structure.gap = [1.0, inf]", "gap"),
         (
             "structure.stiffness_ratio = [1.0, -1.0]",
             "structure.stiffness_ratio must be finite and at least 0, is -1.0",
         ),
         ("structure.n_floors = [2, 3]", "n_floors = 3: all parts must be of one shape"),
-        ("structure.gap = {from = 0.5, to = 1.0, count = 200000}", "the most are 100000"),
+        (
+            "structure.gap = {from = 0.5, to = 1, count = 200000}",
+            "200000: must be from 2 to 100000",
+        ),
         ('structure.mass = ["a", "b"]', "structure.mass"),
+        ("structure.sharpness = [nan]", "vary.structure.sharpness = nan"),
+        ("study.refine = [{levels = 3}]", "vary.study.refine = {'levels': 3}: must be numbers"),
+        ("structure.gap = [1979-05-27]", "vary.structure.gap"),
+        ("structure.tension = [true, 'true']", "must not hold a value twice"),
+        ("structure.tension = [true, 1]", "structure.tension must be true or false, is 1"),
         ("sweep.directions = ['up', 'down']", "sweep.directions"),
     ],
 )
@@ -151,6 +162,49 @@ def test_what_cannot_be_varied_is_refused_with_one_line(table, words):
     assert said.startswith("job.toml: ")
     assert words in said
     assert "\n" not in said
+
+
+SHARP = SMALL.replace("sharpness = 4e3", "sharpness = inf\nrestitution = 0.7")
+
+
+@pytest.mark.parametrize(
+    ("key", "given", "values", "job"),
+    [
+        ("structure.sharpness", "[inf, 1e4]", (math.inf, 1e4), SMALL),
+        ("structure.gap_left", "[1, 0.5]", (1.0, 0.5), SMALL),
+        ("structure.gap_left", "inf", (math.inf,), SMALL),
+        ("structure.tension", "[true, false]", ("true", "false"), SHARP),
+        ("structure.damping_ratio", "[0.05, [0.02, 0.03]]", ("0.05", "[0.02, 0.03]"), SMALL),
+        ("structure.rayleigh", "[[0.1, 0.0]]", ("[0.1, 0.0]",), SMALL.replace("damp", "#")),
+        ("structure.gap", "[[1.0, 0.5], [0.5, 1.0]]", ("[1.0, 0.5]", "[0.5, 1.0]"), SMALL),
+        ("solver.skip", '["all", ["linear"]]', ("all", '["linear"]'), SMALL),
+        ("sweep.transient_cycles", "[10, 20]", (10, 20), SMALL),
+        ("study.displacement", "[[-1, 1], [-2, 2]]", ("[-1, 1]", "[-2, 2]"), ATTRACTORS),
+        ("study.components", '[["u_1", "v_1"]]', ('["u_1", "v_1"]',), BASINS),
+    ],
+)
+def test_a_value_is_what_the_key_itself_takes(key, given, values, job):
+    """Each part is the job with that value, whatever its kind; the file holds numbers or words."""
+    whole = parse_job(f"{job}\n[vary]\n{key} = {given}", "job.toml", "job")
+    (axis,) = whole.study.axes
+    assert axis.values == values
+    assert list(map(type, axis.values)) == list(map(type, values))
+    assert axis.coordinate.values.tolist() == list(values)
+    wanted = tomllib.loads(f"x = {given}")["x"]
+    for place, value in enumerate(wanted if isinstance(wanted, list) else [wanted]):
+        table, _, name = key.partition(".")
+        alone = tomllib.loads(job)
+        alone[table] = {**alone.get(table, {}), name: value}
+        own = parse_job(write(alone, every_key()), "job.toml", "job")
+        assert part_of(whole, (place,)).fingerprint == own.fingerprint
+
+
+def test_points_of_a_list_are_varied_with_a_key():
+    text = '[study]\nkind = "points"\npoints = [[0.1, 0.5], [0.2, 0.7]]\n'
+    study = parse("structure.gap = [0.5, 1.0]", text)
+    assert study.n_runs == 4
+    with pytest.raises(JobError, match=r"vary\.study\.points = .*has another omega than the first"):
+        parse("study.points = [[[0.1, 0.5]], [[0.1, 0.6]]]", text)
 
 
 @pytest.mark.parametrize("job", [SMALL, GRID, ATTRACTORS, BASINS])

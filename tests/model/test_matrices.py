@@ -179,7 +179,10 @@ WRONG = [
     ),
     (lambda: of(mass=[[1, 2], [2, 1]]), "matrices.mass must be positive definite"),
     (lambda: of(mass=[[1, 0]]), "matrices.mass must have 1 entries in each row, has 2"),
-    (lambda: of(stiffness=np.ones((3, 3))), "matrices.stiffness must have 2 rows, has 3"),
+    (
+        lambda: of(stiffness=np.ones((3, 3))),
+        "must have 2 rows, one per mass, has 3",
+    ),
     (lambda: of(stiffness=[[1, -1], [-1, 1]]), "matrices.stiffness must be positive definite"),
     (lambda: of(stiffness=[[1, -2], [-1, 3]]), "matrices.stiffness must be symmetric"),
     (lambda: of(stiffness=7), "matrices.stiffness must be a list of rows of numbers, is 7"),

@@ -144,6 +144,12 @@ def test_wrong_arguments_are_told(change, said):
         hpcsweep.response(**arguments)
 
 
+@pytest.mark.parametrize("step", [5e-324, 1e-300, 1e300, 0.013])
+def test_a_step_far_from_that_of_the_samples_is_refused(step):
+    with pytest.raises(ValueError, match=r"step must be a whole multiple or a whole part of 0\.01"):
+        hpcsweep.history(oscillator(1.0, 0.0), Record([0.0, 1.0, 0.0], 0.01), step=step)
+
+
 def test_two_buildings_by_an_integrator_of_its_own():
     """scipy's DOP853, an interval at a time, on equations written down here."""
     low = hpcsweep.Building(mass=[2.5e5] * 2, storey_stiffness=3e8, storey_height=3.2)

@@ -1,5 +1,6 @@
 """Studies with varied keys: each part as a job of its own, on any ranks, killed and resumed."""
 
+import math
 import time
 
 import faults
@@ -11,10 +12,12 @@ from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
+from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job, part_of
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Frames, StoreError
 
+SHARP = SMALL.replace("sharpness = 4e3", "sharpness = inf\nrestitution = 0.7")
 STOPS = VARY.replace("{from = 0.5, to = 1.5, count = 3}", "[0.5, 0.6]")
 
 
@@ -84,6 +87,33 @@ def test_words_are_an_axis_too(tmp_path):
     frames = Frames(path, at={"skip": "none"})
     assert frames.at == {"skip": "none"}
     frames.close()
+
+
+@pytest.mark.parametrize(
+    ("key", "given", "job", "values", "other"),
+    [
+        ("sharpness", "[inf, 1e4]", SMALL, [math.inf, 1e4], 7),
+        ("tension", "[true, false]", SHARP, ["true", "false"], 1.0),
+        ("damping_ratio", "[[0.02, 0.03], 0.05]", SMALL, ["[0.02, 0.03]", "0.05"], 0.02),
+    ],
+)
+def test_values_that_are_no_finite_numbers_are_an_axis_too(
+    key, given, job, values, other, tmp_path
+):
+    path = tmp_path / "varied.h5"
+    job, results = compute(f"{job}[vary]\nstructure.{key} = {given}\n", path)
+    assert results[key].values.tolist() == values
+    assert validate(path, samples=2).sound
+    assert summarize(path)["vary"] == {f"structure.{key}": values}
+    for place, value in enumerate(values):
+        asked = value == "true" if value in ("true", "false") else value
+        frames = Frames(path, at={key: asked})
+        assert frames.place == (place,)
+        assert frames.at == {key: value}
+        assert classes_of(results.sel({key: value})).shape == (2, 4, 11)
+        frames.close()
+    with pytest.raises(StoreError, match=f"{key} = {other}: must be one of"):
+        Frames(path, at={key: other})
 
 
 @pytest.mark.slow

@@ -195,7 +195,8 @@ def _panel(axis, results: Panels, panel: int) -> None:
     axis.set_facecolor(NOTHING)
     if (cells < 0).any():
         axis.patch.set(hatch="xxxx", edgecolor="0.55")
-    is_number = keys.dtype.kind in "if" and keys.size > 1 and bool(np.all(np.diff(keys) > 0))
+    is_number = keys.dtype.kind in "if" and keys.size > 1 and bool(np.isfinite(keys).all())
+    is_number = is_number and bool(np.all(np.diff(keys) > 0))
     is_wide = is_number and keys[0] > 0 and keys[-1] / keys[0] >= WIDE
     heights = keys.astype(float) if is_number else np.arange(keys.size, dtype=float)
     edges = np.exp(edges_of(np.log(heights))) if is_wide else edges_of(heights)

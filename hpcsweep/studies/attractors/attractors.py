@@ -31,6 +31,11 @@ from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.sweep.amplitude_sweep import UP, AmplitudeSweep
 from hpcsweep.studies.variables import numbered
 
+CONFIDENCE = (0.5, 1.0 - 1e-9)
+"""Least and largest level of the intervals of shares."""
+DISTANCE = (1e-9, 1e6)
+"""Least and largest over which an attractor keeps its identity."""
+
 
 @dataclass(frozen=True, eq=False)
 class Attractors(Limits, AmplitudeSweep):
@@ -87,8 +92,8 @@ class Attractors(Limits, AmplitudeSweep):
             amplitude=values.amplitudes("sweep.amplitude"),
             directions=(UP,),
             box=tuple(ends),
-            confidence=_between(values, "study.confidence", cls.confidence, 1.0),
-            match_distance=_between(values, "study.match_distance", cls.match_distance, 1e6),
+            confidence=_within(values, "confidence", cls.confidence, CONFIDENCE),
+            match_distance=_within(values, "match_distance", cls.match_distance, DISTANCE),
             **limits,
             **common,
         )
@@ -224,12 +229,9 @@ def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
     return read
 
 
-def _between(values, key: str, default: float, most: float) -> float:
-    """Read a number above 0 and below `most`."""
-    value = values.number(key, values.get(key, default))
-    if not 0 < value < most:
-        raise values.error(key, value, f"must lie between 0 and {most:g}")
-    return value
+def _within(values, name: str, default: float, limits: tuple[float, float]) -> float:
+    key = f"study.{name}"
+    return values.within(key, values.get(key, default), *limits)
 
 
 @lru_cache(maxsize=2)

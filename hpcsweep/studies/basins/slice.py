@@ -23,7 +23,7 @@ from hpcsweep.studies.variables import numbered, state_names
 START = "slice"
 SPAN = 200
 """Values of either component, from minus to plus the usual reach, unless a job gives them."""
-MOST_COLUMNS = 100_000
+MOST_VALUES = {"horizontal": 100_000, "vertical": 10_000_000}
 MOST_STATE = 1e200
 
 
@@ -169,12 +169,9 @@ def read_slice(values, kind: type, common: dict[str, Any]) -> dict[str, Any]:
     components = _components(values, structure)
     reach = usual_reach(structure)
     horizontal, vertical = (
-        _span(values, f"study.{name}", float(reach[component]))
-        for name, component in zip(("horizontal", "vertical"), components, strict=True)
+        _span(values, f"study.{name}", float(reach[component]), most)
+        for name, component, most in zip(MOST_VALUES, components, MOST_VALUES.values(), strict=True)
     )
-    if horizontal.size > MOST_COLUMNS:
-        limit = f"must have at most {MOST_COLUMNS} values"
-        raise values.error("study.horizontal", values.get("study.horizontal"), limit)
     return {
         **common,
         **limits,
@@ -199,11 +196,11 @@ def _components(values, structure) -> tuple[int, int]:
     return names.index(given[0]), names.index(given[1])
 
 
-def _span(values, key: str, reach: float) -> np.ndarray:
+def _span(values, key: str, reach: float, most: int) -> np.ndarray:
     """Read the values of a component, ascending, two or more."""
     if not values.has(key):
         return np.linspace(-reach, reach, SPAN)
-    found = values.numbers(key, ascending=True)
+    found = values.numbers(key, True, most)
     if found.size < 2 or not np.abs(found).max() <= MOST_STATE:
         limit = f"must have two values or more, at most {MOST_STATE:g}"
         raise values.error(key, values.get(key), limit)

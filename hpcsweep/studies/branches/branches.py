@@ -132,9 +132,7 @@ class Branches(IndependentRuns):
             given = values.get("output.block")
             raise values.error("output.block", given, "must be 1, each line a block")
         parameter = values.get("branches.parameter", "amplitude")
-        if parameter not in PARAMETERS:
-            limit = f"must be one of {', '.join(PARAMETERS)}"
-            raise values.error("branches.parameter", parameter, limit)
+        values.choice("branches.parameter", parameter, PARAMETERS)
         need_parameter(values, structure, parameter)
         omega = values.frequencies("sweep.omega")
         amplitude = values.amplitudes("sweep.amplitude")

@@ -24,9 +24,7 @@ PLANE = ("amplitude", "omega")
 
 def read_curves(values, parameter: str, omega: np.ndarray) -> dict:
     """Read which curves are followed, and over which frequencies."""
-    given = values.get("branches.curves", [])
-    if not isinstance(given, list) or not all(isinstance(x, str) and x in KINDS for x in given):
-        raise values.error("branches.curves", given, f"must be a list of {', '.join(KINDS)}")
+    given = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
     if given and parameter != "amplitude":
         limit = 'must be "amplitude" where branches.curves are followed'
         raise values.error("branches.parameter", parameter, limit)

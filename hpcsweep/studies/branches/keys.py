@@ -5,14 +5,14 @@ import numpy as np
 from hpcsweep.dynamics.continuation.forced import check_parameter
 from hpcsweep.model.structure import Structure
 
+LEAST_STEP = 1e-6
+"""Longest step from which on a branch gets somewhere."""
+
 
 def seeds_of(values) -> tuple[str, ...]:
     """Read the results files whose motions are the seeds."""
     given = values.get("branches.seeds")
-    listed = given if isinstance(given, list) else [given]
-    if not listed or not all(isinstance(one, str) and one for one in listed):
-        raise values.error("branches.seeds", given, "must be a results file, or a list of them")
-    return tuple(listed)
+    return values.names("branches.seeds", given, "a results file, or a list of them")
 
 
 def need_parameter(values, structure: Structure, parameter: str) -> None:
@@ -58,7 +58,5 @@ def lines_of(parameter: str, omega: np.ndarray, amplitude: np.ndarray, span) -> 
 
 def largest_step_of(values, default: float) -> float:
     """Read the longest step, of units of the state and of the span."""
-    value = values.number("branches.largest_step", values.get("branches.largest_step", default))
-    if not 0 < value <= 1:
-        raise values.error("branches.largest_step", value, "must lie above 0, at most 1")
-    return value
+    value = values.get("branches.largest_step", default)
+    return values.within("branches.largest_step", value, LEAST_STEP, 1.0)

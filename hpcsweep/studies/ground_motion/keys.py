@@ -24,6 +24,12 @@ from hpcsweep.studies.study import Coordinate
 
 KEYS = ("files", "synthetic", "unit", "gravity", "dt", "tail", "scale", "found")
 MAX_FILES = 10_000
+MAX_SCALES = 1_000_000
+SCALES = 1e-250, 1e250
+"""Smallest and largest scale."""
+MAX_PERIODS = 1000
+MAX_INSTANTS = 10 * MAX_SAMPLES
+"""Of the histories."""
 SCALED_BY = {"sa": ("period",), "avgsa": ("periods",)}
 """Keys of ``scale`` that a measure needs."""
 RANGE = ("values", "from", "to", "count", "step")
@@ -39,9 +45,9 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
     JobError
     """
     given = values.table("records")
-    if ("files" in given) == ("synthetic" in given):
-        what = "either files or synthetic must be given"
-        raise values.error("records", sorted(given), what)
+    if "files" in given and "synthetic" in given:
+        limit = "does not go with records.synthetic: one of the two must go"
+        raise values.error("records.files", given["files"], limit)
     if "files" in given:
         unit: Any = values.get("records.unit", "g")
         try:
@@ -50,8 +56,10 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
         except ValueError as error:
             limit = str(error).partition(", is ")[0].removeprefix("unit ")
             raise values.error("records.unit", unit, limit) from None
-        dt = positive(values, "records.dt", given["dt"]) if "dt" in given else None
+        dt = values.positive("records.dt", given["dt"]) if "dt" in given else None
         return Files(paths, unit, read_gravity(values), dt, _units(values)[1])
+    if "synthetic" not in given:
+        raise values.error("records", sorted(given), "must have files, or synthetic")
     for key in ("unit", "dt"):
         if key in given:
             raise values.error(f"records.{key}", given[key], "goes with records.files")
@@ -68,11 +76,9 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
         name = f"records.synthetic.{key}"
         given = table.get(key, 1 if key == "count" else getattr(Synthetic, key, None))
         if kind is float:
-            read[key] = positive(values, name, given)
+            read[key] = values.positive(name, given)
         elif kind is str:
-            if given not in SOILS:
-                raise values.error(name, given, f"must be one of {', '.join(SOILS)}")
-            read[key] = given
+            read[key] = values.choice(name, given, SOILS)
         else:
             least, most = (1, MAX_RECORDS) if key == "count" else (0, 2**63 - 1)
             read[key] = values.whole_in(name, given, least, most)
@@ -81,14 +87,6 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
         limit = f"must be 100 to {MAX_SAMPLES - 1} times dt = {read['dt']:g}"
         raise values.error("records.synthetic.duration", read["duration"], limit)
     return Synthetic(**read, time=_units(values)[1])
-
-
-def positive(values: Any, key: str, given: Any) -> float:
-    """Read a finite number above 0."""
-    number = values.number(key, given)
-    if not 0 < number < math.inf:
-        raise values.error(key, given, "must be finite and above 0")
-    return number
 
 
 def _units(values: Any) -> tuple[str, str, float]:
@@ -109,7 +107,7 @@ def read_gravity(values: Any) -> float:
     """Read one g in the structure's units: by default it follows from their names."""
     length, time, standard = _units(values)
     given = values.get("records.gravity", standard)
-    gravity = positive(values, "records.gravity", given)
+    gravity = values.positive("records.gravity", given)
     if "length" in values.table("units") and abs(gravity / standard - 1.0) > NEAR:
         limit = f"one g is {standard:.10g} {length}/{time}^2, by the names in units"
         raise values.error("records.gravity", given, limit)
@@ -125,12 +123,13 @@ def read_tail(values: Any, found: tuple[Facts, ...]) -> float:
     return tail
 
 
-def read_history(values: Any, found: tuple[Facts, ...]) -> float:
+def read_history(values: Any, found: tuple[Facts, ...], tail: float) -> float:
     """Read the step between the instants of the histories; 0 for none."""
     step = values.get("output.history", False)
     if step is False:
         return 0.0
-    step = positive(values, "output.history", step)
+    longest = _longest(found) + tail
+    step = values.positive("output.history", step, longest / MAX_INSTANTS, longest)
     for one in found:
         if not steps_in(one.dt, step):
             raise values.error("output.history", step, f"{WHOLE.format(one.dt)} of {one.name}")
@@ -148,18 +147,16 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     if not isinstance(table, dict):
         limit = 'must be a table such as {by = "pga", from = 0.5, to = 5.0, count = 10}'
         raise values.error("records.scale", table, limit)
-    by = table.get("by", "factor")
-    if by not in MEASURES:
-        raise values.error("records.scale.by", by, f"must be one of {', '.join(MEASURES)}")
+    by = values.choice("records.scale.by", table.get("by", "factor"), MEASURES)
     needed = SCALED_BY.get(by, ())
     known = ("by", *needed, *(("damping_ratio",) if needed else ()), *RANGE)
     values.check_keys("records.scale", table, known)
     periods: tuple[float, ...] = ()
     for key in needed:
-        listed = values.numbers_in(f"records.scale.{key}", table.get(key), ascending=True)
-        if listed.min() <= 0 or (key == "period" and listed.size > 1):
-            what = "one number above 0" if key == "period" else "numbers above 0"
-            raise values.error(f"records.scale.{key}", table[key], f"must be {what}")
+        most = 1 if key == "period" else MAX_PERIODS
+        listed = values.numbers_in(f"records.scale.{key}", table.get(key), True, most)
+        if listed.min() <= 0:
+            raise values.error(f"records.scale.{key}", table[key], "must be above 0")
         periods = tuple(listed.tolist())
     ratio = values.number("records.scale.damping_ratio", table.get("damping_ratio", 0.05))
     if not 0 <= ratio < 1:
@@ -167,9 +164,10 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     grid = {key: table[key] for key in RANGE if key in table}
     if "values" in grid and len(grid) > 1:
         raise values.error("records.scale.values", grid["values"], "goes without from and to")
-    scale = values.numbers_in("records.scale", grid.get("values", grid), ascending=True)
-    if scale[0] <= 0:
-        raise values.error("records.scale", float(scale[0]), "scales must be above 0")
+    name = "records.scale.values" if "values" in grid else "records.scale"
+    scale = values.numbers_in(name, grid.get("values", grid), True, MAX_SCALES)
+    for end in (scale[0], scale[-1]):
+        values.positive(name, float(end), *SCALES)
     return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
 
 
@@ -206,9 +204,14 @@ def _is_sound(facts: Facts) -> bool:
 
 def instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
     """Return the dimension of the histories: the instants of the longest record and its tail."""
-    longest = max((one.samples - 1) * one.dt for one in found) + tail
+    longest = _longest(found) + tail
     values = step * np.arange(math.floor(longest / step + SAME_STEP) + 1)
     return Coordinate(values, "time", "time since the first sample")
+
+
+def _longest(found: tuple[Facts, ...]) -> float:
+    """Return the duration of the longest record."""
+    return max((one.samples - 1) * one.dt for one in found)
 
 
 def scale_coordinate(measure: Measure, scale: np.ndarray) -> Coordinate:

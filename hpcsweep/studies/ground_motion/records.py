@@ -36,8 +36,6 @@ from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
-MOST_SCALES = 1_000_000
-
 
 @dataclass(frozen=True, eq=False)
 class Records(Part):
@@ -109,27 +107,20 @@ class Records(Part):
         if settings.solver not in response.SOLVERS:
             limit = f"of records must be {' or '.join(response.SOLVERS)}"
             raise values.error("solver.method", settings.solver, limit)
-        wanted = []
-        for name in GROUPS:
-            value = values.get(f"output.{name}", True)
-            if not isinstance(value, bool):
-                raise values.error(f"output.{name}", value, "must be true or false")
-            wanted += [name] * value
-        common["settings"] = replace(settings, metrics=frozenset(wanted))
+        wanted = frozenset(name for name in GROUPS if values.flag(f"output.{name}", True))
+        common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)
-        if scale.size > MOST_SCALES:
-            limit = f"must be {MOST_SCALES} scales at most, are {scale.size}"
-            raise values.error("records.scale", values.get("records.scale"), limit)
         suite, paths = keys.read_found(values)
+        tail = keys.read_tail(values, suite)
         return cls(
             suite=suite,
             source=keys.read_source(values, paths),
             measure=measure,
             scale=scale,
-            tail=keys.read_tail(values, suite),
+            tail=tail,
             storey_height=structure.names.storey_heights,
             gravity=keys.read_gravity(values),
-            history=keys.read_history(values, suite),
+            history=keys.read_history(values, suite, tail),
             **common,
         )
 

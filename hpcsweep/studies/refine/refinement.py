@@ -117,10 +117,8 @@ def read_refinement(
         raise values.error("output.block", block_size, limit)
     default = Refinement()
     on = given.get("on", list(default.on if known is OF_RUNS else known))
-    if not isinstance(on, list) or not on or not all(name in known for name in map(str, on)):
-        raise values.error("study.refine.on", on, f"must be a list of {', '.join(known)}")
-    if len(set(on)) < len(on):
-        raise values.error("study.refine.on", on, "must not hold a word twice")
+    if not values.choices("study.refine.on", on, known):
+        raise values.error("study.refine.on", on, "must not be empty")
     if "class" in on and not settings.classify_cycles:
         limit = '"class" needs sweep.classify_cycles above 0, and solver.method = "flow"'
         raise values.error("study.refine.on", on, limit)
@@ -143,14 +141,12 @@ def _curves(values, given: Mapping, known: tuple[str, ...]) -> tuple[str, ...]:
     """Read the results files whose curves are not to be missed."""
     if "curves" not in given:
         return ()
-    listed = given["curves"] if isinstance(given["curves"], list) else [given["curves"]]
-    if not listed or not all(isinstance(one, str) and one for one in listed):
-        limit = "must be a results file of branches, or a list of them"
-        raise values.error("study.refine.curves", given["curves"], limit)
+    what = "a results file of branches, or a list of them"
+    listed = values.names("study.refine.curves", given["curves"], what)
     if "attractor" in known:
         limit = "does not go with basins: curves lie over sweep.omega and sweep.amplitude"
         raise values.error("study.refine.curves", given["curves"], limit)
-    return tuple(listed)
+    return listed
 
 
 def refinement_of(study) -> Refinement | None:
@@ -169,8 +165,9 @@ def not_refinable(study) -> str:
     axes |= study.part((0,) * len(study.axes)).map_axes
     for key, values in axes.items():
         numbers = np.asarray(values)
-        if numbers.dtype.kind not in "if" or numbers.size < 2 or np.any(np.diff(numbers) <= 0):
-            return f"study.refine: {key} must have two numbers or more, which ascend"
+        finite = numbers.dtype.kind in "if" and bool(np.isfinite(numbers).all())
+        if not finite or numbers.size < 2 or np.any(np.diff(numbers) <= 0):
+            return f"study.refine: {key} must have two finite numbers or more, which ascend"
     return ""
 
 

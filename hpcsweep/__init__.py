@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from hpcsweep.dynamics.continuation.periodic import orbit
     from hpcsweep.earthquakes.demands import write_demands
-    from hpcsweep.earthquakes.fragility import cloud, fragility
+    from hpcsweep.earthquakes.fragility import capacity_fragility, cloud, fragility
     from hpcsweep.earthquakes.intensity import intensity
     from hpcsweep.earthquakes.reading import read_record
     from hpcsweep.earthquakes.spectrum import spectrum
@@ -39,6 +39,7 @@ __all__ = [
     "attractors",
     "branch",
     "capacity",
+    "capacity_fragility",
     "cloud",
     "curve",
     "first_contact_scale",
@@ -82,6 +83,7 @@ _HOME = {
     "spectrum": "hpcsweep.earthquakes.spectrum",
     "synthetic_records": "hpcsweep.earthquakes.synthetic",
     "capacity": "hpcsweep.earthquakes.stripes",
+    "capacity_fragility": "hpcsweep.earthquakes.fragility",
     "cloud": "hpcsweep.earthquakes.fragility",
     "fractiles": "hpcsweep.earthquakes.stripes",
     "fragility": "hpcsweep.earthquakes.fragility",

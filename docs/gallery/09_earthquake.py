@@ -51,7 +51,7 @@ plt.show()
 # %%
 # Fragility: how likely is a drift of 20 mm, at which intensity?
 exceeded = np.count_nonzero(drift >= 0.02, axis=0)
-fit = hpcsweep.fragility(stripes, exceeded, len(suite))
+fit = hpcsweep.capacity_fragility(hpcsweep.capacity(stripes, drift, 0.02))
 print(f"median {fit.median:.2f} m/s^2, dispersion {fit.dispersion:.2f}")
 fine = np.linspace(0.1, 12.0, 200)
 lower, upper = fit.band(fine)

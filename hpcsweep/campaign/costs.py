@@ -149,23 +149,6 @@ class TaskCosts:
         """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
         return np.bincount(self._table.task, self._table.n_runs * self._per_run().flat[self._cell])
 
-    def blocks(self, most: int, most_tasks: int) -> tuple[list[np.ndarray], int]:
-        """Estimate the cost (s) of the blocks of every task, in path order.
-
-        Consecutive blocks of one cell count as one. With more than `most` of them each task is one,
-        and with more than `most_tasks` tasks as many together are one as the second result says.
-        """
-        cost = self._table.n_runs * self._per_run().flat[self._cell]
-        task, cell = self._table.task, self._cell
-        starts = np.flatnonzero((np.diff(task, prepend=-1) != 0) | (np.diff(cell, prepend=-1) != 0))
-        together = -(-(int(task[-1]) + 1) // most_tasks)
-        if starts.size <= most and together == 1:
-            blocks, owner = np.add.reduceat(cost, starts), task[starts]
-            return np.split(blocks, np.flatnonzero(np.diff(owner)) + 1), 1
-        totals = self.totals()
-        several = np.add.reduceat(totals, np.arange(0, totals.size, together))
-        return list(several[:, None]), together
-
     def _row_of(self, place: tuple[int, ...]) -> int:
         return int(self._row[np.ravel_multi_index(place, self._sizes)])
 
@@ -249,7 +232,9 @@ def sample_place(index: int) -> tuple[float, float]:
     return first, second
 
 
-def time_sample(study, index: int, poll: Callable[[], None] | None = None) -> PilotCost:
+def time_sample(
+    study, index: int, poll: Callable[[], None] | None = None, n_runs: int = PILOT_TIMED
+) -> PilotCost:
     """Time the runs of a sample."""
-    (frame, along), runs, seconds = study.time_runs(*sample_place(index), PILOT_TIMED, poll)
+    (frame, along), runs, seconds = study.time_runs(*sample_place(index), n_runs, poll)
     return PilotCost(frame, along, runs, seconds)

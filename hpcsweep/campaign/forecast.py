@@ -1,9 +1,21 @@
-"""Forecast what a job will cost, from a timed sample, before it is run."""
+"""Forecast what a job will cost, from a timed sample, before it is run.
+
+Runs spread over the study are timed twice, by the processor's time and by the clock. Their mean
+times the number of runs is the cost of the whole; with one longest task d of a whole W no schedule
+ends before max(W / N, d) on N ranks, so that at most W / d ranks are of use.
+
+The interval of W has two parts. The mean of a sample of n runs has an error: Student's interval of
+its relative error, on a logarithmic scale, holds less than its share where few runs are costly, so
+that the one of `NOMINAL` stands for `SHARE` (measured for costs a hundredfold apart and lognormal
+ones up to sigma = 1, from 2 runs on). And a core is not always as fast as in the sample: the lower
+end is the faster pass by the processor's time, the upper end the slower pass by the clock, or
+`LOAD` times the processor's time, whichever is longer.
+"""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,21 +25,28 @@ from hpcsweep.campaign.describe import describe
 from hpcsweep.campaign.progress import note
 from hpcsweep.job import Job
 from hpcsweep.parallel import memory
-from hpcsweep.parallel.schedule import DEDICATED_MASTER
-from hpcsweep.parallel.simulation import MESSAGE_SECONDS, Prediction, ranks_that_help, simulate
-from hpcsweep.solvers.solver import SOLVERS
-from hpcsweep.store import Layout, read_history
+from hpcsweep.store import Layout
 from hpcsweep.store.crossing import Crossing
 from hpcsweep.studies.refine.refinement import Refinement, map_shape, refinement_of
 from hpcsweep.studies.refine.rounds import n_least
 from hpcsweep.studies.run_names import count
 
 SAMPLE_SECONDS = 5.0
-"""Default time of the sample (s)."""
-RANKS = tuple(2**k for k in range(13))
-MOST_BLOCKS, MOST_TASKS = 200_000, 40_000
-"""Most blocks in a simulation, beyond which each task is one; and most tasks, beyond which several
-are one, whose messages come together. On 4,096 ranks that is still ten a rank."""
+"""Time of the sample (s)."""
+SHARE, NOMINAL = 0.9, 0.98
+"""Least share of samples whose interval holds the whole, and Student's share that has it."""
+LOAD = 2.0
+"""Slowness of a core whose neighbours compute too, over that of one beside idle ones: two hardware
+threads share a core, and many busy cores a clock and a memory."""
+QUICK_SECONDS, TOGETHER = 2e-3, 64
+"""Runs that take less than this (s) are timed as many together as a block has, up to so many: they
+share the tables of their frame."""
+COMMIT_SECONDS = (5e-5, 1e-3)
+"""Time (s) of a block besides its runs: its checksum, its writes and messages."""
+SESSION_SECONDS = 300.0
+"""Least time (s) of a session that is advised: loading and the pilot take little of it."""
+ROUNDING = 1e-9
+"""Relative error of a sum of equal costs."""
 COPIES = 3
 """Copies of a block of results that a rank holds at once: computed, ordered, checked."""
 MPI_BYTES = 40_000_000
@@ -36,100 +55,117 @@ BYTES_PER_TASK = 1000
 """Memory (bytes) that rank 0 keeps for each task, with its blocks."""
 
 
+class Interval(NamedTuple):
+    """Ends of an interval (s)."""
+
+    low: float
+    high: float
+
+
+class Pass(NamedTuple):
+    """Seconds a run of each sample, shape (n,), by the processor's time and by the clock."""
+
+    processor: np.ndarray
+    clock: np.ndarray
+
+
 @dataclass(frozen=True)
-class Forecast:
-    """Costs of a job.
+class Pilot:
+    """Timed runs of a job.
 
     Attributes
     ----------
-    costs : TaskCosts
-    run_seconds, error : float
-        Mean cost of a run and its standard error (s).
-    n_timed : int
-        Runs behind the estimate.
+    tasks : ndarray, shape (n_tasks,)
+        Estimated cost (s) of every task.
+    passes : (Pass, Pass)
+        The same samples, twice.
+    n_runs : int
+        Runs timed in a pass.
+    load_seconds, kernel_seconds : float
+        Time to load the program, and to load the kernels, or to compile them.
+    compiled : bool
+        Whether kernels were compiled.
     """
 
-    costs: TaskCosts
-    run_seconds: float
-    error: float
-    n_timed: int
+    tasks: np.ndarray
+    passes: tuple[Pass, Pass]
+    n_runs: int
+    load_seconds: float
+    kernel_seconds: float
+    compiled: bool
 
 
-def sample(job: Job, seconds: float = SAMPLE_SECONDS) -> Forecast:
+def useful_ranks(tasks: np.ndarray) -> float:
+    """Return the number of ranks beyond which the longest task is the bound: total / longest."""
+    return float(tasks.sum() / tasks.max())
+
+
+def mean_interval(passes: tuple[Pass, Pass]) -> Interval:
+    """Return an interval of the mean cost (s) of a run; see the module."""
+    from scipy.special import stdtrit  # other commands do not need it
+
+    factors, processor, clock = [], [], []
+    for each in passes:
+        n, mean = each.processor.size, float(each.processor.mean())
+        error = float(each.processor.std(ddof=1)) / np.sqrt(n) / mean
+        factors.append(np.exp(stdtrit(n - 1, 0.5 + NOMINAL / 2) * error))
+        processor.append(mean)
+        clock.append(float(each.clock.mean()))
+    factor = max(factors)
+    return Interval(min(processor) / factor, max(*clock, LOAD * max(processor)) * factor)
+
+
+def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
     """Time runs spread evenly over frames and amplitudes for about `seconds`, two at least."""
-    study = job.study
-    study.warm_up(note)
-    task_costs = TaskCosts(study)
-    per_run: list[float] = []
+    study, said = job.study, []
+    load, begun = time.process_time(), time.perf_counter()
+
+    def say(text: str) -> None:
+        said.append(text)
+        note(text)
+
+    study.warm_up(say)
+    kernels = time.perf_counter() - begun
+    tasks = TaskCosts(study)
     most = costs.PILOT_PER_FRAME * study.n_frames
+    first = costs.time_sample(study, 0)
+    quick = first.seconds < QUICK_SECONDS * first.runs
+    together = max(costs.PILOT_TIMED, min(study.block_size, TOGETHER) if quick else 0)
     begun = time.perf_counter()
-    while len(per_run) < 2 or (time.perf_counter() - begun < seconds and len(per_run) < most):
-        timed = costs.time_sample(study, len(per_run))
-        task_costs.sampled(timed)
-        per_run.append(timed.seconds / timed.runs)
-    mean = float(task_costs.totals().sum()) / study.n_runs
-    error = float(np.std(per_run, ddof=1) / np.sqrt(len(per_run)))
-    return Forecast(task_costs, mean, error, task_costs.n_known())
+    timed: list[list[tuple[float, float]]] = [[], []]
+    n_runs = 0
+    while len(timed[0]) < 2 or (time.perf_counter() - begun < seconds / 2 and len(timed[0]) < most):
+        n_runs += _time(study, tasks, len(timed[0]), together, timed[0])
+    for index in range(len(timed[0])):
+        _time(study, tasks, index, together, timed[1])
+    passes = Pass(*np.array(timed[0]).T), Pass(*np.array(timed[1]).T)
+    return Pilot(tasks.totals(), passes, n_runs, load, kernels, bool(said))
 
 
-def from_journal(job: Job, path: Path) -> Forecast | None:
-    """Return the costs in a file's journal; None if it holds none."""
-    study, task_costs = job.study, TaskCosts(job.study)
-    measured = read_history(path).costs
-    if not measured:
-        return None
-    for cost in measured:
-        task_costs.measured(cost)
-    per_run = [cost.seconds / cost.runs for cost in measured]
-    mean = float(task_costs.totals().sum()) / study.n_runs
-    error = float(np.std(per_run) / np.sqrt(len(per_run))) * (task_costs.n_known() < study.n_runs)
-    return Forecast(task_costs, mean, error, task_costs.n_known())
+def _time(
+    study, tasks: TaskCosts, index: int, n_runs: int, timed: list[tuple[float, float]]
+) -> int:
+    """Time a sample by the processor's time and by the clock; return its runs."""
+    clock, processor = time.perf_counter(), time.process_time()
+    sample = costs.time_sample(study, index, n_runs=n_runs)
+    processor, clock = time.process_time() - processor, time.perf_counter() - clock
+    tasks.sampled(sample)
+    each = max(sample.seconds, 1e-9) / sample.runs
+    timed.append((each * min(processor / clock, 1.0), each))
+    return sample.runs
 
 
-def predict(
-    job: Job,
-    forecast: Forecast,
-    ranks: Sequence[int] = RANKS,
-    message_seconds: float = MESSAGE_SECONDS,
-) -> list[Prediction]:
-    """Simulate the job's schedule on numbers of ranks."""
-    blocks, together = forecast.costs.blocks(MOST_BLOCKS, MOST_TASKS)
-    # between two polls a computing master does a run or a start, or one period
-    cycles = job.settings.transient_cycles + job.settings.sampling_cycles
-    each_period = SOLVERS[job.settings.solver].polls_each_period
-    poll = forecast.run_seconds / (cycles if each_period else job.study.polls_per_run)
-    served = {"message_seconds": together * message_seconds, "poll_seconds": together * poll}
-    return [simulate(blocks, n, **served) for n in ranks]
+def whole(job: Job, passes: tuple[Pass, Pass], n_least_runs: int) -> Interval:
+    """Return an interval of the processor's time (s) of a whole job, `n_least_runs` at least."""
+    study, mean = job.study, mean_interval(passes)
+    n_blocks = study.n_runs / study.block_size
+    low = n_least_runs / study.n_runs * n_blocks * COMMIT_SECONDS[0] + n_least_runs * mean.low
+    return Interval(low, n_blocks * COMMIT_SECONDS[1] + study.n_runs * mean.high)
 
 
-def ranks_text(job: Job, forecast: Forecast, predictions: Sequence[Prediction]) -> list[str]:
-    """Format predictions and the number of useful ranks for people."""
-    totals = forecast.costs.totals()
-    costliest, study = int(totals.argmax()), job.study
-    helpful = ranks_that_help(totals)
-    lines = ["   ranks     makespan  efficiency  bound met  master busy"]
-    for p in predictions:
-        reached = p.bound / p.makespan if p.makespan else 1.0
-        lines.append(
-            f"  {p.n_ranks:6d}  {p.makespan:9.4g} s  {100 * p.efficiency:8.1f} %"
-            f"  {100 * reached:7.1f} %  {100 * p.master_load:9.2g} %"
-        )
-    lines.append(
-        f"costliest {study.task_noun}: {study.describe_task(costliest)}, "
-        f"{totals[costliest]:.4g} s; cheapest {totals.min():.4g} s, "
-        f"median {np.median(totals):.4g} s"
-    )
-    most = count(max(int(np.ceil(helpful)), 1), "rank")
-    lines.append(
-        f"limit:      beyond about {most} more do not help: the "
-        f"costliest {study.task_noun} is the bound ({study.why_whole})"
-    )
-    lines.append(f"master:     computes on up to {DEDICATED_MASTER} ranks, beyond it only serves")
-    return lines
-
-
-def _block_bytes(job: Job) -> float:
-    return COPIES * job.study.block_size * Layout(job).file_size() / job.study.n_runs
+def advised_ranks(useful: float, total: Interval) -> int:
+    """Return the most ranks that are of use and whose session is not too short."""
+    return max(int(min(useful, total.low / SESSION_SECONDS)), 1)
 
 
 def largest_rank(job: Job, peak: int) -> float:
@@ -137,34 +173,20 @@ def largest_rank(job: Job, peak: int) -> float:
     return peak + MPI_BYTES + _block_bytes(job) + BYTES_PER_TASK * job.study.n_tasks
 
 
+def _block_bytes(job: Job) -> float:
+    return COPIES * job.study.block_size * Layout(job).file_size() / job.study.n_runs
+
+
 def memory_text(job: Job, peak: int) -> str:
     """Format the memory of a rank, given the peak (bytes) of a process that ran a sample."""
-    study, block = job.study, _block_bytes(job)
-    first = BYTES_PER_TASK * study.n_tasks
+    block, first = _block_bytes(job), BYTES_PER_TASK * job.study.n_tasks
     rank = largest_rank(job, peak) - first
     return (
-        f"memory:     about {rank / 1e6:.0f} MB a rank whatever the number of {study.task_noun}s "
+        f"memory:     about {rank / 1e6:.0f} MB a rank, however long the job "
         f"({peak / 1e6:.0f} MB as in this process, {MPI_BYTES / 1e6:.0f} MB for MPI, "
         f"{block / 1e6:.2g} MB for a block of results), "
         f"rank 0 up to {first / 1e6:.2g} MB more"
     )
-
-
-def slurm_text(
-    job: Job, forecast: Forecast, predictions: Sequence[Prediction], peak: int
-) -> list[str]:
-    """Format the lines of a batch script that fit predictions on powers of two of ranks."""
-    known = {p.n_ranks: p for p in predictions}
-    useful = slurm.useful_ranks(
-        lambda n: known[n] if n in known else predict(job, forecast, (n,))[0], max(known)
-    )
-    resources = slurm.request(useful, largest_rank(job, peak))
-    return [
-        f"batch job:  {count(useful.n_ranks, 'rank')}, the most with an efficiency of "
-        f"{100 * slurm.EFFICIENCY:.0f} %; {slurm.TIME_MARGIN:g} times their makespan and "
-        f"{slurm.START_SECONDS / 60:g} min; {slurm.MEMORY_MARGIN:g} times the memory:",
-        *slurm.as_lines(resources),
-    ]
 
 
 def study_text(study) -> str:
@@ -175,44 +197,63 @@ def study_text(study) -> str:
     return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
 
 
-def refined_text(study, refinement: Refinement, forecast: Forecast) -> str:
+def refined_text(study, refinement: Refinement, least: int) -> str:
     """Format how many points of a refined map are computed at least."""
-    least = n_least(map_shape(study), refinement, Crossing(study).boxes())
-    seconds = forecast.run_seconds * least
     crossed = ", those that curves cross" if refinement.curves else ""
     return (
-        f"refined:    all numbers are those of all points, the most there can be; the coarsest "
-        f"cells{crossed} and the first draw of the audit are {least} points "
-        f"({100 * least / study.n_runs:.2g} %, {seconds:.3g} s), the least"
+        f"refined:    the coarsest cells{crossed} and the first draw of the audit are {least} "
+        f"points ({100 * least / study.n_runs:.2g} %), the least; all points are the most"
     )
 
 
-def estimate(job: Job, output: Path, seconds: float = SAMPLE_SECONDS) -> str:
-    """Time a stratified sample of runs and extrapolate.
+def cost_lines(job: Job, pilot: Pilot, total: Interval, peak: int) -> list[str]:
+    """Format what a job costs, and the lines of a batch script that fit."""
+    study, noun = job.study, job.study.run_noun
+    first, second = pilot.passes
+    each = [np.mean([a.mean(), b.mean()]) for a, b in zip(first, second, strict=True)]
+    kernels = "compiled, once for this type of processor" if pilot.compiled else "loaded"
+    longest, useful = int(pilot.tasks.argmax()), useful_ranks(pilot.tasks) * (1 + ROUNDING)
+    n_runs = sum(block.n_runs for block in study.path(longest))
+    n_ranks = advised_ranks(useful, total)
+    resources = slurm.request(n_ranks, total.high, largest_rank(job, peak))
+    return [
+        f"{f'one {noun}:':12}{1e3 * each[0]:.3g} ms of processor time, {1e3 * each[1]:.3g} ms by "
+        f"the clock ({count(pilot.n_runs, noun)} timed twice, spread over the study)",
+        f"start:      {pilot.load_seconds:.2g} s a rank for the program; kernels {kernels} "
+        f"in {pilot.kernel_seconds:.2g} s",
+        f"in all:     {total.low / 3600:.2g} to {total.high / 3600:.2g} core-hours "
+        f"({total.low:.2g} to {total.high:.2g} s): the sample's error, {100 * SHARE:.0f} %, and "
+        f"cores up to {LOAD:g} times as slow among busy neighbours",
+        memory_text(job, peak),
+        f"longest:    {count(n_runs, noun)} that one rank computes, {study.describe_task(longest)}",
+        f"ranks:      {int(useful)} at most are of use, the whole over its longest part",
+        f"batch job:  {count(n_ranks, 'rank')}, no more than work for {SESSION_SECONDS / 60:g} min "
+        f"each; the time of the upper end and {slurm.START_SECONDS / 60:g} min; "
+        f"{slurm.MEMORY_MARGIN:g} times the memory:",
+        *slurm.as_lines(resources),
+    ]
+
+
+def estimate(job: Job, output: Path) -> str:
+    """Time a sample of runs and extrapolate.
 
     Returns
     -------
     str
-        Lines for people: runs, bytes, core-hours with their standard error, memory, makespan on 1
-        to 4,096 ranks, the number beyond which more do not help, and the Slurm request.
+        Lines for people: runs, bytes, core-hours, memory, the number of ranks beyond which more do
+        not help, and the Slurm request.
     """
     study, size = job.study, Layout(job).file_size()
-    forecast, peak = sample(job, seconds), memory.peak()
-    predictions = predict(job, forecast)
-    total, error = forecast.run_seconds * study.n_runs, forecast.error * study.n_runs
-    refinement = refinement_of(study)
+    pilot, peak = time_pilot(job), memory.peak()
+    refinement, least = refinement_of(study), study.n_runs
+    if refinement is not None:
+        least = n_least(map_shape(study), refinement, Crossing(study).boxes())
     lines = [
         f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
         *job.notes,
         *describe(job),
         f"file:       {output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names",
-        f"{f'one {study.run_noun}:':12}{1e3 * forecast.run_seconds:.4g} ms +- "
-        f"{1e3 * forecast.error:.2g} ms ({count(forecast.n_timed, study.run_noun)} timed, "
-        "spread over the study)",
-        f"in all:     {total / 3600:.3g} +- {error / 3600:.2g} core-hours ({total:.4g} s)",
-        *([refined_text(study, refinement, forecast)] if refinement else []),
-        memory_text(job, peak),
-        *ranks_text(job, forecast, predictions),
-        *slurm_text(job, forecast, predictions, peak),
+        *([] if refinement is None else [refined_text(study, refinement, least)]),
+        *cost_lines(job, pilot, whole(job, pilot.passes, least), peak),
     ]
     return "\n".join(lines)

@@ -1,10 +1,10 @@
 """Costs of tasks that rank 0 knows: from the journal, a pilot, and the blocks done.
 
-Makespan over the least possible one, without the pilot and with it (simulated with the measured
-costs, updated from blocks in both): 1.16 and 1.03 for the 48 frames of `jobs/paper/gaps.toml` on 16
-ranks, 1.40 and 1.14 on 32; 1.33 and 1.18 for 40 frames of the whole study on 4 ranks; nothing (1.36
-and 1.37) for the same with the damping as described. It also makes the remaining time known from
-the start.
+Time of the whole over the least possible one, without the pilot and with it (replayed with the
+measured costs, updated from blocks in both): 1.16 and 1.03 for the 48 frames of
+`jobs/paper/gaps.toml` on 16 ranks, 1.40 and 1.14 on 32; 1.33 and 1.18 for 40 frames of the whole
+study on 4 ranks; nothing (1.36 and 1.37) for the same with the damping as described. It also makes
+the remaining time known from the start.
 """
 
 import time

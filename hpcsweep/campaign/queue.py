@@ -10,7 +10,7 @@ import itertools
 import time
 import traceback
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from hpcsweep.campaign import costs
@@ -41,7 +41,7 @@ class Queue:
     failed : dict of int to str
         Reason of failure by campaign number; after `do` the same on every rank.
     complete : list of bool
-        After `do`, whether all runs of each campaign are in its file; the same on every rank.
+        After `do`, whether each campaign's file holds all of its job; the same on every rank.
     """
 
     def __init__(self, comm, works: Sequence[Work], flag: StopFlag):
@@ -51,7 +51,9 @@ class Queue:
         self._traffic = farm.Traffic()
         self._display = Silent()
         self._at = 0
-        self._finished = False
+        # tasks that are not done, on rank 0
+        self._left: set[int] = set()
+        self._take(range(len(works)))
         self.complete: list[bool] = []
         self.failed: dict[int, str] = {}
 
@@ -70,28 +72,22 @@ class Queue:
                 done = sum(work.done_runs for work in self._works)
                 self._display = progress(total, done, unit)
                 self._display.expect(self._remaining)
-            tasks = [
-                first + task
-                for first, work in zip(self._firsts, self._works, strict=False)
-                for task in work.todo
-            ]
             more = self._sample()
             while more:
-                tasks += self._next_round()
-                self._finished = farm.run(
+                self._next_round()
+                more = self._comm.bcast(bool(self._left)) and farm.run(
                     self._comm,
-                    tasks,
+                    sorted(self._left),
                     self._compute,
                     self._flag,
                     self._on_report,
                     self._cost,
+                    self._left.discard,
                     self._traffic,
                     _every(MASTER_NOTES, self._display.tick, self._note_load),
                     self._flush,
                 )
                 self._flush()
-                more = self._in_rounds and self._finished and self._comm.bcast(bool(tasks))
-                tasks = []
             self._flush()
         self._end(time.perf_counter() - begun)
 
@@ -114,13 +110,14 @@ class Queue:
             return True
         return farm.run(self._comm, range(firsts[-1]), compute, self._flag, on_report)
 
-    @property
-    def _in_rounds(self) -> bool:
-        return any(isinstance(work, RefinedWork) for work in self._works)
+    def _take(self, numbers: Iterable[int]) -> None:
+        """Add the unfinished tasks of campaigns to those that are not done, on rank 0."""
+        if self._comm.rank == 0:
+            for k in numbers:
+                self._left.update(self._firsts[k] + task for task in self._works[k].todo)
 
-    def _next_round(self) -> list[int]:
-        """Begin the next round of the campaigns that have rounds (collective); its tasks."""
-        tasks = []
+    def _next_round(self) -> None:
+        """Begin the next round of the campaigns that have rounds (collective)."""
         self._agree()
         for k, work in enumerate(self._works):
             if k in self.failed or not isinstance(work, RefinedWork):
@@ -132,8 +129,7 @@ class Queue:
             points = self._comm.bcast(points)
             if points is not None:
                 work.begin(points)
-                tasks += [self._firsts[k] + task for task in work.todo]
-        return tasks
+                self._take([k])
 
     def _agree(self) -> None:
         """Gather which campaigns failed anywhere, so that all ranks know (collective)."""
@@ -202,13 +198,16 @@ class Queue:
 
     def _end(self, seconds: float) -> None:
         """Gather what failed, write the last records and say what is to be said (collective)."""
-        self._agree()
-        self.complete = self._comm.bcast(
-            [
-                k not in self.failed and (self._finished or work.all_done)
+        # every rank has committed what it computed
+        self._comm.barrier()
+        if self._comm.rank == 0:
+            unfinished = {self._place(number)[0] for number in self._left}
+            self.complete = [
+                k not in unfinished and bool(self._guarded(k, work.is_complete))
                 for k, work in enumerate(self._works)
             ]
-        )
+        self._agree()
+        self.complete = self._comm.bcast(self.complete)
         self._display.close()
         for k, work in enumerate(self._works):
             reason = "complete" if self.complete[k] else self._flag.reason or "stopped"

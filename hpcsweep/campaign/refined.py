@@ -102,8 +102,8 @@ class RefinedWork(Work):
         self._labels = Labels(study.n_runs)
         for part in gathered or []:
             self._labels.store(part[0], part[1])
-        self._complete = bool(gathered) and all(part[2] for part in gathered or [])
         self.scanned = self._comm.bcast(all(part[3] for part in gathered or []))
+        self._complete = bool(gathered) and self.scanned and all(part[2] for part in gathered or [])
         self.done_runs = study.n_runs if self._complete else int(self._labels.known.sum())
         crossed = self._crossed() if self._comm.rank == 0 else None
         self._rounds = Rounds(self._shape, self._refinement, self._labels, crossed)
@@ -126,10 +126,9 @@ class RefinedWork(Work):
     def _walk(self) -> Iterator[np.ndarray]:
         return iter(self._rounds)
 
-    @property
-    def all_done(self) -> bool:
-        """Whether rank 0 knows that the map is complete."""
-        return self._complete
+    def is_complete(self) -> bool:
+        """Return whether no round is left and the file holds all; on rank 0."""
+        return self._complete and super().is_complete()
 
     def plan(self) -> np.ndarray:
         """Return the points of the next round, on rank 0; if there is none the map is complete.

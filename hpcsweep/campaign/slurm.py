@@ -1,21 +1,10 @@
-"""Choose a Slurm request from a prediction of the makespan and of the memory of a rank.
-
-A guess is costly: on 64 ranks the 48 frames of `jobs/paper/gaps.toml` would leave 71 % of the
-ranks' time unused, on 16 ranks 2 %.
-"""
+"""Choose a Slurm request from the time that the work takes and the memory of a rank."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from hpcsweep.parallel.simulation import Prediction
+from hpcsweep.parallel.schedule import DEDICATED_MASTER
 
-EFFICIENCY = 0.8
-"""Least share of the ranks' time that is work: beyond, ranks wait more than they compute."""
-STEPS = 3
-"""Halvings of the interval between two powers of two: ranks are found to an eighth of it."""
-TIME_MARGIN = 1.5
-"""Margin of the makespan: another processor, a busy file system, a sample of a few seconds."""
 START_SECONDS = 600.0
 """For the kernels that are compiled on a node's first run, the pilot, and the signal before the
 time limit (`slurm/once.sh`: 300 s)."""
@@ -44,47 +33,21 @@ class Request:
     memory: int
 
 
-def useful_ranks(predict: Callable[[int], Prediction], most: int) -> Prediction:
-    """Find the largest number of ranks that keeps the efficiency, to an eighth of its octave.
+def request(n_computing: int, work: float, memory: float) -> Request:
+    """Return the resources of ranks that compute, and of a master beside many of them.
 
     Parameters
     ----------
-    predict : callable (n_ranks)
-    most : int
-        A power of two; no more ranks are tried.
-    """
-    best = predict(1)
-    while 2 * best.n_ranks <= most:
-        more = predict(2 * best.n_ranks)
-        if more.efficiency < EFFICIENCY:
-            break
-        best = more
-    else:
-        return best
-    beyond = more.n_ranks
-    for _ in range(STEPS):
-        middle = predict((best.n_ranks + beyond) // 2)
-        if middle.n_ranks == best.n_ranks:
-            break
-        if middle.efficiency >= EFFICIENCY:
-            best = middle
-        else:
-            beyond = middle.n_ranks
-    return best
-
-
-def request(prediction: Prediction, memory: float) -> Request:
-    """Return the resources that a prediction needs, with margins.
-
-    Parameters
-    ----------
-    prediction : Prediction
+    n_computing : int
+        At most the ranks that are of use.
+    work : float
+        Most processor time (s) of all tasks.
     memory : float
         Bytes of the largest rank.
     """
-    seconds = TIME_MARGIN * prediction.makespan + START_SECONDS
+    seconds = work / n_computing + START_SECONDS
     return Request(
-        prediction.n_ranks,
+        n_computing + (n_computing > DEDICATED_MASTER),
         TIME_STEP * math.ceil(seconds / TIME_STEP),
         MEMORY_STEP * math.ceil(MEMORY_MARGIN * memory / MEMORY_STEP),
     )

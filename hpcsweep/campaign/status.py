@@ -14,7 +14,7 @@ from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Layout, open_layout, read_history
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.inferred import Inferred
+from hpcsweep.store.inferred import Inferred, is_complete
 from hpcsweep.store.opening import check_file
 from hpcsweep.store.records import History, Session
 
@@ -63,7 +63,7 @@ def status(path: str | Path) -> dict:
         there = [v.name for v in layout.variables if v.name in names]
         runs = {name: blocks.whole(name) for name in there}
         inferred = Inferred(blocks) if layout.derived else None
-        state = _runs(layout, committed, runs, inferred)
+        state = {**_runs(layout, committed, runs, inferred), "complete": is_complete(blocks)}
     now = session.last if session and session.ended else time.time()
     work, remaining = None, None
     if history.costs and not state["complete"] and not layout.derived:
@@ -114,7 +114,6 @@ def _runs(
         "frames_done": int(frames.sum()),
         "frames_total": int(frames.size),
         **audit,
-        "complete": bool(known.all()),
         "periods_per_run": float(runs["cycles"][done].mean())
         if n_done and "cycles" in runs
         else None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hpcsweep.earthquakes.stripes import Capacity, capacity, linear_capacity
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.studies.variables import DRIFT_RATIO, percent_of_height
 
@@ -38,7 +39,7 @@ class Stripes(NamedTuple):
     values: np.ndarray
     """Responses, shape (records, s); NaN where they are not known."""
     alone: np.ndarray | None
-    """The same without contacts, where the file has it."""
+    """The same without contacts, where the file has it: proportional to the intensity."""
     label: str
     """Label of the response, with its unit."""
     unit: str
@@ -83,36 +84,59 @@ def stripes_of(results, study, response: str = "drift", place: str | None = None
         label = DRIFT_RATIO
     if place is not None:
         label += f" of {place}"
+    values = (array.values[..., chosen] * factor).max(axis=-1).astype(float)
     alone = f"{name}_alone"
+    if alone in results:
+        free = (results[alone].values[..., chosen] * factor).max(axis=-1)
+    else:
+        free = None if structure.contacts else values
     return Stripes(
         intensity=results["scale"].values,
         measure=measure.named(structure.unit_names.time)
         + _label(unit_of(structure, measure.quantity)),
-        values=(array.values[..., chosen] * factor).max(axis=-1).astype(float),
-        alone=(results[alone].values[..., chosen] * factor).max(axis=-1)
-        if alone in results
-        else None,
+        values=values,
+        alone=free,
         label=label + _label(unit),
         unit="" if unit == "1" else unit,
         records=tuple(str(one) for one in results["record"].values),
     )
 
 
-def fit(stripes: Stripes, threshold: float) -> "Fragility":
-    """Fit the fragility of a threshold to the records that reach it at each stripe.
+def capacities(stripes: Stripes, threshold: float, alone: bool = False) -> Capacity:
+    """Return the capacities of the records, exact where the response has no contacts.
+
+    Parameters
+    ----------
+    stripes : Stripes
+    threshold : float
+    alone : bool
+        Without contacts: `stripes.alone`, which must be known.
 
     Raises
     ------
     StripesError
-        If the stripes bound no curve: see `hpcsweep.fragility`.
+        If the threshold is not above 0.
     """
-    from hpcsweep.earthquakes.fragility import fragility  # loads scipy
+    if not 0 < threshold < np.inf:
+        raise StripesError(f"threshold must be finite and above 0, is {threshold:g}")
+    if alone or stripes.alone is stripes.values:
+        highest = stripes.intensity[-1]
+        return linear_capacity(highest, np.asarray(stripes.alone)[:, -1], threshold)
+    return capacity(stripes.intensity, stripes.values, threshold)
 
-    known = np.isfinite(stripes.values)
-    exceeded = (known & (stripes.values >= threshold)).sum(axis=0)
-    held = known.any(axis=0)
+
+def fit(stripes: Stripes, threshold: float) -> "Fragility":
+    """Fit the fragility of a threshold to the capacities of the records.
+
+    Raises
+    ------
+    StripesError
+        If they determine no curve: see `hpcsweep.capacity_fragility`.
+    """
+    from hpcsweep.earthquakes.fragility import capacity_fragility  # loads scipy
+
     try:
-        return fragility(stripes.intensity[held], exceeded[held], known.sum(axis=0)[held])
+        return capacity_fragility(capacities(stripes, threshold))
     except ValueError as error:
         raise StripesError(str(error)) from None
 

@@ -16,6 +16,7 @@ from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Campaign, Journal
 from hpcsweep.store import reuse as reusing
+from hpcsweep.store.inferred import is_complete
 from hpcsweep.store.records import BlockCost, block_record, load_record
 from hpcsweep.studies.run_names import run_name
 
@@ -83,24 +84,19 @@ class Work:
         scan = Scan(self._comm, self._campaign.blocks, self._flag, say)
         self.scanned, self.todo, self.done_runs = scan.finished, scan.todo, scan.done_runs
         self._done = scan.done
-        self._counted = set(map(tuple, scan.done.tolist()))
-        self._left = self.study.n_runs - scan.done_runs
 
     def estimate(self, wanted: bool) -> None:
         """Begin to estimate the costs of tasks if `wanted`, as rank 0 decides."""
         self.costs = KnownCosts(self._comm, self.study, self.output, wanted, self._done)
 
-    @property
-    def all_done(self) -> bool:
-        """Whether all runs have been reported to rank 0."""
-        return self.scanned and self._left == 0
+    def is_complete(self) -> bool:
+        """Return whether the file was verified and holds all, where no task is left; on rank 0."""
+        return self.scanned and is_complete(self._campaign.blocks)
 
     def block_done(self, rank: int, value) -> int:
         """Record a completed block on rank 0; return the number of its runs."""
         cost, failures, taken = value
         self._failures.add(failures)
-        if cost.place not in self._counted:
-            self._left -= cost.runs
         if taken:
             self.costs.taken(cost.place)
         else:

@@ -6,20 +6,27 @@ chaotic runs of a file some are drawn, each integrated on from the end of its ru
 again.
 """
 
+import math
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION, MotionClass, classify
 from hpcsweep.dynamics.classify_motion import classify_motion
+from hpcsweep.dynamics.lifetime import Survival
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.model.arguments import count
-from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, make_solver
 from hpcsweep.store.frames import Frames
 
-Run = tuple[tuple[int, ...], int, int, int]
-"""Place of its part, frame, direction and amplitude."""
+Run = tuple[tuple[int, ...], int, tuple[int, ...]]
+"""Place of its part, frame, and the others of its indices: direction, amplitude, attractor."""
+HELD = {
+    "motions": (MOTION, "final_state"),
+    "attractors": ("motion_class", "point"),
+    "basins": ("motion_class", "point"),
+}
+"""Variables of the class of a motion and of its state, by what a file holds."""
 PERIODS = 10_000
 CONFIDENCE = 0.95
 
@@ -30,7 +37,7 @@ def outliving(path: str | Path, samples: int, periods: int = PERIODS, seed: int 
     Parameters
     ----------
     path : str or Path
-        Results file of sweeps or points.
+        Results file of sweeps, points, attractors or basins.
     samples : int
         Number of chaotic runs to draw; all if there are fewer.
     periods : int
@@ -44,7 +51,8 @@ def outliving(path: str | Path, samples: int, periods: int = PERIODS, seed: int 
         ``chaotic`` runs of the file, ``samples`` drawn, ``periods``, how many of those ``outlive``
         them, have ``ended`` in another motion or are ``undecided``, and the ``share`` that outlives
         of those that are decided (None without any), with its interval ``low``, ``high`` of 95 %
-        confidence (Clopper and Pearson).
+        confidence (Clopper and Pearson), and the mean ``lifetime`` in forcing periods with its
+        interval (`hpcsweep.dynamics.lifetime`; None where it is infinite).
 
     Raises
     ------
@@ -52,22 +60,24 @@ def outliving(path: str | Path, samples: int, periods: int = PERIODS, seed: int 
         If it is not a campaign file, or holds other things than runs.
     """
     samples, periods = count("samples", samples, 1), count("periods", periods, 1)
-    frames = Frames(path, "motions")
+    frames = Frames(path, tuple(HELD))
     try:
         runs = [
-            (place, frame, direction, at)
+            (place, frame, at)
             for place in frames.places
             for frame in _chosen(frames, place)
-            for direction, at in np.argwhere(_chaotic(frames, frame)).tolist()
+            for at in map(tuple, np.argwhere(_chaotic(frames, frame)).tolist())
         ]
         drawn = np.random.default_rng(count("seed", seed)).permutation(len(runs))[:samples]
-        kinds = [_later(frames, runs[at], periods) for at in np.sort(drawn)]
+        later = [_later(frames, runs[at], periods) for at in np.sort(drawn)]
     finally:
         frames.close()
+    kinds = [kind for kind, _ in later]
     outlive = kinds.count(MotionClass.CHAOTIC)
     undecided = sum(kind in (MotionClass.UNDECIDED, MotionClass.FAILED) for kind in kinds)
     decided = len(kinds) - undecided
     low, high = share_interval(outlive, decided, CONFIDENCE) if decided else (0.0, 1.0)
+    survival = Survival(decided - outlive, sum(cycles for _, cycles in later))
     return {
         "chaotic": len(runs),
         "samples": len(kinds),
@@ -78,35 +88,39 @@ def outliving(path: str | Path, samples: int, periods: int = PERIODS, seed: int 
         "share": outlive / decided if decided else None,
         "low": low,
         "high": high,
+        "lifetime": [
+            value if math.isfinite(value) else None for value in survival.lifetime(CONFIDENCE)
+        ],
     }
 
 
 def _chosen(frames: Frames, place: tuple[int, ...]) -> range:
     """Choose a part of a file, and return the numbers of its frames."""
     frames.choose(place)
-    return range(frames.study.n_frames)
+    # every row of a map of basins lists the same attractors
+    return range(1 if frames.study.holds == "basins" else frames.study.n_frames)
 
 
 def _chaotic(frames: Frames, frame: int) -> np.ndarray:
-    """Return which runs of a frame are chaotic, shape (direction, amplitude)."""
-    if MOTION in frames:
-        return frames.read(frame, (MOTION,))[MOTION] == MotionClass.CHAOTIC
+    """Return which motions of a frame are chaotic, shape (direction, amplitude, ...)."""
+    name, _ = HELD[frames.study.holds]
+    if name in frames:
+        return frames.read(frame, (name,))[name] == MotionClass.CHAOTIC
     study = frames.study
     found = classify(frames.dataset(frame), study.settings, study.structure.units_at)
     return found[:, 0] == MotionClass.CHAOTIC
 
 
-def _later(frames: Frames, run: Run, periods: int) -> MotionClass:
-    """Return the class of the motion of a run after so many more forcing periods."""
-    place, frame, direction, at = run
+def _later(frames: Frames, run: Run, periods: int) -> tuple[MotionClass, int]:
+    """Return the class of a motion that is followed on, and how many of the periods it took."""
+    place, frame, at = run
     frames.choose(place)
     study = frames.study
-    state = frames.read(frame, ("final_state",))["final_state"][direction, at]
-    omega, amplitude = float(study.omega[frame]), float(study.amplitudes_of(frame)[at])
+    _, name = HELD[study.holds]
+    state = frames.read(frame, (name,))[name][at]
+    omega, amplitude = float(study.omega[frame]), float(study.amplitudes_of(frame)[at[1]])
     structure = study.structure.measured_at(omega, amplitude)
     solver = make_solver("flow", structure, omega, study.settings.rtol)
-    end = solver.advance(state, amplitude, periods)
-    if end.outcome is not Outcome.COMPLETE:
-        return MotionClass.FAILED
-    most = SOLVERS["flow"].classify_cycles
-    return classify_motion(solver, end.state, amplitude, study.settings, most).kind
+    most = periods + SOLVERS["flow"].classify_cycles
+    motion = classify_motion(solver, state, amplitude, study.settings, most, outlived=periods)
+    return motion.kind, min(motion.cycles, periods)

@@ -23,6 +23,7 @@ from hpcsweep.model import arguments
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
+from hpcsweep.store.inferred import is_complete
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.run_names import run_name
@@ -43,6 +44,8 @@ class Report:
     ----------
     blocks, committed : int
         Blocks of the job, and those that have a checksum; the others are not computed yet.
+    complete : bool
+        Whether the file holds all of its job; see `hpcsweep.store.inferred.is_complete`.
     problems : list of str
         At most `LISTED`; `n_problems` counts all.
     sample : list of RunAgain
@@ -53,6 +56,7 @@ class Report:
     solver: str = ""
     blocks: int = 0
     committed: int = 0
+    complete: bool = False
     n_problems: int = 0
     problems: list[str] = field(default_factory=list)
     sample: list[RunAgain] = field(default_factory=list)
@@ -110,6 +114,7 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
         return report
     with blocks:
         valid = _Checker(blocks, report).check()
+        report.complete = is_complete(blocks)
         for frame, problem in inferred_problems(blocks) if layout.derived else ():
             report.add(f"{_place(layout.study, layout.study.block((*frame, 0)))}: {problem}")
         for block, row, rows in _choose(blocks, valid, samples, np.random.default_rng(seed)):

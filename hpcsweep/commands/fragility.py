@@ -11,7 +11,9 @@ from hpcsweep.figures.options import file_name
 
 HELP = """\
 Tell at which intensities the responses of a study of records reach a threshold: fractiles of the
-records' capacities, and the lognormal fragility of largest likelihood with its 95 % intervals.
+records' capacities, interpolated between the stripes, and the lognormal fragility of largest
+likelihood with its 95 % intervals; without contacts, where responses are proportional to the
+intensity, the exact capacities. It says where a median is an extrapolation beyond the stripes.
 Drifts are ratios in percent where the job gives storey heights, else in its unit of length.
 
 With --demands instead of a threshold: write peak drift ratios and floor accelerations of one
@@ -59,52 +61,80 @@ def _fragility(options) -> int:
         results, study = frames.gather([*frames]), frames.study
     if options.demands:
         return _demands(options, results, study)
-    if not math.isfinite(options.threshold):
-        raise CommandError(f"--threshold {options.threshold:g}: must be finite")
     return _threshold(options, results, study)
 
 
 def _threshold(options, results, study) -> int:
     """Print capacities and fragility."""
-    import numpy as np
-
-    from hpcsweep.campaign.stripes import fit, stripes_of
-    from hpcsweep.earthquakes.stripes import PARTS, capacity, fractiles
+    from hpcsweep.campaign.stripes import capacities, fit, stripes_of
 
     stripes = stripes_of(results, study, options.response, options.place)
-    reached = capacity(stripes.intensity, stripes.values, options.threshold)
-    parts = fractiles(reached.scale, PARTS).tolist()
+    reached = capacities(stripes, options.threshold)
+    found = fit(stripes, options.threshold)
     sums = {
         "response": stripes.label,
         "measure": stripes.measure,
         "threshold": options.threshold,
         "records": len(stripes.records),
-        "capacity": dict(zip(map(str, PARTS), parts, strict=True)),
-        "never": int(np.isinf(reached.scale).sum()),
+        "highest": float(stripes.intensity[-1]),
+        **_counted(reached),
         "later_crossings": int((reached.later_crossings > 0).sum()),
-    }
-    found = fit(stripes, options.threshold)
-    sums |= {
         "median": found.median,
         "median_interval": list(found.median_interval),
         "dispersion": found.dispersion,
         "dispersion_interval": list(found.dispersion_interval),
+        "caution": found.caution,
     }
+    if stripes.alone is not None and stripes.alone is not stripes.values:
+        sums["alone"] = _counted(capacities(stripes, options.threshold, alone=True))
     if options.json:
-        finite = {k: v if np.isfinite(v) else None for k, v in sums["capacity"].items()}
-        print(json.dumps({**sums, "capacity": finite}, indent=1))
+        print(json.dumps(_finite(sums), indent=1))
         return 0
-    capacities = ", ".join(f"{100 * p:g} % {v:.4g}" for p, v in zip(PARTS, parts, strict=True))
-    low, high = sums["median_interval"]
-    least, most = sums["dispersion_interval"]
+    low, high = found.median_interval
+    least, most = found.dispersion_interval
+    print(f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records")
+    never = f"{sums['never']} records never reach it up to {sums['highest']:.4g}"
+    unknown = f", {sums['unknown']} unknown" if sums["unknown"] else ""
+    print(f"  capacity    {_shown(sums)} of {stripes.measure}; {never}{unknown}")
+    if "alone" in sums:
+        print(f"  no contact  {_shown(sums['alone'])}, exact")
     print(
-        f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records\n"
-        f"  capacity    {capacities} of {stripes.measure}; {sums['never']} records never reach it\n"
         f"  crossings   {sums['later_crossings']} records fall below it again\n"
         f"  fragility   median {found.median:.4g} ({low:.4g} to {high:.4g}), dispersion "
         f"{found.dispersion:.4f} ({least:.4f} to {most:.4f})"
     )
+    if found.caution:
+        print(f"  caution     {found.caution}")
     return 0
+
+
+def _counted(reached) -> dict:
+    """Count fractiles of capacities, and the records that have none."""
+    import numpy as np
+
+    from hpcsweep.earthquakes.stripes import PARTS, fractiles
+
+    parts = fractiles(reached.scale, PARTS).tolist()
+    return {
+        "capacity": dict(zip(map(str, PARTS), parts, strict=True)),
+        "never": int(np.isinf(reached.scale).sum()),
+        "unknown": int(np.isnan(reached.scale).sum()),
+    }
+
+
+def _shown(counted: dict) -> str:
+    """Write fractiles of capacities."""
+    parts = counted["capacity"].items()
+    return ", ".join(f"{100 * float(part):g} % {value:.4g}" for part, value in parts)
+
+
+def _finite(found):
+    """Return what JSON can hold: null for numbers that are not finite."""
+    if isinstance(found, dict):
+        return {key: _finite(value) for key, value in found.items()}
+    if isinstance(found, list):
+        return [_finite(value) for value in found]
+    return None if isinstance(found, float) and not math.isfinite(found) else found
 
 
 def _demands(options, results, study) -> int:

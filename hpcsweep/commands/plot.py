@@ -73,9 +73,11 @@ def _plot(options) -> int:
 
     known = figures()
     study = job_of(options.file).study
-    # points of a list have no amplitudes in common, those of a refined map are not all computed
+    # points of a list have no amplitudes in common, those of a refined map are not all computed,
+    # and of motions without their points there is nothing to draw over an amplitude
     default = _defaults(known)[study.holds]
-    if study.is_list or refinement_of(study):
+    pointless = study.holds == "motions" and "poincare" not in {v.name for v in study.variables}
+    if study.is_list or refinement_of(study) or pointless:
         default = MAPS.get(study.holds, default)
     kind = options.kind or default
     figure = known[kind]

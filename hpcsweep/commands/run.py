@@ -72,7 +72,7 @@ def add_to(commands) -> None:
     run.add_argument(
         "--dry-run",
         action="store_true",
-        help="compute only a timed sample: print runs, bytes, core-hours, time on N ranks, and the "
+        help="compute only a timed sample: print runs, bytes, core-hours, useful ranks, and the "
         "#SBATCH lines that fit",
     )
     run.set_defaults(function=_run)
@@ -80,20 +80,20 @@ def add_to(commands) -> None:
 
 def _run(options) -> int:
     """Run a job on all ranks."""
-    from hpcsweep.parallel.mpi import launched_size, world
+    from hpcsweep.parallel.mpi import launched_rank, launched_size, world
     from hpcsweep.parallel.stopping import StopFlag
 
+    if options.dry_run:
+        # on one rank, whichever MPI the launcher is of
+        return _dry_run(options) if launched_rank() == 0 else 0
     # listens from here to the end of the process: a signal while a library is loading is not lost,
     # and one after the last run does no harm
     flag = StopFlag(launched=launched_size() > 1)
-    if not options.dry_run:
-        flag.listen()
+    flag.listen()
     from hpcsweep.job import JobError
     from hpcsweep.store import StoreError, WriteError
 
     comm = world()
-    if options.dry_run:
-        return _dry_run(options) if comm.rank == 0 else 0
     try:
         jobs, problem = None, None
         if comm.rank == 0:

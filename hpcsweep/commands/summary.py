@@ -1,6 +1,7 @@
 """`hpcsweep summary`: the numbers of a whole study."""
 
 import json
+import math
 from pathlib import Path
 
 from hpcsweep.commands import RAW
@@ -147,6 +148,8 @@ def _motion_rows(summary: dict, together: list[dict]) -> dict[str, str]:
             f"({later['outlive']} of {later['samples']} drawn, {later['undecided']} undecided; "
             f"95 %: {_percent(later['low'])} to {_percent(later['high'])})"
         )
+        mean, low, high = (math.inf if x is None else x for x in later["lifetime"])
+        rows["lifetime of chaos"] = f"{mean:.4g} periods (95 %: {low:.4g} to {high:.4g})"
     window = summary.get("window_test")
     if window and window["runs"]:
         rows["window test"] = (

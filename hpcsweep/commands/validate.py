@@ -65,7 +65,7 @@ def _describe(report) -> str:
     lines = [
         f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}",
         f"  blocks    {report.committed} of {report.blocks} committed"
-        f"{', packed' if report.packed else ''}",
+        f"{', packed' if report.packed else ''}{'' if report.complete else '; not complete'}",
     ]
     compared = [run for run in report.sample if run.difference is not None]
     if compared:

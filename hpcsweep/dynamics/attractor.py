@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.lifetime import Lifetime
 from hpcsweep.solvers.outcome import Outcome
 
 UNDECIDED, FAILED, ELSEWHERE = -1, -2, -3
@@ -59,6 +60,22 @@ class Attractor:
     measures: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
+class Found(list[Attractor]):
+    """Attractors at a point, and what its starts told of transient chaos.
+
+    Attributes
+    ----------
+    n_transient : int
+        Starts that were transient chaos; they count for the attractors in which they ended.
+    lifetime : Lifetime
+        Mean lifetime of transient chaos in forcing periods, with its interval; NaN without any.
+    """
+
+    def __init__(self, attractors, n_transient: int, lifetime: Lifetime):
+        super().__init__(attractors)
+        self.n_transient, self.lifetime = n_transient, lifetime
+
+
 @dataclass(frozen=True)
 class Portrait:
     """Attractors found at one point.
@@ -73,12 +90,18 @@ class Portrait:
         Forcing periods integrated for starts and seeds, without the tests of neighbourhoods.
     outcome : Outcome
         COMPLETE if any start succeeded, otherwise the most frequent failure.
+    n_transient : int
+        Starts that were transient chaos, whatever they ended in.
+    lifetime : Lifetime
+        Mean lifetime of that in forcing periods; NaN without any.
     """
 
     attractors: list[Attractor]
     labels: np.ndarray
     cycles: int
     outcome: Outcome
+    n_transient: int
+    lifetime: Lifetime
 
     @property
     def n_undecided(self) -> int:

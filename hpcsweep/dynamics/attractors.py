@@ -7,16 +7,22 @@ compared, by its last `WINDOW` points, with the known motions that are not orbit
 (`hpcsweep.dynamics.resemblance`), and only one that resembles none is classified on its own
 (`hpcsweep.dynamics.classify_motion`).
 
-Chaos may be a long transient. A new motion that is classified as no orbit is therefore followed for
-`max_cycles` forcing periods; if it converges to an orbit on the way, that is its attractor. A
-transient with mean lifetime L passes this test with probability exp(-max_cycles / L). An undecided
-motion is remembered likewise, so that starts that resemble it count as undecided at the cost of a
-window.
+Chaos may be a transient, and what looks like a torus the slow approach to an orbit. When all starts
+are classified, each motion without a period is therefore put to a test of lifetimes
+(`hpcsweep.dynamics.lifetime`): a sample of its own starts is followed until they have come to an
+orbit, known or new, or have outlived the periods that the confidence asks for. If one of them ends,
+all starts of the motion are followed to their ends, for ever longer stretches: survival is
+memoryless, so that each stretch is a test of its own, and a motion that is left when all transient
+ones are gone counts as an attractor once it has outlived the periods at risk. Otherwise it is
+transient chaos, of which the search keeps the survival, and its starts are those of the orbits in
+which they end. An undecided motion is remembered and followed likewise.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from copy import copy
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +30,7 @@ from hpcsweep.dynamics.approach import WINDOW, Approached, approach
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.classify_motion import NEAR, SETTLED, classify_motion
+from hpcsweep.dynamics.lifetime import Survival, periods_at_risk
 from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
 from hpcsweep.dynamics.resemblance import Signature, same_orbit
@@ -41,11 +48,27 @@ MOST_RECORDS = 16
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
 again, and finally classified: it may approach one of them slowly."""
-FEW, LONGER = 5, 20
-"""Starts up to which a motion that is not an orbit is followed for `LONGER` times `max_cycles`
-before it counts as an attractor."""
+SAMPLE = {MotionClass.CHAOTIC: 12, MotionClass.QUASI_PERIODIC: 2, MotionClass.UNDECIDED: 2}
+"""Starts of a motion that are tested. Chaos ends at random, so that many starts tell as much as a
+long one; the approach to an orbit that is taken for a torus takes its time."""
+CHUNK = 512
+"""Forcing periods after which a motion that is followed is compared with the known orbits."""
+MOST_STRETCHES = 10
+"""Stretches for which transient motions are followed, each with twice the periods at risk of the
+one before: so that no motion passes one of many tests by chance."""
+TRANSIENT = -4
+"""Label of starts of a motion that is known to end."""
 MOST_WATCHED = 100
 """Longest orbit period for which a motion is watched to converge."""
+
+
+class Fate(NamedTuple):
+    """Where a motion that was followed came to."""
+
+    label: int | None
+    """As of `AttractorSearch.labels`; None if it has not ended."""
+    state: np.ndarray
+    cycles: int
 
 
 class AttractorSearch:
@@ -53,20 +76,33 @@ class AttractorSearch:
 
     Parameters
     ----------
-    solver, amplitude, settings, max_cycles, poll
+    solver, amplitude, settings, max_cycles, confidence, poll
         As in `portrait`.
+
+    Attributes
+    ----------
+    attractors : list of Attractor
+    failures : Counter of Outcome
+    cycles : int
+        Forcing periods integrated.
+    transient : Survival
+        Of the starts that were transient chaos.
+    n_transient : int
+        Number of these starts.
     """
 
-    def __init__(self, solver, amplitude: float, settings, max_cycles: int, poll):
+    def __init__(self, solver, amplitude: float, settings, max_cycles: int, confidence, poll):
         self._solver, self._amplitude, self._settings = solver, amplitude, settings
         self._max_cycles, self._poll = max_cycles, poll
+        self._at_risk = periods_at_risk(max_cycles, confidence)
         self._units = solver.structure.state_units
         self._rng = np.random.default_rng(0)
         self._neighbourhoods: list[Neighbourhood | None] = []
         self._signatures: list[tuple[Signature, np.ndarray, int]] = []
         self.attractors: list[Attractor] = []
         self.failures: Counter[Outcome] = Counter()
-        self.cycles = 0
+        self.cycles = self.n_transient = self._n_tested = 0
+        self.transient = Survival()
 
     def fork(self, poll: Callable[[], None] | None = None) -> "AttractorSearch":
         """Return a copy of the search, independent of this one."""
@@ -74,6 +110,7 @@ class AttractorSearch:
         own._poll, own._rng = poll, np.random.default_rng(0)
         own._neighbourhoods, own._signatures = list(self._neighbourhoods), list(self._signatures)
         own.attractors, own.failures, own.cycles = list(self.attractors), Counter(), 0
+        own.transient, own.n_transient = Survival(), 0
         return own
 
     def labels(self, starts: np.ndarray, first_group: int = FIRST_GROUP) -> np.ndarray:
@@ -89,48 +126,13 @@ class AttractorSearch:
         -------
         ndarray of int, shape (N,)
         """
-        labels = np.empty(len(starts), int)
+        labels, last = np.empty(len(starts), int), np.array(starts, dtype=float)
         first, size = 0, first_group
         while first < len(starts):
-            labels[first : first + size] = self._follow(starts[first : first + size])
+            group = slice(first, first + size)
+            labels[group] = self._follow(last[group])
             first, size = first + size, min(2 * size, LARGEST_GROUP)
-        return labels
-
-    def confirmed(self, labels: np.ndarray) -> np.ndarray:
-        """Follow non-orbits that few starts reached for longer: they may be transients.
-
-        Parameters
-        ----------
-        labels : ndarray of int
-            From `labels`. A motion that turns out to end in an orbit is removed from `attractors`.
-
-        Returns
-        -------
-        ndarray of int
-            Labels with the new indices of the attractors.
-        """
-        place_of = np.arange(len(self.attractors))
-        for place, one in enumerate(self.attractors[:]):
-            if one.orbit_period or (labels == place).sum() > FEW:
-                continue
-            end = self._settle(one.points[-1], LONGER * self._max_cycles)
-            if end.outcome is Outcome.COMPLETE and end.period:
-                motion = self._classified(end.state)
-                if motion.kind is MotionClass.PERIODIC:
-                    there = self._place_orbit(motion)
-                    place_of = np.append(place_of, range(len(place_of), len(self.attractors)))
-                    place_of[place] = there
-        kept = np.flatnonzero(place_of == np.arange(len(place_of)))
-        now = {int(old): new for new, old in enumerate(kept)}
-        self.attractors = [self.attractors[old] for old in kept]
-        self._neighbourhoods = [self._neighbourhoods[old] for old in kept]
-        moved = [now.get(int(place), int(place)) for place in place_of]
-        self._signatures = [
-            (own, points, moved[place]) if place in now else (own, points, place)
-            for own, points, place in self._signatures
-            if place < 0 or place in now
-        ]
-        return np.array([moved[label] if label >= 0 else label for label in labels], int)
+        return self._tested(labels, last)
 
     def alone(self, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Classify starts, each by the attractors known now alone.
@@ -143,18 +145,130 @@ class AttractorSearch:
         found = self._approach(starts)
         for k, window in found.windows.items():
             own = self.fork(self._poll)
-            found.labels[k] = own._place(window)
+            label = np.array([own._place(window)])
+            found.labels[k] = own._tested(label, window[-1:])[0]
             found.cycles[k] += own.cycles
         return found.labels, found.cycles
 
     def _follow(self, starts: np.ndarray) -> np.ndarray:
-        """Return the labels of a group of starts."""
+        """Return the labels of a group of starts; replace those near no orbit by their last state.
+
+        Labels beyond the tested attractors are of motions that are still to be tested.
+        """
         found = self._approach(starts)
         self.failures.update(found.failures)
         self.cycles += int(found.cycles.sum())
         for k, window in found.windows.items():
-            found.labels[k] = self._place(window)
+            found.labels[k], starts[k] = self._place(window), window[-1]
         return found.labels
+
+    def _tested(self, labels: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """Test the lifetimes of motions without a period; return the labels of the starts.
+
+        Parameters
+        ----------
+        labels : ndarray of int, shape (N,)
+            Indices in `attractors`, of motions not yet tested, too; `TRANSIENT` for starts of a
+            motion that is known to end; `UNDECIDED` or `FAILED`.
+        last : ndarray, shape (N, 2n)
+            State from which each start is followed.
+        """
+        known = np.flatnonzero(labels == TRANSIENT)
+        labels[known] = self._to_their_ends(last[known], UNDECIDED)
+        replaced: dict[int, int] = {}
+        place = self._n_tested
+        while place < len(self.attractors):
+            one, own = self.attractors[place], np.flatnonzero(labels == place)
+            decided = one.kind is not MotionClass.UNDECIDED
+            if not one.orbit_period:
+                if self._ends(one, last[own]):
+                    # its record is one of its motions, too, and may be on what is left
+                    states = np.concatenate((last[own], one.points[-1:]))
+                    ends = self._to_their_ends(states, place if decided else UNDECIDED)
+                    labels[own] = ends[:-1]
+                    if not np.any(ends == place):
+                        replaced[place] = TRANSIENT
+                elif not decided:
+                    labels[own], replaced[place] = UNDECIDED, UNDECIDED
+            place += 1
+        return self._without(replaced, labels)
+
+    def _ends(self, one: Attractor, states: np.ndarray) -> bool:
+        """Return whether any motion of a sample ends: of its starts, else from its record."""
+        size = SAMPLE[one.kind]
+        drawn = states[np.unique(np.linspace(0, len(states), size, endpoint=False).astype(int))]
+        later = np.linspace(len(one.points) // 2, len(one.points) - 1, size - len(drawn))
+        length = math.ceil(self._at_risk / size)
+        sample = np.concatenate((drawn, one.points[later.astype(int)]))
+        return any(self._outlive(state, length).label is not None for state in sample)
+
+    def _to_their_ends(self, states: np.ndarray, survivor: int) -> np.ndarray:
+        """Follow motions that look alike to their ends; return their labels.
+
+        Those that outlive the periods at risk when no other ends any more get the label `survivor`;
+        others that have not ended are undecided.
+        """
+        labels, ages = np.full(len(states), UNDECIDED), np.zeros(len(states), int)
+        left, stretch = np.arange(len(states)), self._at_risk
+        for _ in range(MOST_STRETCHES):
+            if not left.size:
+                break
+            length = max(math.ceil(stretch / left.size), CHUNK)
+            for k in left.tolist():
+                label, states[k], cycles = self._outlive(states[k], length)
+                ages[k] += cycles
+                labels[k] = UNDECIDED if label is None else label
+            still = left[labels[left] == UNDECIDED]
+            if still.size == left.size:
+                labels[still] = survivor
+                break
+            left, stretch = still, 2 * stretch
+        ended = (labels != UNDECIDED) & (labels != survivor)
+        on_transient = ended | (labels == UNDECIDED)
+        self.n_transient += int(on_transient.sum())
+        survival = Survival(int(ended.sum()), int(ages[on_transient].sum()))
+        self.transient = self.transient.followed_by(survival)
+        return labels
+
+    def _outlive(self, state: np.ndarray, cycles: int) -> Fate:
+        """Follow a motion until it ends in an orbit, for `cycles` forcing periods."""
+        done = 0
+        while done < cycles:
+            end = self._settle(state, min(CHUNK, cycles - done))
+            state, done = end.state, done + max(end.n_periods, 1)
+            if end.outcome is not Outcome.COMPLETE:
+                return Fate(self._failed(end.outcome), state, done)
+            there = self._near(state)
+            if there is not None:
+                return Fate(there, state, done)
+            if end.period:
+                there, state = self._orbit_of(state)
+                if there is not None:
+                    return Fate(there, state, done)
+        # it may approach an orbit of a period that is too long to be watched for
+        there, _ = self._orbit_of(state)
+        return Fate(there, state, done)
+
+    def _orbit_of(self, state: np.ndarray) -> tuple[int | None, np.ndarray]:
+        """Classify a motion; return the index of the orbit it goes to, if any, and its end."""
+        motion = self._classified(state)
+        periodic = motion.kind is MotionClass.PERIODIC
+        return self._place_orbit(motion) if periodic else None, motion.points[-1]
+
+    def _without(self, replaced: dict[int, int], labels: np.ndarray) -> np.ndarray:
+        """Remove motions that are no attractors; return the labels by the indices of the others.
+
+        Starts that resemble a removed one later get the label that replaces it.
+        """
+        kept = [place for place in range(len(self.attractors)) if place not in replaced]
+        now = replaced | {place: new for new, place in enumerate(kept)}
+        self.attractors = [self.attractors[place] for place in kept]
+        self._neighbourhoods = [self._neighbourhoods[place] for place in kept]
+        self._signatures = [
+            (own, points, now.get(place, place)) for own, points, place in self._signatures
+        ]
+        self._n_tested = len(self.attractors)
+        return np.array([now.get(label, label) for label in labels.tolist()], int)
 
     def _approach(self, starts: np.ndarray) -> Approached:
         longest = max(min(self._settings.transient_cycles, self._max_cycles), PATIENCE, WINDOW)
@@ -273,29 +387,21 @@ class AttractorSearch:
         return self._add(motion, motion.points, seen, near)
 
     def _place_aperiodic(self, motion: Motion) -> int:
-        """Return the index of a motion that is not an orbit, or undecided, if it stays so."""
+        """Return the index of a motion without a period, as one that is still to be tested."""
         there = self._resembling(motion.points)
         if there is not None:
             self._remember(motion.points, there)
             return there
-        end = self._settle(motion.points[-1], max(self._max_cycles - motion.cycles, 0))
-        if end.outcome is not Outcome.COMPLETE:
-            return self._failed(end.outcome)
-        if end.period:
-            settled = self._classified(end.state)
-            if settled.kind is MotionClass.PERIODIC:
-                return self._place_orbit(settled)
         options = {"poll": self._poll, "measures": self._settings.measures}
-        seen = self._solver.observe(end.state, self._amplitude, RECORD, True, **options)
+        seen = self._solver.observe(motion.points[-1], self._amplitude, RECORD, True, **options)
         self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
-        if motion.kind is MotionClass.CHAOTIC:
-            # the record itself may have reached an orbit
-            end = self._settle(seen.points[-1], 2 * MOST_WATCHED)
-            settled = self._classified(end.state) if end.period else motion
-            if settled.kind is MotionClass.PERIODIC:
-                return self._place_orbit(settled)
+        # the record itself may have reached an orbit
+        end = self._settle(seen.points[-1], 2 * MOST_WATCHED)
+        there = self._orbit_of(end.state)[0] if end.period else None
+        if there is not None:
+            return there
         scaled = seen.points / self._units
         own = Signature(scaled)
         for signature, points, there in self._signatures:
@@ -307,8 +413,7 @@ class AttractorSearch:
             ):
                 self._remember(seen.points, there)
                 return there
-        decided = motion.kind is not MotionClass.UNDECIDED
-        place = self._add(motion, seen.points, seen, None) if decided else UNDECIDED
+        place = self._add(motion, seen.points, seen, None)
         self._signatures.append((own, scaled, place))
         return place
 

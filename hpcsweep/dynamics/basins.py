@@ -13,6 +13,10 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, Attractor
 from hpcsweep.dynamics.attractors import LARGEST_GROUP, AttractorSearch
+from hpcsweep.dynamics.lifetime import Lifetime
+
+CONFIDENCE = 0.95
+"""Confidence of the tests of lifetimes."""
 
 
 class Basins:
@@ -37,6 +41,8 @@ class Basins:
     ----------
     attractors : list of Attractor
         In order of decreasing `hits`.
+    lifetime : Lifetime
+        Mean lifetime of the transient chaos among `starts`, in forcing periods; NaN without any.
     """
 
     def __init__(
@@ -49,14 +55,15 @@ class Basins:
         most: int,
         poll: Callable[[], None] | None = None,
     ):
-        self._search = AttractorSearch(solver, amplitude, settings, max_cycles, poll)
-        labels = self._search.confirmed(self._search.labels(starts))
+        self._search = AttractorSearch(solver, amplitude, settings, max_cycles, CONFIDENCE, poll)
+        labels = self._search.labels(starts)
         found = self._search.attractors
         hits = np.bincount(labels[labels >= 0], minlength=len(found))
         order = np.argsort(-hits, kind="stable")[:most]
         self.attractors: list[Attractor] = [
             replace(found[place], hits=int(hits[place])) for place in order.tolist()
         ]
+        self.lifetime: Lifetime = self._search.transient.lifetime(CONFIDENCE)
         self._listed = np.full(len(found), ELSEWHERE)
         self._listed[order] = np.arange(order.size)
 

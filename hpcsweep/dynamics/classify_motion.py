@@ -4,12 +4,11 @@ The motion is first watched for an orbit nearby, unless small differences grow, 
 with a tangent vector. This stretch is extended, to twice its length up to `LEAST_TORUS` periods and
 by a part of it from then on, and classified each time by its later part. A motion is
 
-- periodic if Newton's method has verified the orbit it goes to (`flow.orbit.transient`,
-  `shooting`), or its points have closed and stay closed (`orbit.closed_period`), and the orbit does
-  not repel;
+- periodic if Newton's method converges to an orbit to rounding, the orbit does not repel, and the
+  motion is verified to go to it (`verification`);
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
 (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
-  over what is judged, and no orbit has ended it `CONFIRMED` periods later;
+  over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
 - quasi-periodic if over `LEAST_TORUS` periods or more weighted means over both halves agree to
   `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
   confidence, and no orbit is verified that the torus is locked to.
@@ -34,11 +33,10 @@ from hpcsweep.dynamics.orbit import (
     closing_period,
     limit_of_approach,
     returning_period,
-    smallest_period,
     stays_near_orbit,
 )
-from hpcsweep.dynamics.shooting import Nearer, shoot
 from hpcsweep.dynamics.stability import exponent_of_multiplier
+from hpcsweep.dynamics.verification import verify_orbit
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Growth, Observation
@@ -54,6 +52,8 @@ WATCHED = 4 * LONGEST
 """Forcing periods that are watched before a stretch is observed."""
 FIRST_STRETCH = 200
 """Forcing periods that are observed at first."""
+CHUNK = 512
+"""Forcing periods after which Newton's method is tried from `NEAR` again."""
 CONFIRMED = 100
 """Forcing periods for which chaos is watched for an orbit that ends it. Of 163 windows of 100
 periods with a growth of chaos, drawn from the map of Figure 6 as described, 10 ended in an orbit
@@ -96,6 +96,7 @@ def classify_motion(
     max_cycles: int,
     poll: Callable[[], None] | None = None,
     window: Observation | None = None,
+    outlived: int = CONFIRMED,
 ) -> Motion:
     """Classify the motion that a state goes to.
 
@@ -113,8 +114,12 @@ def classify_motion(
         Called within long work; may raise to leave.
     window : Observation, optional
         A window that ended in `state`, with the growth of a tangent vector: tried first.
+    outlived : int
+        Forcing periods, within `max_cycles`, for which chaos is watched for an orbit that ends it.
     """
-    search = _Classifier(solver, amplitude, settings, poll, count("max_cycles", max_cycles))
+    search = _Classifier(
+        solver, amplitude, settings, poll, count("max_cycles", max_cycles), outlived
+    )
     z, motion = np.array(state, dtype=float), None
     if window is not None:
         z, motion = search.judge_window(z, window)
@@ -129,7 +134,8 @@ def classify_motion(
 class _Classifier:
     """Classifier of one motion."""
 
-    def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int):
+    def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int, outlived: int):
+        self._outlived = outlived
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self._same = settings.period_tolerance
         self._units = solver.structure.state_units
@@ -173,7 +179,7 @@ class _Classifier:
             return end.state, self.motion(MotionClass.FAILED, end.state[None], outcome=end.outcome)
         if not end.period:
             return end.state, None
-        return self._orbit(end.state, end.period, end.multiplier)
+        return self._orbit(end.state, end.period, end.state, end.state)
 
     def observe(self, z: np.ndarray, n_periods: int, direction=None) -> Growth:
         """Integrate with a tangent vector."""
@@ -220,8 +226,13 @@ class _Classifier:
         """Watch chaos for an orbit that ends it; return the resulting motion."""
         if motion is None or motion.kind is not MotionClass.CHAOTIC:
             return motion
-        _, ended = self.watch(z, CONFIRMED)
-        return ended or replace(motion, cycles=self.cycles)
+        left = self._outlived
+        while left > 0 and self.left:
+            z, ended = self.watch(z, min(CHUNK, left))
+            if ended is not None:
+                return ended
+            left -= CHUNK
+        return replace(motion, cycles=self.cycles)
 
     def _closing(self, stretch: np.ndarray) -> Step:
         """Look for an orbit of long period on which a stretch closes, and jump to it.
@@ -235,14 +246,12 @@ class _Classifier:
             return end, None
         last = points[-3 * period :]
         if found.distance <= self._same and self._closed(last, 3 * period // 2):
-            return self._orbit(end, period)
+            return self._jump(stretch, period)
         limit = limit_of_approach(last, period)
         soon = limit is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
             self._tried[period] = size
-            motion = self._jump(stretch, period, limit)
-            if motion is not None:
-                return motion.points[-1], motion
+            return self._jump(stretch, period, limit)
         return end, None
 
     def _judge(self, seen: Observation | Growth, longest: int = 0) -> Step:
@@ -257,7 +266,7 @@ class _Classifier:
         # short orbits where the last points have closed, long ones where all have
         period = self._closed(points, LONGEST) or (longest and self._closed(points, longest))
         if period:
-            return self._orbit(end, period)
+            return self._jump(seen.points, period)
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
             # near a repelling orbit it is that orbit's growth
             third = size // 3
@@ -266,9 +275,9 @@ class _Classifier:
                 return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
         period = approached_period(points, LONGEST, NEAR)
         if period:
-            motion = self._jump(seen.points, period, limit_of_approach(points, period))
-            if motion is not None:
-                return end, motion
+            away, motion = self._jump(seen.points, period, limit_of_approach(points, period))
+            if motion is not None or away is not end:
+                return away, motion
         return end, self._torus(points, seen, whole)
 
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
@@ -285,7 +294,7 @@ class _Classifier:
         period = returning_period(points, size // RETURNS, NEAR)
         locked = None
         if period:
-            locked = self._jump(seen.points, period, limit_of_approach(points, period))
+            _, locked = self._jump(seen.points, period, limit_of_approach(points, period))
         if locked or growth.high < 0:
             return locked
         return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
@@ -293,47 +302,49 @@ class _Classifier:
     def _closed(self, points: np.ndarray, max_period: int) -> int:
         return closed_period(points, max_period, self._same)
 
-    def _orbit(self, z, period: int, multiplier: float = math.nan, points=None) -> Step:
-        """Return the motion of an orbit that was reached; leave a repelling one.
-
-        `multiplier` is NaN if the orbit was not verified by Newton's method.
-        """
-        start = z
-        if math.isnan(multiplier):
-            shot = shoot(self._solver, z, self._amplitude, period)
-            self.cycles += shot.cycles
-            if math.isnan(shot.multiplier):
-                return z, None
-            z, multiplier, points = shot.point, shot.multiplier, shot.points
-        if points is None:
-            points, outcome = self._solver.points(z, self._amplitude, period, self._poll)
-            self.cycles += len(points)
-            if outcome is not Outcome.COMPLETE:
-                return z, self.motion(MotionClass.FAILED, points, outcome=outcome)
-        if multiplier > 1 + REPELS:
-            if np.abs((start - z) / self._units).max() > PUSH:
-                return start, None  # on its way already
-            # in no direction that a structure prefers
-            return z + PUSH * self._units * np.cos(np.arange(z.size)), None
-        smallest = smallest_period(points / self._units, self._same)
-        multiplier **= smallest / period
-        exponent = Interval.exact(exponent_of_multiplier(multiplier, smallest))
-        last = points[-smallest:]
-        return z, self.motion(MotionClass.PERIODIC, last, smallest, multiplier, exponent)
-
-    def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None) -> Motion | None:
-        """Solve for the approached orbit; return it if the motion is verified to go there.
+    def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None = None) -> Step:
+        """Return the orbit on which the last points close, if the motion is verified to go there.
 
         `limit` is the limit of the points, in units of the state, by extrapolation, if it exists.
         """
-        z, nearer = points[-1], None
-        if limit is not None:
-            z, nearer = points[-1 - period], Nearer(points[-1], limit * self._units)
-        shot = shoot(self._solver, z, self._amplitude, period, nearer)
-        self.cycles += shot.cycles
-        if not shot.attracts(0.1 * self._same):
-            return None
-        return self._orbit(shot.point, period, shot.multiplier, shot.points)[1]
+        turn = points[-1 - period : -1] if limit is None else limit * self._units
+        return self._orbit(turn, period, points[-1], points[-1 - period])
+
+    def _orbit(self, turn: np.ndarray, period: int, z: np.ndarray, before: np.ndarray) -> Step:
+        """Return the motion of an orbit and where to continue; leave one that repels.
+
+        An orbit is claimed only where Newton's method converges to rounding (`verification`): a
+        motion that closes without one is slow, and followed.
+
+        Parameters
+        ----------
+        turn : ndarray, shape (2n,) or (period, 2n)
+            Points near the orbit, the first at the phase of z.
+        z : ndarray, shape (2n,)
+            State of the motion.
+        before : ndarray, shape (2n,)
+            Its state `period` forcing periods ago, by which it is verified that it goes to the
+            orbit where it is not on it yet, to ``period_tolerance``.
+        """
+        verdict = verify_orbit(self._solver, turn, self._amplitude, period)
+        self.cycles += verdict.cycles
+        orbit = verdict.orbit
+        if orbit is None:
+            return z, None
+        multiplier = float(abs(orbit.multipliers[0]))
+        if multiplier > 1 + REPELS:
+            point = orbit.points[0]
+            if np.abs((z - point) / self._units).max() > PUSH:
+                return z, None  # on its way already
+            # in no direction that a structure prefers
+            return point + PUSH * self._units * np.cos(np.arange(z.size)), None
+        on_it = np.abs((z - orbit.points[0]) / self._units).max() <= self._same
+        turns = period // orbit.period
+        if not on_it and not orbit.attracts(before, z, turns, self._units):
+            return z, None
+        exponent = Interval.exact(exponent_of_multiplier(multiplier, orbit.period))
+        points = np.roll(orbit.points, -1, axis=0)
+        return z, self.motion(MotionClass.PERIODIC, points, orbit.period, multiplier, exponent)
 
     def motion(
         self,

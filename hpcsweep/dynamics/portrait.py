@@ -35,14 +35,14 @@ def portrait(
     max_cycles : int
         Forcing periods after which a motion is left undecided.
     confidence : float
-        Confidence of the intervals of the shares.
+        Confidence of the intervals of the shares, and of the tests of lifetimes.
     poll : callable, optional
         Called before each start and within long ones; may raise to leave.
     """
-    search = AttractorSearch(solver, amplitude, settings, max_cycles, poll)
+    search = AttractorSearch(solver, amplitude, settings, max_cycles, confidence, poll)
     for seed in seeds:
         search.classify(seed)
-    labels = search.confirmed(search.labels(starts))
+    labels = search.labels(starts)
     found = []
     for place, attractor in enumerate(search.attractors):
         hits, total = int((labels == place).sum()), len(starts)
@@ -52,4 +52,11 @@ def portrait(
     outcome = Outcome.COMPLETE
     if search.failures and not found and not np.any(labels == UNDECIDED):
         outcome = search.failures.most_common(1)[0][0]
-    return Portrait(found, labels, search.cycles, outcome)
+    return Portrait(
+        found,
+        labels,
+        search.cycles,
+        outcome,
+        search.n_transient,
+        search.transient.lifetime(confidence),
+    )

@@ -11,11 +11,21 @@ its only maximum, which is finite unless the data are *separable*: no record rea
 at a lower intensity than one that does not. Then beta = 0 fits best, and the data determine
 nothing.
 
+That takes the records of each stripe as others than those of the next. Where the same records are
+scaled to all stripes, as in an incremental dynamic analysis, their exceedances at the stripes
+depend on each other, and each record has one capacity c_i: known, or above the last stripe x_i if
+no stripe reaches the threshold. Then
+
+    l = sum_known [ln b_1 - h(c_i)^2 / 2] + sum_never ln Phi(-h(x_i)),     h(x) = b_0 + b_1 ln x,
+
+which is concave, too. Without the second sum theta and beta are the moments of ln c.
+
 Intervals are those of the profile likelihood: all theta (all beta) for which the largest l over the
 other parameter is below the maximum by at most half the quantile of chi^2 with one degree of
 freedom. They need not be symmetric, and an end is 0 or infinite where the data do not bound it. The
 band about the curve comes from the normal distribution of h at each intensity, of variance (1, ln
-x) C (1, ln x)^T, C the inverse of Fisher's expected information of b_0 and b_1.
+x) C (1, ln x)^T, C the inverse of Fisher's information of b_0 and b_1: the expected one of stripes,
+the observed one of capacities.
 
 Cloud analysis fits ln R = a + b ln x by least squares to responses at arbitrary intensities, with
 standard deviation s about the line and n - 2 degrees of freedom (Cornell, Jalayer, Hamburger and
@@ -27,23 +37,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import log_ndtr, ndtr, ndtri
+from scipy.special import ndtr, ndtri
 
-from hpcsweep.model.arguments import array, number, positive
+from hpcsweep.earthquakes.likelihood import Likelihood
+from hpcsweep.earthquakes.stripes import Capacity
+from hpcsweep.model.arguments import array, instance, number, positive
 
-ITERATIONS = 200
-"""Of Newton's method, with halved steps; some ten are needed."""
 FLAT = 1e-9
 """Probits by which the fit rises from the first to the last stripe, at most, if it does not rise:
 rounding leaves about 1e-16."""
-CONVERGED = 1e-12
-"""Change of l that ends it, relative to the number of records."""
 FARTHEST = 60
 """Doublings in the search for an end of an interval: from then on there is none."""
 
 
 class Fragility(NamedTuple):
-    """A fragility function fitted to stripes."""
+    """A fragility function fitted to stripes or capacities."""
 
     median: float
     """Intensity theta that half of the records bring to the threshold."""
@@ -57,6 +65,8 @@ class Fragility(NamedTuple):
     """Of both intervals and of the band."""
     covariance: np.ndarray
     """C of b_0 and b_1, shape (2, 2)."""
+    caution: str
+    """Why the median is no more than an extrapolation; empty if stripes lie on both sides of it."""
 
     def probability(self, intensity: Any) -> np.ndarray:
         """Return the probability that the threshold is reached at intensities above 0."""
@@ -128,28 +138,84 @@ def fragility(intensity: Any, exceeded: Any, total: Any, confidence: float = 0.9
         fragility: no record reaches the threshold, all do, they are separable, or fewer reach it as
         the intensity grows.
     """
-    confidence = number("confidence", confidence, "from 0.5 to 0.9999", 0.5, 0.9999)
     x, k, n = _stripes(intensity, exceeded, total)
-    fit = _Probit(np.log(x), k, n)
+    fit = Likelihood(np.log(x), k, n)
     b = fit.largest(np.zeros(2), np.eye(2))
     if not b[1] * np.ptp(np.log(x)) > FLAT:
         raise ValueError(
             "exceeded must grow with the intensity: the dispersion is not positive, "
             f"its inverse is {b[1]:.4g}"
         )
-    least = fit.likelihood(b) - 0.5 * float(ndtri(0.5 * (1.0 + confidence))) ** 2
-    covariance = np.linalg.inv(fit.information(b))
+    return _fragility(fit, b, fit.expected(b), confidence, (x.min(), x.max()), k / n)
+
+
+def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
+    """Fit a fragility function to the capacities of records that are scaled to all stripes.
+
+    Records whose capacity is infinite count as not reaching the threshold up to their last stripe,
+    those whose capacity is NaN are left out.
+
+    Parameters
+    ----------
+    found : Capacity
+        Of `capacity`, of any shape.
+    confidence : float
+        As of `fragility`.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of the wrong kind or outside its range, or if there are no two different
+        finite capacities.
+    """
+    instance("found", found, Capacity)
+    known = ~np.isnan(found.scale)
+    scale, below, above = (getattr(found, name)[known] for name in ("scale", "below", "above"))
+    never = np.isinf(scale)
+    own = scale[~never]
+    if np.any(own <= 0):
+        raise ValueError(f"capacities must be above 0, is {own.min():g}")
+    if np.unique(own).size < 2:
+        raise ValueError(
+            f"two different capacities are needed: of {scale.size} records {own.size} reach the "
+            "threshold"
+        )
+    logs = np.log(own)
+    zeros = np.zeros(never.sum())
+    fit = Likelihood(np.log(below[never]), zeros, zeros + 1.0, logs)
+    b = fit.largest(np.array([-logs.mean(), 1.0]) / logs.std(), np.eye(2))
+    ends = above.min(), np.where(never, below, above).max()
+    shares = np.array([0.0, own.size / scale.size])
+    return _fragility(fit, b, fit.slopes(b)[1], confidence, ends, shares)
+
+
+def _fragility(
+    fit: Likelihood,
+    b: np.ndarray,
+    information: np.ndarray,
+    confidence: float,
+    ends: tuple[float, float],
+    shares: np.ndarray,
+) -> Fragility:
+    """Return the fragility of the largest likelihood, at `b`, with its intervals.
+
+    `ends` are the lowest and the highest stripe, `shares` the parts of records that reach the
+    threshold at stripes.
+    """
+    confidence = number("confidence", confidence, "from 0.5 to 0.9999", 0.5, 0.9999)
+    least = fit.value(b) - 0.5 * float(ndtri(0.5 * (1.0 + confidence))) ** 2
+    covariance = np.linalg.inv(information)
     place = -b[0] / b[1]
     line = np.array([1.0, place]) / b[1]
 
     def of_median(log_theta: float) -> float:
         along = np.array([[-log_theta, 1.0]])
-        return fit.likelihood(fit.largest(np.zeros(2), along, b[1:])) - least
+        return fit.value(fit.largest(np.zeros(2), along, b[1:])) - least
 
     def of_inverse(log_b1: float) -> float:
         start = np.array([0.0, math.exp(log_b1)])
         across = np.array([[1.0, 0.0]])
-        return fit.likelihood(fit.largest(start, across, -place * start[1:])) - least
+        return fit.value(fit.largest(start, across, -place * start[1:])) - least
 
     step = math.sqrt(float(line @ covariance @ line))
     medians = [_end(of_median, place, sign * step) for sign in (-1.0, 1.0)]
@@ -162,7 +228,22 @@ def fragility(intensity: Any, exceeded: Any, total: Any, confidence: float = 0.9
         dispersion_interval=(_exp(-inverses[1]), _exp(-inverses[0])),
         confidence=confidence,
         covariance=covariance,
+        caution=_caution(math.exp(place), *ends, shares),
     )
+
+
+def _caution(median: float, lowest: float, highest: float, shares: np.ndarray) -> str:
+    """Write why a median is extrapolated, empty if it is not."""
+    if median > highest or shares.max() < 0.5:
+        told = "above the highest" if median > highest else "not bounded by the highest"
+        return (
+            f"the median is an extrapolation, {told} stripe, {highest:.4g}: "
+            f"at most {100 * shares.max():.3g} % of the records reach the threshold"
+        )
+    if median < lowest or shares.min() > 0.5:
+        told = "below the lowest" if median < lowest else "not bounded by the lowest"
+        return f"the median is an extrapolation, {told} stripe, {lowest:.4g}"
+    return ""
 
 
 def cloud(intensity: Any, response: Any) -> Cloud:
@@ -193,50 +274,6 @@ def cloud(intensity: Any, response: Any) -> Cloud:
     rest = q - intercept - slope * p
     dispersion = math.sqrt(float(rest @ rest) / (x.size - 2))
     return Cloud(intercept, slope, dispersion, dispersion / math.sqrt(squares))
-
-
-class _Probit:
-    """Likelihood of stripes as a function of b_0 and b_1."""
-
-    def __init__(self, log_x: np.ndarray, k: np.ndarray, n: np.ndarray):
-        self.rows = np.stack([np.ones_like(log_x), log_x], axis=1)
-        self.k, self.n = k, n
-
-    def likelihood(self, b: np.ndarray) -> float:
-        h = self.rows @ b
-        return float(self.k @ log_ndtr(h) + (self.n - self.k) @ log_ndtr(-h))
-
-    def information(self, b: np.ndarray) -> np.ndarray:
-        """Return Fisher's expected information, shape (2, 2)."""
-        h = self.rows @ b
-        weight = self.n * np.exp(-h * h - math.log(2.0 * math.pi) - log_ndtr(h) - log_ndtr(-h))
-        return (self.rows.T * weight) @ self.rows
-
-    def largest(
-        self, start: np.ndarray, along: np.ndarray, at: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Maximise over b = start + t along, `along` of shape (1 or 2, 2), from t = `at`."""
-        t = np.zeros(len(along)) if at is None else np.array(at, float)
-        rows = self.rows @ along.T
-        value = self.likelihood(start + t @ along)
-        for _ in range(ITERATIONS):
-            h = self.rows @ (start + t @ along)
-            # d ln Phi = m, its derivative -m (h + m)
-            up = np.exp(-0.5 * h * h - 0.5 * math.log(2.0 * math.pi) - log_ndtr(h))
-            down = np.exp(-0.5 * h * h - 0.5 * math.log(2.0 * math.pi) - log_ndtr(-h))
-            slope = self.k * up - (self.n - self.k) * down
-            curve = self.k * up * (h + up) + (self.n - self.k) * down * (down - h)
-            move = np.linalg.lstsq((rows.T * curve) @ rows, rows.T @ slope, rcond=None)[0]
-            part = 1.0
-            while (better := self.likelihood(start + (t + part * move) @ along)) < value:
-                part *= 0.5
-                if part < 1e-10:
-                    return start + t @ along
-            t = t + part * move
-            gained, value = better - value, better
-            if gained <= CONVERGED * float(self.n.sum()):
-                break
-        return start + t @ along
 
 
 def _end(excess: Any, middle: float, step: float) -> float:

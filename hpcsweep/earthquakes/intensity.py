@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.earthquakes.reading import STANDARD_GRAVITY
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, spectrum
+from hpcsweep.earthquakes.units import STANDARD_GRAVITY
 from hpcsweep.model.arguments import instance, number, positive
 from hpcsweep.model.record import Record
 

@@ -1,65 +1,72 @@
-"""Read ground-motion records: AT2 files of PEER, two columns, one column.
+"""Read ground-motion records: header lines, then samples in one column, two, or many.
 
-An AT2 file has a header whose last line holds the number of samples and the time between them, in
-many spellings (``NPTS=  4000, DT= .01000 SEC``, ``4096    0.0100    NPTS, DT``), and the unit in an
-earlier line (``ACCELERATION TIME SERIES IN UNITS OF G``). The values follow row by row, in any
-number of columns, which may touch where a value is negative. So NPTS, DT and the unit are searched
-for, and numbers are parsed without fixed columns. The count must match the header.
+What the header says is read by `hpcsweep.earthquakes.header`, in many words. If it tells the number
+of samples and the time between them, as in AT2 files of PEER, samples follow row by row, in any
+number of columns, which may touch where a value is negative. Else there is one column of samples,
+or two, of times and samples. What the header says is compared with what follows.
 
 Other formats (SAC, miniSEED, those of national networks) are read by obspy, a package of its own:
 ``Record(trace.data, trace.stats.delta, trace.id)``.
 """
 
+import math
 import re
+from collections.abc import Iterator
+from decimal import Decimal
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, positive, refused, shown
+from hpcsweep.earthquakes.header import (
+    NUMBERS,
+    Header,
+    number,
+    read_header,
+    refuse_foreign,
+    says,
+)
+from hpcsweep.earthquakes.units import (
+    OWN,
+    STANDARD_GRAVITY,
+    UNITS,
+    Unit,
+    acceleration_unit,
+    factor_of,
+    in_seconds,
+    in_unit_of_time,
+    plain,
+    unit_of,
+)
+from hpcsweep.model.arguments import positive, refused, shown
 from hpcsweep.model.record import MAX_SAMPLES, Record
 
-STANDARD_GRAVITY = 9.80665
-"""One g in m/s^2, by definition."""
-GRAVITY_IN = {
-    "g": 1.0,
-    "m/s2": STANDARD_GRAVITY,
-    "cm/s2": 100 * STANDARD_GRAVITY,
-    "mm/s2": 1000 * STANDARD_GRAVITY,
-    "in/s2": STANDARD_GRAVITY / 0.0254,
-    "ft/s2": STANDARD_GRAVITY / 0.3048,
-}
-"""One g in each unit that files are in."""
-OWN = "structure"
-"""Says that values are in the structure's unit as they are."""
-UNITS = (*GRAVITY_IN, OWN)
-ALIASES = {"gal": "cm/s2", "gals": "cm/s2", "%g": "percent of g"}
 MAX_BYTES = 64 * MAX_SAMPLES
 """Of a file: two columns of 30 characters a sample."""
-MAX_HEADER = 50
-"""Lines among which NPTS is searched for."""
+MAX_HEADER = 100
+"""Lines among which the number of samples and the time between them are searched for."""
 UNEVEN = 0.02
 """Largest deviation of a time from equal steps, in steps: times are written with few digits."""
 SAME_STEP = 1e-9
-"""Relative difference below which a step is replaced by the nearest short number."""
+"""Relative difference of two steps that are one."""
+SHORT = 3
+"""Digits of steps that are tried before those that divide a second."""
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
-NUMBERS = re.compile(NUMBER)
-NOT_FINITE = re.compile(r"[-+]?(?:nan|inf(?:inity)?)\b", re.IGNORECASE)
-COUNT = re.compile(r"NPTS\s*[=:]?\s*(\d+)", re.IGNORECASE)
-STEP = re.compile(rf"\bDT\s*[=:]?\s*({NUMBER})", re.IGNORECASE)
-HAS_STEP = re.compile(r"\bDT\b", re.IGNORECASE)
-UNIT = re.compile(r"\bUNITS?\s*(?:OF|:|=)?\s*\(?\s*([^\s,;()]+)", re.IGNORECASE)
-BRACKETED = re.compile(r"[(\[]\s*([^()\[\]]+?)\s*[)\]]")
+NOT_FINITE = re.compile(r"[-+]?\b(?:nan|inf(?:inity)?)\b", re.IGNORECASE)
+CLOSING = re.compile(r"\b(?:end|eof)\b", re.IGNORECASE)
+COMMENTS = ("#", "%", "!", "//")
+SEPARATORS = str.maketrans(',;"', "   ")
+Row = tuple[int, list[str]]
+"""Number of a line, from 1, and the numbers in it."""
 
 
 class Table(NamedTuple):
-    """Contents of a file: values in its unit, the step, and the unit if it names one."""
+    """Contents of a file: values in its unit, the step in seconds, and what the header says."""
 
     values: np.ndarray
     dt: float
-    unit: str | None
+    header: Header
 
 
 def read_record(
@@ -67,27 +74,35 @@ def read_record(
     unit: str = "g",
     gravity: float = STANDARD_GRAVITY,
     dt: float | None = None,
+    time: str = "s",
 ) -> Record:
     """Read a ground-motion record from a text file.
 
-    The format is detected from the contents: an AT2 file has a line with NPTS and DT; any other
-    holds two columns, time and acceleration, at equal steps, or one column of acceleration,
-    possibly after header lines. Columns are separated by blanks, tabs, commas or semicolons. The
-    first sample is at t = 0 of the record, whatever its time in the file.
+    After header lines there are two columns, time and acceleration, at equal steps, one column of
+    acceleration, or as many samples as the header says, in any number of columns. Columns are
+    separated by blanks, tabs, commas or semicolons. The first sample is at t = 0 of the record,
+    whatever its time in the file. What the header says of the unit, the number of samples and the
+    time between them must agree with the arguments and the samples.
 
     Parameters
     ----------
     path : path
         Path of the file; its name without the ending becomes the record's.
     unit : str
-        Unit of the values in the file: ``g``, ``m/s2``, ``cm/s2``, ``mm/s2``, ``in/s2``, ``ft/s2``,
-        or ``structure``. A file that names another unit is refused; an AT2 file must name one.
+        Unit of the values in the file, in any spelling: ``g``, ``%g``, ``mg``, ``m/s2``, ``cm/s2``
+        or ``gal``, ``mm/s2``, ``in/s2``, ``ft/s2``; or ``structure``. A file that names another
+        unit is refused; an AT2 file must name one.
     gravity : float
-        One g in the structure's units. The acceleration is ``values * gravity`` in g,
-        ``values * gravity / 9.80665`` in m/s^2, and so on in the other units of length;
-        with the unit ``structure`` the values are used unchanged.
+        One g in the structure's units. The acceleration is ``values * gravity`` in g. Other units
+        are converted exactly, by the units of length and time in which the standard g is `gravity`
+        to 2 %: m/s^2 by 1 if it is 9.81 or 9.80665, by 1000 if it is 9806.65, by 1/0.0254 if it is
+        386; if it is near none, they are refused. With the unit ``structure`` the values are used
+        unchanged.
     dt : float, optional
-        Time between two samples: required with one column, otherwise compared with the file's.
+        Time in seconds between two samples: required where the file does not say it, otherwise
+        compared with the file's.
+    time : str
+        Unit of time of the structure, to which the seconds of the file are converted.
 
     Returns
     -------
@@ -100,8 +115,9 @@ def read_record(
     OSError
         If it cannot be read.
     """
-    choice("unit", unit, UNITS)
-    factor = 1.0 if unit == OWN else positive("gravity", gravity) / GRAVITY_IN[unit]
+    asked = None if unit == OWN else acceleration_unit("unit", unit)
+    factor = factor_of(asked, unit, gravity) if asked else 1.0
+    in_unit_of_time(1.0, time)
     if dt is not None:
         dt = positive("dt", dt)
     if not isinstance(path, str | PathLike):
@@ -109,157 +125,197 @@ def read_record(
     file = Path(path)
     try:
         table = _parse(file, dt)
-        if table.unit is not None and unit not in (OWN, table.unit):
-            raise ValueError(f"unit must be that of the file, {table.unit}, is {unit}")
-        return Record(table.values * factor, table.dt, file.stem)
+        if asked:
+            _compare_units(table.header, asked, unit)
+        return Record(table.values * factor, in_unit_of_time(table.dt, time), file.stem)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
 
 
+def _compare_units(header: Header, asked: Unit, name: str) -> None:
+    """Refuse a unit that is not the one that the file names."""
+    if header.unknown is not None:
+        limit = f"names a unit of acceleration that is not known, {shown(header.unknown)}"
+        raise ValueError(f"{limit}: with unit = {OWN!r} values are taken as they are")
+    for unit, words in header.units.items():
+        if unit != asked:
+            said = next((one for one in UNITS[:-1] if unit_of(one) == unit), plain(words))
+            raise ValueError(f"unit must be that of the file, {said}, is {name}")
+
+
 def _parse(file: Path, dt: float | None) -> Table:
-    """Parse a file of any format; `dt` if it is known."""
+    """Parse a file; `dt` if it is known."""
     with file.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
         raise ValueError(f"must have {MAX_BYTES} bytes at most, has more")
-    lines = content.decode("utf-8-sig", errors="replace").splitlines()
-    if not any(line.strip() for line in lines):
+    lines = _text(content).splitlines()
+    while lines and _is_closing(lines[-1]):
+        lines.pop()
+    if not lines:
         raise ValueError("must have at least 2 samples, is empty")
-    for i, line in enumerate(lines[:MAX_HEADER]):
-        if re.search(r"NPTS", line, re.IGNORECASE):
-            return _parse_at2(lines, i, dt)
-    if file.suffix.lower() == ".at2":
+    if len(lines) > MAX_SAMPLES + MAX_HEADER:
+        raise ValueError(f"must have from 2 to {MAX_SAMPLES} samples, has {len(lines)} lines")
+    said = [i for i, line in enumerate(lines[:MAX_HEADER]) if _is_words(line) and says(line)]
+    least = said[-1] + 1 if said else 0
+    is_at2 = any("npts" in lines[i].lower() for i in said)
+    first = next((i for i in range(least, len(lines)) if not _is_words(lines[i])), len(lines))
+    header = read_header([line for line in lines[:first] if _is_words(line) and line.strip()])
+    if is_at2 and not (header.steps and header.counts):
+        raise ValueError(
+            f"NPTS and DT must be a count and a time, are {shown(lines[said[-1]].strip())}"
+        )
+    if file.suffix.lower() == ".at2" and not header.counts:
         raise ValueError(f"must name NPTS and DT in its first {MAX_HEADER} lines, does not")
-    return _parse_columns(lines, dt)
-
-
-# AT2
-
-
-def _parse_at2(lines: list[str], last: int, known: float | None) -> Table:
-    """Read an AT2 file whose line `last`, from 0, has NPTS."""
-    said = lines[last]
-    if not HAS_STEP.search(said) and HAS_STEP.search("".join(lines[last + 1 : last + 2])):
-        last += 1
-        said = f"{said} {lines[last]}"
-    count, dt = _count_and_step(said)
-    if count > MAX_SAMPLES:
-        raise ValueError(f"NPTS must be from 2 to {MAX_SAMPLES}, is {count}")
-    if not dt > 0:
-        raise ValueError(f"DT must be above 0, is {dt!r}")
-    if known is not None and abs(known - dt) > SAME_STEP * dt:
-        raise ValueError(f"dt must be that of the file, {dt!r}, is {known!r}")
-    units = [found.group(1) for line in lines[: last + 1] for found in UNIT.finditer(line)]
-    if not units:
+    if is_at2 and not header.units and header.unknown is None:
         raise ValueError("must name its unit before its samples (IN UNITS OF G), does not")
-    values = _numbers(lines, last + 1)
-    if len(values) != count:
-        raise ValueError(f"must have the {count} samples that NPTS says, has {len(values)}")
-    return Table(values, dt, _unit(units[-1]))
+    rows = _rows(lines, first)
+    if not rows and not header.counts:
+        raise ValueError(f"must have at least 2 samples, has none in {len(lines)} lines")
+    return _table(rows, header, dt)
 
 
-def _count_and_step(said: str) -> tuple[int, float]:
-    """Find NPTS and DT in a header line: after their names, or before or after both of them."""
-    count, step = COUNT.search(said), STEP.search(said)
-    if count and step:
-        return int(count.group(1)), _float(step.group(1))
-    before, _, after = re.split(r"(NPTS)", said, maxsplit=1, flags=re.IGNORECASE)
-    found = NUMBERS.findall(before)[-2:] or NUMBERS.findall(after)[:2]
-    if len(found) != 2 or not found[0].isdigit():
-        raise ValueError(f"NPTS and DT must be a count and a time, are {shown(said.strip())}")
-    return int(found[0]), _float(found[1])
+def _text(content: bytes) -> str:
+    """Decode a file: UTF-8, UTF-16 with its mark, or else one byte a character."""
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = content.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")
+    if "\0" in text:
+        raise ValueError("must be a text, has bytes of 0")
+    refuse_foreign(text)
+    return text
 
 
-def _unit(text: str) -> str:
-    """Return the name in `GRAVITY_IN` of a unit as written in headers; any other unchanged."""
-    plain = text.lower().strip(". ").replace("sec", "s").replace(" ", "")
-    plain = re.sub(r"/s(?:/s|\*\*2|\^2|²|\*s)$", "/s2", plain)
-    return ALIASES.get(plain, plain)
+def _is_closing(line: str) -> bool:
+    """Return whether a last line says nothing but that it is the last."""
+    return not line.strip("\x1a \t\r") or bool(CLOSING.search(line) and _is_words(line))
 
 
-def _float(text: str) -> float:
-    """Read a number, with Fortran's D among the exponents."""
-    return float(text.replace("D", "E").replace("d", "e"))
+def _is_words(line: str) -> bool:
+    """Return whether a line is one of a header: words or nothing, no numbers that are damaged."""
+    cells = line.translate(SEPARATORS).split()
+    is_rule = not re.search(r"\d|\b(?:nan|inf)", line, re.IGNORECASE)
+    if not cells or is_rule or cells[0].startswith(COMMENTS):
+        return True
+    is_number = [bool(NUMBERS.fullmatch(cell) or NOT_FINITE.fullmatch(cell)) for cell in cells]
+    if all(is_number) or ("." in cells[0] and is_number[0] and len(cells) == 2 and not says(line)):
+        return False
+    if re.search(r"[^\W\d_]{2}", NOT_FINITE.sub("", NUMBERS.sub(" ", line))):
+        return True
+    return not (any(is_number) or cells[0][0] in "+-.0123456789")
 
 
-def _numbers(lines: list[str], first: int) -> np.ndarray:
-    """Read all numbers from line `first` on, from 0, whether they touch or not."""
-    found: list[float] = []
+def _rows(lines: list[str], first: int) -> list[Row]:
+    """Read the numbers of each line from line `first` on, from 0, whether they touch or not."""
+    rows: list[Row] = []
     for i, line in enumerate(lines[first:], first + 1):
-        other = NUMBERS.sub("", line).replace(",", "").strip()
+        other = NUMBERS.sub("", line).translate(SEPARATORS).strip()
         if other:
             what = "finite" if NOT_FINITE.search(line) else "a number"
             raise ValueError(f"every sample must be {what}, line {i} has {shown(other)}")
-        found.extend(map(_float, NUMBERS.findall(line)))
-    return np.array(found)
+        if cells := NUMBERS.findall(line):
+            rows.append((i, cells))
+    return rows
 
 
-# columns
-
-
-def _parse_columns(lines: list[str], known: float | None) -> Table:
-    """Read one column with known step, or two, after a header."""
-    if len(lines) > MAX_SAMPLES + MAX_HEADER:
-        raise ValueError(f"must have from 2 to {MAX_SAMPLES} samples, has {len(lines)} lines")
-    rows = [(i, re.split(r"[\s,;]+", line.strip(" \t,;"))) for i, line in enumerate(lines, 1)]
-    rows = [(i, cells) for i, cells in rows if cells != [""]]
-    start = next((j for j, (_, cells) in enumerate(rows) if _is_number(cells[0])), len(rows))
-    header = [lines[i - 1] for i, _ in rows[:start]]
-    table = rows[start:]
-    if not table:
-        raise ValueError(f"must have at least 2 samples, has none in {len(lines)} lines")
-    if len(table) > MAX_SAMPLES:
-        raise ValueError(f"must have from 2 to {MAX_SAMPLES} samples, has {len(table)}")
-    width = len(table[0][1])
-    if width > 2:
-        raise ValueError(f"must have one column or two, time and acceleration, has {width}")
-    for i, cells in table:
-        if len(cells) != width:
-            raise ValueError(f"every line must have {width} columns, line {i} has {len(cells)}")
-        for cell in cells:
-            if not _is_number(cell):
-                raise ValueError(f"every sample must be a number, line {i} has {shown(cell)}")
-            if NOT_FINITE.fullmatch(cell):
-                raise ValueError(f"every sample must be finite, line {i} has {cell}")
-    numbers = np.array([[_float(cell) for cell in cells] for _, cells in table])
-    unit = _named(header)
-    if width == 2:
-        return Table(numbers[:, 1], _step(numbers[:, 0], known, table[0][0]), unit)
-    if known is None:
+def _table(rows: list[Row], header: Header, known: float | None) -> Table:
+    """Take the samples from the numbers of lines, and compare them with what is said of them."""
+    counts, steps = dict(header.counts), dict(header.steps)
+    if not counts:
+        rows = _without_count(rows, counts, steps)
+    for label, count in counts.items():
+        if count > MAX_SAMPLES:
+            raise ValueError(f"{label} must be from 2 to {MAX_SAMPLES}, is {count}")
+    said = {**({} if known is None else {"dt": known}), **steps}
+    for label, step in steps.items():
+        first, value = next(iter(said.items()))
+        if abs(value - step) > SAME_STEP * step:
+            raise ValueError(f"{first} must be that of the file, {step!r}, is {value!r} ({label})")
+    total, widths = sum(len(cells) for _, cells in rows), {len(cells) for _, cells in rows}
+    has_times = widths == {2} and (
+        total not in counts.values() or _are_times(rows, header.time, said)
+    )
+    n = len(rows) if has_times else total
+    for label, count in counts.items():
+        if count != n:
+            raise ValueError(f"must have the {count} samples that {label} says, has {n}")
+    if not counts and len(widths) > 1:
+        width = len(rows[0][1])
+        i, cells = next(row for row in rows if len(row[1]) != width)
+        raise ValueError(f"every line must have {width} columns, line {i} has {len(cells)}")
+    if not counts and max(widths) > 2:
+        wide = f"has {max(widths)}"
+        raise ValueError(f"must have one column or two, time and acceleration, {wide}")
+    if has_times:
+        dt = _step([cells[0] for _, cells in rows], header.time, said)
+        return Table(np.array([number(cells[1]) for _, cells in rows]), dt, header)
+    if not said:
         raise ValueError("dt must be given with one column of samples, is None")
-    return Table(numbers[:, 0], known, unit)
+    values = np.array([number(cell) for _, cells in rows for cell in cells])
+    return Table(values, next(iter(said.values())), header)
 
 
-def _is_number(cell: str) -> bool:
-    return bool(NUMBERS.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
+def _without_count(rows: list[Row], counts: dict, steps: dict) -> list[Row]:
+    """Take the number of samples away that stands before them, alone or with their step."""
+    (_, first), rest = rows[0], rows[1:]
+    widths = {len(cells) for _, cells in rest}
+    if not (rest and first[0].isdigit() and (len(first) == 1 or (len(first) == 2 != max(widths)))):
+        return rows
+    n = int(first[0])
+    cells = [cell for _, cells in rest for cell in cells]
+    differs = len(first) not in widths or all(re.search("[.eEdD]", cell) for cell in cells)
+    if n not in (len(rest), len(cells)) and not (differs and n > 1):
+        return rows
+    counts["its first line"] = n
+    if len(first) == 2:
+        steps["its first line"] = number(first[1])
+    return rest
 
 
-def _named(header: list[str]) -> str | None:
-    """Return the unit of acceleration that a header names, in brackets or after UNITS OF."""
-    for line in reversed(header):
-        said = [*UNIT.findall(line), *BRACKETED.findall(line)]
-        units = [unit for unit in map(_unit, said) if unit in GRAVITY_IN]
-        if units:
-            return units[-1]
-    return None
+def _are_times(rows: list[Row], unit: Unit, said: dict[str, float]) -> bool:
+    """Return whether first numbers rise by the step that is said, as if they were times."""
+    times = np.array([number(cells[0]) for _, cells in rows]) * float(unit.size)
+    return any(np.allclose(np.diff(times), step, rtol=0, atol=0.1 * step) for step in said.values())
 
 
-def _step(times: np.ndarray, known: float | None, first: int) -> float:
-    """Return the step of equidistant times, the first of which is in line `first`."""
-    if len(times) < 2:
-        raise ValueError(f"must have from 2 to {MAX_SAMPLES} samples, has {len(times)}")
-    step = float(times[-1] - times[0]) / (len(times) - 1) if known is None else known
-    if not step > 0:
+def _step(cells: list[str], unit: Unit, said: dict[str, float]) -> float:
+    """Return the step in seconds of equidistant times in a unit, which must be what is said."""
+    n, times = len(cells), np.array(list(map(number, cells)))
+    if not 2 <= n <= MAX_SAMPLES:
+        raise ValueError(f"must have from 2 to {MAX_SAMPLES} samples, has {n}")
+    step = float(times[-1] - times[0]) / (n - 1)
+    if not 0 < step < math.inf:
         raise ValueError(f"the time between two samples must be above 0, is {step:.6g}")
-    off = np.abs(times - times[0] - step * np.arange(len(times))) / step
+    single = np.spacing(np.abs(times).max().astype(np.float32)).astype(float)
+    off = np.abs(times - times[0] - step * np.arange(n)) / step
     worst = int(off.argmax())
-    if off[worst] > UNEVEN:
+    if off[worst] > max(UNEVEN, min(single / step, 0.25)):
         raise ValueError(
             f"times must be equal steps of {step:.6g} to {UNEVEN} of a step, "
             f"time {worst + 1}, {times[worst]:.10g}, is off by {off[worst]:.3g}"
         )
-    for digits in range(1, 16):
-        short = float(f"{step:.{digits}g}")
-        if abs(short - step) <= SAME_STEP * step:
-            return short
-    return step
+    exponents = [Decimal(re.sub("[dD]", "E", cell)).as_tuple().exponent for cell in cells]
+    written = max(10.0 ** min(map(int, exponents)), SAME_STEP * step)
+    own, apart = step, UNEVEN * step
+    for candidate, within in _steps_near(step, (written, single)):
+        if np.abs(times - times[0] - candidate * np.arange(n)).max() <= within:
+            own, apart = candidate, max(within, single)
+            break
+    own = in_seconds(own, unit)
+    for label, value in said.items():
+        if abs(value - own) * (n - 1) > apart * float(unit.size):
+            raise ValueError(f"{label} must be that of the times, {own!r}, is {value!r}")
+    return next(iter(said.values()), own)
+
+
+def _steps_near(step: float, within: tuple[float, ...]) -> Iterator[tuple[float, float]]:
+    """Iterate over what a step may be if times are rounded: few digits, a part of a second."""
+    for limit in within:
+        for digits in range(1, 16):
+            yield float(f"{step:.{digits}g}"), limit
+            if digits == SHORT and 1.0 / step >= 1.0:
+                yield 1.0 / round(1.0 / step), limit

@@ -3,9 +3,10 @@
 A stripe is one scale of the records: one response of each. Fractiles are counted, not fitted: that
 of the part p of n values is the smallest of them that at least p n values do not exceed, so it is
 one of the values, and means the same of responses at a scale, and of capacities, some of which are
-infinite. The capacity of a record is the smallest scale whose response reaches a threshold. A curve
-of a structure that pounds may fall below the threshold again and rise once more: later crossings
-are counted, so that such a curve is not mistaken for a simple one.
+infinite. The capacity of a record is the smallest scale whose response reaches a threshold: where
+the line through its responses at the two stripes that bracket the threshold does, the response at
+the scale 0 being 0. A curve of a structure that pounds may fall below the threshold again and rise
+once more: later crossings are counted, so that such a curve is not mistaken for a simple one.
 """
 
 import math
@@ -14,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import array, finite, number
+from hpcsweep.model.arguments import array, finite, number, positive
 
 PARTS = (0.16, 0.5, 0.84)
 """Of fractiles: the median, and what is a standard deviation from it in a normal distribution."""
@@ -26,11 +27,13 @@ class Capacity(NamedTuple):
     """Capacities of records at one threshold, each of shape (...)."""
 
     scale: np.ndarray
-    """Smallest scale whose response reaches the threshold; inf where none does, NaN where a
-    response below it is not known."""
+    """Smallest scale whose response reaches the threshold, interpolated linearly between `below`
+    and `above`; inf where none does, NaN where a response below it is not known."""
     below: np.ndarray
-    """Scale before it, which does not reach it; 0 where it is the first, the last scale where none
-    does: the capacity for scales between the stripes lies between the two."""
+    """Stripe before it, which does not reach it; 0 where that is the first, the last stripe where
+    none does."""
+    above: np.ndarray
+    """First stripe that reaches it, inf where none does."""
     later_crossings: np.ndarray
     """How often the curve crosses the threshold after that, down and up; 0 of a simple curve."""
 
@@ -70,6 +73,8 @@ def fractiles(values: Any, parts: Sequence[float] = PARTS, axis: int = 0) -> np.
 def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
     """Find the smallest scale at which each record's response reaches a threshold.
 
+    Responses are taken as linear in the scale between stripes, and as 0 at the scale 0.
+
     Parameters
     ----------
     scales : array_like, shape (s,)
@@ -96,12 +101,43 @@ def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
             f"responses must have the {own.size} scales as their last axis, "
             f"have shape {curves.shape}"
         )
-    reached = curves >= finite("threshold", threshold)
+    threshold = finite("threshold", threshold)
+    reached = curves >= threshold
     any_reached = reached.any(axis=-1)
-    first = np.where(any_reached, reached.argmax(axis=-1), own.size)
-    ends = np.concatenate([[0.0], own, [math.inf]])
-    unknown = np.isnan(curves) & (np.arange(own.size) < first[..., None])
-    scale = np.where(unknown.any(axis=-1), math.nan, ends[first + 1])
+    first = np.where(any_reached, reached.argmax(axis=-1), own.size)[..., None]
+    unknown = np.isnan(curves) & (np.arange(own.size) < first)
+
+    def around(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the values at the stripes before and at the first that reaches it."""
+        low, high = (np.take_along_axis(values, first + k, axis=-1)[..., 0] for k in (0, 1))
+        return low, high
+
+    ends = np.zeros((*curves.shape[:-1], 1))
+    low, high = around(np.concatenate([ends, curves, ends + math.inf], axis=-1))
+    below, above = around(np.concatenate([ends, ends + own, ends + math.inf], axis=-1))
+    # a response of 0 at the scale 0 may be the threshold itself
+    part = np.clip((threshold - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0)
+    with np.errstate(invalid="ignore"):
+        scale = np.where(any_reached, below + part * (above - below), math.inf)
+    scale = np.where(unknown.any(axis=-1), math.nan, scale)
     crossings = np.count_nonzero(np.diff(reached, axis=-1), axis=-1)
-    later = crossings - (any_reached & (first > 0))
-    return Capacity(scale, ends[first], later)
+    later = crossings - (any_reached & (first[..., 0] > 0))
+    return Capacity(scale, below, above, later)
+
+
+def linear_capacity(scale: float, responses: Any, threshold: float) -> Capacity:
+    """Return the exact capacities of responses that are proportional to the scale.
+
+    Parameters
+    ----------
+    scale : float
+        Above 0.
+    responses : array_like, shape (...)
+        Of each record at that scale, at least 0, NaN where it is not known.
+    threshold : float
+        Above 0.
+    """
+    own = np.asarray(responses, float)
+    with np.errstate(divide="ignore"):
+        exact = positive("threshold", threshold) * scale / own
+    return Capacity(exact, np.minimum(exact, scale), exact, np.zeros(own.shape, int))

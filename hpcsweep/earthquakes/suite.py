@@ -17,6 +17,7 @@ from hpcsweep.earthquakes.intensity import average_spectral_acceleration, intens
 from hpcsweep.earthquakes.reading import read_record
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
 from hpcsweep.earthquakes.synthetic import synthetic_records
+from hpcsweep.earthquakes.units import in_unit_of_time
 from hpcsweep.model.record import Record
 
 MEASURES = ("factor", "pga", "pgv", "sa", "avgsa")
@@ -109,6 +110,7 @@ class Files:
     unit: str
     gravity: float
     dt: float | None = None
+    time: str = "s"
 
     def record(self, i: int) -> Record:
         """Read record i.
@@ -121,7 +123,7 @@ class Files:
         path = self.paths[i]
         state = Path(path).stat()
         changed = state.st_mtime_ns, state.st_size
-        return _read(path, self.unit, self.gravity, self.dt, changed)
+        return _read(path, self.unit, self.gravity, self.dt, self.time, changed)
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,8 @@ class Synthetic:
     duration: float = 30.0
     rms: float = 1.0
     soil: str = "firm"
+    time: str = "s"
+    """Unit of time of the structure, to which seconds are converted."""
 
     def record(self, i: int) -> Record:
         """Return record i.
@@ -161,13 +165,17 @@ def checked_record(source: Files | Synthetic, facts: Facts, i: int) -> Record:
 
 
 @lru_cache(maxsize=KEPT)
-def _read(path: str, unit: str, gravity: float, dt: float | None, changed: tuple) -> Record:
+def _read(
+    path: str, unit: str, gravity: float, dt: float | None, time: str, changed: tuple
+) -> Record:
     del changed  # a file that has been rewritten is read again
-    return read_record(path, unit, gravity, dt)
+    return read_record(path, unit, gravity, dt, time)
 
 
 @lru_cache(maxsize=2)
 def _made(suite: Synthetic) -> list[Record]:
-    return synthetic_records(
+    dt = in_unit_of_time(suite.dt, suite.time)
+    made = synthetic_records(
         suite.count, suite.seed, suite.dt, suite.duration, suite.rms, suite.soil
     )
+    return [Record(one.acceleration, dt, one.name) for one in made]

@@ -11,7 +11,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 
 import numpy as np
 
-MEANING_VERSION = 3
+MEANING_VERSION = 4
 """Part of the fingerprint; raised when the same job text comes to mean other results."""
 
 

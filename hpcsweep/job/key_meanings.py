@@ -59,8 +59,8 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
     "study.confidence": ("confidence level of the intervals of shares, between 0 and 1", "0.95"),
     "study.max_cycles": (
         "forcing periods for which a motion is followed to classify it, after a transient as long, "
-        "or of `sweep.transient_cycles` if that is shorter; a start near no known motion may take "
-        "up to twice as long again",
+        "or of `sweep.transient_cycles` if that is shorter; the motions without period that are "
+        "tested together must outlive 24 times as many at a confidence of 95 %",
         "5000",
     ),
     "study.match_distance": (
@@ -164,7 +164,8 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
     "sweep.period_tolerance": ("distance below which two stroboscopic points are the same",),
     "sweep.classify_cycles": (
         "forcing periods spent at most, beside the path, to classify a motion that the window "
-        "leaves open; 0: none",
+        "leaves open, a 160th of them to see chaos outlive (of an independent run a fifth, below "
+        "grazing all); 0: none",
         "50000 (bdf: 0)",
     ),
     "sweep.initial_state": (
@@ -225,11 +226,11 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
         "1, 0, 0.01, 30, 1, firm",
     ),
     "records.unit, records.gravity": (
-        "unit of the numbers in the files (`g`, `m/s2`, `cm/s2`, `mm/s2`, `in/s2`, `ft/s2`, "
-        "`structure`), and one g in the units of the structure",
-        "g, 9.80665",
+        "unit of the numbers in the files (`g`, `%g`, `mg`, `m/s2`, `cm/s2`, `mm/s2`, `in/s2`, "
+        "`ft/s2`, `structure`), and one g in the units of the structure, which must fit `units`",
+        "g; by `units`, or 9.80665",
     ),
-    "records.dt": ("time between samples, for files that do not say it", ""),
+    "records.dt": ("time in seconds between samples, for files that do not say it", ""),
     "records.scale": (
         'table: `by` an intensity measure, `"factor"`, `"pga"`, `"pgv"`, `"sa"` with `period`, or '
         '`"avgsa"` with `periods`, both with `damping_ratio`; and the intensities, above 0, a '

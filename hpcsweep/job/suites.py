@@ -95,6 +95,10 @@ def _paths(values: Values, folder: Path) -> tuple[str, ...]:
             found = [name for name in glob.glob(str(place)) if Path(name).is_file()]  # noqa: PTH207
         if not found:
             raise values.error("records.files", pattern, f"there is no such file in {folder}")
+        for name in found:
+            if not name.isprintable():  # as one of bytes that are not UTF-8
+                limit = "names of files and folders must be printable, in UTF-8"
+                raise values.error("records.files", name, limit)
         paths |= dict.fromkeys(sorted(found))
     if len(paths) > keys.MAX_FILES:
         limit = f"gives {len(paths)} records, the most are {keys.MAX_FILES}"

@@ -156,7 +156,8 @@ amplitude = {from = 0.005, to = 0.25, step = 0.0025}
 # Ground motion of study.kind = "records":
 #[records]
 # files = ["*.AT2", "folder"] names the records, relative to this file, unit = "g" their unit (m/s2,
-# cm/s2, mm/s2, in/s2, ft/s2, or structure), gravity = 9.80665 one g in the units of the structure,
+# cm/s2, mm/s2, in/s2, ft/s2, or structure), gravity = 9.80665 one g in the units of the
+# structure (default: by the names in [units]),
 # dt = 0.01 the time between samples where a file does not say it. In place of files a suite that
 # anybody can make: synthetic = {count = 20, seed = 1, dt = 0.01, duration = 30.0, rms = 1.0,
 # soil = "firm"}.

@@ -29,6 +29,8 @@ NEVER = {
     "sweep.amplitude": "is an axis of every study; give sweep.amplitude its values",
     "sweep.initial_state": "must be one and the same of all runs",
 }
+SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
+"""Keys of a building, or of the structure, that change its natural frequencies."""
 UNITS = dict.fromkeys(
     ("structure.gap", "structure.gap_left", "structure.contact.gap", "pounding.gap"), "length"
 )
@@ -102,10 +104,24 @@ def read_varied(
     if unused(values, tree):
         # what is given beside vary is not used, but has to be right
         read(values.source, parts.tree_as_given())
+    for axis in axes:
+        owner, _, name = axis.key.rpartition(".")
+        if name in SETS_FREQUENCIES and "rayleigh" in _table(rest, owner):
+            limit = (
+                f"changes the damping ratios that {owner}.rayleigh gives: its alpha and beta "
+                "belong to one set of frequencies; give damping_ratio"
+            )
+            raise values.error(f"vary.{axis.key}", given[axis.key], limit)
     study = Varied(base, axes, parts)
     for place in itertools.islice(study.places(), 1, None):
         _check_shape(values, study, place)
     return study
+
+
+def _table(tree: Mapping, owner: str) -> Mapping:
+    """Return the table of a key, or one of several as in ``building[0]``."""
+    indexed = re.fullmatch(r"(\w+)\[(\d+)\]", owner)
+    return tree[indexed[1]][int(indexed[2])] if indexed else tree.get(owner, {})
 
 
 def unused(values: Values, tree: Mapping) -> tuple[str, ...]:

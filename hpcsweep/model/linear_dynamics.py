@@ -174,7 +174,20 @@ class LinearDynamics:
         """
         if not np.isfinite(self.sharpness):
             return force
-        return force / (1.0 + np.exp(-self.sharpness * past))
+        with np.errstate(over="ignore"):
+            return force / (1.0 + np.exp(-self.sharpness * past))
+
+    def contact_forces(self, states: np.ndarray) -> np.ndarray:
+        """Return the force of each contact at states of shape (k, 2n), shape (k, m)."""
+        moved, speed = np.split(states, 2, axis=-1)
+        past = moved @ self.directions.T - [contact.gap for contact in self.contacts]
+        force = self.switched(self.contact_stiffness * past, past)
+        if not np.isfinite(self.sharpness):
+            drag = self.contact_damping * (speed @ self.directions.T)
+            lets_go = [bool(one.damping) and not one.tension for one in self.contacts]
+            force = np.where(past > 0, force + drag, 0.0)
+            force = np.where(lets_go, np.maximum(force, 0.0), force)
+        return force + 0.0  # of which -0.0 is 0.0
 
     @cached_property
     def contact_softness(self) -> np.ndarray:

@@ -33,6 +33,12 @@ class MeasuredDynamics(LinearDynamics):
         if self.matrices is not None:
             shown.append(f"matrices, {len(self.matrices.contacts)} contacts")
             hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
+            if self.matrices.damping is not None:
+                low, high = self.damping_ratios.min(), self.damping_ratios.max()
+                shown.append(f"damping matrix, ratios {low:.3g} to {high:.3g}")
+                hidden.add("damping_ratio")
+        if self.rayleigh is not None:
+            hidden.add("damping_ratio")
         shown += [
             f"{name}={value!r}"
             for name, value in given.items()

@@ -1,4 +1,4 @@
-"""Names of the units of a structure, for labels: nothing is ever converted.
+"""Names of the units of a structure, for labels; of records they also give g and the time.
 
 Quantities are identified by their dimension (`length`, `velocity`, ...). The building of the paper
 has units of its own: lengths in gaps, time in 1/omega_0. Any other structure is in consistent units

@@ -49,10 +49,10 @@ def run(
     flag: StopFlag,
     on_report: Callable[[int, Any], None] = lambda rank, value: None,
     cost: Callable[[int], float] = lambda task: 0.0,
+    on_end: Callable[[int], None] = lambda task: None,
     traffic: Traffic | None = None,
     tick: Callable[[], None] = lambda: None,
     at_rest: Callable[[], None] = lambda: None,
-    computing_master: bool | None = None,
 ) -> bool:
     """Compute all tasks on all ranks (collective).
 
@@ -72,14 +72,14 @@ def run(
     cost : callable
         Estimate the remaining cost (s) of a task, as of the last report; called repeatedly on
         rank 0. The costliest tasks are handed out first, equal ones in order.
+    on_end : callable (task)
+        Called on rank 0 when a task is done, after its last report.
     traffic : Traffic, optional
         Filled on rank 0.
     tick : callable
         Called on rank 0 whenever it polls for messages, whether or not there are any.
     at_rest : callable
         Called repeatedly on any other rank while it is idle.
-    computing_master : bool, optional
-        Whether rank 0 computes tasks too. Default: on up to `schedule.DEDICATED_MASTER` ranks.
 
     Returns
     -------
@@ -88,9 +88,7 @@ def run(
     """
     if comm.rank == 0:
         traffic = traffic or Traffic()
-        if computing_master is None or comm.size == 1:
-            computing_master = computing_ranks(comm.size) == comm.size
-        master = _Master(comm, tasks, flag, on_report, cost, traffic, tick, computing_master)
+        master = _Master(comm, tasks, flag, on_report, cost, on_end, traffic, tick)
         finished = master.run(compute)
     else:
         _work(comm, compute, flag, at_rest)
@@ -101,12 +99,13 @@ def run(
 class _Master:
     """The master: the schedule and the free ranks."""
 
-    def __init__(self, comm, tasks, flag: StopFlag, on_report, cost, traffic, tick, computes: bool):
+    def __init__(self, comm, tasks, flag: StopFlag, on_report, cost, on_end, traffic, tick):
         self._comm = comm
-        self._computes = computes
-        self._schedule = Schedule(tasks, cost, comm.size if computes else comm.size - 1)
+        n_computing = computing_ranks(comm.size)
+        self._computes = n_computing == comm.size
+        self._schedule = Schedule(tasks, cost, n_computing)
         self._flag = flag
-        self._on_report = on_report
+        self._on_report, self._on_end = on_report, on_end
         self._traffic: Traffic = traffic
         self._tick = tick
         self._idle: list[int] = []
@@ -165,6 +164,7 @@ class _Master:
         self._recalled.discard(task)
         if rest is None:
             self._schedule.end(task)
+            self._on_end(task)
         elif self._stopping:
             self._unfinished = True
         else:

@@ -16,7 +16,10 @@ import time
 import warnings
 from typing import Any
 
-LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "MV2_COMM_WORLD_SIZE")
+SRUN = "SLURM_STEP_NUM_TASKS"
+"""A variable of srun, also in a shell that it started."""
+
+LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", SRUN, "MV2_COMM_WORLD_SIZE")
 """Variables in which launchers (MPICH's hydra, Open MPI, srun, MVAPICH) give the job's size."""
 
 HYDRA = "MPI_LOCALNRANKS"
@@ -168,9 +171,22 @@ def launched_size() -> int:
     """Return the number of ranks the launcher says it started, 1 if there was none."""
     for name in LAUNCHER_SIZES:
         value = os.environ.get(name, "")
-        if value.isdigit():
+        if value.isdigit() and not (name == SRUN and _in_shell()):
             return int(value)
     return 1
+
+
+def _in_shell() -> bool:
+    """Return whether this process belongs to a shell on a terminal.
+
+    Of ``srun --pty bash`` it has the variables, but it is the shell that is the rank; what srun
+    starts itself leads its session (the rank with the terminal) or has no terminal.
+    """
+    try:
+        os.close(os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY))
+    except OSError:
+        return False
+    return os.getsid(0) != os.getpid()
 
 
 def world() -> Serial | Ranks:

@@ -57,20 +57,11 @@ class Schedule:
         the estimate may improve. Equal tasks go in order.
     n_computing : int
         Ranks that compute.
-    known : bool
-        Whether the costs are: then that of a waiting task is estimated once.
     """
 
-    def __init__(
-        self,
-        tasks: Iterable[int],
-        left: Callable[[int], float],
-        n_computing: int,
-        known: bool = False,
-    ):
+    def __init__(self, tasks: Iterable[int], left: Callable[[int], float], n_computing: int):
         self._estimate = left
         self._n = n_computing
-        self._known = known
         self._waiting = sorted((left(task), -task) for task in tasks)
         self._waiting_sum = sum(left for left, _ in self._waiting)
         self._left: dict[int, float] = {}
@@ -117,9 +108,8 @@ class Schedule:
         """Return the running tasks to recall; inspects them at most once in `every` (s)."""
         if self._n == 1 or not self._waiting or now < self._next_balance:
             return []
-        if not self._known:
-            self._waiting = sorted((self._estimate(-task), task) for _, task in self._waiting)
-            self._waiting_sum = sum(left for left, _ in self._waiting)
+        self._waiting = sorted((self._estimate(-task), task) for _, task in self._waiting)
+        self._waiting_sum = sum(left for left, _ in self._waiting)
         if self._waiting[-1][0] < CRITICAL * self._waiting_sum / self._n:
             # below the fair share, however little the running tasks have left
             self._next_balance = now + max(every, self._waiting_sum / self._n / BALANCES)

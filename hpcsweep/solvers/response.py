@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.model.arguments import choice, finite, finite_vector, instance, number, positive
+from hpcsweep.model.modes import per_mass
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -200,6 +201,10 @@ class History(NamedTuple):
     velocity: np.ndarray
     """Shape (p, n)."""
     force: np.ndarray
+    """Of each contact, shape (p, k)."""
+    acceleration: np.ndarray
+    """Absolute, as in `Response`, shape (p, n)."""
+    peak_force: np.ndarray
     """Largest force of each contact since the instant before, shape (p, k)."""
 
 
@@ -216,7 +221,8 @@ def history(
 ) -> History:
     """Return the motion of a structure under a record from rest, at instants a step apart.
 
-    Exact at the instants, however far apart they are.
+    Exact at the instants, however far apart they are; contacts may push between them alone, which
+    `History.peak_force` tells.
 
     Parameters
     ----------
@@ -246,7 +252,7 @@ def history(
     own = record_map(choice("solver", solver, SOLVERS))(structure, dt, rtol)
     last, n_all = ground.size - 1, ground.size - 1 + int(tail / dt + SAME_STEP)
     count, n = n_all // samples + 1, structure.n_floors
-    states, force = np.empty((count, 2 * n)), np.zeros((count, len(structure.contacts)))
+    states, peaks = np.empty((count, 2 * n)), np.zeros((count, len(structure.contacts)))
     states[0] = structure.rest
     for j in range(1, count):
         if poll is not None:
@@ -255,8 +261,16 @@ def history(
         pushed = ground[low : high + 1] if low < last else np.zeros(samples + 1)
         free = (samples + 1 - pushed.size) * dt
         found = _complete(own.respond(pushed, scale, free, states[j - 1]), solver)
-        states[j], force[j] = found.final_state, found.force
-    return History(dt * samples * np.arange(count), states[:, :n], states[:, n:], force)
+        states[j], peaks[j] = found.final_state, found.force
+    u, v, force = states[:, :n], states[:, n:], structure.contact_forces(states)
+    peaks[0] = np.maximum(force[0], 0.0)
+    push = -u @ structure.stiffness_matrix - v @ structure.damping_matrix
+    push -= force @ structure.directions
+    if not structure.shakes:
+        given = ground[: n_all + 1 : samples]
+        push[: given.size] += scale * np.outer(given, structure.forcing_vector)
+    acceleration = per_mass(structure.mass_matrix, push.T).T
+    return History(dt * samples * np.arange(count), u, v, force, acceleration, peaks)
 
 
 def steps_in(dt: float, step: float) -> tuple[int, int] | None:

@@ -1,7 +1,7 @@
 """Skip rules, and when an orbit is verified to attract a motion.
 
 Newton's method finds an orbit near a motion for a skip rule (`flow.orbit.newton`, compiled) and for
-a classification (`dynamics.shooting`). Both accept it by `LINEAR_DEFECT`. They differ in the
+a classification (`dynamics.verification`). Both accept it by `LINEAR_DEFECT`. They differ in the
 multiplier. A classification needs the limit of a motion: any multiplier below 1 will do. A jump
 replaces the state after a transient: an approach slower than `STABLE` has covered less than a fifth
 of its way after 2,000 periods, where the window procedure would find another motion.

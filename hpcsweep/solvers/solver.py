@@ -32,8 +32,6 @@ class SolverKind:
     period_error : float
         Error of one forcing period in units of the relative tolerance, at beta = 1000 and a tangent
         map of norm 1: some three times the largest measured.
-    polls_each_period : bool
-        Whether ``poll`` is called in each forcing period, not only between runs.
     follows_orbits : bool
         Whether it computes batches of runs that skip rules finish (`FlowMap.follow_orbits`).
     classify_cycles : int
@@ -46,7 +44,6 @@ class SolverKind:
     rtol: float
     tight: float
     period_error: float
-    polls_each_period: bool = False
     follows_orbits: bool = False
     classify_cycles: int = 0
 
@@ -65,9 +62,7 @@ SOLVERS = {
         follows_orbits=True,
         classify_cycles=50_000,
     ),
-    "bdf": SolverKind(
-        "bdf", "BdfMap", rtol=1e-6, tight=1e-10, period_error=3e3, polls_each_period=True
-    ),
+    "bdf": SolverKind("bdf", "BdfMap", rtol=1e-6, tight=1e-10, period_error=3e3),
 }
 
 

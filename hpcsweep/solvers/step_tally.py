@@ -220,7 +220,7 @@ class StepTally:
         impacts[DISSIPATED] += work - (stored[1] - stored[0])
 
     def _note_apart(self, past, k=slice(None)) -> None:
-        """Note which contacts, or whether contact k, have come apart at distances past the stops."""
+        """Note which contacts, or whether contact k, have come apart."""
         size = np.maximum(np.abs(self._contacts.gap[k]), self._size)
         self._beside[k] &= past >= -ROUNDING * size
 

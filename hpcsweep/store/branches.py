@@ -64,7 +64,7 @@ def branch(
         If there is no orbit near the state, or a solver fails.
     """
     low, high = finite_vector("span", span, 2).tolist()
-    forced, start = find(structure, amplitude, omega, state, period, parameter)
+    forced, found = find(structure, amplitude, omega, state, period, parameter)
     value = forced.value
     if not low < high or not low <= value <= high:
         raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
@@ -75,8 +75,8 @@ def branch(
         count("steps", steps, 1, MOST_STEPS),
         positive("largest_step", largest_step),
     )
-    catalogue = Catalogue(forced, limits, scale, period, 1, costly=forced.is_costly)
-    catalogue.add(start.y[:-1].reshape(period, -1), value)
+    catalogue = Catalogue(forced, limits, scale, found.period, 1, costly=forced.is_costly)
+    catalogue.add(found.points / forced.units, value)
     catalogue.grow()
     return dataset_of(catalogue.branches[0].arc, forced)
 

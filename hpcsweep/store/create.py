@@ -50,9 +50,10 @@ def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None
         _reserve(temporary, temporary.stat().st_size)
         temporary.rename(path)
     except (OSError, RuntimeError) as error:
+        raise StoreError(f"{path}: cannot be created: {reason(error)}") from None
+    finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
-        raise StoreError(f"{path}: cannot be created: {reason(error)}") from None
 
 
 def _reserve(path: Path, size: int) -> None:

@@ -115,6 +115,13 @@ class Inferred:
         return None if self.frame(self.places[-1], audit) is None else last_look(audit)
 
 
+def is_complete(blocks: Blocks) -> bool:
+    """Return whether a file holds all of its job: every block, or what is inferred from them."""
+    if blocks.layout.derived:
+        return not Inferred(blocks).unknown()
+    return bool(blocks.have_checksum().all())
+
+
 def frame_variables(layout: Layout) -> list[Variable]:
     """Return the derived variables that have values for each frame."""
     return [v for v in layout.derived if v.name not in (AUDIT, INFERRED)]

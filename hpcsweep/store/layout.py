@@ -34,13 +34,13 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.branches.variables import End, Met, Origin, Reason
+from hpcsweep.studies.branches.variables import Criticality, End, Met, Origin, Reason
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import derived_coordinates, derived_variables
 from hpcsweep.studies.starting_range import starting_range
 from hpcsweep.studies.study import Variable
 
-LAYOUT_VERSION = 3
+LAYOUT_VERSION = 4
 FORMAT = "hpcsweep campaign"
 
 
@@ -67,8 +67,10 @@ FLAGS: dict[str, type[IntEnum]] = {
     "outcome": Outcome,
     "skip_rule": SkipRule,
     "motion": MotionClass,
+    "window_class": MotionClass,
     "motion_class": MotionClass,
     "special_kind": Kind,
+    "criticality": Criticality,
     "begins": End,
     "ends": End,
     "curve_kind": Kind,
@@ -191,7 +193,8 @@ def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:
     kind = FLAGS.get(variable.name)
     if kind is None:
         return {}
+    words = {0: "none"} | {int(one): one.name.lower() for one in kind}  # 0 fills what is not used
     return {
-        "flag_values": np.array([int(one) for one in kind], variable.dtype),
-        "flag_meanings": " ".join(one.name.lower() for one in kind),
+        "flag_values": np.array([*words], variable.dtype),
+        "flag_meanings": " ".join(words.values()),
     }

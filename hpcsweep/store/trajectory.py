@@ -83,7 +83,7 @@ def trajectory(
                 "acceleration relative to the ground",
             ),
             "contact_force": quantity(
-                ("contact", "time"), _forces(structure, states), "force", "contact force"
+                ("contact", "time"), structure.contact_forces(states).T, "force", "contact force"
             ),
         },
         coords={
@@ -107,19 +107,3 @@ def _accelerations(structure: Structure, amplitude, omega, times, states) -> np.
         half = rates.size // 2
         found[:, k] = rates[half : half + n] * units.amplitude_unit
     return found
-
-
-def _forces(structure: Structure, states: np.ndarray) -> np.ndarray:
-    """Evaluate the force of each contact, shape (m, k)."""
-    n = structure.n_floors
-    gaps = np.array([contact.gap for contact in structure.contacts]).reshape(-1, 1)
-    distance = structure.directions @ states[:, :n].T - gaps
-    if np.isinf(structure.sharpness):
-        on = (distance > 0).astype(float)
-    else:
-        with np.errstate(over="ignore"):
-            on = 1.0 / (1.0 + np.exp(-structure.sharpness * distance))
-    drag = structure.contact_damping[:, None] * (structure.directions @ states[:, n:].T)
-    force = structure.contact_stiffness[:, None] * on * distance + on * drag
-    lets_go = [not contact.tension for contact in structure.contacts]
-    return np.where(np.reshape(lets_go, (-1, 1)) & (drag != 0), np.maximum(force, 0.0), force)

@@ -63,9 +63,7 @@ class RunGrid(RunReport, Part):
     directions: tuple[str, ...]
 
     kind: ClassVar[str]
-    task_noun: ClassVar[str]
     run_noun: ClassVar[str] = "run"
-    why_whole: ClassVar[str]
     words: ClassVar[dict[str, str]]  # each direction in words
     direction_name: ClassVar[str]
     """Long name of the first dimension."""

@@ -38,7 +38,8 @@ class IndependentRuns(RunGrid):
         return None
 
     def describe_task(self, task: int) -> str:
-        """Describe a task by the frequency and amplitude of its first run."""
+        """Describe a task by its frequency and amplitudes."""
         (block,) = self.path(task)
-        found = self.describe(block.first)
-        return f"Omega = {found['omega']:.6g}, A = {found['amplitude']:.6g}"
+        first, last = self.describe(block.first), self.describe(block.run(block.n_runs - 1))
+        more = f" to {last['amplitude']:.6g}" if block.n_runs > 1 else ""
+        return f"Omega = {first['omega']:.6g}, A = {first['amplitude']:.6g}{more}"

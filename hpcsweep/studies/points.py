@@ -38,8 +38,6 @@ class Points(IndependentRuns):
     refine: Refinement | None = None
 
     kind: ClassVar[str] = "points"
-    task_noun: ClassVar[str] = "point"
-    why_whole: ClassVar[str] = "a point is one run, which cannot be cut"
     words: ClassVar[dict[str, str]] = {START: "each from the initial state"}
     direction_name: ClassVar[str] = "where each run starts"
     keys: ClassVar[dict] = {

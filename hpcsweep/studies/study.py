@@ -224,11 +224,8 @@ class Report(Protocol):
     """Descriptions of a study and its runs for users."""
 
     kind: str  # name in job files
-    task_noun: str
     run_noun: str
-    """Noun for a run; `task_noun` that for a task."""
-    why_whole: str
-    """Why a task cannot be cut further, in words for users."""
+    """Noun for a run."""
     n_frames: int
     """Sweeps over the last axis, of each direction."""
     status_variables: tuple[str, ...]

@@ -48,6 +48,14 @@ RUN_VARIABLES = (
         "6 undecided, 7 failed",
     ),
     Variable(
+        "window_class",
+        RUN,
+        "<i1",
+        "1",
+        "what the window shows by itself, as of motion: 1 no contact, 2 repeats, 5 chaotic, "
+        "6 undecided; 0 without a window",
+    ),
+    Variable(
         "window_period",
         RUN,
         "<i4",
@@ -92,7 +100,7 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
         if "lyapunov" in wanted:
             wanted |= {"lyapunov_low", "lyapunov_high"}
     if settings.classify_cycles:
-        wanted |= {"motion", "classification_cycles"}
+        wanted |= {"motion", "window_class", "classification_cycles"}
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
 
 

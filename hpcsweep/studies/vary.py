@@ -46,6 +46,17 @@ class Varied:
             return getattr(self.base, name)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
+    @cached_property
+    def structure(self) -> Any:
+        """Structure that stands for all parts; in gaps only where each of these is."""
+        at = [
+            next((i for i, value in enumerate(axis.values) if value != 1.0), 0)
+            if axis.units == "length"
+            else 0
+            for axis in self.axes
+        ]
+        return (self.part(tuple(at)) if any(at) else self.base).structure
+
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of values of each axis."""
@@ -238,7 +249,7 @@ class Varied:
 
 SHARED = frozenset(
     (
-        *("kind", "holds", "task_noun", "run_noun", "why_whole", "structure", "settings"),
+        *("kind", "holds", "run_noun", "settings"),
         "initial_state",
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
         *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words", "refine"),

@@ -1,75 +1,132 @@
-"""What a dry run asks Slurm for: by hand, and in the lines that it prints."""
+"""What a dry run says of a job: the bound of the ranks, an interval, a Slurm request, by hand."""
 
 import re
 
+import numpy as np
 import pytest
-from tools import hpcsweep
+from tools import GRID, hpcsweep
 
 from hpcsweep.campaign import slurm
-from hpcsweep.parallel.simulation import Prediction
-
-
-def bound(costs, n):
-    """Return the bound that no schedule beats, as a prediction."""
-    makespan = max(sum(costs) / n, max(costs))
-    efficiency = sum(costs) / (n * makespan)
-    return Prediction(n, makespan, makespan, efficiency, recalls=0, messages=0, master_load=0.0)
+from hpcsweep.campaign.forecast import (
+    COMMIT_SECONDS,
+    LOAD,
+    SESSION_SECONDS,
+    SHARE,
+    Interval,
+    Pass,
+    advised_ranks,
+    mean_interval,
+    useful_ranks,
+    whole,
+)
+from hpcsweep.job import parse_job
 
 
 @pytest.mark.parametrize(
-    ("costs", "most", "expected"),
-    [
-        ([1.0], 64, 1),  # one frame: two ranks are half idle
-        ([1.0] * 2, 64, 2),
-        ([1.0] * 5, 64, 6),  # 5 / 6 = 0.83
-        ([1.0] * 100, 4096, 120),  # 100 / 125 = 0.8, of 64, 72, ..., 128
-        ([1.0] * 100, 64, 64),
-        ([50.0] + [1.0] * 50, 64, 2),  # half of the work is one frame
-    ],
+    ("tasks", "expected"),
+    [([1.0], 1), ([1.0] * 5, 5), ([2.0, 1.0, 1.0], 2), ([50.0] + [1.0] * 50, 2), ([3, 4, 5], 2.4)],
 )
-def test_ranks_that_are_of_use(costs, most, expected):
-    found = slurm.useful_ranks(lambda n: bound(costs, n), most)
-    assert found.n_ranks == expected
-    assert found.efficiency >= slurm.EFFICIENCY
-    assert found == bound(costs, expected)
+def test_more_ranks_than_the_whole_over_the_longest_task_are_of_no_use(tasks, expected):
+    assert useful_ranks(np.array(tasks, float)) == pytest.approx(expected, rel=1e-15)
 
 
 @pytest.mark.parametrize(
-    ("makespan", "memory", "time", "megabytes"),
+    ("useful", "seconds", "expected"),
     [
-        (0.1, 330e6, "00:15:00", 400),  # 393.4 MiB
-        (200.0, 340e6, "00:15:00", 500),  # 15 min exactly, 405.3 MiB
-        (201.0, 1e9, "00:20:00", 1200),
-        (3600.0, 3e9, "01:40:00", 3600),
-        (57200.0, 3e9, "1-00:00:00", 3600),
-        (200000.0, 3e9, "3-11:30:00", 3600),
+        (832.0, 1.26 * 3600, 15),  # 4,536 s of work: 15 sessions of five minutes
+        (832.0, 1e7, 832),
+        (2.4, 1e7, 2),
+        (832.0, 10.0, 1),
     ],
 )
-def test_lines_have_margins_in_the_units_of_slurm(makespan, memory, time, megabytes):
-    prediction = Prediction(24, makespan, makespan, 1.0, recalls=0, messages=0, master_load=0.0)
-    assert slurm.as_lines(slurm.request(prediction, memory)) == [
-        "#SBATCH --ntasks=24",
+def test_no_rank_is_asked_for_that_has_less_than_minutes_to_do(useful, seconds, expected):
+    assert advised_ranks(useful, Interval(seconds, 3 * seconds)) == expected
+    assert expected == 1 or seconds / expected >= SESSION_SECONDS
+
+
+DRAWS = 1000
+POPULATIONS = {
+    "equal": lambda rng, n: np.full(n, 1.0),
+    "lognormal": lambda rng, n: rng.lognormal(0.0, 1.0, n),
+    "hundredfold": lambda rng, n: 10 ** rng.uniform(0, 2, n),
+}
+
+
+@pytest.mark.parametrize("n", [2, 5, 20, 200])
+@pytest.mark.parametrize("kind", POPULATIONS)
+def test_the_interval_holds_the_whole_in_its_share_of_samples(kind, n):
+    """However slow, within `LOAD`, the cores that compute it are."""
+    rng = np.random.default_rng(n)
+    runs = POPULATIONS[kind](rng, 20_000)
+    held = [0, 0]
+    for slowness in rng.uniform(1.0, LOAD, DRAWS):
+        drawn = rng.choice(runs, n)
+        low, high = mean_interval((Pass(drawn, drawn), Pass(drawn, drawn)))
+        # the sample's error alone, and with the load
+        held[0] += low <= runs.mean() <= high / LOAD + 1e-12
+        held[1] += low <= slowness * runs.mean() <= high
+    assert min(held) >= SHARE * DRAWS
+
+
+@pytest.mark.parametrize(
+    ("processor", "clock", "expected"),
+    [
+        ((1.0, 1.0), (1.0, 1.0), (1.0, LOAD)),
+        ((1.0, 1.0), (3.0, 2.0), (1.0, 3.0)),  # others had two thirds of the core
+        ((1.0, 1.5), (1.0, 1.5), (1.0, 1.5 * LOAD)),  # the second pass was slower
+        ((2.0, 1.5), (7.0, 1.5), (1.5, 7.0)),
+    ],
+)
+def test_the_interval_tells_of_the_load_of_equal_runs(processor, clock, expected):
+    passes = [Pass(np.full(4, p), np.full(4, c)) for p, c in zip(processor, clock, strict=True)]
+    assert mean_interval(tuple(passes)) == pytest.approx(expected)
+
+
+def test_the_whole_has_the_runs_and_their_blocks_at_least_those_of_a_refined_map():
+    job = parse_job(GRID.replace("[output]", "[output]\nblock = 11"), "job", "job")
+    assert (job.study.n_runs, job.study.block_size) == (44, 11)
+    equal = Pass(np.full(4, 0.5), np.full(4, 0.5))
+    least, most = COMMIT_SECONDS
+    assert whole(job, (equal, equal), 44) == pytest.approx((22 + 4 * least, 22 * LOAD + 4 * most))
+    assert whole(job, (equal, equal), 11).low == pytest.approx(5.5 + least)
+
+
+@pytest.mark.parametrize(
+    ("ranks", "work", "memory", "tasks", "time", "megabytes"),
+    [
+        (1, 0.1, 330e6, 1, "00:15:00", 400),  # 393.4 MiB
+        (24, 24 * 300.0, 340e6, 24, "00:15:00", 500),  # 15 min exactly, 405.3 MiB
+        (24, 24 * 301.0, 1e9, 24, "00:20:00", 1200),
+        (32, 32 * 5400.0, 3e9, 32, "01:40:00", 3600),
+        (33, 33 * 85800.0, 3e9, 34, "1-00:00:00", 3600),  # and a rank that hands out the work
+    ],
+)
+def test_lines_have_margins_in_the_units_of_slurm(ranks, work, memory, tasks, time, megabytes):
+    assert slurm.as_lines(slurm.request(ranks, work, memory)) == [
+        f"#SBATCH --ntasks={tasks}",
         "#SBATCH --cpus-per-task=1",
         f"#SBATCH --time={time}",
         f"#SBATCH --mem-per-cpu={megabytes}M",
     ]
 
 
-def test_dry_run_prints_the_lines_that_fit_its_table(tmp_path, small_job):
+def test_dry_run_prints_the_lines_that_fit(tmp_path, small_job):
     reported = hpcsweep(0, "run", small_job, "--dry-run", cwd=tmp_path).stdout
     lines = [line for line in reported.splitlines() if line.startswith("#SBATCH")]
     asked = dict(line.removeprefix("#SBATCH --").split("=") for line in lines)
     assert list(asked) == ["ntasks", "cpus-per-task", "time", "mem-per-cpu"]
-    rows = re.findall(r"^ +(\d+) +\S+ s +(\S+) %", reported, re.MULTILINE)
-    efficiency = {int(ranks): float(percent) for ranks, percent in rows}
-    n_ranks = int(asked["ntasks"])
-    # the largest power of two in the table that keeps the efficiency, or less than twice it
-    kept = max(n for n in efficiency if all(efficiency[k] >= 80 for k in efficiency if k <= n))
-    assert kept <= n_ranks < 2 * kept
-    # four frames
-    assert n_ranks <= 5
-    assert asked["time"] == "00:15:00"
+    # four frames, that take less than a second
+    assert 1 <= int(re.search(r"^ranks: +(\d+) at most", reported, re.MULTILINE)[1]) <= 4
+    assert (asked["ntasks"], asked["time"]) == ("1", "00:15:00")
+    low, high = map(float, re.search(r"\((\S+) to (\S+) s\)", reported).groups())
+    assert 0 < LOAD * low <= 1.1 * high
     memory = float(re.search(r"about (\d+) MB a rank", reported)[1])
-    assert (
-        1.25 * memory * 1e6 <= int(asked["mem-per-cpu"][:-1]) * 2**20 < 1.25 * memory * 1e6 + 1.1e8
-    )
+    needed = 1.25 * memory * 1e6
+    assert needed <= int(asked["mem-per-cpu"][:-1]) * 2**20 < needed + 1.1e8
+
+
+def test_a_task_of_several_points_is_told_as_that(tmp_path):
+    (tmp_path / "job.toml").write_text(GRID.replace("[output]", "[output]\nblock = 11"))
+    reported = hpcsweep(0, "run", "job.toml", "--dry-run", cwd=tmp_path).stdout
+    assert re.search(r"longest: +11 runs .*, Omega = 0\.\d, A = 0\.02 to 0\.3$", reported, re.M)
+    assert "cannot be cut" not in reported

@@ -191,7 +191,6 @@ def over_ranks(numbers: list[int]) -> None:
             print(
                 f"| {ranks} | {spent:.1f} | {state['core_seconds']:.1f} | {wall:.1f} |", flush=True
             )
-        print(hpcsweep(0, "schedule", path, "--ranks", "1,2,3,4,8,16,24").stdout)
 
 
 def main() -> None:

@@ -81,6 +81,7 @@ WEIGHTS = {
     "output": 2,
     "link": 1,
     "threads": 2,
+    "record": 6,
 }
 """Kinds of cases, and how often each is chosen."""
 
@@ -389,6 +390,7 @@ class Patient:
         "output": lambda self, rng: fuzz_kinds.output(self.whole, self.folder, rng),
         "link": lambda self, rng: fuzz_kinds.link(self.whole, self.folder, rng),
         "threads": lambda self, rng: fuzz_kinds.threads(rng),
+        "record": lambda self, rng: fuzz_kinds.ground_motion(self.folder, rng),
     }
 
     def case(self, kind: str, seed: int) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep import Contact, Structure, stroboscopic_points
+from hpcsweep import Contact, Structure, read_record, stroboscopic_points
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands import cli
 from hpcsweep.job import parse_job
@@ -170,4 +170,124 @@ def threads(rng: random.Random) -> str:
         together = list(pool.map(points, states))
     if together != [points(state) for state in states]:
         raise Damaged("threads give other results")
+    return "result equal"
+
+
+SIZES = {
+    "g": (9.80665, ("g", "G", "G'S", "g's")),
+    "%g": (0.0980665, ("%g", "% g", "percent of g", "%G")),
+    "mg": (0.00980665, ("mg", "milli-g", "milli g")),
+    "m/s2": (1.0, ("m/s2", "m/s^2", "m/s/s", "m.s-2", "m s-2", "m/s**2", "m/s²", "M/SEC/SEC")),
+    "cm/s2": (0.01, ("cm/s2", "CM/SEC/SEC", "gal", "Gal", "cm s^-2", "cm/sec^2", "cm/s/s")),
+    "mm/s2": (0.001, ("mm/s2", "mm/s/s", "mm.s-2", "mm per second squared")),
+    "in/s2": (0.0254, ("in/s2", "IN/SEC/SEC", "inch/s^2")),
+    "ft/s2": (0.3048, ("ft/s2", "FT/SEC2", "feet/s/s")),
+}
+"""Units of records in m/s^2, and their spellings."""
+NO_UNITS = ("counts", "V", "furlong/s2", "cm/s", "cm", "mm/s", "bananas", "m/s3", "km/fortnight")
+NAMING = (
+    *("Acceleration in {}", "Acceleration time series in {}", "IN UNITS OF {}", "UNITS: {}"),
+    *("The units are ({})", "acc ({})", "Acceleration ({})", "Accelaration time history [{}]"),
+)
+SAYING = (
+    *("NPTS= {n}, DT= {dt} SEC", "NDATA: {n}\nSAMPLING_INTERVAL_S: {dt}", "{n} {dt} NPTS, DT"),
+    "Number of Data : {n}\nTime Increment (s) : {dt}",
+    " {n} points of accel data equally spaced at {dt} sec",
+    "Number of points: {n}\nSampling rate (Hz): {hertz:g}",
+    "Sampling interval (ms): {ms:g}\nNumber of samples = {n}",
+)
+TITLES = (
+    *(
+        "A RECORD",
+        "PGA (g): 0.35",
+        "Max. acc. 12.1 cm/s2",
+        "PLANT UNIT 2, BASEMENT",
+        "Vs30 (m/s): 300",
+    ),
+    *("Vs30 (m/s): 300", "Peak velocity 5 cm/s"),
+    *("A house (Tokyo), component N-S", "Epicentral distance (km): 12"),
+    *("EL CENTRO, 5/19/1940", "# made by hand", "Depth: 5 km", "DATA_TYPE: ACCELERATION", "-----"),
+)
+
+
+def ground_motion(folder: Path, rng: random.Random) -> str:
+    """Write a record under a header of many words, and perhaps damage it: its values, or a line."""
+    unit = rng.choice(list(SIZES))
+    dt, n = rng.choice((0.005, 0.01, 0.02, 0.025, 1 / 128)), rng.randrange(4, 40)
+    values = [round(rng.uniform(-1, 1), 4) for _ in range(n)]
+    named = rng.choice(SIZES[unit][1]) if rng.random() < 0.8 else ""
+    header = rng.sample(TITLES, rng.randrange(4))
+    said = rng.random() < 0.6
+    layout = rng.choice(("times", "ms", "one", *(("single", "many") if said else ())))
+    damage = rng.choice(("", "", "", "unit", "asked", "short", "step", "word", "kind", "known"))
+    wrong = damage in ("asked", "unit", "kind") and bool(named)
+    if wrong and damage != "asked":
+        named = "cm/s" if damage == "kind" else rng.choice(NO_UNITS)
+    if said:
+        told = 2 * dt if damage == "step" else dt
+        line = rng.choice(SAYING).format(n=n, dt=repr(told), hertz=1 / told, ms=1000 * told)
+        if dt == 1 / 128 or not named:
+            line = (
+                line.replace("NPTS", "NDATA")
+                if "NPTS, DT" not in line
+                else SAYING[1].format(n=n, dt=repr(told))
+            )
+        header.append(line)
+        wrong |= damage == "step" and layout in ("times", "single", "ms")
+    in_columns = layout in ("times", "ms") and (layout == "ms" or rng.random() < 0.5)
+    if named and not in_columns:
+        header.insert(rng.randrange(len(header) + 1), rng.choice(NAMING).format(named))
+    if in_columns:
+        time = "ms" if layout == "ms" else "s"
+        header.append(f"t ({time})" + rng.choice((", ", ";", "  ")) + f"a ({named or 'N-S'})")
+    start = rng.choice((0.0, 0.0, 10.0, 225.0))
+    times = [start + dt * j for j in range(n)]
+    if layout == "single":
+        times = [float(np.float32(time)) for time in times]
+    cells = [f"{value:10.5f}" for value in values]
+    if layout in ("times", "single", "ms"):
+        scale = 1000 if layout == "ms" else 1
+        cells = [f"{scale * t:12.7f}{cell}" for t, cell in zip(times, cells, strict=True)]
+    per_line = rng.choice((1, 3, 5, 8)) if layout == "many" else 1
+    rows = ["".join(cells[j : j + per_line]) for j in range(0, n, per_line)]
+    if damage == "short":
+        del rows[rng.randrange(1, len(rows)) if len(rows) > 1 else 0]
+        wrong |= said or layout in ("times", "ms")
+        # the last time is not missed where nobody says how many there are
+        wrong &= said
+    if damage == "word":
+        at = rng.randrange(len(rows))
+        rows[at] = rows[at][:-3] + rng.choice(("*****", "x", "NaN", "0.1x"))
+        wrong = True
+    ends = rng.choice(((), ("*** End Data ***",), ("\x1a",), ("", "")))
+    text = "\n".join((*header, *rows, *ends))
+    if rng.random() < 0.3:
+        text = text.replace("\n", "\r\n")
+    path = folder / "record.txt"
+    path.write_bytes(text.encode(rng.choice(("utf-8", "latin-1", "utf-16", "utf-8-sig"))))
+    asked = (
+        rng.choice([one for one in SIZES if one != unit]) if damage == "asked" and named else unit
+    )
+    known = 3 * dt if damage == "known" else dt if layout == "one" or rng.random() < 0.3 else None
+    wrong |= damage == "known" and (said or layout in ("times", "ms"))
+    if damage == "known" and not wrong:
+        known = dt
+    wrong |= damage == "step" and said and known is not None
+    dt = 2 * dt if damage == "step" and said else dt
+    gravity = rng.choice((9.81, 9.80665))
+    try:
+        record = read_record(path, unit=asked, gravity=gravity, dt=known)
+    except ValueError as error:
+        if "\n" in str(error):
+            raise Damaged(f"{error!r} is not one line") from None
+        if not (wrong or damage == "short"):
+            raise Damaged(f"{error} for {text!r}") from None
+        return "refused in one line"
+    in_g = unit in ("g", "%g", "mg")
+    expected = np.array(values) * SIZES[unit][0] * (gravity / 9.80665 if in_g else 1.0)
+    if wrong or (
+        damage != "short"
+        and (record.dt != dt or not np.allclose(record.acceleration, expected, rtol=1e-12, atol=0))
+    ):
+        raise Damaged(f"{record} in {asked} of {text!r}")
     return "result equal"

@@ -8,7 +8,6 @@ from tools import hpcsweep
 
 from hpcsweep import load_job, open_results, stroboscopic_points
 from hpcsweep.checks.transients import outliving
-from hpcsweep.store import StoreError
 
 CHAOTIC = 5
 PERIODS = 2000
@@ -56,12 +55,14 @@ def test_summary_says_it_of_as_many_as_asked(chaos):
     assert "outlive" not in hpcsweep(0, "summary", chaos).stdout
 
 
-def test_a_file_of_attractors_is_refused(tmp_path):
-    file = tmp_path / "basins.h5"
+def test_chaotic_attractors_are_followed_too(tmp_path):
+    file = tmp_path / "attractors.h5"
     hpcsweep(
-        *(0, "run", "jobs/attractors/attractors-figure3.toml", "-o", file),
-        *("--set", "sweep.amplitude=[0.01]", "--set", "study.starts=3"),
+        *(0, "run", "jobs/attractors/attractors-figure3-described.toml", "-o", file),
+        *("--set", "sweep.amplitude=[0.128]", "--set", "study.starts=40"),
     )
-    with pytest.raises(StoreError, match="holds attractors"):
-        outliving(file, 3)
-    assert "holds attractors" in hpcsweep(2, "summary", file, "--transients", 3).stderr
+    found = outliving(file, 3, 500)
+    assert found["chaotic"] == found["outlive"] == 1
+    # none ended: only mean lifetimes below 500 / ln 20 are refused
+    assert found["lifetime"] == [None, pytest.approx(500 / np.log(20)), None]
+    assert "outlive" in hpcsweep(0, "summary", file, "--transients", 1).stdout

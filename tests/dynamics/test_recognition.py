@@ -1,10 +1,10 @@
-"""The pieces that motions are recognised by: weighted means, returns, shooting, intervals."""
+"""The pieces that motions are recognised by: weighted means, returns, intervals."""
 
 import math
 
 import numpy as np
 import pytest
-from maps import GOLDEN, MapSolver, circle, delayed_logistic, focus, logistic
+from maps import GOLDEN, circle, delayed_logistic, focus, logistic
 
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.exponent import aligned, growth_interval
@@ -16,7 +16,6 @@ from hpcsweep.dynamics.orbit import (
     returning_period,
     smallest_period,
 )
-from hpcsweep.dynamics.shooting import Nearer, shoot
 
 
 def test_the_tangent_of_the_circle_is_its_derivative():
@@ -109,55 +108,6 @@ def test_an_approach_is_extrapolated_where_it_is_geometric():
     aside = approach([0.5], [1e-4], [0.9], 60) * [1.0, 0.0]
     aside[:, 1] = 1e-4 * 0.8 ** np.arange(60.0) * np.cos(np.arange(60.0))
     assert limit_of_approach(aside[:9], 1) is None  # along two directions
-
-
-def test_a_shot_lands_on_the_orbit_and_says_who_goes_there():
-    solver = logistic(3.3)
-    orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real  # of period 2
-    shot = shoot(solver, np.array([orbit[0] + 1e-4, 1e-4]), 1.0, 2)
-    assert shot.point == pytest.approx([orbit[0], 0.0], abs=1e-12)
-    assert shot.multiplier == pytest.approx(abs(4 + 2 * 3.3 - 3.3**2), abs=1e-9)
-    assert shot.attracts(1e-9)
-    assert not shoot(solver, np.array([orbit[0] + 0.05, 0.0]), 1.0, 2).attracts(1e-9)  # bent
-    repels = shoot(solver, np.array([1 - 1 / 3.3 + 1e-5, 0.0]), 1.0, 1)
-    assert repels.multiplier == pytest.approx(1.3)
-    assert not repels.attracts(1e-9)
-
-
-def test_a_shot_from_the_orbit_goes_round_it_once_more_and_gives_its_points():
-    solver = logistic(3.3)
-    orbit = np.sort(np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real)
-    shot = shoot(solver, np.array([orbit[1] + 1e-11, 1e-11]), 1.0, 2)
-    assert shot.cycles == 4
-    assert shot.points == pytest.approx(np.stack((orbit, [0.0, 0.0]), axis=1), abs=1e-12)
-    assert shot.points[-1] == pytest.approx(shot.point, abs=shot.distance + 1e-15)
-    assert shot.distance <= 1e-10
-    assert shot.multiplier == pytest.approx(abs(4 + 2 * 3.3 - 3.3**2), abs=1e-7)
-    assert shot.attracts(1e-9)
-    assert shoot(solver, np.array([orbit[1] + 1e-5, 1e-5]), 1.0, 2).cycles > 4
-
-
-@pytest.mark.parametrize(("off", "goes"), [(1e-4, True), (0.05, False)])
-def test_a_shot_from_beside_proves_who_goes_there_by_what_its_motion_has_done(off, goes):
-    solver = logistic(3.3)
-    orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real
-    z, guess = np.array([orbit[0] + off, 0.0]), np.array([orbit[0] + 1e-6, 0.0])
-    shot = shoot(solver, z, 1.0, 2, Nearer(solver.points(z, 1.0, 2)[0][-1], guess))
-    assert shot.point == pytest.approx([orbit[0], 0.0], abs=1e-12)
-    assert shot.cycles <= 6
-    assert shot.attracts(1e-9) is goes
-    alone = shoot(solver, z, 1.0, 2)
-    assert (shot.bent, shot.left) == pytest.approx((alone.bent, alone.left), abs=1e-10)
-
-
-def test_a_shot_that_fails_says_so():
-    class Failing(MapSolver):
-        def monodromy(self, state, amplitude, n_periods):
-            raise ArithmeticError("no")
-
-    shot = shoot(Failing(None, None), np.zeros(2), 1.0, 3)
-    assert math.isnan(shot.multiplier)
-    assert not shot.attracts(1e-9)
 
 
 def approach(limit, amplitudes, multipliers, count=100):

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import binom, chi2, linregress, norm
 
-from hpcsweep import cloud, fragility
+from hpcsweep import capacity, capacity_fragility, cloud, fragility
 
 STRIPES = [
     *(0.178, 0.274, 0.444, 0.56, 0.652, 0.79, 0.982, 1.246),
@@ -135,6 +135,100 @@ def test_data_that_bound_no_fragility_are_refused(arguments, message):
     with pytest.raises(ValueError, match=message) as error:
         fragility(*arguments)
     assert "\n" not in str(error.value)
+
+
+def censored(capacities, highest) -> tuple:
+    """Return the fragility of exact responses, proportional to x / capacity, up to a stripe."""
+    x = np.linspace(0.1, 1.0, 10) * highest
+    return capacity_fragility(capacity(x, x / np.reshape(capacities, (-1, 1)), 1.0))
+
+
+def test_known_capacities_have_their_moments_and_a_closed_interval_of_the_median():
+    logs = np.log(np.random.default_rng(4).lognormal(0.3, 0.5, 44))
+    found = censored(np.exp(logs), 1.01 * np.exp(logs.max()))
+    assert found.median == pytest.approx(math.exp(logs.mean()), rel=1e-9)
+    assert found.dispersion == pytest.approx(logs.std(), rel=1e-9)
+    assert found.caution == ""
+    # n / 2 ln(1 + (d / s)^2) is half the quantile
+    away = logs.std() * math.sqrt(math.exp(chi2.ppf(0.95, 1) / 44) - 1)
+    ends = np.exp(logs.mean() + np.array([-away, away]))
+    np.testing.assert_allclose(found.median_interval, ends, rtol=1e-9)
+
+
+def test_records_that_never_reach_the_threshold_count_as_above_the_last_stripe():
+    given = np.random.default_rng(5).lognormal(1.0, 0.6, 30)
+    highest = float(np.sort(given)[10]) * 1.001  # 11 of 30
+    found = censored(given, highest)
+    known = np.log(given[given <= highest])
+
+    def less(p):
+        z = (known - p[0]) / math.exp(p[1])
+        never = 19 * norm.logsf((math.log(highest) - p[0]) / math.exp(p[1]))
+        return -(norm.logpdf(z).sum() - known.size * p[1] + never)
+
+    options = {"xatol": 1e-10, "fatol": 1e-13}
+    other = minimize(less, [1.0, -0.5], method="Nelder-Mead", options=options)
+    assert found.median == pytest.approx(math.exp(other.x[0]), rel=1e-6)
+    assert found.dispersion == pytest.approx(math.exp(other.x[1]), rel=1e-6)
+    for end in found.median_interval:
+        best = minimize(
+            lambda p, end=end: less([math.log(end), p[0]]),
+            [-0.5],
+            (),
+            "Nelder-Mead",
+            options=options,
+        )
+        assert best.fun - other.fun == pytest.approx(chi2.ppf(0.95, 1) / 2, rel=1e-6)
+    assert "at most 36.7 % of the records reach the threshold" in found.caution
+
+
+def test_intervals_of_censored_capacities_hold_the_truth():
+    rng = np.random.default_rng(6)
+    held = np.zeros(2)
+    for _ in range(200):
+        found = censored(rng.lognormal(0.0, 0.4, 40), 0.95)  # 45 % reach it
+        held += [
+            found.median_interval[0] <= 1 <= found.median_interval[1],
+            found.dispersion_interval[0] <= 0.4 <= found.dispersion_interval[1],
+        ]
+    assert np.all(np.abs(held / 200 - 0.95) < 0.06)  # four standard deviations
+
+
+def test_the_same_records_at_more_stripes_bound_no_more():
+    given = np.random.default_rng(7).lognormal(0.0, 0.4, 20)
+
+    def width(n):
+        x = np.linspace(3.0 / n, 3.0, n)
+        low, high = capacity_fragility(capacity(x, x / given[:, None], 1.0)).median_interval
+        return math.log(high / low)
+
+    assert width(200) == pytest.approx(width(10), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("x", "k", "told"),
+    [
+        (STRIPES, EXCEEDED, ""),
+        ([1.0, 2.0, 3.0], [1, 4, 9], "above the highest stripe, 3: at most 20 % of the records"),
+        ([1.0, 2.0, 3.0], [30, 40, 44], "below the lowest stripe, 1"),
+    ],
+)
+def test_an_extrapolated_median_is_told(x, k, told):
+    found = fragility(x, k, 45)
+    assert (told in found.caution) if told else not found.caution
+
+
+@pytest.mark.parametrize(
+    ("responses", "message"),
+    [
+        ([[0.1, 0.2], [0.1, 0.3]], "of 2 records 0 reach the threshold"),
+        ([[0.1, 1.2], [0.1, 0.3]], "of 2 records 1 reach the threshold"),
+        ([[1.0, 1.2], [1.0, 1.2]], "two different capacities are needed"),
+    ],
+)
+def test_too_few_capacities_are_refused(responses, message):
+    with pytest.raises(ValueError, match=message):
+        capacity_fragility(capacity([1.0, 2.0], responses, 1.0))
 
 
 def test_cloud_analysis_is_a_line_through_logarithms():

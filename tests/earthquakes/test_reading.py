@@ -77,12 +77,12 @@ def test_the_header_may_have_any_number_of_lines(read):
     [
         ("G", "g", 9.81),
         ("g.", "g", 9.81),
-        ("CM/SEC/SEC", "cm/s2", 9.81 / 980.665),
-        ("cm/s**2", "cm/s2", 9.81 / 980.665),
-        ("GAL", "cm/s2", 9.81 / 980.665),
-        ("M/S/S", "m/s2", 9.81 / 9.80665),
-        ("M/SEC^2", "m/s2", 9.81 / 9.80665),
-        ("IN/S2", "in/s2", 9.81 * 0.0254 / 9.80665),
+        ("CM/SEC/SEC", "cm/s2", 0.01),
+        ("cm/s**2", "cm/s2", 0.01),
+        ("GAL", "cm/s2", 0.01),
+        ("M/S/S", "m/s2", 1.0),
+        ("M/SEC^2", "m/s2", 1.0),
+        ("IN/S2", "in/s2", 0.0254),
         ("CM/SEC/SEC", "structure", 1.0),
     ],
 )
@@ -137,11 +137,11 @@ def test_times_of_few_digits_are_equal_steps_and_give_a_short_number(read):
         (at2(values=".1 .2 NaN .4 .5"), {}, "every sample must be finite, line 5 has 'NaN'"),
         (at2(values=".1 .2 .3\n***** .5"), {}, r"must be a number, line 6 has '\*\*\*\*\*'"),
         (at2(values=".1 .2 .3 .4 9e999"), {}, "must be finite, is inf at sample 5"),
-        (at2().replace("UNITS OF G", "SOMETHING"), {}, "must name its unit before its samples"),
+        (at2().replace(" IN UNITS OF G", ""), {}, "must name its unit before its samples"),
         (at2(), {"unit": "m/s2"}, "unit must be that of the file, g, is m/s2"),
-        (at2().replace("OF G", "OF %G"), {}, "that of the file, percent of g, is g"),
+        (at2().replace("OF G", "OF %G"), {}, "that of the file, %g, is g"),
         (at2(), {"dt": 0.02}, "dt must be that of the file, 0.01, is 0.02"),
-        ("ACCELERATION IN UNITS OF G\n.1\n.2", {}, "must name NPTS and DT in its first 50 lines"),
+        ("ACCELERATION IN UNITS OF G\n.1\n.2", {}, "must name NPTS and DT in its first 100 lines"),
     ],
 )
 def test_what_is_no_at2_file_is_refused_in_one_line(read, text, given, message):
@@ -162,11 +162,11 @@ def test_what_is_no_at2_file_is_refused_in_one_line(read, text, given, message):
             {},
             r"times must be equal steps of 0.015 to 0.02 of a step, time 2",
         ),
-        ("0 .1\n.01 .2\n.02 .3", {"dt": 0.02}, "equal steps of 0.02 .* time 3, 0.02, is off by 1"),
+        ("0 .1\n.01 .2\n.02 .3", {"dt": 0.02}, "dt must be that of the times, 0.01, is 0.02"),
         ("0 .1\n0 .2\n", {}, "the time between two samples must be above 0, is 0"),
         (".02 .1\n.01 .2\n", {}, "must be above 0, is -0.01"),
-        ("0 .1\n.01 nan\n", {}, "every sample must be finite, line 2 has nan"),
-        ("0 .1\n.01 -Inf\n", {}, "every sample must be finite, line 2 has -Inf"),
+        ("0 .1\n.01 nan\n", {}, "every sample must be finite, line 2 has 'nan'"),
+        ("0 .1\n.01 -Inf\n", {}, "every sample must be finite, line 2 has '-Inf'"),
         ("0 .1\n.01 x\n", {}, "every sample must be a number, line 2 has 'x'"),
         ("0 .1\n.01\n", {}, "every line must have 2 columns, line 2 has 1"),
         ("0 .1 3\n.01 .2 4\n", {}, "must have one column or two, time and acceleration, has 3"),
@@ -221,3 +221,131 @@ def test_a_path_that_is_none_and_a_file_that_is_missing_are_told():
 def test_recorded_ground_motions_have_their_published_peaks(recorded, name, n_samples, dt, peak):
     record = read_record(recorded[name], unit="g", gravity=1.0)
     assert (record.n_samples, record.dt, record.peak, record.name) == (n_samples, dt, peak, name)
+
+
+FIVE = "\n.1\n-.2\n.3\n-.4\n.5\n"
+TIMED = "\n0 .1\n.01 -.2\n.02 .3\n.03 -.4\n.04 .5\n"
+VALUES = np.array([0.1, -0.2, 0.3, -0.4, 0.5])
+ESM = "SAMPLING_INTERVAL_S: 0.010000\nNDATA: 5\nUNITS: cm/s^2\nDATA_TYPE: ACCELERATION"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("t [s];a [m.s-2]" + TIMED, "m/s2"),
+        ("t [s];a [m/s²]" + TIMED, "m/s2"),
+        ("t [s];a [m s⁻²]" + TIMED, "m/s2"),
+        ("time,acc_cm/s2" + TIMED, "cm/s2"),
+        ("Time (sec) Acceleration (cm/sec/sec)" + TIMED, "gal"),
+        ("t (s);a (mg)" + TIMED, "mg"),
+        ("t (s);a (% g)" + TIMED, "%g"),
+        ("PGA (g): 0.35\nAcceleration in cm/s^2" + TIMED, "cm/s2"),
+        ("Max. Acc. = 5.1 gal\nVs30 (m/s): 340\nt;a" + TIMED, "g"),
+        ("A house (Tokyo), unit 2" + TIMED, "ft/s2"),
+        ("Acceleration (N-S component) in in/s**2" + TIMED, "in/s2"),
+        ("units: s, mm/s/s" + TIMED, "mm/s2"),
+        (ESM + FIVE, "cm/s2"),
+        (ESM + "\n.1-.2 .3\n-.4 .5", "cm/s2"),
+        ("Time Increment (s) : 0.01\nNumber of Data : 5\nAcceleration in m/s/s" + FIVE, "m/s2"),
+        ("Sampling rate (Hz): 100\nNumber of points: 5" + FIVE, "g"),
+        ("Sampling interval: 10 ms" + FIVE, "g"),
+        (" 5 points of accel data equally spaced at .01 sec, in cm/sec2. (8f10.6)" + FIVE, "gal"),
+        ("5" + FIVE, "g"),
+        ("5 0.01" + FIVE, "g"),
+        ("t (ms);a (g)\n0 .1\n10 -.2\n20 .3\n30 -.4\n40 .5", "g"),
+        ("0.000 .1\n0.010-.2\n0.020 .3\n0.030-.4\n0.040 .5", "g"),
+        ("0.,1.D-1\n1.D-2,-2D-1\n2.D-2,.3\n3.D-2,-.4\n4.D-2,.5\r\n\x1a", "g"),
+        ("IN UNITS OF G'S\nNPTS= 5, DT= .01 SEC" + FIVE + "*** End Data ***\n\n", "g"),
+        ("The units are (g)\nNPTS= 5, DT= .01 SEC\nbegin" + FIVE, "g"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "latin-1"])
+def test_headers_say_unit_step_and_count(tmp_path, text, unit, encoding):
+    try:
+        content = text.encode(encoding)
+    except UnicodeEncodeError:
+        pytest.skip("has no such letters")
+    (tmp_path / "a.txt").write_bytes(content)
+    given = {"dt": 0.01} if text.startswith("5\n") else {}
+    record = read_record(tmp_path / "a.txt", unit="structure", **given)
+    np.testing.assert_array_equal(record.acceleration, VALUES)
+    assert record.dt == 0.01
+    in_g = {
+        **{"g": 1.0, "mg": 1e-3, "%g": 1e-2, "m/s2": 1 / 9.80665, "cm/s2": 0.01 / 9.80665},
+        **{"gal": 0.01 / 9.80665, "mm/s2": 1e-3 / 9.80665, "in/s2": 0.0254 / 9.80665},
+        "ft/s2": 0.3048 / 9.80665,
+    }
+    record = read_record(tmp_path / "a.txt", unit=unit, gravity=1.0, **given)
+    np.testing.assert_allclose(record.acceleration, VALUES * in_g[unit], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "message"),
+    [
+        ("t (s);a (counts)" + TIMED, {}, "acceleration that is not known, 'counts'"),
+        ("t (s);a (V)" + TIMED, {}, "not known, 'V'"),
+        ("Acceleration in furlongs/s2" + TIMED, {}, "not known, 'furlongs/s2'"),
+        ("UNITS: counts" + TIMED, {}, "not known, 'counts'"),
+        ("IN UNITS OF SOMETHING" + TIMED, {}, "not known, 'SOMETHING'"),
+        ("t (jiffies);a (g)" + TIMED, {}, "the unit of times is not known: jiffies"),
+        ("t (s);a (mg)" + TIMED, {}, "unit must be that of the file, mg, is g"),
+        ("acc (g)\nunits: cm/s2" + TIMED, {}, "must name one unit, names g and cm/s2"),
+        ("t (s);v (cm/s)" + TIMED, {}, "must hold accelerations, has the unit cm/s, of velocity"),
+        ("Displacement in cm" + TIMED, {}, "the unit cm, of displacement"),
+        ("UNITS: cm/s" + TIMED, {}, "the unit cm/s, of velocity"),
+        ("DATA_TYPE: VELOCITY" + TIMED, {}, "must hold accelerations, is of VELOCITY"),
+        ("velocity time series" + TIMED, {}, "must hold accelerations, is of velocity"),
+        ("t;velocity" + TIMED, {}, "must hold accelerations, has a column velocity"),
+        (ESM + FIVE[:-4], {}, "must have the 5 samples that NDATA says, has 4"),
+        (ESM + TIMED.replace(".04 .5\n", ""), {}, "the 5 samples that NDATA says, has 4"),
+        (ESM.replace("010", "020") + TIMED, {}, "SAMPLING_INTERVAL must be that of the times, "),
+        (ESM + FIVE, {"dt": 0.005}, "dt must be that of the file, 0.01, is 0.005"),
+        ("NDATA: 10\ndt: .01" + TIMED, {}, "must have the 10 samples that NDATA says, has 5"),
+        ("Sampling rate: 200 Hz" + TIMED, {}, "must be that of the times, 0.01, is 0.005"),
+        ("6" + FIVE, {"dt": 0.01}, "must have the 6 samples that its first line says, has 5"),
+        ("0.00 x\n.01 .1\n.02 .3", {}, "every sample must be a number, line 1 has 'x'"),
+        ("0 .1\n.01 .2\n.02 *****", {}, r"must be a number, line 3 has '\*\*\*\*\*'"),
+        ("Scale Factor  2940(gal)/6170270\n 1 2\n", {}, "of the format K-NET, which is not read"),
+        ("2 CORRECTED ACCELEROGRAM\n*\n 1 2\n", {}, "of the format SMC, which is not read"),
+        (" 5 points of veloc data" + FIVE, {}, "of the format CSMIP, which is not read"),
+        ("\0\1" + FIVE, {}, "must be a text, has bytes of 0"),
+    ],
+)
+def test_what_a_header_contradicts_is_refused_in_one_line(read, text, given, message):
+    with pytest.raises(ValueError, match=message) as error:
+        read(text, name="a.txt", **given)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("start", [0.0, 225.35, 4000.0])
+@pytest.mark.parametrize("step", [0.025, 0.005, 1 / 128])
+def test_times_in_single_precision_give_the_step(read, start, step):
+    times = (start + step * np.arange(3000)).astype(np.float32)
+    assert read("\n".join(f"{t:.6f} .1" for t in times), name="a.txt").dt == step
+
+
+@pytest.mark.parametrize(
+    ("unit", "gravity", "factor"),
+    [
+        ("m/s2", 9.81, 1.0),
+        ("m/s2", 9.80665, 1.0),
+        ("m/s2", 9806.65, 1000.0),
+        ("m/s2", 386.09, 1 / 0.0254),
+        ("m/s2", 9.81e-3, 1e-3),
+        ("gal", 32.2, 0.01 / 0.3048),
+        ("cm/s2", 981.0, 1.0),
+        ("%g", 981.0, 9.81),
+        ("m/s2", 1.0, 1 / 9.80665),
+    ],
+)
+def test_units_are_converted_by_those_of_the_structure_alone(read, unit, gravity, factor):
+    record = read(FIVE, name="a.txt", dt=0.01, unit=unit, gravity=gravity)
+    np.testing.assert_allclose(record.acceleration, VALUES * factor, rtol=1e-15)
+
+
+def test_a_gravity_of_no_known_units_is_refused_and_seconds_are_converted(read):
+    with pytest.raises(ValueError, match=r"gravity must be one g in known units .*, is 4\.0"):
+        read(FIVE, name="a.txt", dt=0.01, unit="m/s2", gravity=4.0)
+    assert read(TIMED, name="a.txt", time="ms").dt == 10.0
+    with pytest.raises(ValueError, match="time must be a unit of time, such as s or ms, is 'm'"):
+        read(TIMED, name="a.txt", time="m")

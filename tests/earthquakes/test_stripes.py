@@ -1,4 +1,4 @@
-"""Fractiles are counted, capacities are the first stripe that reaches a threshold."""
+"""Fractiles are counted, capacities lie on the line through the stripes around a threshold."""
 
 import math
 
@@ -25,7 +25,7 @@ def test_infinite_values_count_and_unknown_ones_do_not():
     np.testing.assert_array_equal(fractiles([math.nan, math.nan]), [math.nan] * 3)
 
 
-def test_capacities_are_the_first_stripes():
+def test_capacities_lie_between_the_stripes_around_the_threshold():
     scales = [0.5, 1.0, 1.5, 2.0]
     curves = [
         [0.1, 0.2, 0.3, 0.4],  # simple
@@ -36,8 +36,10 @@ def test_capacities_are_the_first_stripes():
         [0.1, 0.4, math.nan, 0.5],  # not known above
     ]
     found = capacity(scales, curves, 0.3)
-    np.testing.assert_array_equal(found.scale, [1.5, 1.0, 0.5, math.inf, math.nan, 1.0])
+    exact = [1.5, 1.0, 0.375, math.inf, math.nan, 0.5 + 1 / 3]
+    np.testing.assert_allclose(found.scale, exact, rtol=1e-15)
     np.testing.assert_array_equal(found.below, [1.0, 0.5, 0.0, 2.0, 1.0, 0.5])
+    np.testing.assert_array_equal(found.above, [1.5, 1.0, 0.5, math.inf, 1.5, 1.0])
     np.testing.assert_array_equal(found.later_crossings, [0, 2, 0, 0, 1, 2])
     assert capacity(scales, curves[0], 0.3).scale == 1.5
     assert capacity(scales, [curves[:2], curves[2:4]], 0.3).scale.shape == (2, 2)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from tools import RECORDS, hpcsweep
 
-import hpcsweep as package
 from hpcsweep import open_results, response, synthetic_records
 from hpcsweep.campaign.stripes import RESPONSES, StripesError, fit, stripes_of
 from hpcsweep.figures.options import figures
@@ -42,12 +41,12 @@ def test_every_figure_is_drawn(folder, kind):
     ("arguments", "said"),
     [
         (["plot", "job.h5", "--kind", "fragility"], "--threshold is missing"),
-        (["plot", "job.h5", "--kind", "fragility", "--threshold", "1e9"], "must not be 0"),
+        (["plot", "job.h5", "--kind", "fragility", "--threshold", "1e9"], "of 8 records 0 reach"),
         (["plot", "job.h5", "--place", "C"], "C: must be one of A1, A2, B1, B2, B3"),
         (["plot", "job.h5", "--kind", "history", "--record", "x"], "must be one of synthetic-3-1"),
         (["plot", "job.h5", "--kind", "profile", "--response", "force"], "no profile"),
         (["plot", "job.h5", "--kind", "orbit"], "holds responses"),
-        (["fragility", "job.h5", "--threshold", "1e9"], "must not be 0"),
+        (["fragility", "job.h5", "--threshold", "1e9"], "of 8 records 0 reach"),
         (["fragility", "job.h5", "--threshold", "nan"], "must be finite"),
         (["fragility", "job.h5", "--threshold", "0.5", "--place", "Z"], "or a building"),
         (["fragility", "job.h5", "--demands", "job.toml", "--scale", "1"], "job.toml"),
@@ -77,21 +76,46 @@ def test_stripes_are_the_largest_of_their_places(folder):
         stripes_of(results, study, "stress")
 
 
-def test_fragility_and_capacities_are_those_of_the_stripes(folder):
-    done = hpcsweep(
-        *(0, "fragility", "job.h5", "--threshold", "0.5", "--place", "B", "--json"), cwd=folder
-    )
-    reported = json.loads(done.stdout)
+def reported(folder, *arguments):
+    return json.loads(hpcsweep(0, "fragility", *arguments, "--json", cwd=folder).stdout)
+
+
+def test_fragility_is_that_of_the_capacities_between_the_stripes(folder):
+    told = reported(folder, "job.h5", "--threshold", "0.5", "--place", "B")
     results = open_results(folder / "job.h5")
     drift = results.storey_drift.sel(storey=["B1", "B2", "B3"]).max("storey").values / 3.2
-    exceeded = (drift >= 0.005).sum(axis=0)
-    found = package.fragility(results["scale"].values, exceeded, 8)
-    assert reported["median"] == pytest.approx(found.median, rel=1e-12)
-    assert reported["dispersion"] == pytest.approx(found.dispersion, rel=1e-12)
-    reached = [results["scale"].values[np.argmax(row >= 0.005)] for row in drift]
-    assert reported["capacity"]["0.5"] == np.sort(reached)[3]
+    scales = results["scale"].values
+    reached = []
+    for row in drift:
+        first = np.argmax(row >= 0.005)
+        ends = slice(first - 1, first + 1)
+        reached.append(np.interp(0.005, row[ends], scales[ends]))
+    assert told["never"] == told["unknown"] == 0
+    assert told["capacity"]["0.5"] == pytest.approx(np.sort(reached)[3], rel=1e-12)
+    assert told["median"] == pytest.approx(np.exp(np.mean(np.log(reached))), rel=1e-9)
+    assert told["dispersion"] == pytest.approx(np.std(np.log(reached)), rel=1e-9)
+    assert told["caution"] == ""
+    # without contacts each record is proportional to the scale
+    alone = results.storey_drift_alone.sel(storey=["B1", "B2", "B3"]).max("storey").values / 3.2
+    exact = np.sort(0.005 * scales[0] / alone[:, 0])
+    assert told["alone"]["capacity"]["0.5"] == pytest.approx(exact[3], rel=1e-12)
     study = parse_job(TEXT, "job", "job").study
-    assert fit(stripes_of(results, study, "drift", "B"), 0.5).median == found.median
+    assert fit(stripes_of(results, study, "drift", "B"), 0.5).median == told["median"]
+
+
+def test_a_median_beyond_the_stripes_is_told_as_that(folder):
+    results = open_results(folder / "job.h5")
+    high = 100 / 3.2 * np.sort(results.storey_drift.max("storey").values[:, -1])
+    threshold = ["--threshold", str(0.5 * (high[-3] + high[-4]))]  # three of eight reach it
+    told = reported(folder, "job.h5", *threshold)
+    assert told["never"] == 5
+    assert told["median"] > told["highest"]
+    assert told["median_interval"][1] is None or told["median_interval"][1] > told["median"]
+    text = hpcsweep(0, "fragility", "job.h5", *threshold, cwd=folder).stdout
+    assert "5 records never reach it up to 20" in text
+    assert "the median is an extrapolation, above the highest stripe, 20: at most 37.5 %" in text
+    # counted without contacts to the last record, far beyond the stripes
+    assert np.isfinite(told["alone"]["capacity"]["0.84"])
 
 
 def test_demands_are_those_of_one_building_at_one_intensity(folder):
@@ -116,7 +140,7 @@ def test_history_passes_through_the_peaks_of_the_response():
     seen, found = (f(structure, record, 3.0, 1.0) for f in (history, response))
     assert seen.time[-1] == pytest.approx(found.duration)
     np.testing.assert_allclose(seen.displacement[-1], found.final_state[:5], atol=1e-12)
-    np.testing.assert_allclose(seen.force.max(axis=0), found.force, rtol=1e-9)
+    np.testing.assert_allclose(seen.peak_force.max(axis=0), found.force, rtol=1e-9)
     largest = np.abs(seen.displacement).max(axis=0)
     assert (largest <= found.displacement * (1 + 1e-12)).all()
     np.testing.assert_allclose(largest, found.displacement, rtol=0.05)

@@ -100,8 +100,13 @@ def test_histories_are_those_of_the_plain_response(tmp_path):
         np.testing.assert_allclose(velocity, state.final_state[n:], rtol=0, atol=1e-11)
     peak = np.abs(displacement).max("time")
     assert (peak <= results["displacement"] * (1 + 1e-9)).all()
-    largest, stored = force.max("time"), results["contact_force"]
-    np.testing.assert_allclose(largest, stored, rtol=1e-9, atol=1e-9 * float(stored.max()))
+    contacts = job.study.structure.contacts
+    past = displacement.values @ np.array([one.direction for one in contacts]).T
+    past = np.maximum(past - [one.gap for one in contacts], 0.0)
+    stiff = np.array([one.stiffness for one in contacts])
+    np.testing.assert_allclose(force, stiff * past, rtol=1e-12, atol=1e-9)
+    assert 0 < float((force > 0).mean()) < 0.5
+    assert (force.max("time") <= results["contact_force"] * (1 + 1e-9)).all()
     assert validate(path).sound
 
 
@@ -278,6 +283,105 @@ def test_mistakes_name_key_and_limit(old, new, words):
     assert "\n" not in message
     for word in words:
         assert word in message
+
+
+PAIR = """[study]
+kind = "records"
+[[building]]
+name = "A"
+mass = [{mass}]
+storey_stiffness = {k1}
+[[building]]
+name = "B"
+mass = [{mass}]
+storey_stiffness = {k2}
+[pounding]
+gap = {gap}
+stiffness = {k}
+[units]
+{units}
+[records]
+files = ["pulse.txt"]
+unit = "{unit}"
+"""
+METRES = {"mass": 250e3, "k1": 3e7, "k2": 2e7, "k": 2e9, "gap": 0.02}
+UNITS = {
+    "m": (METRES, 'length = "m"\nmass = "kg"\ntime = "s"', 1.0, 1.0),
+    "mm": (
+        {"mass": 250.0, "k1": 3e4, "k2": 2e4, "k": 2e6, "gap": 20.0},
+        'length = "mm"\nmass = "t"\ntime = "s"',
+        *(1e3, 1.0),
+    ),
+    "ms": (
+        {"mass": 250e3, "k1": 30.0, "k2": 20.0, "k": 2e3, "gap": 20.0},
+        'length = "mm"\nmass = "kg"\ntime = "ms"',
+        *(1e3, 1e-3),
+    ),
+}
+"""The same structure in three systems: numbers, names, and what 1 m and 1 N are."""
+
+
+def write_pulse(folder: Path, unit: str) -> float:
+    """Write a record; its peak in g."""
+    t = 0.02 * np.arange(201)
+    a = 0.35 * np.sin(np.pi * t / 4) ** 2 * np.sin(9 * t)
+    table = np.column_stack((t, a * 9.80665 if unit == "m/s2" else a))
+    np.savetxt(folder / "pulse.txt", table, fmt="%.17g", header=f"t (s), a ({unit})")
+    return np.abs(a).max()
+
+
+@pytest.mark.parametrize("unit", ["g", "m/s2"])
+def test_units_that_are_named_are_those_of_the_record(tmp_path, unit):
+    peak = write_pulse(tmp_path, unit)
+    found = {}
+    for name, (numbers, units, metre, newton) in UNITS.items():
+        path = tmp_path / f"{name}.toml"
+        path.write_text(PAIR.format(**numbers, units=units, unit=unit))
+        job = load_job(path)
+        assert campaign.run(job, tmp_path / f"{name}.h5", Serial()) == 0
+        results = open_results(tmp_path / f"{name}.h5")
+        drift, force = (results[key].values.ravel() for key in ("storey_drift", "contact_force"))
+        found[name] = drift / metre, force / newton, results["impacts"].values.ravel()
+        assert job.study.suite[0].pga / job.study.gravity == pytest.approx(peak, rel=1e-11)
+    assert found["m"][2] > 0
+    for name in ("mm", "ms"):
+        for own, other in zip(found["m"], found[name], strict=True):
+            np.testing.assert_allclose(other, own, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("units", "more", "words"),
+    [
+        ('length = "mm"', "gravity = 9.80665", ("records.gravity = 9.80665", "is 9806.65 mm/s^2")),
+        ('length = "yard"', "", ("units.length = 'yard'", "known unit of length")),
+        ('time = "T"', "", ("units.time = 'T'", "known unit of time")),
+    ],
+)
+def test_units_that_do_not_fit_a_record_are_refused(tmp_path, units, more, words):
+    write_pulse(tmp_path, "g")
+    path = tmp_path / "job.toml"
+    path.write_text(PAIR.format(**METRES, units=units, unit="g") + more)
+    with pytest.raises(JobError) as caught:
+        load_job(path)
+    for word in (*words, "job.toml: "):
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_synthetic_records_are_in_seconds():
+    named = RECORDS + '[units]\ntime = "ms"\n'
+    (one, *_), (other, *_) = (parse_job(t, "a", "a").study.suite for t in (RECORDS, named))
+    assert (one.dt, other.dt) == (0.02, 20.0)
+
+
+def test_a_record_whose_name_is_no_utf8_is_one_line(tmp_path):
+    (tmp_path / "K\udcf6ln.txt").write_text("0 .1\n.01 .2\n")
+    (tmp_path / "job.toml").write_text(from_files('["."]').replace('["."]', '["*ln.txt"]'))
+    for command in ("describe", "run"):
+        done = hpcsweep(0, command, "job.toml", cwd=tmp_path)
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+        assert "records.files" in done.stderr
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 @pytest.mark.slow

@@ -1,11 +1,14 @@
 """Keys that take several values: what may be varied, and what is refused with one line."""
 
+import re
+
 import pytest
 from tools import ATTRACTORS, BASINS, GRID, SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job, part_of
 from hpcsweep.job.reading import every_key
 from hpcsweep.job.vary import NEVER, TABLES
+from hpcsweep.store.layout import Layout
 
 TWO = """
 [vary]
@@ -171,3 +174,65 @@ def test_what_is_given_beside_vary_has_to_be_right():
             parse_job(wrong, "job", "job")
     right = text.replace("[sweep]", "gap = 0.7\n\n[sweep]", 1)
     assert parse_job(right, "job", "job").study.axes[0].values == (0.5, 1.0)
+
+
+PAIR = """
+[study]
+kind = "records"
+[[building]]
+name = "A"
+mass = [1e5, 1e5]
+period = 0.5
+rayleigh = [1.0, 0.002]
+[[building]]
+mass = [1e5]
+period = 0.3
+[pounding]
+gap = 0.05
+stiffness = 1e8
+[records]
+synthetic = {count = 1, seed = 1, duration = 5.0}
+scale = {values = [1.0]}
+"""
+
+
+RAYLEIGH = re.sub("damping_ratio = .*", "rayleigh = [0.1, 0.1]", SMALL)
+
+
+@pytest.mark.parametrize(
+    ("table", "job", "owner"),
+    [
+        ('"building[0].period" = [0.5, 0.8]', PAIR, "building[0]"),
+        ("structure.mass = [1.0, 2.0]", RAYLEIGH, "structure"),
+    ],
+)
+def test_what_changes_the_ratios_of_rayleigh_is_refused(table, job, owner):
+    with pytest.raises(JobError, match="gives: its alpha and beta belong to one set") as error:
+        parse(table, job)
+    assert f"{owner}.rayleigh" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_where_the_damping_is_a_ratio_it_stays_one():
+    study = parse('"building[1].period" = [0.3, 0.6]', PAIR)
+    for place in study.places():
+        structure = study.part(place).structure
+        # uncoupled: the building of one storey keeps its 5 %, the other its alpha and beta
+        assert (abs(structure.damping_ratios - 0.05) < 1e-12).sum() == 1
+        assert "damping matrix, ratios" in repr(structure)
+        assert "damping_ratio=" not in repr(structure)
+
+
+@pytest.mark.parametrize(
+    ("table", "unit"),
+    [
+        ("structure.gap = [1.0, 2.0]", "length"),
+        ("structure.gap = [2.0, 1.0]", "length"),
+        ("structure.stiffness_ratio = [10.0, 20.0]", "gaps"),
+    ],
+)
+def test_lengths_are_in_gaps_only_where_all_gaps_are_one(table, unit):
+    layout = Layout(parse_job(f"{SMALL}\n[vary]\n{table}", "job.toml", "job"))
+    amplitude = layout.coordinates["amplitude"].units
+    assert amplitude == f"{unit} omega_0^2"
+    assert unit in {v.name: v for v in layout.variables}["poincare"].units

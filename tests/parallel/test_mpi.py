@@ -1,7 +1,13 @@
 """Ranks that wait for others leave the processor to them."""
 
+import contextlib
+import os
+import pty
+import subprocess
+import sys
+
 import pytest
-from tools import run_script
+from tools import environment, run_script
 
 from hpcsweep.parallel import mpi
 
@@ -67,3 +73,58 @@ def test_it_sleeps_between_two_looks_and_longer_the_longer_it_waits(monkeypatch,
     monkeypatch.setattr(mpi.time, "sleep", slept.append)
     mpi.Ranks(Library, Late(looks)).barrier()
     assert slept == [1e-4, 2e-4, 4e-4, 8e-4, 1e-3, 1e-3][:looks]
+
+
+STEP = {"SLURM_STEP_NUM_TASKS": "4", "SLURM_NTASKS": "4", "SLURM_PROCID": "0"}
+"""Variables of ``srun --ntasks=4``, also in the shell of ``srun --ntasks=4 --pty bash``."""
+
+
+@pytest.mark.parametrize(
+    ("leads", "terminal", "ranks"), [(False, True, "1"), (True, True, "4"), (False, False, "4")]
+)
+def test_a_shell_of_srun_is_no_launcher(leads, terminal, ranks):
+    """What srun starts itself leads its session on the terminal, or has no terminal."""
+    show = "from hpcsweep.parallel.mpi import launched_size; print('size', launched_size())"
+    line = [sys.executable, "-c", show]
+    if not leads:
+        line = ["sh", "-c", f'"{sys.executable}" -c "{show}"; true']
+    if terminal:
+        child, stream = pty.fork()
+        if child == 0:
+            os.execvpe(line[0], line, environment(**STEP))
+        said = ""
+        with contextlib.suppress(OSError):  # Linux ends the stream of a terminal with an error
+            while part := os.read(stream, 1000):
+                said += part.decode()
+        assert os.waitpid(child, 0)[1] == 0
+        os.close(stream)
+    else:
+        said = subprocess.run(
+            line,
+            env=environment(**STEP),
+            start_new_session=True,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+    assert said.split() == ["size", ranks]
+
+
+@pytest.mark.parametrize(("more", "code"), [(("--dry-run",), 0), ((), 2)])
+def test_a_launcher_of_another_mpi_keeps_nothing_but_runs_from_their_work(
+    small_job, tmp_path, more, code
+):
+    command = [sys.executable, "-m", "hpcsweep", "run", str(small_job), *more]
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env=environment(**STEP),
+        start_new_session=True,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stderr
+    assert ("the launcher started 4 ranks" in done.stderr) == (code == 2)
+    assert ("core-hours" in done.stdout) == (code == 0)
+    assert [*tmp_path.iterdir()] == [small_job]

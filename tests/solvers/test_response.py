@@ -272,3 +272,45 @@ def test_five_storeys_under_el_centro_have_the_published_forces(recorded):
     assert np.abs(forces.sum(axis=1)).max() == pytest.approx(322.83e3, abs=5)
     assert np.abs(forces[:, -1]).max() == pytest.approx(155.39e3, abs=5)
     assert np.abs(forces @ (4.0 * np.arange(1, n + 1))).max() == pytest.approx(3814.4e3, abs=50)
+
+
+def test_forces_and_accelerations_of_a_history_are_those_at_the_instants():
+    # pressed on from rest by a constant force: u = (1 - cos w t) / w^2, always in contact
+    kappa, count = 8.0, 60
+    structure = Structure.from_matrices([1.0], [[1.0]], [Contact((1.0,), 0.0, kappa)])
+    seen = history(structure, Record(-np.ones(count), 0.1), step=0.2)
+    turned = 3.0 * seen.time
+    u = (1 - np.cos(turned)) / 9.0
+    np.testing.assert_allclose(seen.force[:, 0], kappa * u, rtol=1e-11, atol=1e-14)
+    np.testing.assert_allclose(seen.acceleration[:, 0], -9.0 * u, rtol=1e-11, atol=1e-14)
+    turns = np.floor(turned / math.pi)  # the tops are at odd multiples of pi
+    passes_top = (turns[1:] > turns[:-1]) & (turns[1:] % 2 == 1)
+    peaks = np.where(passes_top, 2.0 / 9.0, np.maximum(u[1:], u[:-1]))
+    np.testing.assert_allclose(seen.peak_force[1:, 0], kappa * peaks, rtol=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["sharp", "smooth", "lets go", "pulls"])
+def test_the_impulse_is_the_integral_of_the_forces_of_a_history(kind):
+    drag = {"lets go": 10.0, "pulls": 10.0}.get(kind, 0.0)
+    contact = Contact((1.0,), 0.02, 500.0, damping=drag, tension=kind == "pulls")
+    structure = Structure.from_matrices(
+        [2.0], [[18.0]], [contact], sharpness=2e3 if kind == "smooth" else math.inf
+    )
+    record = noise(9, 150, size=8.0)
+    found = hpcsweep.response(structure, record)
+    seen = history(structure, record, step=record.dt / 40)
+    integral = np.trapezoid(seen.force[:, 0], seen.time)
+    assert found.impacts[0] >= 3
+    np.testing.assert_allclose(integral, found.impulse[0], rtol=1e-3)
+    np.testing.assert_allclose(seen.peak_force.max(), found.force[0], rtol=1e-9)
+    # a smooth stop pulls a little just before it, by -0.28 kappa / rho at most
+    assert (seen.force.min() < -0.1) == (kind == "pulls")
+    assert seen.force[:, 0].max() == pytest.approx(found.force[0], rel=0.02)
+
+
+def test_forces_on_a_base_at_rest_accelerate_the_floors():
+    # u'' = b a(t) of a free mass that a soft spring holds, and 0 after the record
+    structure = Structure.from_matrices([2.0], [[1e-12]], [], forcing=[3.0])
+    samples = np.array([1.0, -2.0, 4.0])
+    seen = history(structure, Record(samples, 0.5), 2.0, tail=1.0)
+    np.testing.assert_allclose(seen.acceleration[:, 0], [3, -6, 12, 0, 0], atol=1e-9)

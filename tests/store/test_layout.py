@@ -6,10 +6,12 @@ import h5py
 import numpy as np
 import pytest
 import xarray
-from tools import assert_same_datasets, hpcsweep
+from tools import ATTRACTORS, BASINS, GRID, RECORDS, REFINED, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep import Structure, meanings, open_results
-from hpcsweep.store.layout import LAYOUT_VERSION
+from hpcsweep.job import parse_job
+from hpcsweep.store.layout import LAYOUT_VERSION, Layout, flags_of
+from hpcsweep.studies.branches.variables import CURVE_VARIABLES, VARIABLES
 
 
 @pytest.mark.parametrize("version", [1, LAYOUT_VERSION + 1])
@@ -112,3 +114,25 @@ def test_every_set_of_contacts_has_a_name(contact_set):
 def test_a_contact_out_of_reach_keeps_its_name():
     structure = Structure(n_floors=2, gap_left=(1.0, math.inf), stiffness_ratio=10.0)
     assert structure.contact_names == {1: "1", 2: "2", 3: "1L"}
+
+
+NUMBERS = {"stable", "curve_unstable", "label", "cell", "crossed"}
+"""Variables of one byte that count, or number, what they tell."""
+
+
+@pytest.mark.parametrize("text", [SMALL, GRID, REFINED, ATTRACTORS, BASINS, RECORDS, None])
+def test_every_code_has_a_word_also_what_fills_unused_room(text):
+    if text is None:
+        structure, variables = Structure(2), (*VARIABLES, *CURVE_VARIABLES)
+    else:
+        layout = Layout(parse_job(text, "job", "job"))
+        structure, variables = layout.study.structure, (*layout.variables, *layout.derived)
+    coded = [v for v in variables if v.dtype == "<i1" and v.name not in NUMBERS]
+    assert coded
+    for one in coded:
+        notes = flags_of(one, structure)
+        words = notes["flag_meanings"].split()
+        assert len(words) == notes["flag_values"].size, one.name
+        assert one.missing in notes["flag_values"], one.name
+        said = meanings(xarray.DataArray(notes["flag_values"], dims="code", attrs=notes))
+        assert said.values.tolist() == words

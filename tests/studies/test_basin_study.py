@@ -98,7 +98,7 @@ def test_rows_that_contradict_themselves_are_told(whole):
 def test_each_start_goes_where_it_goes_when_it_is_decided_alone(whole):
     study, results = parse_job(JOB, "job", "job").study, open_results(whole)
     search = AttractorSearch(
-        make_solver("flow", study.structure, 1.0, 1e-9), 0.7, study.settings, 600, None
+        make_solver("flow", study.structure, 1.0, 1e-9), 0.7, study.settings, 600, 0.95, None
     )
     labels, points = results["label"].values[0, :, 0], results["point"].values[0, 0, 0]
     assert set(np.unique(labels)) == {1, 2}
@@ -183,7 +183,6 @@ def test_every_command_tells_it(tmp_path, whole):
     (reported,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
     assert sum(entry["runs"] for entry in reported["basins"].values()) == 63
     assert "starts to 1, P1" in hpcsweep(0, "summary", whole).stdout
-    assert "row" in hpcsweep(0, "schedule", whole).stdout
     picture = tmp_path / "picture.png"
     done = hpcsweep(0, "plot", whole, "-o", picture)
     assert done.returncode == 0, done.stderr

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from tools import SEEDS, TWO_STOPS, assert_same_datasets, hpcsweep
 
-from hpcsweep import Structure, open_results, orbit
+from hpcsweep import Structure, meanings, open_results, orbit
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures.cielab import rgb
@@ -78,6 +78,16 @@ def test_every_periodic_motion_of_the_file_lies_on_a_branch(folder, whole):
     (told,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
     assert told["seeds_covered"]["share"] == 1.0
     assert told["seeds_missed"] == []
+
+
+def test_the_numbers_of_special_points_have_words(whole):
+    results = open_results(whole)
+    for name in ("special_kind", "criticality", "ends", "found_by", "seed_reason"):
+        words, numbers = meanings(results[name]).values, results[name].values
+        assert (words[numbers == 0] == ("on_a_branch" if name == "seed_reason" else "none")).all()
+    kinds = meanings(results.special_kind).values
+    assert (kinds[results.special_kind.values == 1] == "fold").all()
+    assert (kinds == "fold").any()
 
 
 def test_points_of_branches_are_orbits_stable_or_not(whole):

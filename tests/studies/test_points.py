@@ -150,3 +150,13 @@ def test_the_grid_of_a_grid_is_its_frames(tmp_path, grid_job):
         assert Grid(frames).dataset(2).identical(frames.dataset(2))
     finally:
         frames.close()
+
+
+def test_points_without_their_stroboscopic_points_are_drawn_as_a_map(tmp_path):
+    job, path = tmp_path / "grid.toml", tmp_path / "grid.h5"
+    job.write_text(GRID + "poincare = false\n")
+    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
+    for place, kind in enumerate(([], ["--kind", "map"])):
+        done = hpcsweep(0, "plot", path, *kind, "-o", tmp_path / f"{place}.png")
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "0.png").read_bytes() == (tmp_path / "1.png").read_bytes()

@@ -8,7 +8,8 @@ multiplier has a pole: it leaves the real axis at +infinity and comes back from 
 does between two branches, so that prod (1 + mu) and prod (1 - mu) change their signs at one place.
 
 At a grazing of a sharp stop the tangent turns with the square root of the distance s past it, at a
-first contact of Figure 3 by 1 rad within s = 1e-7: the steps there go down to 1e-9.
+first contact of Figure 3 by 1 rad within s = 1e-7: the steps there go down to 1e-9. Of a stop so
+stiff that it is a corner for the shortest step the branch ends there, and says so (`GRAZES`).
 """
 
 from collections.abc import Callable
@@ -41,6 +42,9 @@ from hpcsweep.solvers.branch_rule import (
 
 COLLAPSED = 1e-4
 """Step within which an orbit comes to one of a period that divides its own, or to a crossing."""
+GRAZES = 1e-6
+"""Distance from a grazing, in units of y, within which a branch that is not followed on ends at it:
+beside a stop that is stiff enough the tangent turns by a radian within less than a step."""
 HALVINGS = 30
 """Of the share of a step at which a component has a value."""
 
@@ -162,7 +166,8 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
         if found is None:
             step *= 0.5
             if step < limits.smallest:
-                why = "not followed on"
+                grazes = take is step_of_branch and _grazes(curve, last)
+                why = "grazing" if grazes else "not followed on"
                 break
             continue
         point, specials, angle, end = found
@@ -235,6 +240,15 @@ def step_of_branch(
     if not _explained(specials, last, point) and step > 16 * limits.smallest:
         return None
     return point, specials, angle, end
+
+
+def _grazes(curve: Curve, last: Solution) -> bool:
+    """Return whether a contact closes, or closes no more, just ahead of a point."""
+    try:
+        ahead = curve.map.signature(*curve.split(last.y + GRAZES * last.tangent))
+        return ahead != curve.signature(last)
+    except ArithmeticError:
+        return False
 
 
 def _largest_move(step: float) -> float:

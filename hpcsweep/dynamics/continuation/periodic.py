@@ -1,37 +1,30 @@
 """One periodic orbit of a structure: points, multipliers, contacts, verified."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import (
-    Curve,
-    NotConvergedError,
-    Solution,
-    continued,
-    solve_at,
-)
 from hpcsweep.dynamics.continuation.forced import ForcedMap
+from hpcsweep.dynamics.verification import REACH, Verdict, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.trajectory import Crossing, crossings
 
-REACH = 0.1
-"""Largest distance of an orbit from where it is sought, in units of the state."""
-CLOSES = 1e-9
-"""Residual of an orbit that is verified, in units of the state."""
+SHOWN = 6
+"""Events of a signature that are printed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Orbit:
     """A periodic orbit.
 
     Attributes
     ----------
     points : ndarray, shape (p, 2n)
-        z(0), z(T), ..., z((p - 1) T).
+        z(0), z(T), ..., z((p - 1) T), p the minimal period.
     multipliers : ndarray of complex, shape (2n,)
         Floquet multipliers over p forcing periods, largest modulus first.
     residual : float
@@ -47,16 +40,34 @@ class Orbit:
     signature: tuple[Crossing, ...]
 
     @property
+    def period(self) -> int:
+        """Minimal period p in forcing periods."""
+        return len(self.points)
+
+    @property
     def stable(self) -> bool:
         """Whether all multipliers are inside the unit circle."""
         return bool(abs(self.multipliers[0]) < 1.0)
+
+    def __repr__(self) -> str:
+        events = [
+            f"{'+' if one.closes else '-'}{one.contact}@{one.phase:.4g}"
+            for one in self.signature[:SHOWN]
+        ]
+        if len(self.signature) > SHOWN:
+            events.append(f"... {len(self.signature)} in all")
+        return (
+            f"Orbit(P{self.period}, {'stable' if self.stable else 'unstable'}, largest multiplier "
+            f"{self.multipliers[0]:.6g}, residual {self.residual:.1e}, "
+            f"contacts [{', '.join(events)}])"
+        )
 
 
 def orbit(structure: Structure, amplitude: float, omega: float, state: Any, period: int) -> Orbit:
     """Find the periodic orbit near a state, stable or not.
 
-    By Newton's method on all p points at once (`hpcsweep.dynamics.continuation.cycle`), verified by
-    integrating each point once more. The contacts are from an integration of each forcing period by
+    By Newton's method, to rounding (`hpcsweep.dynamics.verification`): past a fold, where a motion
+    nearly closes, there is none. The contacts are from an integration of each forcing period by
     scipy's DOP853.
 
     Parameters
@@ -67,7 +78,7 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     state : array_like, shape (2n,)
         (u, v) at phase 0, near a point of the orbit.
     period : int
-        p, in forcing periods.
+        Forcing periods after which the orbit closes; its minimal period is a divisor of it.
 
     Raises
     ------
@@ -76,17 +87,13 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     ArithmeticError
         If there is no orbit of that period near, or a solver fails.
     """
-    forced, found = find(structure, amplitude, omega, state, period)
-    there = Curve(forced, period, 1.0).split(found.y)[0]
-    images = forced.images(there, forced.value)
-    residual = float(np.abs(images - np.roll(there, -1, axis=0)).max())
-    points = there * forced.units
+    _, found = find(structure, amplitude, omega, state, period)
     signature = [
         one._replace(phase=one.phase + turn)
-        for turn, z in enumerate(points)
+        for turn, z in enumerate(found.points)
         for one in crossings(structure, amplitude, omega, z)
     ]
-    return Orbit(points, found.multipliers, residual, tuple(signature))
+    return Orbit(found.points, found.multipliers, found.residual, tuple(signature))
 
 
 def find(
@@ -96,27 +103,25 @@ def find(
     state: Any,
     period: int,
     parameter: str = "amplitude",
-) -> tuple[ForcedMap, Solution]:
-    """Find the orbit near a state as a point of the curve of an unscaled parameter."""
+) -> tuple[ForcedMap, VerifiedOrbit]:
+    """Find the orbit near a state, on the map of a parameter."""
     instance("structure", structure, Structure)
     amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
     z = finite_vector("state", state, 2 * structure.n_floors)
     period = count("period", period, 1, MAX_PERIOD)
     forced = ForcedMap(structure, amplitude, omega, parameter)
-    curve = Curve(forced, period, 1.0)
-    start = z / forced.units
-    try:
-        points = continued(forced, start[None], forced.value, period)
-        found = solve_at(curve, points, forced.value)
-    except (NotConvergedError, ArithmeticError) as error:
-        raise ArithmeticError(f"no orbit of period {period} near the state: {error}") from None
-    there = curve.split(found.y)[0]
-    away = float(np.abs(there[0] - start).max())
-    if away > REACH:
-        raise ArithmeticError(
-            f"no orbit of period {period} within {REACH} of the state: the one found is {away:.3g} "
-            "away"
-        )
-    if found.residual > CLOSES:
-        raise ArithmeticError(f"no orbit of period {period}: it closes to {found.residual:.3g}")
-    return forced, found
+    solver, amplitude = forced.solver(forced.value)
+    found = verify_orbit(solver, z, amplitude, period)
+    if found.orbit is None:
+        near = f"no orbit of period {period} within {REACH} of the state"
+        raise ArithmeticError(f"{near}: {_why(found)}")
+    return forced, found.orbit
+
+
+def _why(found: Verdict) -> str:
+    """Return what Newton's method has come to where there is no orbit."""
+    if found.away < math.inf:
+        return f"the one found is {found.away:.3g} away"
+    if found.residual < math.inf:
+        return f"the residual of Newton's method falls to {found.residual:.3g} and no further"
+    return "the solver has failed"

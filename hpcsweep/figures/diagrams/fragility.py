@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.stripes import fit
+from hpcsweep.campaign.stripes import StripesError, capacities, fit
+from hpcsweep.earthquakes.stripes import Capacity, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import STOP, series_colour
 from hpcsweep.figures.style import PlotError, head, new_figure, save
@@ -12,8 +13,9 @@ from hpcsweep.figures.style import PlotError, head, new_figure, save
 NAME = "fragility"
 DRAWS = "responses"
 HELP = """\
-share of records whose response reaches a threshold, against the intensity, with the
-lognormal curve of largest likelihood and its 95 % band; the same without contacts"""
+share of records whose response reaches a threshold, against the intensity, counted by their
+capacities, with the lognormal curve of largest likelihood and its 95 % band; without contacts
+the counted curve, which is exact"""
 OPTIONS = (responses.THRESHOLD, responses.RESPONSE, responses.PLACE)
 POINTS = 400
 load = responses.load
@@ -36,30 +38,40 @@ def draw(
     if threshold is None:
         raise PlotError("--threshold is missing: the response that is a failure")
     stripes = responses.opened(results, response, place)
+    try:
+        own, found = capacities(stripes, threshold), fit(stripes, threshold)
+    except StripesError as error:
+        raise PlotError(f"--threshold {threshold:g}: {error}") from None
     figure, (axis,) = new_figure(1, 4.2)
-    cases = [("with contacts" if responses.touches(stripes) else "", stripes.values)]
-    if responses.touches(stripes):
-        cases.append(("without", np.asarray(stripes.alone)))
+    touches = responses.touches(stripes)
+    colour = series_colour(0)
+    known = np.isfinite(stripes.values).sum(axis=0)
+    shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(known, 1)
+    axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
     fine = np.linspace(stripes.intensity[0] / 10, stripes.intensity[-1], POINTS)
-    for name, values in cases:
-        own = values is stripes.values
-        colour = series_colour(0) if own else STOP
-        shares = (values >= threshold).mean(axis=0)
-        axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
-        try:
-            found = fit(stripes._replace(values=values), threshold)
-        except ValueError as error:
-            if own:
-                raise PlotError(f"--threshold {threshold:g}: {error}") from None
-            continue
-        low, high = found.band(fine)
-        axis.fill_between(fine, low, high, color=colour, alpha=0.2, linewidth=0)
-        label = rf"{name}  median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}".strip()
-        axis.plot(fine, found.probability(fine), color=colour, label=label)
+    low, high = found.band(fine)
+    axis.fill_between(fine, low, high, color=colour, alpha=0.2, linewidth=0)
+    name = "with contacts  " if touches else ""
+    label = rf"{name}median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}"
+    axis.plot(fine, found.probability(fine), color=colour, label=label)
+    _count(axis, own, fine[-1], color=colour, linewidth=0.6)
+    if touches:
+        free = capacities(stripes, threshold, alone=True)
+        (median,) = fractiles(free.scale, (0.5,))
+        _count(axis, free, fine[-1], color=STOP, label=f"without, counted  median {median:.4g}")
     axis.set_xlabel(stripes.measure)
     axis.set_ylabel(f"share of records that reach {threshold:g} {stripes.unit}".rstrip())
     axis.set_xlim(0, stripes.intensity[-1])
     axis.set_ylim(0, 1.02)
     axis.legend(frameon=False, fontsize=8, title=stripes.label, title_fontsize=8)
-    head(figure, responses.title(results), fontsize=9)
+    title = responses.title(results) + (f"\n{found.caution}" if found.caution else "")
+    head(figure, title, fontsize=9)
     save(figure, path)
+
+
+def _count(axis, found: Capacity, highest: float, **looks) -> None:
+    """Draw the share of records whose capacity is at most the intensity."""
+    scale = found.scale[~np.isnan(found.scale)]
+    at = np.sort(scale[scale <= highest])
+    shares = np.arange(at.size + 1) / scale.size
+    axis.step([0.0, *at, highest], [*shares, shares[-1]], where="post", **looks)

@@ -1,4 +1,7 @@
-"""One record at one scale: displacements of the floors at a contact, and its force, over time."""
+"""One record at one scale: displacements of the floors at a contact, and its force, over time.
+
+The force is the largest between two samples: contacts may be shorter.
+"""
 
 from pathlib import Path
 
@@ -12,8 +15,8 @@ from hpcsweep.figures.style import PlotError, head, job_of, new_figure, save
 NAME = "history"
 DRAWS = "responses"
 HELP = """\
-ground, displacements of two facing floors with and without contacts, and the force
-between them, of one record at one intensity; needs the record"""
+ground, displacements of two facing floors with and without contacts, and the peak force
+between them in each sample interval, of one record at one intensity; needs the record"""
 OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE)
 
 
@@ -47,11 +50,12 @@ def draw(
     ground.plot(samples.times, factor * samples.acceleration / study.gravity, color="0.3", lw=0.6)
     ground.set_ylabel("ground  [g]", fontsize=8)
     if names:
-        k = names.index(place) if place else int(seen.force.max(axis=0).argmax())
+        k = names.index(place) if place else int(seen.peak_force.max(axis=0).argmax())
         shown = np.flatnonzero(structure.directions[k]).tolist()
-        axes[2].plot(seen.time, seen.force[:, k], color=series_colour(2), linewidth=0.8)
-        axes[2].set_ylabel(f"force {names[k]}{unit(structure, 'force')}", fontsize=8)
-        for time in seen.time[seen.force[:, k] > 0]:
+        looks = {"color": series_colour(2), "linewidth": 0.8, "drawstyle": "steps-pre"}
+        axes[2].plot(seen.time, seen.peak_force[:, k], **looks)
+        axes[2].set_ylabel(f"peak force {names[k]}{unit(structure, 'force')}", fontsize=8)
+        for time in seen.time[seen.peak_force[:, k] > 0]:
             moving.axvline(time, color=series_colour(2), alpha=0.15, linewidth=0.5, zorder=0)
     else:
         shown = [structure.n_floors - 1]

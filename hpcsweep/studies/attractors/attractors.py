@@ -38,10 +38,6 @@ class Attractors(Limits, AmplitudeSweep):
 
     kind: ClassVar[str] = "attractors"
     run_noun: ClassVar[str] = "point"
-    why_whole: ClassVar[str] = (
-        "a frame is one path: the attractors of each amplitude are continued from the one before, "
-        "so a frame cannot be cut without changing results"
-    )
     words: ClassVar[dict[str, str]] = {UP: "continued up"}
     direction_name: ClassVar[str] = "direction in which attractors are continued"
     keys: ClassVar[dict] = {
@@ -200,8 +196,6 @@ class RefinedAttractors(IndependentRuns, Attractors):
 
     refine: Refinement | None = None
 
-    task_noun: ClassVar[str] = "point"
-    why_whole: ClassVar[str] = "the attractors of a point are one run, which cannot be cut"
     words: ClassVar[dict[str, str]] = {UP: "each point on its own"}
     grid_fields: ClassVar[tuple[str, ...]] = (*Attractors.grid_fields, "refine")
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import Attractor, Portrait
+from hpcsweep.dynamics.attractor import Attractor, Found, Portrait
 from hpcsweep.dynamics.portrait import portrait
 from hpcsweep.dynamics.resemblance import matched
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
@@ -14,7 +14,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.attractors.search import Limits, empty_results, store_values
-from hpcsweep.studies.attractors.variables import attractor_variables
+from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
 
@@ -141,6 +141,9 @@ class AttractorRuns:
         result["n_attractors"][index] = len(found.attractors)
         result["n_undecided"][index] = found.n_undecided
         result["n_failed"][index] = found.n_failed
+        result["n_transient"][index] = found.n_transient
+        for name, value in zip(LIFETIME, found.lifetime, strict=True):
+            result[name][index] = value
         result["n_elsewhere"][index] = (found.labels >= 0).sum() - hits
         result["last_id"][index] = last_id
         result["cycles"][index] = min(found.cycles, np.iinfo(np.int32).max)
@@ -203,7 +206,7 @@ def attractors(
     period_tolerance: float = 1e-6,
     solver: str = "flow",
     rtol: float | None = None,
-) -> list[Attractor]:
+) -> Found:
     """Find all attractors at a point, with their shares of a box of starting states.
 
     An attractor whose basin fills the share s of the box is missed with probability (1 - s)^starts:
@@ -239,7 +242,9 @@ def attractors(
     -------
     list of Attractor
         In order of decreasing share; see `hpcsweep.dynamics.attractor.Attractor`. Shares are of all
-        starts: they sum to less than 1 where starts were not classified or failed.
+        starts: they sum to less than 1 where starts were not classified or failed. Its attributes
+        `n_transient` and `lifetime` tell of the starts that were transient chaos before they came
+        to one of these (`hpcsweep.dynamics.attractor.Found`).
 
     Raises
     ------
@@ -272,4 +277,5 @@ def attractors(
     found = runs.at(amplitude, seeds)
     if found.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{name}: {found.outcome.name} from every start")
-    return sorted(found.attractors, key=lambda one: -one.hits)
+    by_share = sorted(found.attractors, key=lambda one: -one.hits)
+    return Found(by_share, n_transient=found.n_transient, lifetime=found.lifetime)

@@ -5,6 +5,19 @@ from hpcsweep.studies.study import Variable
 from hpcsweep.studies.variables import CYCLES, OUTCOME, RUN, STATES, measures_of_each
 
 EACH = (*RUN, "attractor")
+LIFETIME = ("transient_lifetime", "transient_lifetime_low", "transient_lifetime_high")
+TRANSIENT = (
+    Variable("n_transient", RUN, "<i4", "1", "starts that were transient chaos, wherever they end"),
+    *(
+        Variable(name, RUN, "<f8", "forcing periods", f"{which} of transient chaos")
+        for name, which in zip(
+            LIFETIME,
+            ("mean lifetime", "lower end of the mean lifetime", "upper end of the mean lifetime"),
+            strict=True,
+        )
+    ),
+)
+"""Outcome of the tests of lifetimes (`hpcsweep.dynamics.lifetime`)."""
 VARIABLES = (
     Variable("n_attractors", RUN, "<i4", "1", "attractors found, more than stored if too many"),
     Variable("attractor_id", EACH, "<i4", "1", "identity along the amplitudes, 0 for none"),
@@ -26,6 +39,7 @@ VARIABLES = (
     Variable("n_points", EACH, "<i4", "1", "number of stroboscopic points stored"),
     Variable("poincare", (*EACH, "cycle", "state"), "<f8", STATES, "stroboscopic points"),
     Variable("n_undecided", RUN, "<i4", "1", "starts that were not classified"),
+    *TRANSIENT,
     Variable("n_failed", RUN, "<i4", "1", "starts whose integration failed"),
     Variable("n_elsewhere", RUN, "<i4", "1", "starts that reached attractors not stored"),
     Variable("last_id", RUN, "<i4", "1", "largest identity given on the path so far"),

@@ -25,9 +25,7 @@ from hpcsweep.studies.study import Amplitudes, Variable
 class Basins(SliceGrid):
     """Basins on a slice, a row a run; see `SliceGrid`."""
 
-    task_noun: ClassVar[str] = "row"
     run_noun: ClassVar[str] = "row"
-    why_whole: ClassVar[str] = "a row of starts is one run, which cannot be cut"
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
     status_variables: ClassVar[tuple[str, ...]] = ("n_undecided", "n_failed", "n_elsewhere")

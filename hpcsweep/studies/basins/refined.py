@@ -44,9 +44,7 @@ class RefinedBasins(SliceGrid):
 
     refine: Refinement | None = None
 
-    task_noun: ClassVar[str] = "start"
     run_noun: ClassVar[str] = "start"
-    why_whole: ClassVar[str] = "a start is one run, which cannot be cut"
     run_dims: ClassVar[tuple[str, ...]] = START_RUN
     commit: ClassVar[Variable] = START_COMMIT
     status_variables: ClassVar[tuple[str, ...]] = ("label",)

@@ -98,11 +98,7 @@ class Branches(IndependentRuns):
     max_curve_points: int = 5000
 
     kind: ClassVar[str] = "branches"
-    task_noun: ClassVar[str] = "line"
     run_noun: ClassVar[str] = "line"
-    why_whole: ClassVar[str] = (
-        "branches of a line are numbered in the order in which they are found"
-    )
     words: ClassVar[dict[str, str]] = {START: "branches through the motions of files"}
     direction_name: ClassVar[str] = "what is followed"
     keys: ClassVar[dict] = {

@@ -21,6 +21,7 @@ class End(IntEnum):
     OUT_OF_REACH = 7
     KNOWN = 8
     RESONANCE = 9
+    GRAZING = 10
 
 
 class Reason(IntEnum):
@@ -39,6 +40,14 @@ class Origin(IntEnum):
     SEED = 1
     LEAVING = 2
     SEARCH = 3
+
+
+class Criticality(IntEnum):
+    """Side to which what is born at a doubling goes."""
+
+    SUBCRITICAL = -1
+    NONE = 0
+    SUPERCRITICAL = 1
 
 
 Met = IntEnum("Met", [one.name for one in Meeting])  # type: ignore[misc]

@@ -9,9 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.reading import STANDARD_GRAVITY, UNITS
 from hpcsweep.earthquakes.suite import MEASURES, Facts, Files, Measure, Synthetic
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
+from hpcsweep.earthquakes.units import (
+    NEAR,
+    OWN,
+    acceleration_unit,
+    seconds_in,
+    standard_gravity,
+)
 from hpcsweep.model.record import MAX_SAMPLES
 from hpcsweep.solvers.response import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.study import Coordinate
@@ -37,11 +43,15 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
         what = "either files or synthetic must be given"
         raise values.error("records", sorted(given), what)
     if "files" in given:
-        unit = values.get("records.unit", "g")
-        if unit not in UNITS:
-            raise values.error("records.unit", unit, f"must be one of {', '.join(UNITS)}")
+        unit: Any = values.get("records.unit", "g")
+        try:
+            if unit != OWN:
+                acceleration_unit("unit", unit)
+        except ValueError as error:
+            limit = str(error).partition(", is ")[0].removeprefix("unit ")
+            raise values.error("records.unit", unit, limit) from None
         dt = positive(values, "records.dt", given["dt"]) if "dt" in given else None
-        return Files(paths, unit, read_gravity(values), dt)
+        return Files(paths, unit, read_gravity(values), dt, _units(values)[1])
     for key in ("unit", "dt"):
         if key in given:
             raise values.error(f"records.{key}", given[key], "goes with records.files")
@@ -70,7 +80,7 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
     if not 100 <= steps < MAX_SAMPLES:
         limit = f"must be 100 to {MAX_SAMPLES - 1} times dt = {read['dt']:g}"
         raise values.error("records.synthetic.duration", read["duration"], limit)
-    return Synthetic(**read)
+    return Synthetic(**read, time=_units(values)[1])
 
 
 def positive(values: Any, key: str, given: Any) -> float:
@@ -81,9 +91,29 @@ def positive(values: Any, key: str, given: Any) -> float:
     return number
 
 
+def _units(values: Any) -> tuple[str, str, float]:
+    """Read the structure's units of length and time, m and s where not named, and one g."""
+    named = values.table("units")
+    length, time = named.get("length", "m"), named.get("time", "s")
+    if not isinstance(time, str) or seconds_in(time) is None:
+        limit = "must be a known unit of time, as s or ms, since records are in seconds"
+        raise values.error("units.time", time, limit)
+    gravity = standard_gravity(length, time) if isinstance(length, str) else None
+    if gravity is None:
+        limit = "must be a known unit of length, as m or mm, since records have accelerations"
+        raise values.error("units.length", length, limit)
+    return length, time, gravity
+
+
 def read_gravity(values: Any) -> float:
-    """Read one g in the structure's units."""
-    return positive(values, "records.gravity", values.get("records.gravity", STANDARD_GRAVITY))
+    """Read one g in the structure's units: by default it follows from their names."""
+    length, time, standard = _units(values)
+    given = values.get("records.gravity", standard)
+    gravity = positive(values, "records.gravity", given)
+    if "length" in values.table("units") and abs(gravity / standard - 1.0) > NEAR:
+        limit = f"one g is {standard:.10g} {length}/{time}^2, by the names in units"
+        raise values.error("records.gravity", given, limit)
+    return gravity
 
 
 def read_tail(values: Any, found: tuple[Facts, ...]) -> float:

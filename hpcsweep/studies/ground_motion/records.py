@@ -83,9 +83,7 @@ class Records(Part):
     history: float
 
     kind: ClassVar[str] = "records"
-    task_noun: ClassVar[str] = "record"
     run_noun: ClassVar[str] = "run"
-    why_whole: ClassVar[str] = "the scales of a record are computed by one rank"
     keys: ClassVar[dict] = {"records": keys.KEYS, "output": (*GROUPS, "history", "block")}
     without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES

@@ -96,7 +96,7 @@ HISTORY = (
     ),
     Variable(
         *("history_force", (*RUN, "time", "stop"), "<f8", "force"),
-        "largest force of each contact since the instant before",
+        "force of each contact",
     ),
 )
 """The motion itself, where ``output.history`` gives a step; NaN past the end of a record."""

@@ -25,11 +25,6 @@ class AmplitudeSweep(RunGrid):
     """Amplitude sweeps, a frame a task; see `RunGrid`."""
 
     kind: ClassVar[str] = "amplitude_sweep"
-    task_noun: ClassVar[str] = "frame"
-    why_whole: ClassVar[str] = (
-        "a frame is one path: each amplitude starts from the end state of the one before, the down "
-        "sweep from the end of the up sweep, so a frame cannot be cut without changing results"
-    )
     words: ClassVar[dict[str, str]] = {UP: "sweep up", DOWN: "sweep down"}
     direction_name: ClassVar[str] = "direction of the amplitude sweep"
     keys: ClassVar[dict] = {"sweep": ("omega", "frequency", "amplitude", "directions")}

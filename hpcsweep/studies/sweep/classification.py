@@ -2,8 +2,10 @@
 
 The window procedure takes a window for the motion. A motion that the window leaves open is
 continued from its end, off the path, for at most `classify_cycles` forcing periods
-(`dynamics.classify_motion`). Points, contact set, drift, modal norms and exponent are then those of
-the motion found. The next run starts from the end of the window nevertheless.
+(`dynamics.classify_motion`). Chaos is told only where it has outlived a number of them, since it
+may be a transient (`runs.ON_PATH`). Points, contact set, drift, modal norms and exponent are then
+those of the motion found; what the window shows is kept beside them. The next run starts from the
+end of the window nevertheless.
 """
 
 import math
@@ -12,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
 from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
 from hpcsweep.dynamics.motion import Motion
@@ -39,6 +41,8 @@ class Classification:
     kind : MotionClass
     window_period : int
         Period that the window test finds; `NOT_TESTED` if there is no window.
+    window_class : MotionClass
+        What the window shows by itself; NOT_COMPUTED if there is no window.
     cycles : int
         Forcing periods integrated to classify.
     """
@@ -48,6 +52,7 @@ class Classification:
     exponent: Interval
     kind: MotionClass = MotionClass.UNDECIDED
     window_period: int = NOT_TESTED
+    window_class: MotionClass = MotionClass.NOT_COMPUTED
     cycles: int = 0
 
 
@@ -56,6 +61,7 @@ def classify_window(
     amplitude: float,
     seen: Observation,
     settings: SweepSettings,
+    outlived: int = 0,
     poll: Callable[[], None] | None = None,
 ) -> Classification:
     """Classify the motion of a window, or of its continuation.
@@ -68,6 +74,8 @@ def classify_window(
         Of the window; with the growth of a tangent vector if exponents are requested or motions
         classified.
     settings : SweepSettings
+    outlived : int
+        Forcing periods that chaos must outlive before it is claimed.
     poll : callable, optional
         Called within long work; may raise to leave.
     """
@@ -76,15 +84,23 @@ def classify_window(
     window = orbit_period(points, longest, same)
     if settings.classify_cycles:
         motion = classify_motion(
-            solver, seen.points[-1], amplitude, settings, settings.classify_cycles, poll, seen
+            solver,
+            seen.points[-1],
+            amplitude,
+            settings,
+            settings.classify_cycles,
+            poll,
+            seen,
+            outlived,
         )
+        shown = window_class(points, seen, window)
         if motion.kind not in (MotionClass.UNDECIDED, MotionClass.FAILED):
             known = _classify_known(solver, amplitude, settings, motion, poll)
             if known is not None:
-                return replace(known, window_period=window)
+                return replace(known, window_period=window, window_class=shown)
         # an orbit is claimed only where it is verified
         kind = _kind(MotionClass.UNDECIDED, seen)
-        return Classification(seen, 0, motion.interval, kind, window, motion.cycles)
+        return Classification(seen, 0, motion.interval, kind, window, shown, motion.cycles)
     period = window if settings.classify_cycles is None else closed_period(points, longest, same)
     exponent = UNKNOWN
     if "lyapunov" in settings.metrics:
@@ -95,6 +111,31 @@ def classify_window(
             within = growth_interval(aligned(seen.logarithms)).times(1.0 / time)
             exponent = within._replace(mean=seen.growth / (len(seen.points) * time))
     return Classification(seen, period, exponent, window_period=window)
+
+
+def window_class(points: np.ndarray, seen: Observation, period: int) -> MotionClass:
+    """Return the class of motion that a window shows by itself.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 2n)
+        Of the window, in units of the state.
+    seen : Observation
+    period : int
+        After which the points repeat, 0 if they do not.
+
+    Returns
+    -------
+    MotionClass
+        Chaotic windows are those whose small differences grew by `CHAOS_GROWTH`; closed curves are
+        not looked for.
+    """
+    if not seen.contact:
+        return MotionClass.NO_CONTACT
+    if period:
+        return MotionClass.PERIODIC
+    chaotic = seen.growth > CHAOS_GROWTH
+    return MotionClass.CHAOTIC if chaotic else MotionClass.UNDECIDED
 
 
 def _classify_known(

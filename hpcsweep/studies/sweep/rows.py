@@ -36,6 +36,8 @@ class Result(NamedTuple):
     motion : MotionClass
     window_period : int
         Period that the window test finds; `NOT_TESTED` if there is no window.
+    window_class : MotionClass
+        What the window shows by itself; NOT_COMPUTED if there is no window.
     classification_cycles : int
         Forcing periods integrated to classify.
     """
@@ -54,6 +56,7 @@ class Result(NamedTuple):
     lyapunov_high: Any
     motion: Any
     window_period: Any = NOT_TESTED
+    window_class: Any = MotionClass.NOT_COMPUTED
     classification_cycles: Any = 0
 
 
@@ -92,6 +95,7 @@ def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> di
         arrays["window_period"] = np.zeros(n_runs, np.int32)
     if settings.classify_cycles:
         arrays["motion"] = np.zeros(n_runs, np.int8)
+        arrays["window_class"] = np.zeros(n_runs, np.int8)
         arrays["classification_cycles"] = np.zeros(n_runs, np.int32)
     return arrays
 
@@ -117,6 +121,7 @@ def store(
         "lyapunov_high": result.lyapunov_high,
         "window_period": result.window_period,
         "motion": result.motion,
+        "window_class": result.window_class,
         "classification_cycles": result.classification_cycles,
     }
     for name, value in values.items():

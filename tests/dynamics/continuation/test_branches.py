@@ -7,6 +7,7 @@ from one_impact import OneImpact
 from hpcsweep import Structure, branch, load_job, orbit, stroboscopic_points
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies.branches.variables import End
 
 OMEGA, ZETA, BETA = 1.2, 0.05, 100.0
 ONE = Structure(1, BETA, np.inf, ZETA)
@@ -137,6 +138,23 @@ def test_a_branch_passes_the_grazings_of_sharp_stops_from_either_side(sharpness)
     assert below.special_kind.values.tolist() == above.special_kind.values.tolist()
     np.testing.assert_allclose(below.special_value, above.special_value, rtol=0, atol=1e-10)
     assert np.count_nonzero(below.special_kind.values == "fold") == 4
+
+
+@pytest.mark.parametrize("stiffness", [29.0, 1e5])
+def test_a_branch_that_ends_at_a_grazing_says_so(stiffness):
+    structure, omega = Structure(1, stiffness, np.inf, 0.01, gap=1.26), 0.801
+    grazing = structure.grazing_amplitude(omega)
+    z = stroboscopic_points(structure, 0.5 * grazing, omega, np.zeros(2), 3000)[-1]
+    found = branch(structure, 0.5 * grazing, omega, z, 1, span=(0.1 * grazing, 1.2 * grazing))
+    assert found.attrs["begins"] == "end of the span"
+    if stiffness < 1e3:  # it goes on past the grazing
+        assert found.attrs["ends"] == "end of the span"
+        assert found.special_value.values[0] == pytest.approx(grazing, abs=1e-10)
+    else:
+        assert found.attrs["ends"] == End.GRAZING.name.lower()  # which files of studies hold, too
+        assert found.value.values[-1] == pytest.approx(grazing, abs=1e-7)
+    again = branch(structure, 0.5 * grazing, omega, z, 5, span=(0.1 * grazing, 0.9 * grazing))
+    assert (again.attrs["period"], again.sizes["turn"]) == (1, 1)  # its minimal period
 
 
 @pytest.mark.slow

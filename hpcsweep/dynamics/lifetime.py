@@ -1,0 +1,67 @@
+"""Lifetimes of motions without a period: how long they last, and when one counts as an attractor.
+
+Chaos may be a transient. Near a chaotic saddle the share of motions that are still there after t
+forcing periods falls as exp(-kappa t), once they have forgotten where they began (Lai and Tel,
+Transient Chaos, 2011, 1.2), so that no window tells it from an attractor, and only lifetimes do.
+If motions were followed for S periods together, and d of them ended, the likelihood is kappa^d
+exp(-kappa S), whether each was followed to its end or left before: the most likely rate of escape
+is d / S, the mean lifetime S / d, and the interval is that of a Poisson mean of which d was counted
+(Garwood, Biometrika 28 (1936) 437),
+
+    chi2(2 d, (1 - c) / 2) / 2  <=  kappa S  <=  chi2(2 d + 2, (1 + c) / 2) / 2.
+
+Where none ended, mean lifetimes below S / -ln(1 - c) are refused with confidence c, in S periods of
+one motion or of many alike. A motion counts as an attractor if none of its own motions ended within
+`periods_at_risk`, that is if its mean lifetime exceeds `HORIZON` times the length for which single
+motions are followed.
+"""
+
+import math
+from typing import NamedTuple
+
+from hpcsweep.model.arguments import count, number
+
+HORIZON = 8
+"""Mean lifetime, in units of ``max_cycles``, that a motion without period must exceed."""
+
+
+class Lifetime(NamedTuple):
+    """Mean lifetime of a motion without period, in forcing periods, with its interval."""
+
+    mean: float
+    """Infinite where none of its motions ended."""
+    low: float
+    high: float
+
+
+class Survival(NamedTuple):
+    """Motions of one kind that were followed: how many ended, and the periods of all together."""
+
+    escapes: int = 0
+    at_risk: int = 0
+
+    def followed_by(self, more: "Survival") -> "Survival":
+        """Return the survival of these motions and more."""
+        return Survival(self.escapes + more.escapes, self.at_risk + more.at_risk)
+
+    def lifetime(self, confidence: float) -> Lifetime:
+        """Return the mean lifetime, with the interval of a confidence between 0 and 1.
+
+        Where none ended, the lower end is one-sided; NaN where none was followed.
+        """
+        from scipy.special import gammaincinv  # the other commands do not need it
+
+        confidence = number("confidence", confidence, "between 0 and 1", 0.0, 1.0)
+        d, periods = count("escapes", self.escapes), count("at_risk", self.at_risk)
+        if periods == 0:
+            return Lifetime(math.nan, math.nan, math.nan)
+        if d == 0:
+            return Lifetime(math.inf, periods / -math.log1p(-confidence), math.inf)
+        tail = 0.5 * (1.0 - confidence)
+        high = periods / float(gammaincinv(d, tail))
+        return Lifetime(periods / d, periods / float(gammaincinv(d + 1, 1.0 - tail)), high)
+
+
+def periods_at_risk(max_cycles: int, confidence: float) -> int:
+    """Return the forcing periods that refuse mean lifetimes up to `HORIZON` `max_cycles`."""
+    return math.ceil(-math.log1p(-confidence) * HORIZON * max_cycles)

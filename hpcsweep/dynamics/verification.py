@@ -1,0 +1,255 @@
+r"""Decide whether a state that closes on itself after p forcing periods is on an orbit.
+
+That a motion closes to within some tolerance shows no orbit. Where two orbits have met in a fold
+and are gone, the map along the direction that they met in is F(x) - x = delta + c x^2 with delta, c
+> 0: the motion slows down near x = 0, closes to delta there and takes pi / sqrt(c delta) returns to
+pass. It is the *ghost* of the fold. An orbit exists where F(x) - x has a zero, and Newton's method
+tells: with d its move from x, the next residual is c d^2, and the ratio of a move with the Jacobian
+kept to the move before it is
+
+    theta = c d^2 / |2 c x| / d = (1 + delta / (c x^2)) / 4,
+
+below 1/4 for every x if there is a zero (delta < 0), at least 1/4 if there is none. So beside an
+orbit the residual falls by a square, at a fold (delta = 0) by a quarter a move, and past it, it
+comes to delta and jumps about. Nothing but rounding ends its fall to an orbit.
+
+*Rounding* is recognised without a tolerance, which would have to know the growth of errors within
+a period: 1e-16 of soft structures, 1e-12 of a smooth contact 1e5 times as stiff. After a move d
+from a point with tangent map M to one with M' the residual is that of curvature, (M' - M) d / 2 to
+second order (of 2/3 of it at a grazing, see below), and what rounding adds. Where the former is
+less than `CURVED` of it the rest is rounding, and the point is as near to the orbit as its
+condition permits, |(M - 1)^-1| eps: near a fold, where x^2 = -delta / c, this is eps / |2 c x|. It
+reaches x itself at x = sqrt(eps / c), 1e-7 to 1e-8: orbits within eps of their fold in the
+parameter are known to no more than that, and which side of the fold they are on is not decided.
+
+Where a motion grazes a contact that is a spring, F has a term b max(x, 0)^(3/2) (of a dashpot, one
+of x). The method then is of order 3/2 on the side of the impact: M changes like sqrt(x), and from
+the other side, from which it sees no impact, a move leads past the kink, and the next one comes
+from there. Moves need not fall from the first to the last, only in the end.
+
+All points of the orbit are solved for at once, as in `continuation.cycle`: no product of tangent
+maps is formed, and a residual is that of one period.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import bsr_array
+from scipy.sparse.linalg import splu
+
+from hpcsweep.dynamics.continuation.cycle import jacobian
+from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
+from hpcsweep.dynamics.orbit import smallest_period
+from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
+
+STEPS = 40
+NEAR, PATIENCE = 1e-3, 6
+"""Residual from which it must halve within so many moves: at a fold it falls to a quarter in one.
+"""
+CURVED = 0.25
+"""Share of a residual due to curvature, below which the rest is rounding."""
+LARGEST_ROUNDING = 1e-9
+"""Of a period's integration, in units of the state."""
+LEAST_ROUNDING = 4 * np.finfo(float).eps
+"""Residual that is rounding whatever precedes it, as a share of the largest state."""
+REACH = 0.1
+"""Largest distance of an orbit from where it is sought, in units of the state."""
+FAR = 1e3
+"""Size of a state, in its units, at which Newton's method is lost."""
+MANY = 400
+"""Numbers of an orbit from which its equations are solved as sparse ones."""
+ROUNDING = 1e-10
+"""Further difference of the map from its tangent map that is allowed, in units of the state."""
+SAME, UNCERTAIN = 1e-9, 10.0
+"""Distance of points of an orbit that may be one, and its multiple of the uncertainty."""
+
+
+class VerifiedOrbit(NamedTuple):
+    """An orbit to which Newton's method has converged to rounding.
+
+    Attributes
+    ----------
+    points : ndarray, shape (p, 2n)
+        z(0), z(T), ..., of one turn of the minimal period p.
+    maps : TangentMaps
+        Of each point over a forcing period, in units of the state.
+    residual : float
+        Largest difference between F of a point and the next point, in units of the state.
+    uncertainty : float
+        Length of the move that is left, in units of the state.
+    """
+
+    points: np.ndarray
+    maps: TangentMaps
+    residual: float
+    uncertainty: float
+
+    @property
+    def period(self) -> int:
+        """Minimal period p in forcing periods."""
+        return len(self.points)
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """Floquet multipliers over p forcing periods, largest modulus first, shape (2n,)."""
+        return self.maps.multipliers
+
+    def attracts(self, start: np.ndarray, end: np.ndarray, turns: int, units: np.ndarray) -> bool:
+        """Return whether a motion near the orbit is verified to go to it.
+
+        The multipliers are inside the unit circle, and with o the first point and M the tangent map
+        of so many turns, end - o = M (start - o) up to `LINEAR_DEFECT` of end - o.
+
+        Parameters
+        ----------
+        start, end : ndarray, shape (2n,)
+            Points of the motion, `turns` turns of the orbit apart.
+        turns : int
+        units : ndarray, shape (2n,)
+            Of the state.
+        """
+        expected, left = (start - self.points[0]) / units, (end - self.points[0]) / units
+        for _ in range(turns):
+            for matrix in self.maps.matrices:
+                expected = matrix @ expected
+        bent, away = float(np.abs(left - expected).max()), float(np.abs(left).max())
+        linear = bent <= LINEAR_DEFECT * away + ROUNDING
+        return linear and bool(abs(self.multipliers[0]) < 1.0)
+
+
+class Verdict(NamedTuple):
+    """What Newton's method has found.
+
+    Attributes
+    ----------
+    orbit : VerifiedOrbit or None
+        None where there is no orbit: the motion is slow, near the ghost of a fold or elsewhere.
+    residual : float
+        Least that was reached, in units of the state; inf if the solver has failed.
+    away : float
+        Distance of the orbit that was found from the state, in its units; inf if none was.
+    cycles : int
+        Forcing periods integrated.
+    """
+
+    orbit: VerifiedOrbit | None
+    residual: float
+    away: float
+    cycles: int
+
+
+def verify_orbit(
+    solver, state: np.ndarray, amplitude: float, period: int, reach: float = REACH
+) -> Verdict:
+    """Find the orbit on which a state nearly closes, to rounding, or find that there is none.
+
+    Parameters
+    ----------
+    solver : Solver
+    state : ndarray, shape (2n,) or (k, 2n)
+        At phase 0, or the first k consecutive stroboscopic points of a turn, k <= `period`.
+    amplitude : float
+    period : int
+        Forcing periods after which it closes; the orbit has this period or a divisor of it.
+    reach : float
+        Largest distance of the orbit from the state, in units of the state.
+
+    Returns
+    -------
+    Verdict
+        Its orbit begins with the point near the state.
+    """
+    search = _Search(solver, amplitude)
+    given = np.atleast_2d(state) / search.units
+    least, away = math.inf, math.inf
+    for marched in (False, True):
+        try:
+            found = search.converge(search.continued(given, period), marched)
+            found = None if found is None else search.shortened(found)
+        except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError):
+            found = None
+        least = min(least, search.least)
+        if found is not None:
+            away = min(away, float(np.abs(found.points[0] - given[0]).max()))
+            if away <= reach:
+                orbit = found._replace(points=found.points * search.units)
+                return Verdict(orbit, found.residual, away, search.cycles)
+    return Verdict(None, least, away, search.cycles)
+
+
+class _Search:
+    """Newton's method for orbits at one amplitude, in units of the state."""
+
+    def __init__(self, solver, amplitude: float):
+        self._solver, self._amplitude = solver, amplitude
+        self.units = solver.structure.state_units
+        self.least, self.cycles = math.inf, 0
+
+    def tangents(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the images of points, shape (p, N), and the tangent maps, (p, N, N)."""
+        images, matrices = np.empty_like(points), np.empty((*points.shape, points.shape[1]))
+        for k, z in enumerate(points * self.units):
+            images[k], matrices[k] = self._solver.monodromy(z, self._amplitude, 1)
+        self.cycles += len(points)
+        return images / self.units, matrices * self.units / self.units[:, None]
+
+    def continued(self, points: np.ndarray, period: int) -> np.ndarray:
+        """Return p consecutive points, of which the first are known."""
+        missing = period - len(points)
+        if missing <= 0:
+            return points[:period]
+        more, _ = self._solver.points(points[-1] * self.units, self._amplitude, missing)
+        self.cycles += missing
+        return np.concatenate((points, more / self.units))
+
+    def converge(self, points: np.ndarray, marched: bool = False) -> VerifiedOrbit | None:
+        """Return the orbit near points, shape (p, N), of p or a divisor; None if there is none.
+
+        `marched`: after a move all points follow from the first one.
+        """
+        before = matrices = np.zeros((*points.shape, points.shape[1]))
+        shift, curved, fallen = np.zeros_like(points), math.inf, 0
+        self.least = math.inf
+        for step in range(STEPS):
+            images, matrices = self.tangents(points)
+            misses = images - np.roll(points, -1, axis=0)
+            residual = float(np.abs(misses).max())
+            if not residual <= FAR:
+                return None
+            if residual <= 0.5 * self.least:
+                fallen = step
+            self.least = min(self.least, residual)
+            move = _solve(matrices, misses)
+            if step > 0:
+                bent = np.einsum("pij,pj->pi", matrices - before, shift)
+                curved = 0.5 * float(np.abs(bent).max())
+            rounded = residual <= LEAST_ROUNDING * (1.0 + float(np.abs(points).max()))
+            if rounded or (residual <= LARGEST_ROUNDING and curved <= CURVED * residual):
+                left = float(np.abs(move).max())
+                return VerifiedOrbit(points, TangentMaps(matrices), residual, left)
+            if self.least <= NEAR and step - fallen >= PATIENCE:
+                return None
+            moved = points - move
+            if marched:
+                moved = self.continued(moved[:1], len(points))
+            before, shift, points = matrices, points - moved, moved
+        return None
+
+    def shortened(self, found: VerifiedOrbit) -> VerifiedOrbit:
+        """Return one turn of an orbit that repeats within the turn that was solved for."""
+        same = max(SAME, UNCERTAIN * found.uncertainty)
+        shortest = smallest_period(found.points, same)
+        if shortest == found.period:
+            return found
+        return self.converge(found.points[:shortest]) or found
+
+
+def _solve(matrices: np.ndarray, misses: np.ndarray) -> np.ndarray:
+    """Return d of M_i d_i - d_(i+1) = misses_i, i + 1 modulo p, shape (p, N)."""
+    p, n = misses.shape
+    if misses.size <= MANY:
+        return np.linalg.solve(jacobian(matrices), misses.ravel()).reshape(p, n)
+    own = bsr_array((matrices, np.arange(p), np.arange(p + 1)), shape=(p * n, p * n))
+    ahead = bsr_array((np.tile(np.eye(n), (p, 1, 1)), (np.arange(p) + 1) % p, np.arange(p + 1)))
+    return splu((own - ahead).tocsc()).solve(misses.ravel()).reshape(p, n)

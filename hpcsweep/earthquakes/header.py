@@ -1,0 +1,337 @@
+"""What the header lines of a record say: number of samples, time between them, and units.
+
+Formats differ in their words, so those words are looked for which have one meaning in all: ``NPTS``
+and ``DT``, ``Number of Data``, ``SAMPLING_INTERVAL_S``, ``4 points of accel data equally spaced at
+.020 sec, in cm/sec2``. A unit is what stands in brackets, after *units of*, after *acceleration
+in*, or beside the name of a column. What is said of peaks is not said of the samples.
+"""
+
+import math
+import re
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import NamedTuple
+
+from hpcsweep.earthquakes.units import Unit, in_seconds, leading_unit, unit_of
+from hpcsweep.model.arguments import shown
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
+NUMBERS = re.compile(NUMBER)
+FOREIGN = {
+    "K-NET": r"^\s*scale factor\s+\S*\(gal\)\s*/",
+    "SMC": r"\A\s*\d\s+(?:un)?corrected accelerogram",
+    "COSMOS": r"\bformat v?\d\d?\.\d\d\b",
+    "CSMIP": r"^\s*\d+\s+points of (?:veloc|displ)",
+    "GSE": r"^(?:wid[12]|begin gse)",
+}
+"""Signatures of formats that are more than a header and columns."""
+
+
+def _pattern(text: str) -> re.Pattern:
+    return re.compile(text, re.IGNORECASE)
+
+
+_VALUE = rf"(?P<before>\s*[(\[][^)\]]*[)\]]|_[a-z]+\b)?\s*[=:]?\s*(?P<value>{NUMBER})" + (
+    r"\s*[(\[]?(?P<after>[a-zµμ]+)?"
+)
+COUNT = _pattern(
+    r"(?<![a-z])(?P<label>npts|n_?data|n_?points|n_?samples|num_?(?:points|samples|data)|"
+    r"(?:number|no\.?|num)[ _]of[ _](?:the[ _])?(?:data|points|samples|values|acc\w*)"
+    r"(?:[ _](?:data|points|samples|values))?|(?:data )?(?:points|samples)(?=\s*[=:]))"
+    r"\s*[=:]?\s*(?P<value>\d{1,18})(?![\d.])"
+)
+COUNTED = _pattern(
+    r"(?<![\w.+-])(?P<value>\d{1,18})\s+(?P<label>(?:data )?(?:points|pts|samples)\b)"
+    r"(?!\s*(?:/|per\b|a\b))"
+)
+STEP = _pattern(
+    r"(?<![a-z])(?P<label>dt|delta[ _-]?t|(?:time|sampl(?:e|ing))[ _-]?"
+    r"(?:step|increment|interval|spacing|period)|time between samples|"
+    r"(?:spaced|points|samples|data|values)\s+(?:at|every)|intervals of)" + _VALUE
+)
+RATE = _pattern(
+    r"(?<![a-z])(?P<label>sampl(?:e|ing)s?[ _-]?(?:rate|freq\w*)|samples[ _-]per[ _-]sec\w*|sps)"
+    + _VALUE
+)
+RATED = _pattern(
+    rf"(?<![\w.])(?P<value>{NUMBER})\s*(?P<label>(?:samples|points)\s*(?:/|per)\s*s\w*|sps)"
+    r"(?P<before>(?!))?(?P<after>(?!))?"
+)
+BOTH = _pattern(r"\bnpts\b.*\bdt\b|\bdt\b.*\bnpts\b")
+PEAK = _pattern(r"\b(?:pga|pgv|pgd|peaks?|max\w*|min(?:\.|imum\w*|ima)?(?![a-z])|largest)\b")
+CLAUSE = _pattern(
+    r"\b(?:in\s+)?unit(?P<many>s?)\b(?P<filler>(?:\s*(?:\b(?:of|are|is|in(?!\s*(?:[/*.^-]|per))|for|the|"
+    r"acc\w*|data|samples?|values|time|series|histor\w+)\b|[=:]))*)\s*(?P<rest>.*)"
+)
+IN = _pattern(
+    r"\b(?P<what>acc\w*|veloc\w*|displ\w*|data|samples|values|amplitudes?|times?|t)\b\.?(?:\s+(?:time|series|histor(?:y|ies)|data|values|records?|trace|samples))*"
+    r"\s+(?:(?:is|are)\s+)?in\s+(?!units?\b|the\b)(?=(?P<rest>[^;,]*))"
+)
+BRACKETED = _pattern(rf"[(\[]\s*([^()\[\]]*?)\s*[)\]](\s*[=:]?\s*{NUMBER})?")
+ACCELERATION = _pattern(
+    r"(?:(?<![a-z])acc(?:el(?!ero)[a-z]*|eleration\w*|s)?\.?"
+    r"(?:\s+(?:time|series|histor\w+|data|values|records?|trace|samples))*|\A\W*ag?)\W*\Z"
+)
+"""The name of a column, or the end of a line before its unit."""
+TIME = _pattern(r"\W*(?:t|times?)\W*")
+KINDS = _pattern(
+    r"\bdata.?type\s*[:=]?\s*(?P<type>(?:vel|dis|spec)\w*|s[adv]\b)|"
+    r"\b(?P<what>velocity|displacement)\s+(?:time|data|trace|histor|series|record)"
+)
+OTHER_COLUMN = re.compile(r"\W*(?:v|[Vv]el\w*|VEL\w*|d|[Dd]isp\w*|DISP\w*)\b")
+IN_COLUMNS = _pattern(
+    r"\W*(?:t|time)\b\s*(?:[\[(][^)\]]*[)\]]\s*(?=,|(?:a|acc|v|d|u|x)[a-z]*\b|\w+\s*[\[(])|,|"
+    r"(?:in\s+)?[a-zµμ]+\s*,|(?:a|acc|vel|dis)[a-z]*\b)"
+)
+"""Names of columns, of which the first is time; separators are commas."""
+REMARK = _pattern(
+    r"(?:[nsewudxyzlrth/+.,\d\s°-]|deg|up|down|comp(?:onent)?|(?:un)?corr\w*|(?:un)?filt\w*|hori\w*|"
+    r"vert\w*|long\w*|trans\w*|north|south|east|west|base\w*|(?:un)?processed|band\S*|low\S*|"
+    r"high\S*|\d*[fe]\d+\.\d+)*"
+)
+"""What else stands behind the name of a column: directions, corrections, formats."""
+OTHER_UNIT = _pattern(r"\W*(?:counts?|cnts?|m?v|volts?|lsb|adc|digits?|raw|\S+/s\S*)\W*")
+"""What is a unit of something else."""
+SECOND = Unit(Fraction(1), time=1)
+
+
+Said = tuple[str, Unit | None]
+"""Words that name a unit, and the unit, None if it is not known."""
+
+
+class Header(NamedTuple):
+    """What is said of the samples; empty, or None, where nothing is."""
+
+    counts: dict[str, int]
+    steps: dict[str, float]
+    """Seconds, by the words that say it."""
+    units: dict[Unit, str]
+    """Of acceleration, with the words that name it."""
+    time: Unit
+    """Of a column of times."""
+    unknown: str | None
+    """Words that name a unit which is not known."""
+
+
+def refuse_foreign(text: str) -> None:
+    """Refuse a file with the signature of a format that is not read.
+
+    Raises
+    ------
+    ValueError
+    """
+    for name, pattern in FOREIGN.items():
+        if re.search(pattern, text, re.IGNORECASE | re.MULTILINE):
+            raise ValueError(
+                f"is a file of the format {name}, which is not read: write its samples as columns"
+            )
+
+
+def says(line: str) -> bool:
+    """Return whether a line tells the number of samples or the time between them."""
+    return any(p.search(line) for p in (COUNT, COUNTED, STEP, RATE, RATED, BOTH)) or (
+        "npts" in line.lower()
+    )
+
+
+def read_header(lines: list[str]) -> Header:
+    """Read the header lines of a file.
+
+    Raises
+    ------
+    ValueError
+        If they tell of no acceleration, or are no count, time or unit where one is named.
+    """
+    counts: dict[str, int] = {}
+    steps: dict[str, float] = {}
+    units: dict[Unit, str] = {}
+    times: dict[Unit, str] = {}
+    unknown = None
+    for i, line in enumerate(lines):
+        counts |= _counts(line)
+        steps |= _steps(line)
+        for words, unit in _named(line, i == len(lines) - 1):
+            if unit is None:
+                unknown = words
+            else:
+                (times if unit.kind == "time" else units).setdefault(unit, words)
+    for found in (units, times):
+        if len(found) > 1:
+            raise ValueError(f"must name one unit, names {' and '.join(found.values())}")
+    return Header(counts, steps, units, next(iter(times), SECOND), unknown)
+
+
+def _counts(line: str) -> dict[str, int]:
+    found = [*COUNT.finditer(line), *COUNTED.finditer(line)]
+    if BOTH.search(line) and not (COUNT.search(line) and STEP.search(line)):
+        return {"NPTS": _both(line)[0]}
+    return {one["label"]: int(one["value"]) for one in found}
+
+
+def _both(line: str) -> tuple[int, float]:
+    """Find NPTS and DT before or after both names."""
+    before, _, after = re.split(r"(NPTS)", line, maxsplit=1, flags=re.IGNORECASE)
+    found = NUMBERS.findall(before)[-2:] or NUMBERS.findall(after)[:2]
+    if len(found) != 2 or not found[0].isdigit():
+        raise ValueError(f"NPTS and DT must be a count and a time, are {shown(line.strip())}")
+    return int(found[0]), number(found[1])
+
+
+def _steps(line: str) -> dict[str, float]:
+    if BOTH.search(line) and not (COUNT.search(line) and STEP.search(line)):
+        return {"DT": _both(line)[1]}
+    steps = {}
+    for pattern in (STEP, RATE, RATED):
+        for found in pattern.finditer(line):
+            value, label = number(found["value"]), found["label"]
+            if not 0 < value < math.inf:
+                raise ValueError(f"{label} must be above 0, is {value!r}")
+            unit = unit_of(found["after"] or "")
+            if unit is None and found["before"]:
+                unit = unit_of(found["before"].replace("_", " "))
+                if unit is None:
+                    raise ValueError(f"the unit of {label} is not known: {found['before'].strip()}")
+            kind = unit.kind if unit else ""
+            if unit is not None and kind in ("time", "frequency"):
+                value = in_seconds(value, unit)
+            is_rate = kind == "frequency" or (kind != "time" and pattern is not STEP)
+            steps[label] = 1.0 / value if is_rate else value
+    return steps
+
+
+def number(text: str) -> float:
+    """Read a number, with Fortran's D among the exponents."""
+    return float(text.replace("D", "E").replace("d", "e"))
+
+
+def _named(line: str, is_last: bool) -> Iterator[Said]:
+    """Iterate over the units of acceleration and of a column of times that a line names.
+
+    Raises
+    ------
+    ValueError
+        If it names a unit of velocity or displacement.
+    """
+    line = re.sub(r"(?<=[A-Za-z])_|_(?=[A-Za-z])", " ", line)
+    parts = [part for part in map(_without_peaks, re.split(r"[;,\t]", line)) if part.strip()]
+    line = ", ".join(parts)
+    if other := KINDS.search(line):
+        raise ValueError(f"must hold accelerations, is of {other['type'] or other['what']}")
+    if clause := CLAUSE.search(line):
+        yield from _of_clause(clause, line)
+        line = line[: clause.start()]
+        parts = line.split(", ")
+    for found in IN.finditer(line):
+        yield from _of_words(found["what"], found["rest"])
+    in_columns = bool(IN_COLUMNS.match(line))
+    about = in_columns or bool(re.search(r"\bacc", line, re.IGNORECASE))
+    for j, part in enumerate(parts):
+        yield from _of_brackets(part, in_columns)
+        if about:
+            yield from _of_cell(BRACKETED.sub(" ", part), in_columns)
+        if is_last and in_columns and j and OTHER_COLUMN.match(part):
+            raise ValueError(f"must hold accelerations, has a column {part.strip()}")
+    yield from _compound(line)
+
+
+def _without_peaks(part: str) -> str:
+    found = PEAK.search(part)
+    if found is None:
+        return part
+    said = part[: found.start()]
+    return said if CLAUSE.search(said) else ""
+
+
+def _samples(words: str, unit: Unit | None) -> Iterator[Said]:
+    """Yield a unit of samples; refuse one of velocity or displacement."""
+    words = " ".join(words.split())
+    if unit is None or unit.kind in ("time", "frequency"):
+        yield words, None
+    elif unit.kind != "acceleration":
+        raise ValueError(f"must hold accelerations, has the unit {words}, of {unit.kind}")
+    else:
+        yield words, unit
+
+
+def _of_clause(clause: re.Match, line: str) -> Iterator[Said]:
+    """Read what stands after *units of*: one unit, or several."""
+    rest = clause["rest"].strip(" ([{\"'")
+    items = re.split(r"[;,()\[\]]|\band\b", rest)
+    units = [(item, unit) for item in items if (unit := leading_unit(item))]
+    said = clause["filler"].strip() or clause["rest"].startswith(("(", "["))
+    if not (clause["many"] or said) and not (units and ACCELERATION.search(line)):
+        return  # as in "unit 2"
+    if not rest or (not clause["many"] and rest[0].isdigit()):
+        return
+    for item, unit in units:
+        if unit.kind == "time":
+            yield item, unit
+    of_samples = [(item, unit) for item, unit in units if unit.kind == "acceleration"]
+    if of_samples:
+        yield from of_samples
+    elif not any(unit.kind == "time" for _, unit in units) or len(units) > 1:
+        first = next(((i, u) for i, u in units if u.kind != "time"), (items[0], None))
+        yield from _samples(*first)
+
+
+def _of_words(what: str, rest: str) -> Iterator[Said]:
+    """Read what stands after *acceleration in*, or *time in*."""
+    unit, words = leading_unit(rest), rest.split()
+    if TIME.fullmatch(what):
+        if unit is not None and unit.kind == "time":
+            yield words[0], unit
+    elif unit is not None and unit.kind not in ("time", "frequency"):
+        yield from _samples(rest, unit)
+    elif what.lower().startswith("acc") and words and not REMARK.fullmatch(words[0]):
+        is_unit = len(words) == 1 or re.search(r"[/^*²%\d]", words[0])
+        if is_unit:
+            yield words[0], None
+
+
+def _of_brackets(part: str, in_columns: bool) -> Iterator[Said]:
+    """Read what stands in brackets behind the name of a column."""
+    at = 0
+    for found in BRACKETED.finditer(part):
+        before, words = part[at : found.start()], found[1]
+        at, unit = found.end(), unit_of(words)
+        if found[2]:  # a number: the value of something else
+            continue
+        if TIME.fullmatch(before):
+            if unit is not None and unit.kind == "time":
+                yield words, unit
+            elif in_columns:
+                raise ValueError(f"the unit of times is not known: {words}")
+        elif unit is not None and unit.kind == "acceleration":
+            yield words, unit
+        elif ACCELERATION.search(before) or in_columns or OTHER_COLUMN.fullmatch(before.strip()):
+            is_remark = REMARK.fullmatch((words.split() or [""])[0]) or len(words.split()) > 3
+            if not is_remark or (unit is not None and unit.kind != "time"):
+                yield from _samples(words, unit)
+
+
+def _of_cell(part: str, in_columns: bool) -> Iterator[Said]:
+    """Read a unit beside the name of a column, or in a column of its own, without brackets."""
+    name = re.match(r"\W*(?:\w+\s+)*?(acc[a-z]*|times?|ag?|t)\b[.\s:=/]*", part, re.IGNORECASE)
+    if name and not (in_columns or name[1].lower().startswith("acc")):
+        name = None
+    words = part[name.end() :] if name else part
+    unit = unit_of(words)
+    if unit is not None and unit.kind == "acceleration":
+        yield words.strip(), unit
+    elif name and TIME.fullmatch(name[1]):
+        if unit is not None and unit.kind == "time":
+            yield words.strip(), unit
+    elif (unit is not None and name) or (
+        OTHER_UNIT.fullmatch(words) and not REMARK.fullmatch(words)
+    ):
+        yield from _samples(words, unit)
+
+
+def _compound(line: str) -> Iterator[Said]:
+    """Find units of acceleration that are no word of a language, as cm/s2, anywhere."""
+    words = re.split(r"[\s,;:=()\[\]]+", line)
+    for before, word in zip(["", *words], words, strict=False):
+        if re.search(r"[/^²\d]", word) and not NUMBERS.fullmatch(before):
+            unit = unit_of(word)
+            if unit is not None and unit.kind == "acceleration":
+                yield word, unit

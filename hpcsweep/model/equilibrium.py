@@ -12,10 +12,11 @@ Newton's method solves r = 0 with K + sum_k kappa_k (S x)' d_k d_k^T. It descend
 matrix is positive definite ((S x)' is negative, -0.1 at least, only where a smooth stop is nearly
 open, and taken as 0 if the matrix is not), and a step that would go beyond the least value along
 its line ends there. Between sharp stops r is linear: the first step that leaves the set of the
-closed contacts as it is ends at the solution.
+closed contacts as it is ends at the solution. From there smooth ones are solved, whose equilibrium
+is the one beside it.
 
-A contact that exerts no force at u = 0 leaves the equilibrium there. Those that do are *pressed*:
-of sharp stops the ones with g_k < 0, of smooth ones also those whose layer reaches u = 0.
+Contacts with g_k < 0 are *pressed*. Where there is none rest is u = 0, as a job says: that smooth
+stops pull before they are reached is not taken for a state of rest.
 """
 
 import numpy as np
@@ -29,10 +30,9 @@ SAME = 1e-15
 
 
 def pressed(structure) -> np.ndarray:
-    """Return which contacts exert a force at u = 0, shape (m,) of bool."""
+    """Return which contacts are pressed, shape (m,) of bool."""
     gaps = np.array([contact.gap for contact in structure.contacts], float)
-    acts = (gaps < structure.layer_half_width) & (gaps != 0.0)
-    return acts & (structure.contact_stiffness > 0.0)
+    return (gaps < 0.0) & (structure.contact_stiffness > 0.0)
 
 
 def static_equilibrium(structure) -> np.ndarray:
@@ -48,8 +48,15 @@ def static_equilibrium(structure) -> np.ndarray:
     u = np.zeros(structure.n_floors)
     if not pressed(structure).any():
         return u
+    for rho in dict.fromkeys((np.inf, structure.sharpness)):
+        u = _solved(structure, rho, u)
+    return u
+
+
+def _solved(structure, rho: float, u: np.ndarray) -> np.ndarray:
+    """Solve r = 0 for contacts of sharpness rho, from u on."""
     stiffness, rows = structure.stiffness_matrix, structure.directions
-    kappa, rho = structure.contact_stiffness, structure.sharpness
+    kappa = structure.contact_stiffness
     gaps = np.array([contact.gap for contact in structure.contacts], float)
 
     def law(u):

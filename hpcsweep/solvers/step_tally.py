@@ -114,12 +114,13 @@ class StepTally:
             self.contact |= 1 << int(k)
         if self._wants_impacts:
             if self._closed is None:
-                self._closed = past[:, STEP_NODES // 2 if self._in_segments else 0] >= 0.0
-            self._size = max(self._size, float(np.abs(z).max()))
+                middle = past[:, STEP_NODES // 2]
+                self._closed = middle > 0.0 if self._in_segments else past[:, 0] >= 0.0
             self._note_apart(past[:, 0])
             add = self._add_segment if self._in_segments else self._add_impacts
             for k in np.flatnonzero(highest >= -FAR / max(self._model.rho, 1e-300)):
                 add(int(k), interpolant, tau, past[k], signs[k, 0] * speed[k])
+            self._size = max(self._size, float(np.abs(z).max()))
             self._note_apart(past[:, -1])
         if self._modal_norm:
             self._add_modal(interpolant, tau, -past.max(axis=0, initial=-math.inf))
@@ -226,7 +227,7 @@ class StepTally:
 
     def _close(self, k, speed: float) -> None:
         """Record that a contact closes, as `flow.observe.impacts.record` does."""
-        if not self._beside[k] and speed > ROUNDING * self._size:
+        if not self._beside[k] and speed >= ROUNDING * self._size:
             self.impacts[CLOSINGS, k] += 1
             self.impacts[SPEED, k] = max(self.impacts[SPEED, k], speed)
         self._beside[k] = True

@@ -6,6 +6,7 @@ import numpy as np
 
 from hpcsweep.job import Job
 from hpcsweep.model.description import few, in_words
+from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
 
 MOST_MODES = 12
@@ -22,6 +23,7 @@ def describe(job: Job) -> list[str]:
         lines.append(f"below:      {study.describe_part((0,) * len(study.axes))}, the first part")
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
+    lines += [f"at rest:    {line}" for line in _at_rest(structure, study)]
     lines += study.lines()
     return lines + [f"warning:    {text}" for text in warnings(job)]
 
@@ -83,6 +85,24 @@ def _contacts(structure) -> list[str]:
         f"{names[k]}: gap {contact.gap:.6g}{length}, stiffness {contact.stiffness:.6g}"
         for k, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
     ] or ["none"]
+
+
+def _at_rest(structure, study) -> Iterator[str]:
+    """Yield one line if contacts hold the structure away from u = 0."""
+    names = structure.contact_names
+    numbers = np.array(structure.contact_numbers)[pressed(structure)].tolist()
+    if not numbers:
+        return
+    where = ", ".join(f"{u:.6g}" for u in structure.rest[: structure.n_floors])
+    start = "the initial state is not there"
+    if study.kind == "records":
+        start = "every run starts there"
+    elif np.allclose(study.initial_state, structure.rest, 1e-9, 1e-12 * structure.length_unit):
+        start = "the initial state"
+    yield (
+        f"contact {', '.join(names[k] for k in numbers)} pressed, static equilibrium at u = "
+        f"({where}): {start}"
+    )
 
 
 def _warnings(structure) -> Iterator[str]:

@@ -169,8 +169,8 @@ KEY_MEANINGS: dict[str, tuple[str, ...]] = {
         "50000 (bdf: 0)",
     ),
     "sweep.initial_state": (
-        '`"rest"` or 2n numbers (u, v): the start of each frame, of points of each run; of basins '
-        "the components that the slice does not span",
+        '`"rest"`, u = v = 0, or 2n numbers (u, v): the start of each frame, of points of each '
+        "run; of basins the components that the slice does not span",
     ),
     "solver.method": ('`"flow"`, or `"bdf"` (scipy\'s BDF, the method of the published study)',),
     "solver.rtol": ("relative tolerance, 1e-13 to 1e-2", "1e-9 (bdf: 1e-6)"),

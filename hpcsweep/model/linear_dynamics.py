@@ -211,6 +211,13 @@ class LinearDynamics:
         return self.length_unit * layer_half_width(self.stiffest_contact, rho)
 
     @cached_property
+    def rest(self) -> np.ndarray:
+        """State of static equilibrium with the contacts, (u, 0), shape (2n,); see `equilibrium`."""
+        from hpcsweep.model.equilibrium import static_equilibrium
+
+        return frozen(np.concatenate((static_equilibrium(self), np.zeros(self.n_floors))))
+
+    @cached_property
     def _modes(self) -> tuple[np.ndarray, np.ndarray]:
         if self.is_uniform:
             n = self.n_floors

@@ -44,8 +44,8 @@ class BdfRecordMap:
         at_samples: bool = False,
     ) -> Response:
         """Return the response to a record; see `hpcsweep.solvers.response.response`."""
-        model, n = self._model, self.structure.n_floors
-        z = self._units.into(np.zeros(2 * n) if state is None else state)
+        model = self._model
+        z = self._units.into(self.structure.rest if state is None else state)
         amplitude = scale / self._units.amplitude_unit
         whole, rest = intervals(len(acceleration), self.dt, tail)
         lengths = [model.period] * whole

@@ -18,7 +18,8 @@ class Response:
     """Peaks of the response to a record, from its first sample to the end of its tail.
 
     Peaks are over continuous time unless they are asked for at the samples, where those of contacts
-    are, too. Units are those of the structure.
+    are, too. Displacements, drifts and forces include those at rest, which are 0 unless a contact
+    is pressed (`hpcsweep.model.equilibrium`). Units are those of the structure.
 
     Attributes
     ----------
@@ -31,7 +32,7 @@ class Response:
     force : ndarray, shape (k,)
         Largest force of each contact; 0 if it has not closed.
     impacts : ndarray of int, shape (k,)
-        How often each contact has closed.
+        How often each contact has closed, having been open by more than rounding (`measures`).
     impact_velocity : ndarray, shape (k,)
         Largest speed with which each contact has closed.
     contact_time : ndarray, shape (k,)
@@ -41,8 +42,8 @@ class Response:
     dissipated : ndarray, shape (k,)
         Energy that the dashpot of each contact has taken; 0 without one.
     residual : ndarray, shape (n,)
-        |u_i| at the end: what is left of the motion after the tail, as a linear structure has no
-        lasting displacement.
+        |u_i - u_i at rest| at the end: what is left of the motion after the tail, as an elastic
+        structure has no lasting displacement.
     final_state : ndarray, shape (2n,)
         (u, u') at the end.
     displacement_time, drift_time, acceleration_time, force_time : ndarray
@@ -111,7 +112,7 @@ def response_of(
         contact_time=impacts[TIME] / rate,
         impulse=impacts[FORCE] * unit * (length / rate),
         dissipated=impacts[DISSIPATED] * unit * length**2,
-        residual=np.abs(state[:n]),
+        residual=np.abs(state[:n] - structure.rest[:n]),
         final_state=state,
         displacement_time=when[1],
         drift_time=when[0],

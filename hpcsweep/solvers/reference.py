@@ -246,6 +246,11 @@ def period(z, amplitude, omega, system, part, starts, sizes, series):
         if system.lets_go[k] and x[k, 0].real > 0.0:
             f = system.kappa[k] * x[k, 0].real + system.drag[k] * x[k, 1].real
             pushing[k] = 1.0 if f > 0 else 0.0
+    # one that rests at its stop goes where it accelerates to
+    expand(z, 0.0, pushing, amplitude, omega, system, u, v, x)
+    for k in range(m if rho == np.inf else 0):
+        if x[k, 0].real == 0.0 and x[k, 1].real == 0.0 and x[k, 2].real > 0.0:
+            closed[k] = pushing[k] = 1.0
     end = system.length if system.ramp.shape[0] > 0 else 2 * math.pi / omega
     tau = 0.0
     count = 0

@@ -6,6 +6,10 @@
 whose force is linear where they are closed, the response over s depends on the gaps over s alone. A
 contact of gap g_k > 0 stays open as long as s max_t d_k . u < g_k, u being the motion without
 contacts at s = 1: up to the least of these scales the response is s times that one motion.
+
+Rest is the static equilibrium with the contacts (`hpcsweep.model.equilibrium`). It is u = 0 unless
+a contact is pressed, g_k < 0; then it is L u where the gaps are L g, so that the response depends
+on ratios alone as before, but it is linear at no scale: the contact is closed from the start.
 """
 
 import math
@@ -56,7 +60,7 @@ def response(
     tail : float
         Time of free motion after the last sample, at least 0.
     state : array_like, shape (2n,), optional
-        (u, u') at the first sample. Default: rest.
+        (u, u') at the first sample. Default: rest, in static equilibrium with the contacts.
     solver : {"flow", "bdf"}
     rtol : float
         Relative error asked of the motion inside contact layers, see `FlowMap`; of `bdf` relative
@@ -103,7 +107,7 @@ def linear_response(
 ) -> tuple[Response, np.ndarray]:
     """Return the response without contacts, and how far it reaches towards each of them.
 
-    From rest; times s it is the response at any scale s up to that of `first_contact_scale`. What
+    From u = 0; times s it is the response at any scale s up to that of `first_contact_scale`. What
     it reaches is the gap that a contact needs if it is not to close.
 
     Parameters
@@ -152,8 +156,9 @@ def linear_response(
 def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0) -> float:
     """Return the scale of a record below which no contact closes, from rest.
 
-    min over contacts of gap / max_t(d . u), from one motion without contacts; 0 if a gap is not
-    above 0, inf if nothing moves towards a contact. Stops are taken as sharp.
+    min over contacts of gap / max_t(d . u), from one motion without contacts; 0 if a contact is
+    pressed, gap < 0, and closed at rest; inf if nothing moves towards a contact. Stops are taken as
+    sharp.
 
     Parameters
     ----------
@@ -167,7 +172,7 @@ def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0)
 def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
     """Return the scale of `first_contact_scale`, from what `linear_response` reaches."""
     scales = [
-        max(contact.gap, 0.0) / way if way > 0.0 else math.inf
+        max(contact.gap, 0.0) / way if way > 0.0 else 0.0 if contact.gap < 0.0 else math.inf
         for contact, way in zip(structure.contacts, reach.tolist(), strict=True)
     ]
     return min(scales, default=math.inf)
@@ -247,7 +252,8 @@ def history(
     own = record_map(choice("solver", solver, SOLVERS))(structure, dt, rtol)
     last, n_all = ground.size - 1, ground.size - 1 + int(tail / dt + SAME_STEP)
     count, n = n_all // samples + 1, structure.n_floors
-    states, peaks = np.zeros((count, 2 * n)), np.zeros((count, len(structure.contacts)))
+    states, peaks = np.empty((count, 2 * n)), np.zeros((count, len(structure.contacts)))
+    states[0] = structure.rest
     for j in range(1, count):
         if poll is not None:
             poll()

@@ -16,6 +16,7 @@ from hpcsweep.solvers.measures import (
     FORCE,
     IMPACT_FLAG,
     N_IMPACTS,
+    ROUNDING,
     SPEED,
     TIME,
     measures_of,
@@ -75,6 +76,9 @@ class StepTally:
         self.peaks = np.zeros(len(flags))
         self.impacts = np.zeros((N_IMPACTS, model.contacts.gap.size))
         self._closed: np.ndarray | None = None
+        self._beside = np.zeros(model.contacts.gap.size, bool)
+        """Contacts that have not come apart since they have last been closed, see `ROUNDING`."""
+        self._size = 0.0
         self._modal = np.zeros(len(model.modal_transform))
         self._free_time = 0.0
         self._modal_norm = modal_norm
@@ -110,10 +114,14 @@ class StepTally:
             self.contact |= 1 << int(k)
         if self._wants_impacts:
             if self._closed is None:
-                self._closed = past[:, STEP_NODES // 2 if self._in_segments else 0] >= 0.0
+                middle = past[:, STEP_NODES // 2]
+                self._closed = middle > 0.0 if self._in_segments else past[:, 0] >= 0.0
+            self._note_apart(past[:, 0])
             add = self._add_segment if self._in_segments else self._add_impacts
             for k in np.flatnonzero(highest >= -FAR / max(self._model.rho, 1e-300)):
                 add(int(k), interpolant, tau, past[k], signs[k, 0] * speed[k])
+            self._size = max(self._size, float(np.abs(z).max()))
+            self._note_apart(past[:, -1])
         if self._modal_norm:
             self._add_modal(interpolant, tau, -past.max(axis=0, initial=-math.inf))
 
@@ -174,9 +182,10 @@ class StepTally:
         for t in changes:
             if self._closed[k]:
                 impacts[TIME] += t - begun
+                self._beside[k] = True
             else:
-                impacts[CLOSINGS] += 1
-                impacts[SPEED] = max(impacts[SPEED], abs(closing_speed(t)))
+                self._note_apart(values[(times >= begun) & (times <= t)].min(initial=0.0), k)
+                self._close(k, abs(closing_speed(t)))
             begun = t
             self._closed[k] = not self._closed[k]
         if self._closed[k]:
@@ -197,10 +206,11 @@ class StepTally:
         if self._closed[k] != is_closed:
             self._closed[k] = is_closed
             if is_closed:
-                impacts[CLOSINGS] += 1
-                impacts[SPEED] = max(impacts[SPEED], abs(speed[0]))
+                self._close(k, abs(speed[0]))
         if not is_closed:
+            self._note_apart(past.min(), k)
             return
+        self._beside[k] = True
         half = 0.5 * (tau[-1] - tau[0])
         z = interpolant(tau[0] + half * (PANEL_NODES + 1))
         force = self.force(k, z)
@@ -209,6 +219,18 @@ class StepTally:
         work = half * (PANEL_WEIGHTS @ (force * contacts.sign[k] * z[n + contacts.row[k]]))
         stored = 0.5 * contacts.law[k, 0] * past[[0, -1]] ** 2
         impacts[DISSIPATED] += work - (stored[1] - stored[0])
+
+    def _note_apart(self, past, k=slice(None)) -> None:
+        """Note which contacts, or whether contact k, have come apart."""
+        size = np.maximum(np.abs(self._contacts.gap[k]), self._size)
+        self._beside[k] &= past >= -ROUNDING * size
+
+    def _close(self, k, speed: float) -> None:
+        """Record that a contact closes, as `flow.observe.impacts.record` does."""
+        if not self._beside[k] and speed >= ROUNDING * self._size:
+            self.impacts[CLOSINGS, k] += 1
+            self.impacts[SPEED, k] = max(self.impacts[SPEED, k], speed)
+        self._beside[k] = True
 
     def force(self, k, z):
         """Return the force of a contact over its unit, at states (2R, any)."""

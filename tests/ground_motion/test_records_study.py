@@ -85,6 +85,22 @@ def test_every_run_is_the_plain_response(tmp_path):
             np.testing.assert_allclose(own, plain, rtol=0, atol=1e-9 * size, err_msg=name)
 
 
+def test_pressed_buildings_start_from_their_equilibrium(tmp_path, calls):
+    text = FACTORS + '[vary]\n"pounding.gap" = [-0.02, -0.01]\n'
+    job, path, results = computed(text, tmp_path)
+    assert (results["skip_rule"] == SkipRule.NONE).all()
+    assert len(calls) == 4 * 5  # of 2 x 4 runs of each record 3 have the ratio of another one
+    for place in ((0, 0, 1), (1, 2, 0), (1, 3, 3)):
+        structure = job.study.part(place[:1]).structure
+        found = response(structure, SUITE[place[1]], float(results["scale"][place[2]]), tail=1.0)
+        assert (found.displacement > np.abs(structure.rest[: structure.n_floors])).all()
+        for name, field in FIELDS.items():
+            own, plain = results[name].values[place], getattr(found, field)
+            size = max(np.abs(plain).max(), 1e-300)
+            np.testing.assert_allclose(own, plain, rtol=0, atol=1e-9 * size, err_msg=name)
+    assert validate(path, 2).sound
+
+
 def test_histories_are_those_of_the_plain_response(tmp_path):
     job, path, results = computed(FACTORS.replace("[output]", "[output]\nhistory = 0.1"), tmp_path)
     assert results["time"].values == pytest.approx(0.1 * np.arange(111))

@@ -131,6 +131,19 @@ def test_a_job_is_described_in_its_units_and_warned_of(tmp_path, capsys):
     assert main(["describe", str(tmp_path / "none.toml")]) == 2
 
 
+PRESSED = SMALL.replace("n_floors = 2", "n_floors = 1\ngap = -0.3").replace("4e3", "inf")
+
+
+def test_a_contact_that_is_pressed_at_rest_is_a_line():
+    # 300 times as stiff as the storey: 0.3 x 300 / 301
+    told = [line for line in describe(parse(PRESSED)) if line.startswith("at rest: ")]
+    words = "contact 1 pressed, static equilibrium at u = (-0.299003): "
+    assert told == [f"at rest:    {words}the initial state is not there"]
+    there = PRESSED.replace("[sweep]", f"[sweep]\ninitial_state = [{-0.3 * 300 / 301!r}, 0.0]")
+    assert f"at rest:    {words}the initial state" in describe(parse(there))
+    assert not any("at rest: " in line for line in describe(parse(SMALL)))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

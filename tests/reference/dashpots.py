@@ -64,6 +64,22 @@ def case_of(rng, structure: Structure) -> Case:
     return Case(structure, float(size / np.abs(push).max()), float(omega), state)
 
 
+def on_a_stop(rng, case: Case) -> Case:
+    """Return the case with a start on one of its stops, hardly moving if at all."""
+    structure, n = case.structure, case.structure.n_floors
+    k = int(rng.integers(len(structure.contacts)))
+    d, state = structure.directions[k], case.state.copy()
+    slow = (-1e-9, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7)
+    if np.count_nonzero(d) == 1:  # others are at rest to rounding alone, which the reference is not
+        slow += (0.0,)
+    speed = float(rng.choice(slow)) * structure.state_units[-1]
+    for part, value in ((state[:n], structure.contacts[k].gap), (state[n:], speed)):
+        part -= d * (d @ part - value) / (d @ d)
+        if np.count_nonzero(d) == 1:  # to the last bit
+            part[np.flatnonzero(d)] = value / d[np.flatnonzero(d)]
+    return case._replace(state=state)
+
+
 def differences(end_of, case: Case) -> np.ndarray:
     """Return the tangent map of a reference, central differences in units of the state."""
     units = case.structure.state_units

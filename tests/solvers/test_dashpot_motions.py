@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import random_records
-from dashpots import measure, random_case
+from dashpots import measure, on_a_stop, random_case
 from scipy.integrate import solve_ivp
 
 import hpcsweep
@@ -15,7 +15,8 @@ from hpcsweep.model.dashpot import ratio_of_restitution
 from hpcsweep.model.kernel_model import PEAK_FLAGS
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.measures import IMPACT_FLAG
+from hpcsweep.solvers.measures import IMPACT_FLAG, ROUNDING
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.reference import reference_points, reference_record, system
 from hpcsweep.solvers.trajectory import trajectory
 
@@ -192,6 +193,47 @@ def test_a_record_by_an_integrator_of_its_own(tension):
     assert found.final_state == pytest.approx(z, abs=1e-8)
 
 
+@RULES
+@pytest.mark.parametrize("n", [1, 3])
+@pytest.mark.parametrize("speed", [-1e-9, 0.0, 1e-15, 1e-12, 1e-9, 1e-7])
+def test_a_start_exactly_on_the_stops_goes_on(speed, n, tension):
+    structure = Structure(n, 50.0, math.inf, 0.02, restitution=0.3, tension=tension)
+    start = np.repeat([1.0, speed], n)
+    points, outcome = FlowMap(structure, 0.9).points(start, 0.5, 1)
+    assert outcome is Outcome.COMPLETE
+    exact = reference_points(structure, 0.5, 0.9, start, 1)
+    assert points == pytest.approx(exact, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("mass", "stiffness", "contact", "samples", "impacts"),
+    [
+        # critically damped, a mass that leaves its stop does not come back
+        (1.0, 58.86343618, Contact([-0.119], 0.0, 0.0, 15.05, True), [-17.16, 0.0], 0),
+        (3.7, 218.38110265, Contact([-0.0893], 0.0, 8.18, 0.0149, True), [0.1231, 0.0], 1),
+        (1.0, 60.0, Contact([0.1], 0.0, 8.0, 1.0, True), [-0.125], 1),
+    ],
+)
+@pytest.mark.parametrize("solver", ["flow", "bdf"])
+def test_what_closes_by_rounding_does_not_count(mass, stiffness, contact, samples, impacts, solver):
+    structure = Structure.from_matrices([mass], [[stiffness]], [contact] * 3, damping_ratio=1.0)
+    record = Record(np.append(np.zeros(20), samples), 0.05)
+    tail = 100.0 if solver == "flow" else 1.0
+    found = hpcsweep.response(structure, record, tail=tail, solver=solver)
+    assert found.impacts.tolist() == [impacts] * 3
+
+
+def test_a_chain_of_impacts_counts_down_to_rounding():
+    # half a cycle beside the stop, half past it, smaller by the same factor each time
+    zeta, omega, drag, speed = 0.05, 4.0, 0.4, 1e3
+    contact = Contact([1.0], 0.0, 0.0, drag, True)
+    structure = Structure.from_matrices([1.0], [[omega**2]], [contact], damping_ratio=zeta)
+    found = hpcsweep.response(structure, STILL, tail=400.0, state=[0.0, -speed])
+    within = zeta + drag / (2 * omega)
+    a_cycle = sum(z * math.pi / math.sqrt(1 - z * z) for z in (zeta, within))
+    assert found.impacts[0] == pytest.approx(-math.log(ROUNDING) / a_cycle, abs=1.5)
+
+
 def check_random(number: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     period, tangent = np.array([measure(random_case(rng)) for _ in range(number)]).T
@@ -200,6 +242,13 @@ def check_random(number: int, seed: int) -> None:
     # differences are off where a contact that grazes is near
     assert np.median(tangent) < 1e-7
     assert np.quantile(tangent, 0.9) < 1e-5
+
+
+def check_starts_on_stops(number: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    errors = [measure(on_a_stop(rng, random_case(rng))).period for _ in range(number)]
+    assert max(errors) < 1e-10
+    assert np.median(errors) < 1e-13
 
 
 def check_records(number: int, n_bdf: int, seed: int) -> None:
@@ -212,12 +261,14 @@ def check_records(number: int, n_bdf: int, seed: int) -> None:
 
 def test_a_few_random_structures_follow_the_reference():
     check_random(8, seed=11)
+    check_starts_on_stops(30, seed=13)
     check_records(4, 1, seed=11)
 
 
 @pytest.mark.slow
 def test_random_structures_follow_the_reference():
     check_random(100, seed=12)
+    check_starts_on_stops(400, seed=15)
     check_records(100, 10, seed=12)
 
 

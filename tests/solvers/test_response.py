@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from scipy.special import expit
 
 import hpcsweep
@@ -109,6 +110,73 @@ def test_scaling_a_record_is_shrinking_the_gaps():
         for name in PEAKS:
             own, other = getattr(found, name), scale * getattr(wide, name)
             np.testing.assert_allclose(own, other, rtol=1e-12, atol=1e-12 * own.max())
+
+
+def pressed(sharpness: float = math.inf, scale: float = 1.0) -> Structure:
+    """Two buildings of one storey, 5 mm too near each other."""
+    contacts = [Contact((1, -1), -0.005 * scale, 2e9)]
+    stiffness = np.diag([3e7, 2e7])
+    return Structure.from_matrices(
+        [2.5e5] * 2, stiffness, contacts, damping_ratio=0.05, sharpness=sharpness
+    )
+
+
+@pytest.mark.parametrize("sharpness", [math.inf, 2e3])
+@pytest.mark.parametrize("solver", ["flow", "bdf"])
+def test_pressed_buildings_stay_where_they_rest(sharpness, solver):
+    structure = pressed(sharpness)
+    quiet = Record(np.r_[0.0, 1e-12, np.zeros(40)], 0.05)
+    found = hpcsweep.response(structure, quiet, solver=solver)
+    # one force in both springs and in the contact: F / 3e7 + F / 2e7 + x = 0.005, F = 2e9 S x
+    x = brentq(lambda x: 2e9 * x * expit(min(sharpness, 1e9) * x) / 1.2e7 + x - 0.005, 0, 0.005)
+    force = 1.2e7 * (0.005 - x)
+    np.testing.assert_allclose(found.drift, [force / 3e7, force / 2e7], rtol=1e-9)
+    np.testing.assert_allclose(found.force, force, rtol=1e-9)
+    np.testing.assert_allclose(found.final_state[:2], [-force / 3e7, force / 2e7], rtol=1e-9)
+    assert found.impacts.tolist() == [0]
+    assert np.max(found.floor_acceleration) < 1e-9
+    assert np.max(found.residual) < 1e-11
+    seen = history(structure, quiet, solver=solver)
+    np.testing.assert_allclose(seen.force, force, rtol=1e-9)
+
+
+def test_rest_is_the_one_set_of_closed_contacts_that_balances():
+    rng = np.random.default_rng(8)
+    n_closed = set()
+    for _ in range(30):
+        n, m = 3, 4
+        root_of = rng.normal(size=(n, n))
+        rows, gaps = rng.normal(size=(m, n)), rng.normal(size=m)
+        kappa = 10 ** rng.uniform(-1, 4, m)
+        stiffness = root_of @ root_of.T + 0.1 * np.eye(n)
+        contacts = [Contact(*one) for one in zip(rows.tolist(), gaps, kappa, strict=True)]
+        structure = Structure.from_matrices(np.ones(n), stiffness, contacts)
+        balanced = []
+        for closed in itertools.product((0.0, 1.0), repeat=m):
+            spring = kappa * closed
+            u = np.linalg.solve(stiffness + (rows.T * spring) @ rows, rows.T @ (spring * gaps))
+            if np.array_equal(rows @ u > gaps, np.array(closed) > 0):
+                balanced.append(u)
+                n_closed.add(sum(closed))
+        assert len(balanced) == 1
+        np.testing.assert_allclose(structure.rest[:n], balanced[0], rtol=1e-8, atol=1e-10)
+    assert len(n_closed) > 2
+
+
+def test_a_pressed_contact_scales_with_the_gaps_and_is_linear_at_no_scale():
+    record = noise(7, 100)
+    own = hpcsweep.response(pressed(), record, 0.4, tail=0.3)
+    other = hpcsweep.response(pressed(scale=5.0), record, 2.0, tail=0.3)
+    assert own.impacts.sum() > 0
+    assert own.impacts.tolist() == other.impacts.tolist()
+    for name in (*PEAKS, "drift"):
+        a, b = 5.0 * getattr(own, name), getattr(other, name)
+        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12 * b.max())
+    away = Record(np.array([0.0, 1.0, 1.0]), 0.01)
+    beside = oscillator(3.0, 0.0, [Contact((1.0,), -0.01, 1.0)])
+    assert hpcsweep.first_contact_scale(beside, away) == 0.0
+    nearby = oscillator(3.0, 0.0, [Contact((1.0,), 0.0, 1.0)])
+    assert hpcsweep.first_contact_scale(nearby, away) == math.inf
 
 
 def test_below_first_contact_the_response_is_linear():

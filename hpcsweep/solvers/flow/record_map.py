@@ -62,8 +62,7 @@ class RecordMap:
     ) -> Response:
         """Return the response to a record; see `hpcsweep.solvers.response.response`."""
         reset(self._shared.tally)
-        n = self.structure.n_floors
-        z = self._units.into(np.zeros(2 * n) if state is None else state)
+        z = self._units.into(self.structure.rest if state is None else state)
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
         wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
         done, outcome = self._advance(z, samples, scale, tail, poll, wanted)

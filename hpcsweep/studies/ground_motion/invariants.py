@@ -45,6 +45,7 @@ def broken_invariants(rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
     if "impacts" in rows:
         touched = (rows["impacts"] > 0).any(axis=1)
         broken["a linear run has no impacts"] = linear & touched
-    last = rows["displacement"] * ROUNDING >= rows["residual"]
-    broken["residual is at most displacement"] = complete & ~last.all(axis=1)
+    end = np.abs(rows["final_state"][:, : rows["displacement"].shape[1]])
+    last = rows["displacement"] * ROUNDING >= end
+    broken["the last displacement is at most the largest"] = complete & ~last.all(axis=1)
     return listed(broken)

@@ -45,7 +45,7 @@ class Records(Part):
     ----------
     structure : Structure
     initial_state : ndarray, shape (2n,)
-        Rest.
+        Not used: runs start from the static equilibrium of the structure, `Structure.rest`.
     settings : SweepSettings
     block_size : int
         Scales that are committed together.

@@ -2,7 +2,8 @@ r"""Compute responses of a structure to a record at many scales, with two rules 
 
 From rest, with sharp contacts (dashpots too), the equations are homogeneous in lengths: with u(t)
 the response of gaps g at scale s, L u(t) is that of gaps L g at scale L s, forces and velocities
-grow with L, energies with its square, times and counts stay.
+grow with L, energies with its square, times and counts stay. So is the static equilibrium of
+pressed contacts from which it starts, gaps below 0.
 
 ratio
     So only s / |g| matters, |g| being the largest gap and the proportions of the others given. A
@@ -13,7 +14,8 @@ ratio
     serves all scales.
 linear
     Without contacts the motion is proportional to s at all scales, and it is the motion up to the
-    scale at which its reach, max_t d_k . u, comes to a gap (`first_contact_scale`).
+    scale at which its reach, max_t d_k . u, comes to a gap (`first_contact_scale`): at none where
+    a contact is pressed.
 
 Neither holds for a smooth stop, which pushes at any distance and whose sharpness is a length: there
 every run is computed as it is.

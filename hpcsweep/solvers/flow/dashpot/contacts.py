@@ -43,9 +43,13 @@ from hpcsweep.solvers.flow.search.search import (
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.segment import Segment
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
+from hpcsweep.solvers.measures import ROUNDING
 
 SAME_INSTANT = 2.0**-40
 """Part of a step within which contacts are at their stops at one instant, see `period`."""
+AT_REST = 2.0**-40
+"""Part of the size of a state, or of a gap, that hides whether a contact at its stop moves: the
+rounding of a speed that the restarts of a motion leave, some 1e-13, grown tenfold."""
 AT_STOP = 1e-14
 """Distance (gaps) within which a contact that moves towards its stop is taken to be before it at
 the start of a period or a sample interval: a change at the end of one belongs to the next, and is
@@ -95,6 +99,47 @@ def past_stops(tau, z, amplitude, model, work):
             if resting & contact_bit(k) and contacts.sign[k] * work.a[contacts.row[k]] > 0.0:
                 past |= contact_bit(k)
     return past
+
+
+@kernel
+def rest_at_stops(tau, past, key, z, amplitude, model, work):
+    """Let contacts that rest at their stops, to rounding, go where they accelerate to.
+
+    About the moment at which such a contact turns rounding has the last word on its distance and on
+    its speed, and would let it pass its stop again and again. It is put on the side to which it
+    accelerates, as far from its stop as rounding may have moved it. One whose speed is above
+    rounding takes the time of that speed to come back.
+
+    Returns
+    -------
+    past, key : uint64
+        Contacts past their stops, and those that push, afterwards.
+    """
+    contacts, size = model.contacts, 0.0
+    for i in range(z.shape[0]):
+        size = max(size, abs(z[i]))
+    resting = np.uint64(0)
+    for k in range(contacts.row.shape[0]):
+        own = max(size, abs(contacts.gap[k]))
+        x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
+        if abs(x) <= ROUNDING * own and abs(w) <= AT_REST * own and (x != 0.0 or w != 0.0):
+            resting |= contact_bit(k)
+    if resting == np.uint64(0):
+        return past, key
+    forcing_at(tau, amplitude, model, work.forcing, 0)
+    _accelerations(key & ~resting, z, model, work)
+    for k in range(contacts.row.shape[0]):
+        bit = contact_bit(k)
+        if resting & bit == np.uint64(0):
+            continue
+        way = contacts.sign[k] * work.a[contacts.row[k]]
+        if way == 0.0:
+            continue
+        own = math.copysign(ROUNDING * max(size, abs(contacts.gap[k])), way)
+        z[contacts.row[k]] = contacts.sign[k] * (contacts.gap[k] + own)
+        past = past | bit if way > 0.0 else past & ~bit
+        key = key | bit if way > 0.0 else key & ~bit
+    return past, key
 
 
 @kernel
@@ -215,13 +260,11 @@ def changed(place, segment, past, model, z):
     -------
     past, key : uint64
         Contacts past their stops, and those that push, afterwards.
-    passing : uint64
-        Those that have passed their stops.
     """
     contacts, key = model.contacts, segment.key
     m = contacts.row.shape[0]
     if place >= m:
-        return past, key ^ contact_bit(place - m), np.uint64(0)
+        return past, key ^ contact_bit(place - m)
     z[contacts.row[place]] = contacts.sign[place] * contacts.gap[place]
     passing = contact_bit(place)
     for k in range(m):
@@ -232,7 +275,7 @@ def changed(place, segment, past, model, z):
         if k != place and goes_on and abs(distance(k, z, contacts)) <= near:
             passing |= bit
     closing = passing & ~past
-    return past ^ passing, (key & ~passing) | closing, passing
+    return past ^ passing, (key & ~passing) | closing
 
 
 @inlined

@@ -24,7 +24,7 @@ from hpcsweep.solvers.flow.observe.drift import (
     raise_to_ends,
     row_may_be_higher,
 )
-from hpcsweep.solvers.flow.observe.impacts import record
+from hpcsweep.solvers.flow.observe.impacts import come_apart, record
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
@@ -86,6 +86,9 @@ def impacts_with_dashpots(segment, past, span, model, tables, tally, work):
     contacts, index, h = model.contacts, segment.index, segment.h
     n = work.z_end.shape[0] // 2
     tally.closed[0] = past
+    tally.beside[0] |= past
+    if tally.beside[0] & ~past != np.uint64(0):
+        come_apart(segment, past, span, model, tables, tally, work)
     for k in range(contacts.row.shape[0]):
         if past & contact_bit(k) == np.uint64(0):
             continue
@@ -124,4 +127,4 @@ def record_passing(passing, past, model, tally, z):
         bit = contact_bit(k)
         if passing & bit:
             closing = past & bit == np.uint64(0)
-            record(k, closing, abs(approach_speed(k, z, model.contacts)), tally)
+            record(k, closing, abs(approach_speed(k, z, model.contacts)), z, model, tally)

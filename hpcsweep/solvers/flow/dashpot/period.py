@@ -9,6 +9,7 @@ from hpcsweep.solvers.flow.dashpot.contacts import (
     first_change,
     past_stops,
     pushing,
+    rest_at_stops,
 )
 from hpcsweep.solvers.flow.dashpot.gather import (
     impacts_with_dashpots,
@@ -73,6 +74,7 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
     tau, end = stretch
     past = past_stops(tau, z, amplitude, model, work)
     key = pushing(past, z, model.contacts)
+    past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
     forcing_at(tau, amplitude, model, work.forcing, 0)
     start(work.x, z, work.forcing)
     steps = 0
@@ -110,7 +112,10 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
         if place >= 0:
             counts[1] += 1
             before = past
-            past, key, passing = changed(place, segment, before, model, work.z_end)
+            past, key = changed(place, segment, before, model, work.z_end)
+            now = segment.tau + span
+            past, key = rest_at_stops(now, past, key, work.z_end, amplitude, model, work)
+            passing = past ^ before
             if tangent is not None:
                 change_tangent(passing, before, segment.key, model, tangent)
             if wanted & IMPACTS:

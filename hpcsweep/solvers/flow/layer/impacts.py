@@ -10,7 +10,7 @@ from hpcsweep.solvers.flow.layer.interpolant import integral_of_force, interpola
 from hpcsweep.solvers.flow.layer.limits import allowed_error
 from hpcsweep.solvers.flow.layer.quintic import hermite, root_of, turn_of, value_of
 from hpcsweep.solvers.flow.layer.scheme import distances
-from hpcsweep.solvers.flow.observe.impacts import record
+from hpcsweep.solvers.flow.observe.impacts import note_apart, record
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
 from hpcsweep.solvers.measures import FORCE, TIME
@@ -52,7 +52,8 @@ def impacts_in_layer(h, z0, z1, alone, model, ways, tally, work):
             tally.impacts[FORCE, k] += h * total(load(WEIGHTS, 0) * forces)
         if start[0] >= 0.0:
             tally.closed[0] |= contact_bit(k)
-        _follow(k, h, start, end, tally, work)
+            tally.beside[0] |= contact_bit(k)
+        _follow(k, h, start, end, z0, model, tally, work)
 
 
 @inlined
@@ -70,6 +71,8 @@ def impacts_without_change(h, z0, z1, model, tally, work):
             return False
         closed = first >= 0.0 or tally.closed[0] & contact_bit(k) != np.uint64(0)
         bottom, top = range_of(distances(k, stage.u, contacts), first, last)
+        if not closed:
+            note_apart(k, bottom, contacts, tally)
         if not stays(closed, bottom, top):
             return False
     for k in range(contacts.row.shape[0]):
@@ -80,12 +83,13 @@ def impacts_without_change(h, z0, z1, model, tally, work):
         tally.impacts[FORCE, k] += h * total(load(WEIGHTS, 0) * forces)
         if first >= 0.0:
             tally.closed[0] |= contact_bit(k)
+            tally.beside[0] |= contact_bit(k)
             tally.impacts[TIME, k] += h
     return True
 
 
 @inlined
-def _follow(k, h, start, end, tally, work):
+def _follow(k, h, start, end, z0, model, tally, work):
     """Add closings and the time at x >= 0 of a contact, with x given as in `_highest`.
 
     Crossings are found on quintics through neighbours, as in `_highest`, and then on the polynomial
@@ -101,17 +105,21 @@ def _follow(k, h, start, end, tally, work):
         quintic = hermite(d * h, left, right)
         closed = tally.closed[0] & contact_bit(k) != np.uint64(0)
         inward = -1.0 if closed else 1.0
+        if not closed:
+            note_apart(k, left[0], model.contacts, tally)
         begin, since = 0.0, left_s
         if inward * left[1] > 0.0 > inward * right[1] and inward * right[0] < 0.0:
             # possibly to the other side and back
             turn = turn_of(quintic, inward, left[1] / (left[1] - right[1]))
             if inward * value_of(quintic, turn) >= 0.0:
                 near = left_s + d * root_of(quintic, 0.0, turn, -inward)
-                begin, since = turn, _change(k, h, near, since, start, end, tally, work)
+                begin, since = turn, _change(k, h, near, since, start, end, z0, model, tally, work)
                 closed = not closed
+                if not closed:
+                    note_apart(k, value_of(quintic, turn), model.contacts, tally)
         if (right[0] >= 0.0) != closed:
             near = left_s + d * root_of(quintic, begin, 1.0, 1.0 if closed else -1.0)
-            since = _change(k, h, near, since, start, end, tally, work)
+            since = _change(k, h, near, since, start, end, z0, model, tally, work)
             closed = not closed
         if closed:
             tally.impacts[TIME, k] += (right_s - since) * h
@@ -119,7 +127,7 @@ def _follow(k, h, start, end, tally, work):
 
 
 @kernel
-def _change(k, h, s, since, start, end, tally, work):
+def _change(k, h, s, since, start, end, z0, model, tally, work):
     """Record that a contact closes or opens near s, a fraction of the step; return s exactly."""
     closed = tally.closed[0] & contact_bit(k) != np.uint64(0)
     interpolate(h, start, end, work)
@@ -128,7 +136,7 @@ def _change(k, h, s, since, start, end, tally, work):
         value, slope, _ = interpolated(s, work)
         if slope != 0.0 and abs(value) < 1e-3 * abs(slope):
             s -= value / slope
-    record(k, not closed, abs(slope) / h, tally)
+    record(k, not closed, abs(slope) / h, z0, model, tally)
     if closed:
         tally.impacts[TIME, k] += (s - since) * h
     return s

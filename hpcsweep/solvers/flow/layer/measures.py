@@ -26,6 +26,7 @@ from hpcsweep.solvers.flow.layer.solitary.halves import (
 )
 from hpcsweep.solvers.flow.layer.solitary.plan import solitary_contact
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
+from hpcsweep.solvers.flow.observe.impacts import note_apart
 from hpcsweep.solvers.flow.state.accelerations import accelerations
 from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.state.shared import read_shared
@@ -143,6 +144,8 @@ def _may_close(contact, kind, h, z0, z1, model, tally, work):
     bottom, top = range_of(load(work.solitary.x, 0), first, last)
     bottom, top = range_of(load(work.solitary.x, LANES), bottom, top)
     closed = tally.closed[0] & contact_bit(contact) != np.uint64(0)
+    if not closed:
+        note_apart(contact, bottom, model.contacts, tally)
     if not stays(closed, bottom, top):
         row, n = model.contacts.row[contact], model.stiffness.shape[0]
         slowest, fastest = range_of(load(work.layer.v, row * LANES), z0[n + row], z1[n + row])

@@ -28,11 +28,12 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import total
+from hpcsweep.model.kernel_model import FLOOR
 from hpcsweep.solvers.flow.linear.polynomials import expand_row, integral, value_and_slope
 from hpcsweep.solvers.flow.passage.crossing import at_stop, half_passage, since_linear, sums
 from hpcsweep.solvers.flow.passage.passage import ARRIVED, FAST, SLOW
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit
-from hpcsweep.solvers.measures import CLOSINGS, FORCE, SPEED, TIME
+from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
+from hpcsweep.solvers.measures import CLOSINGS, FORCE, ROUNDING, SPEED, TIME
 
 
 @kernel
@@ -41,6 +42,9 @@ def impacts_on_segment(segment, span, model, tables, tally, work):
     contacts = model.contacts
     key, index = segment.key, segment.index
     tally.closed[0] = key
+    tally.beside[0] |= key
+    if tally.beside[0] & ~key != np.uint64(0):
+        come_apart(segment, key, span, model, tables, tally, work)
     for k in range(contacts.row.shape[0]):
         if key & contact_bit(k) == np.uint64(0):
             continue
@@ -54,14 +58,59 @@ def impacts_on_segment(segment, span, model, tables, tally, work):
 
 
 @inlined
-def record(k, closing, speed, tally):
-    """Record that a contact closes or opens."""
-    if closing:
+def record(k, closing, speed, z, model, tally):
+    """Record that a contact closes or opens about a state z.
+
+    A closing counts that is faster than rounding, if the contact has come apart since it has last
+    closed (`measures.ROUNDING`).
+    """
+    bit = contact_bit(k)
+    if not closing:
+        tally.closed[0] &= ~bit
+        return
+    _raise_size(z, model, tally)
+    if tally.beside[0] & bit == np.uint64(0) and speed > ROUNDING * tally.size[0]:
         tally.impacts[CLOSINGS, k] += 1.0
         tally.impacts[SPEED, k] = max(tally.impacts[SPEED, k], speed)
-        tally.closed[0] |= contact_bit(k)
-    else:
-        tally.closed[0] &= ~contact_bit(k)
+    tally.beside[0] |= bit
+    tally.closed[0] |= bit
+
+
+@kernel
+def _raise_size(z, model, tally):
+    """Raise the size of a motion by a state, and by the peaks of floors that are gathered."""
+    for i in range(z.shape[0]):
+        tally.size[0] = max(tally.size[0], abs(z[i]))
+    for p in range(tally.peaks.shape[0]):
+        if model.watched[p, 3] == FLOOR:
+            tally.size[0] = max(tally.size[0], tally.peaks[p])
+
+
+@inlined
+def note_apart(k, x, contacts, tally):
+    """Note how far an open contact has come apart, the distance past its stop being x."""
+    if x < -ROUNDING * max(abs(contacts.gap[k]), tally.size[0]):
+        tally.beside[0] &= ~contact_bit(k)
+
+
+@kernel
+def come_apart(segment, past, span, model, tables, tally, work):
+    """Note the open contacts that come apart on the first `span` of a linear step.
+
+    A step is a part of the fastest free motion, and an opening within one an arch: its middle tells
+    its height.
+    """
+    contacts = model.contacts
+    for k in range(contacts.row.shape[0]):
+        if tally.beside[0] & ~past & contact_bit(k) == np.uint64(0):
+            continue
+        row = contacts.row[k]
+        if not work.expanded[row]:
+            expand_row(tables.poly, segment.index, row, work.x, work.rows)
+            work.expanded[row] = True
+        middle, _ = value_and_slope(work.rows, row, segment.h, 0.5 * span)
+        ends = min(distance(k, work.x, contacts), distance(k, work.z_end, contacts))
+        note_apart(k, min(ends, contacts.sign[k] * middle - contacts.gap[k]), contacts, tally)
 
 
 @kernel
@@ -75,7 +124,8 @@ def impacts_at_end(segment, ending, passing, model, tally, work):
         for k in range(model.contacts.row.shape[0]):
             if passing & contact_bit(k):
                 closing = segment.key & contact_bit(k) == np.uint64(0)
-                record(k, closing, abs(approach_speed(k, work.z_end, model.contacts)), tally)
+                speed = abs(approach_speed(k, work.z_end, model.contacts))
+                record(k, closing, speed, work.z_end, model, tally)
     elif passing != np.uint64(0) or ending.how == ARRIVED:
         _passage_at_end(segment, ending, model, tally, work)
 
@@ -119,7 +169,7 @@ def _passage_at_end(segment, ending, model, tally, work):
         early = 2.0 * abs(x) / (abs(v) + speed)
     tally.impacts[FORCE, k] -= kick / beta
     tally.impacts[TIME, k] += early
-    record(k, closing, speed, tally)
+    record(k, closing, speed, work.z_end, model, tally)
 
 
 @inlined

@@ -142,7 +142,7 @@ def _coast(segment, amplitude, wanted, shared):
                 work.z_end[row] = wide[row]
             own = Segment(key, index, h, step * h, end)
             peaks_on_segment(own, h, amplitude, PEAKS, shared)
-            if key != np.uint64(0):
+            if (key | tally.beside[0]) != np.uint64(0):
                 impacts_on_segment(own, h, model, tables, tally, work)
         for row in range(work.z_end.shape[0]):
             x[row] = wide[row]

@@ -165,6 +165,19 @@ def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
     return lowest - HERMITE_SLOPE * d * d * d * bound4 > 0.0
 
 
+@kernel
+def _turn(curve, level, a, b):
+    """Return where g, falling at a and rising at b, turns."""
+    for _ in range(60):
+        middle = 0.5 * (a + b)
+        _, slope = value_and_slope(curve.rows, curve.row, curve.h, middle)
+        if level.sign * slope < 0.0:
+            a = middle
+        else:
+            b = middle
+    return b
+
+
 @inlined
 def _where_negative(curve, part, level):
     """Find where g becomes negative, if it is not at the start: the floor leaves its layer.
@@ -172,8 +185,8 @@ def _where_negative(curve, part, level):
     Returns
     -------
     found : int
-        `NEGATIVE` if the search begins there, `AT_ROOT` if g = 0 there and rises, or turns before
-        it is negative; `NO_ROOT` if it stays above 0 to the end.
+        `NEGATIVE` if the search begins there, `AT_ROOT` if g = 0 there and rises, or where it turns
+        before it is negative; `NO_ROOT` if it stays above 0 to the end.
     a, ga, da : float
         Time, g and its slope.
     """
@@ -184,8 +197,11 @@ def _where_negative(curve, part, level):
         if da >= 0.0:
             return AT_ROOT, a, ga, da
         for _ in range(60):
+            before = a
             a += max(-1.02 * ga / da, LEAST_ADVANCE * curve.h)
             if a >= part.b:
+                if part.gb >= 0.0 and part.db >= 0.0:
+                    return AT_ROOT, _turn(curve, level, before, part.b), ga, da
                 return NO_ROOT, a, ga, da
             value, slope = value_and_slope(curve.rows, curve.row, curve.h, a)
             ga = level.sign * (value - level.value)
@@ -193,7 +209,7 @@ def _where_negative(curve, part, level):
             if ga < 0.0:
                 break
             if da >= 0.0:
-                return AT_ROOT, a, ga, da
+                return AT_ROOT, _turn(curve, level, before, a), ga, da
         if ga >= 0.0:
             return AT_ROOT, a, ga, da
     return NEGATIVE, a, ga, da
@@ -272,7 +288,8 @@ def first_passage(curve, part, level, bound4, stack):
         if not cleared and gb >= 0.0:
             if _rises_throughout(d, ga, da, gb, db, bound4):
                 return Bracket(a, ga, b, gb)
-            if shortest:
+            # a fall is no root: there rounding has moved a g that starts from 0
+            if shortest and not (da < 0.0 and db < 0.0):
                 return Bracket(b, gb, b, gb)
         if not (cleared or shortest):
             whole = Part(a, ga, da, b, gb, db)

@@ -39,6 +39,10 @@ class Tally(NamedTuple):
     """(N_IMPACTS, m): see `hpcsweep.solvers.measures`."""
     closed: np.ndarray
     """(1,) uint64: the contacts that are closed now."""
+    beside: np.ndarray
+    """(1,) uint64: those that have not come apart since they have last been closed ..."""
+    size: np.ndarray
+    """(1,): ... by the rounding of this largest displacement or speed, see `measures.ROUNDING`."""
 
 
 def new_tally(n: int, model: Model) -> Tally:
@@ -52,6 +56,8 @@ def new_tally(n: int, model: Model) -> Tally:
         times=zeros(len(model.watched)),
         impacts=zeros(N_IMPACTS, model.contacts.gap.size),
         closed=zeros(1, dtype=np.uint64),
+        beside=zeros(1, dtype=np.uint64),
+        size=zeros(1),
     )
 
 
@@ -71,7 +77,8 @@ def clear(tally):
         tally.modal[j] = 0.0
     for w in range(tally.peaks.shape[0]):
         tally.peaks[w] = tally.times[w] = 0.0
-    tally.closed[0] = 0
+    tally.closed[0] = tally.beside[0] = 0
+    tally.size[0] = 0.0
     for i in range(tally.impacts.shape[0]):
         for k in range(tally.impacts.shape[1]):
             tally.impacts[i, k] = 0.0

@@ -1,0 +1,95 @@
+r"""Static equilibrium of a structure with its contacts, the ground at rest.
+
+The displacements u at which all forces balance,
+
+    r(u) = K u + sum_k d_k F_k(x_k) = 0,    x_k = d_k . u - g_k,    F_k = kappa_k S(rho x_k) x_k,
+
+are where the potential u . K u / 2 + sum_k kappa_k W_k(x_k), W_k' = S x, is least. With sharp stops
+W is max(x, 0)^2 / 2: the potential is convex, strictly as K > 0, so that there is one equilibrium,
+at which the contacts that are closed are found with it. Dashpots exert no force at rest.
+
+Newton's method solves r = 0 with K + sum_k kappa_k (S x)' d_k d_k^T. It descends, since that
+matrix is positive definite ((S x)' is negative, -0.1 at least, only where a smooth stop is nearly
+open, and taken as 0 if the matrix is not), and a step that would go beyond the least value along
+its line ends there. Between sharp stops r is linear: the first step that leaves the set of the
+closed contacts as it is ends at the solution. From there smooth ones are solved, whose equilibrium
+is the one beside it.
+
+Contacts with g_k < 0 are *pressed*. Where there is none rest is u = 0, as a job says: that smooth
+stops pull before they are reached is not taken for a state of rest.
+"""
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.optimize import brentq
+from scipy.special import expit
+
+MAX_STEPS = 200
+SAME = 1e-15
+"""Relative size of the last step."""
+
+
+def pressed(structure) -> np.ndarray:
+    """Return which contacts are pressed, shape (m,) of bool."""
+    gaps = np.array([contact.gap for contact in structure.contacts], float)
+    return (gaps < 0.0) & (structure.contact_stiffness > 0.0)
+
+
+def static_equilibrium(structure) -> np.ndarray:
+    """Return the displacements at which a structure rests on its contacts, shape (n,).
+
+    Exactly 0 if no contact is pressed.
+
+    Raises
+    ------
+    ArithmeticError
+        If it is not found.
+    """
+    u = np.zeros(structure.n_floors)
+    if not pressed(structure).any():
+        return u
+    for rho in dict.fromkeys((np.inf, structure.sharpness)):
+        u = _solved(structure, rho, u)
+    return u
+
+
+def _solved(structure, rho: float, u: np.ndarray) -> np.ndarray:
+    """Solve r = 0 for contacts of sharpness rho, from u on."""
+    stiffness, rows = structure.stiffness_matrix, structure.directions
+    kappa = structure.contact_stiffness
+    gaps = np.array([contact.gap for contact in structure.contacts], float)
+
+    def law(u):
+        """Return S x and its derivative."""
+        x = rows @ u - gaps
+        if np.isinf(rho):
+            return np.maximum(x, 0.0), (x > 0.0).astype(float)
+        s = expit(rho * x)
+        return s * x, s * (1.0 + rho * x * (1.0 - s))
+
+    def residual(u):
+        return stiffness @ u + rows.T @ (kappa * law(u)[0])
+
+    for _ in range(MAX_STEPS):
+        stiff = kappa * law(u)[1]
+        step = _descent(stiffness, rows, stiff, residual(u))
+        share = 1.0
+        if step @ residual(u + step) > 0.0 > step @ residual(u):
+            share = brentq(lambda t, u=u, step=step: step @ residual(u + t * step), 0.0, 1.0)
+        u = u + share * step
+        small = np.abs(step).max() <= SAME * np.abs(u).max()
+        if small or (np.isinf(rho) and share == 1.0 and np.array_equal(stiff, kappa * law(u)[1])):
+            return u
+    if np.abs(step).max() <= 1e-12 * np.abs(u).max():
+        return u
+    raise ArithmeticError("no static equilibrium of the structure with its contacts was found")
+
+
+def _descent(stiffness, rows, stiff, residual) -> np.ndarray:
+    """Return Newton's step, with stiffnesses of the contacts that make its matrix definite."""
+    for own in (stiff, np.maximum(stiff, 0.0)):
+        try:
+            return -cho_solve(cho_factor(stiffness + (rows.T * own) @ rows), residual)
+        except LinAlgError:
+            continue
+    raise ArithmeticError("the stiffness matrix is not positive definite")

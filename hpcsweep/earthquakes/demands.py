@@ -48,6 +48,17 @@ def write_demands(
     ------
     ValueError
         If shapes differ, or a value is not finite or below 0; nothing is written then.
+
+    Examples
+    --------
+    One record, two storeys:
+
+    >>> hpcsweep.write_demands("demands.csv", [[0.01, 0.02]], [[3.0, 4.0]], [2.0])
+    >>> print(Path("demands.csv").read_text())
+    ,1-PFA-0-1,1-PFA-1-1,1-PFA-2-1,1-PID-1-1,1-PID-2-1
+    Units,mps2,mps2,mps2,rad,rad
+    0,2.0,3.0,4.0,0.01,0.02
+    <BLANKLINE>
     """
     file = Path(file_name("path", path))
     drift = rows("drift_ratio", drift_ratio)

@@ -137,6 +137,16 @@ def fragility(intensity: Any, exceeded: Any, total: Any, confidence: float = 0.9
         If an argument is of the wrong kind or outside its range, or if the data determine no
         fragility: no record reaches the threshold, all do, they are separable, or fewer reach it as
         the intensity grows.
+
+    References
+    ----------
+    Baker, Earthquake Spectra 31 (2015) 579; Porter, Kennedy and Bachman, ibid. 23 (2007) 471.
+
+    Examples
+    --------
+    >>> fit = hpcsweep.fragility([0.5, 1.0, 2.0], exceeded=[1, 5, 9], total=10)
+    >>> round(float(fit.median), 6), round(float(fit.dispersion), 6)
+    (1.0, 0.540866)
     """
     x, k, n = _stripes(intensity, exceeded, total)
     fit = Likelihood(np.log(x), k, n)
@@ -167,6 +177,18 @@ def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
     ValueError
         If an argument is of the wrong kind or outside its range, or if there are no two different
         finite capacities.
+
+    References
+    ----------
+    Vamvatsikos and Cornell, Earthquake Engineering & Structural Dynamics 31 (2002) 491.
+
+    Examples
+    --------
+    >>> responses = [[1.0, 2.0, 5.0], [0.5, 1.0, 2.0], [0.1, 0.2, 0.3]]
+    >>> found = hpcsweep.capacity([1.0, 2.0, 4.0], responses, threshold=1.5)  # 1.5, 3 and above 4
+    >>> fit = hpcsweep.capacity_fragility(found)
+    >>> round(float(fit.median), 6), round(float(fit.dispersion), 6)
+    (2.960421, 0.575766)
     """
     instance("found", found, Capacity)
     known = ~np.isnan(found.scale)
@@ -258,6 +280,19 @@ def cloud(intensity: Any, response: Any) -> Cloud:
     ------
     ValueError
         If an argument is of the wrong kind or outside its range.
+
+    References
+    ----------
+    Cornell, Jalayer, Hamburger and Foutch, Journal of Structural Engineering 128 (2002) 526.
+
+    Examples
+    --------
+    Responses of 3 s^2, and e^(+-0.1) times that:
+
+    >>> responses = 3.0 * np.array([1, 1, 16, 16]) * np.exp([0.1, -0.1, 0.1, -0.1])
+    >>> fit = hpcsweep.cloud([1.0, 1.0, 4.0, 4.0], responses)
+    >>> round(math.exp(fit.intercept), 9), round(fit.slope, 9)
+    (3.0, 2.0)
     """
     x, y = _positive("intensity", intensity), _positive("response", response)
     if x.shape != y.shape:

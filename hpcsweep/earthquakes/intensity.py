@@ -54,6 +54,20 @@ def intensity(record: Record, gravity: float = STANDARD_GRAVITY) -> Intensity:
     ------
     ValueError
         If an argument is of the wrong kind or outside its range.
+
+    References
+    ----------
+    Arias, in: Seismic Design for Nuclear Power Plants (1970) 438; Trifunac and Brady, Bulletin of
+    the Seismological Society of America 65 (1975) 581.
+
+    Examples
+    --------
+    Ten seconds of a sine of 1 m/s^2 and 1 Hz: Arias intensity pi / (2 g) times 10 / 2.
+
+    >>> sine = hpcsweep.Record(np.sin(2.0 * np.pi * np.arange(1001) * 0.01), dt=0.01)
+    >>> measures = hpcsweep.intensity(sine)
+    >>> round(measures.pga, 12), round(measures.arias / (math.pi / (2.0 * 9.80665) * 5.0), 2)
+    (1.0, 1.0)
     """
     instance("record", record, Record)
     velocity, displacement = ground_motion(record)

@@ -114,6 +114,13 @@ def read_record(
         If the file is not a record; one line states file, item, value and limit.
     OSError
         If it cannot be read.
+
+    Examples
+    --------
+    >>> lines = ["Somewhere, 1999, in g", "0.00 0.1", "0.01 -0.2", "0.02 0.0"]
+    >>> _ = Path("somewhere.txt").write_text(chr(10).join(lines))
+    >>> hpcsweep.read_record("somewhere.txt", unit="g")
+    Record('somewhere', 3 samples, dt=0.01, peak=1.9613)
     """
     asked = None if unit == OWN else acceleration_unit("unit", unit)
     factor = factor_of(asked, unit, gravity) if asked else 1.0

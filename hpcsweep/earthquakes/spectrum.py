@@ -58,6 +58,15 @@ def spectrum(
     References
     ----------
     Chopra, *Dynamics of Structures*, 5.2 and 6.4 to 6.6.
+
+    Examples
+    --------
+    A sudden acceleration of 1 for half a period doubles the static displacement, (T / (2 pi))^2:
+
+    >>> step = hpcsweep.Record(np.ones(301), dt=0.01)
+    >>> spectrum = hpcsweep.spectrum(step, [1.0, 2.0], damping_ratio=0.0)
+    >>> spectrum.acceleration.round(12)
+    array([2., 2.])
     """
     instance("record", record, Record)
     wanted = _periods(periods, record.dt)

@@ -59,6 +59,11 @@ def fractiles(values: Any, parts: Sequence[float] = PARTS, axis: int = 0) -> np.
     ------
     ValueError
         If a part is none, or there is no such axis.
+
+    Examples
+    --------
+    >>> hpcsweep.fractiles([1.0, 2.0, 3.0, 4.0, math.inf])
+    array([ 1.,  3., inf])
     """
     given = array("values", values)
     if not given.ndim:
@@ -98,6 +103,17 @@ def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
     ------
     ValueError
         If shapes differ, or scales do not increase.
+
+    References
+    ----------
+    Vamvatsikos and Cornell, Earthquake Engineering & Structural Dynamics 31 (2002) 491.
+
+    Examples
+    --------
+    >>> responses = [[1.0, 2.0, 5.0], [0.5, 1.0, 2.0]]
+    >>> found = hpcsweep.capacity([1.0, 2.0, 4.0], responses, threshold=1.5)
+    >>> found.scale
+    array([1.5, 3. ])
     """
     own, curves = array("scales", scales), array("responses", responses)
     if own.ndim != 1 or own.size == 0 or not np.all(np.diff(own, prepend=0.0) > 0):

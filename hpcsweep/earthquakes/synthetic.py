@@ -104,6 +104,16 @@ def synthetic_records(
     ------
     ValueError
         If an argument is of the wrong kind or outside its range.
+
+    References
+    ----------
+    Clough and Penzien, *Dynamics of Structures*, 27; soils of Der Kiureghian and Neuenhofer,
+    Earthquake Engineering & Structural Dynamics 21 (1992) 713.
+
+    Examples
+    --------
+    >>> hpcsweep.synthetic_records(2, seed=1, duration=20.0)[0].name
+    'synthetic-1-1'
     """
     n, seed = count("n", n, 1, MAX_RECORDS), count("seed", seed, 0, 2**63 - 1)
     dt, duration = positive("dt", dt), positive("duration", duration)

@@ -83,6 +83,14 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     ------
     JobError
         If a file cannot be read, or all together is not a valid job.
+
+    Examples
+    --------
+    ``study.toml`` is a job, ``study.h5`` its results:
+
+    >>> job = hpcsweep.load_job("study.toml", ["structure.n_floors=2"])
+    >>> job.study.structure.n_floors
+    2
     """
     path = path_of("path", path)
     settings = arguments.words("settings", settings)

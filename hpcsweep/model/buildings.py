@@ -40,6 +40,15 @@ class Building:
     rayleigh : (float, float), optional
         (alpha, beta) of its damping matrix alpha M + beta K, in place of `damping_ratio`.
     name : str
+
+    Examples
+    --------
+    Two storeys, the upper one lighter and softer; the same by its period alone:
+
+    >>> hpcsweep.Building(mass=[2.0, 1.0], storey_stiffness=[3000.0, 2000.0], name="A").name
+    'A'
+    >>> hpcsweep.Building(mass=[2.0, 1.0], storey_stiffness=[3.0, 2.0], period=0.4).period
+    0.4
     """
 
     mass: float | Sequence[float]
@@ -141,6 +150,18 @@ def adjacent(
     ------
     ValueError
         If a value is outside its range, or a floor faces a column.
+
+    Examples
+    --------
+    A building of two storeys, 20 mm from one of a single storey: the lower floors face each other.
+
+    >>> left = hpcsweep.Building(mass=[2.0, 1.0], storey_stiffness=[3000.0, 2000.0], name="A")
+    >>> right = hpcsweep.Building(mass=1.5, storey_stiffness=900.0, name="B")
+    >>> pair = hpcsweep.adjacent([left, right], gap=0.02, stiffness=1e5, restitution=0.65)
+    >>> pair.names.floors
+    ('A1', 'A2', 'B1')
+    >>> pair.names.contacts
+    ('A1-B1',)
     """
     if len(buildings) < 2:
         raise ValueError(f"building must be given twice or more, is given {len(buildings)} times")

@@ -104,6 +104,14 @@ class Contact:
     ------
     ValueError
         If a value is of the wrong kind or outside its range; the message names it.
+
+    Examples
+    --------
+    Floors 1 and 3 of three face each other, 10 mm apart:
+
+    >>> contact = hpcsweep.Contact(direction=(1.0, 0.0, -1.0), gap=0.01, stiffness=1e6)
+    >>> contact.damping
+    0.0
     """
 
     direction: Vector

@@ -37,6 +37,14 @@ class Record:
     ------
     ValueError
         If a value is of the wrong kind or outside its range; the message names it and its limit.
+
+    Examples
+    --------
+    Ten periods of a sine of 1 Hz, in m/s^2 and s:
+
+    >>> time = np.arange(1001) * 0.01
+    >>> hpcsweep.Record(2.0 * np.sin(2.0 * np.pi * time), dt=0.01, name="sine")
+    Record('sine', 1001 samples, dt=0.01, peak=2)
     """
 
     acceleration: np.ndarray

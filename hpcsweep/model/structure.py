@@ -88,6 +88,18 @@ class Structure(MeasuredDynamics, ContactNames):
     ------
     ValueError
         If a value is of the wrong kind or outside its range; the message names it.
+
+    Examples
+    --------
+    The building of the study, in its units (gaps, and 1/omega_0 of time); and one floor between two
+    stops, in m, kg and s:
+
+    >>> hpcsweep.Structure(n_floors=3, stiffness_ratio=1000.0, sharpness=1e4).n_floors
+    3
+    >>> hpcsweep.Structure(
+    ...     n_floors=1, mass=2.0, storey_stiffness=800.0, gap=0.01, gap_left=0.02
+    ... ).gap_left
+    0.02
     """
 
     n_floors: int = 3

@@ -51,6 +51,17 @@ class Response:
     duration : float
         Time that was integrated; that up to the failure if one occurred.
     outcome : Outcome
+
+    Examples
+    --------
+    From `hpcsweep.response`. A mass on a spring under the sudden acceleration 1 moves to twice its
+    static displacement -1 / k, at half its period:
+
+    >>> step = hpcsweep.Record([1.0, 1.0], dt=4.0)
+    >>> free = hpcsweep.Structure(n_floors=1, stiffness_ratio=0.0, damping_ratio=0.0)
+    >>> peaks = hpcsweep.response(free, step)
+    >>> peaks.displacement.round(12), (peaks.displacement_time / math.pi).round(12)
+    (array([2.]), array([1.]))
     """
 
     displacement: np.ndarray

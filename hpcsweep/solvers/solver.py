@@ -193,6 +193,16 @@ def stroboscopic_points(
         If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If the solver fails; the message names the outcome and the period.
+
+    Examples
+    --------
+    At resonance the displacement without contact is A / (2 zeta) cos(tau): a fixed point.
+
+    >>> stop = hpcsweep.Structure(n_floors=1, sharpness=math.inf, damping_ratio=0.05)
+    >>> points = hpcsweep.stroboscopic_points(stop, 0.05, 1.0, [0.5, 0.0], n_periods=2)
+    >>> points.round(12) + 0.0
+    array([[0.5, 0. ],
+           [0.5, 0. ]])
     """
     instance("structure", structure, Structure)
     z = finite_vector("state", state, 2 * structure.n_floors)

@@ -62,6 +62,20 @@ def branch(
         If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If there is no orbit near the state, or a solver fails.
+
+    References
+    ----------
+    Kuznetsov, *Elements of Applied Bifurcation Theory*, 4 and 5; di Bernardo, Budd, Champneys and
+    Kowalczyk, *Piecewise-smooth Dynamical Systems*, 7.
+
+    Examples
+    --------
+    At resonance the orbit without contact touches the stop where A / (2 zeta) = 1:
+
+    >>> stop = hpcsweep.Structure(n_floors=1, sharpness=math.inf, damping_ratio=0.05)
+    >>> branch = hpcsweep.branch(stop, 0.05, 1.0, [0.5, 0.0], period=1, span=(0.02, 0.2))
+    >>> str(branch.special_kind.values[0]), round(float(branch.special_value[0]), 12)
+    ('grazing', 0.1)
     """
     low, high = finite_vector("span", span, 2).tolist()
     forced, found = find(structure, amplitude, omega, state, period, parameter)

@@ -68,6 +68,21 @@ def curve(
         If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If the special point is not found, or a solver fails.
+
+    References
+    ----------
+    Kuznetsov, *Elements of Applied Bifurcation Theory*, 9 and 10.
+
+    Examples
+    --------
+    The grazing of a linear oscillator, A^2 = (1 - Omega^2)^2 + (2 zeta Omega)^2:
+
+    >>> stop = hpcsweep.Structure(n_floors=1, sharpness=math.inf, damping_ratio=0.05)
+    >>> branch = hpcsweep.branch(stop, 0.05, 1.0, [0.5, 0.0], period=1, span=(0.02, 0.2))
+    >>> curve = hpcsweep.curve(stop, branch.isel(special=0), span=((0.05, 0.2), (0.9, 1.1)))
+    >>> amplitude, omega = curve.value.values.T
+    >>> bool(np.allclose(amplitude, np.hypot(1.0 - omega**2, 0.1 * omega), rtol=1e-12))
+    True
     """
     instance("structure", structure, Structure)
     kind = None if measure is not None else _kind(special)

@@ -45,6 +45,12 @@ def open_results(path: str | Path):
     ------
     StoreError
         If the file is not a campaign file.
+
+    Examples
+    --------
+    >>> results = hpcsweep.open_results("study.h5")  # of `hpcsweep run study.toml -o study.h5`
+    >>> results.outcome.dims
+    ('direction', 'omega', 'amplitude')
     """
     import xarray
 
@@ -94,6 +100,12 @@ def meanings(variable):
     ------
     ValueError
         If its numbers are not flags (the attribute ``flag_meanings`` of the CF conventions).
+
+    Examples
+    --------
+    >>> results = hpcsweep.open_results("study.h5")  # of `hpcsweep run study.toml -o study.h5`
+    >>> sorted(set(hpcsweep.meanings(results.outcome).values.ravel().tolist()))
+    ['complete']
     """
     notes = variable.attrs
     if "flag_meanings" not in notes:

@@ -53,6 +53,17 @@ def trajectory(
         If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If a solver fails.
+
+    References
+    ----------
+    Hairer, Norsett and Wanner, *Solving Ordinary Differential Equations I*, II.5.
+
+    Examples
+    --------
+    >>> stop = hpcsweep.Structure(n_floors=1, sharpness=math.inf, damping_ratio=0.05)
+    >>> motion = hpcsweep.trajectory(stop, 0.05, 1.0, state=[0.5, 0.0], samples=4)
+    >>> motion.displacement.values.round(9) + 0.0  # cos(tau) / 2
+    array([[ 0.5,  0. , -0.5,  0. ,  0.5]])
     """
     import xarray
 

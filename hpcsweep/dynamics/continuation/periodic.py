@@ -86,6 +86,17 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
         If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If there is no orbit of that period near, or a solver fails.
+
+    Examples
+    --------
+    At resonance the displacement without contact is A / (2 zeta) cos(tau):
+
+    >>> stop = hpcsweep.Structure(n_floors=1, sharpness=math.inf, damping_ratio=0.05)
+    >>> orbit = hpcsweep.orbit(stop, amplitude=0.05, omega=1.0, state=[0.45, 0.0], period=1)
+    >>> orbit.points.round(12) + 0.0
+    array([[0.5, 0. ]])
+    >>> bool(np.isclose(abs(orbit.multipliers[0]), math.exp(-2.0 * math.pi * 0.05), rtol=1e-12))
+    True
     """
     _, found = find(structure, amplitude, omega, state, period)
     signature = [

@@ -249,6 +249,23 @@ def attractors(
         If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If the solver fails from every start.
+
+    References
+    ----------
+    Clopper and Pearson, Biometrika 26 (1934) 404.
+
+    Examples
+    --------
+    A floor that hardly reaches its stop: a motion without contact and one of period 5 share all.
+
+    >>> floor = hpcsweep.Structure(
+    ...     n_floors=1, stiffness_ratio=29.0, gap=1.26, damping_ratio=0.01, sharpness=math.inf
+    ... )
+    >>> found = hpcsweep.attractors(floor, amplitude=0.44912, omega=0.801, starts=40)
+    >>> sorted((attractor.orbit_period, attractor.contact) for attractor in found)
+    [(1, 0), (5, 1)]
+    >>> round(sum(attractor.share for attractor in found), 12)
+    1.0
     """
     arguments.instance("structure", structure, Structure)
     units = structure.state_units

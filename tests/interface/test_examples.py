@@ -1,0 +1,35 @@
+"""The example in the docstring of every public name runs, and prints what it says."""
+
+import doctest
+import inspect
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tools import SMALL, made
+
+import hpcsweep
+
+NAMES = [name for name in hpcsweep.__all__ if not name.startswith("__")]
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory) -> Path:
+    """A folder with a job and its results, for the examples that read them."""
+    folder = tmp_path_factory.mktemp("study")
+    (folder / "study.toml").write_text(SMALL)
+    made(SMALL, folder / "study.h5")
+    return folder
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_example_of_a_public_name_runs(study, name, monkeypatch):
+    monkeypatch.chdir(study)
+    names = {"hpcsweep": hpcsweep, "math": math, "np": np, "Path": Path}
+    text = inspect.getdoc(getattr(hpcsweep, name))
+    examples = doctest.DocTestParser().get_doctest(text, names, name, None, None)
+    assert examples.examples, f"{name}: has no example"
+    told: list[str] = []
+    doctest.DocTestRunner(verbose=False).run(examples, out=told.append)
+    assert not told, "".join(told)

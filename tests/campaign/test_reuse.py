@@ -1,5 +1,7 @@
 """Results taken over from earlier files equal those computed anew, to the last bit."""
 
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -195,5 +197,13 @@ def test_a_finer_grid_holds_the_old_one_to_the_last_bit(factor):
 def test_reuse_closes_its_files(tmp_path):
     from hpcsweep.store import Layout
 
+    def n_open() -> int:
+        descriptors = Path("/proc/self/fd").iterdir()
+        return sum(descriptor.resolve() == earlier.resolve() for descriptor in descriptors)
+
     earlier = made(SMALL, tmp_path / "old.h5")
-    Reuse(Layout(parse_job(FINER, "job", "job")), [earlier]).close()
+    assert n_open() == 0
+    reuse = Reuse(Layout(parse_job(FINER, "job", "job")), [earlier])
+    assert n_open() >= 1
+    reuse.close()
+    assert n_open() == 0

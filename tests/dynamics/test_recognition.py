@@ -9,6 +9,7 @@ from maps import GOLDEN, MapSolver, circle, delayed_logistic, focus, logistic
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.exponent import aligned, growth_interval
 from hpcsweep.dynamics.orbit import (
+    _vanishes,
     closed_period,
     closing_period,
     limit_of_approach,
@@ -187,6 +188,25 @@ def test_neighbours_that_still_come_closer_are_no_orbit():
 def test_branches_that_are_close_are_an_orbit(apart, mu):
     points = approach([0.5, 0.5 + apart], [1e-6], [mu])
     assert closed_period(points, 16, 1e-5) == 2
+
+
+@pytest.mark.parametrize(
+    ("three", "vanishes"),
+    [
+        # of L + c q^k the limit is L: here 0.49 and 0.51 of the last distance, and below 0
+        ((0.49 + 0.51 * 4, 0.49 + 0.51 * 2, 1.0), True),
+        ((0.51 + 0.49 * 4, 0.51 + 0.49 * 2, 1.0), False),
+        ((2.8, 1.5, 1.0), False),
+        # no slower from stretch to stretch: straight on to 0
+        ((3.0, 2.0, 1.0), True),
+        # no fall
+        ((2.0, 3.0, 1.0), False),
+        ((3.0, 1.0, 1.0), False),
+        ((1.0, 2.0, 3.0), False),
+    ],
+)
+def test_distances_vanish_whose_limit_is_less_than_half_of_the_last(three, vanishes):
+    assert _vanishes(np.array(three)) is vanishes
 
 
 def test_smallest_period():

@@ -12,6 +12,8 @@ def test_fractiles_are_values_that_were_given():
     values = np.arange(1.0, 26.0)
     np.testing.assert_array_equal(fractiles(values), [4, 13, 21])  # 16, 50, 84 % of 25
     np.testing.assert_array_equal(fractiles(values, [0, 0.041, 1]), [1, 2, 25])
+    # 0.07 * 100 is 7.000000000000001: the 7th, not the 8th
+    np.testing.assert_array_equal(fractiles(np.arange(1.0, 101.0), [0.07, 0.29]), [7, 29])
     rng = np.random.default_rng(1)
     table = rng.random((44, 7))
     for part in (0.16, 0.5, 0.84):

@@ -34,6 +34,11 @@ def job(text: str):
         ("count = 11", "step = 0.1, count = 3", ("either count or step",)),
         ("count = 11", "cuont = 11", ("sweep.amplitude.cuont", "'count'")),
         ("from = 0.5, to", "from = 0.0, to", ("sweep.omega", "greater than 0")),
+        (
+            "omega = {from = 0.5, to = 0.8, count = 4}",
+            "omega = [0.7, 0.5, 0.7]",
+            ("sweep.omega", "must not hold a value twice"),
+        ),
         ("transient_cycles = 30", "transient_cycles = -1", ("sweep.transient_cycles", "-1")),
         ("max_orbit_period = 6", "max_orbit_period = 11", ("max_orbit_period", "11", "1 to 10")),
         (

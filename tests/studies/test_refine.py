@@ -157,6 +157,10 @@ def test_the_interval_counts_what_was_found_and_what_changed():
     low, high = interval(1, 10_000, 500, 3, 20, 5, 9_000)
     assert high == pytest.approx((plain[1] * 10_000 - 20 + 5) / 9_000)
     assert low == 0.0
+    # 40 of 500 are wrong: at least n times the lower end, less what was found and what changed
+    low, _ = interval(1, 10_000, 500, 40, 20, 5, 9_000)
+    assert low == pytest.approx((share_interval(40, 500, 1 - ALPHA / 2)[0] * 10_000 - 25) / 9_000)
+    assert low > 0
     assert interval(1, 500, 500, 3, 3, 0, 0) == (0.0, 0.0)
 
 

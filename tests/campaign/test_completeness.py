@@ -77,6 +77,10 @@ max_points = 32
 }
 
 
+SECONDS = ("branches", "attractors", "refined points", "refined attractors")
+"""Studies of which this takes several seconds."""
+
+
 class StopsAtLook(StopFlag):
     """Is set from a look on, whoever looks: while the file is verified, in runs, between rounds."""
 
@@ -95,7 +99,9 @@ def holds_all(path) -> bool:
         return bool(file["inferred" if "inferred" in file else "commit"][...].all())
 
 
-@pytest.mark.parametrize("kind", STUDIES)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in SECONDS)) for kind in STUDIES]
+)
 def test_no_end_but_of_a_complete_file_is_0(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     if kind == "branches":

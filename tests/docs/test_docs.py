@@ -36,8 +36,6 @@ points = [[0.05, 0.6], [0.2, 0.5]]
 TOP = ("hpcsweep", "jobs", "slurm", "tests", "docs", r"\.ci")
 LAUNCHER = re.compile(r"^(?:(?:mpirun|srun)(?: -n \S+| --\S+)* )?hpcsweep (?=[a-z-])")
 
-every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-
 
 @functools.cache
 def generated() -> dict[str, str]:
@@ -70,45 +68,44 @@ def command_lines(text: str) -> list[str]:
     return [LAUNCHER.sub("", line) for line in lines if LAUNCHER.match(line)]
 
 
-@every_page
-def test_every_relative_link_leads_somewhere(page):
+def test_every_relative_link_leads_somewhere():
     lost = []
-    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
-        if re.match(r"[a-z]+:", target):
-            continue
-        name, _, anchor = target.partition("#")
-        file = (page.parent / name).resolve() if name else page
-        if file.parent.name == "generated":
-            if file.name not in generated() or (
-                anchor and anchor not in anchors(generated()[file.name])
-            ):
-                lost.append(target)
-            continue
-        if not file.exists() or (anchor and anchor not in anchors(file.read_text())):
-            lost.append(target)
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+            if re.match(r"[a-z]+:", target):
+                continue
+            name, _, anchor = target.partition("#")
+            file = (page.parent / name).resolve() if name else page
+            if file.parent.name == "generated":
+                if file.name not in generated() or (
+                    anchor and anchor not in anchors(generated()[file.name])
+                ):
+                    lost.append((page.name, target))
+                continue
+            if not file.exists() or (anchor and anchor not in anchors(file.read_text())):
+                lost.append((page.name, target))
     assert lost == []
 
 
-@every_page
-def test_every_path_that_is_named_exists(page):
-    text = page.read_text()
-    said = "\n".join([*spans(text), *blocks(text, "sh", "python", "toml", "")])
-    named = re.findall(rf"(?<![\w/.~-])(?:{'|'.join(TOP)})/[\w./*-]*\w", said)
-    rooms = re.findall(rf"(?<![\w/.~-])(?:{'|'.join(ROOMS)})/[\w./]*\w", "\n".join(spans(text)))
-    paths = [*named, *(f"hpcsweep/{room}" for room in rooms)]
-    lost = [
-        path
-        for path in paths
-        if not any([*ROOT.glob(path), *ROOT.glob(f"{path}.py"), *ROOT.glob(f"{path}.toml")])
-    ]
+def test_every_path_that_is_named_exists():
+    lost: list[tuple[str, str]] = []
+    for page in PAGES:
+        text = page.read_text()
+        said = "\n".join([*spans(text), *blocks(text, "sh", "python", "toml", "")])
+        named = re.findall(rf"(?<![\w/.~-])(?:{'|'.join(TOP)})/[\w./*-]*\w", said)
+        rooms = re.findall(rf"(?<![\w/.~-])(?:{'|'.join(ROOMS)})/[\w./]*\w", "\n".join(spans(text)))
+        paths = [*named, *(f"hpcsweep/{room}" for room in rooms)]
+        lost += [
+            (page.name, path)
+            for path in paths
+            if not any([*ROOT.glob(path), *ROOT.glob(f"{path}.py"), *ROOT.glob(f"{path}.toml")])
+        ]
     assert lost == []
 
 
-@every_page
-def test_every_name_of_the_package_exists(page):
-    for name in re.findall(
-        r"(?<![\w/])hpcsweep(?:\.[a-zA-Z_]+)+", "\n".join(spans(page.read_text()))
-    ):
+def test_every_name_of_the_package_exists():
+    texts = "\n".join("\n".join(spans(page.read_text())) for page in PAGES)
+    for name in set(re.findall(r"(?<![\w/])hpcsweep(?:\.[a-zA-Z_]+)+", texts)):
         parts = name.split(".")
         for length in range(len(parts), 0, -1):
             try:
@@ -121,11 +118,10 @@ def test_every_name_of_the_package_exists(page):
             found = getattr(found, part)
 
 
-@every_page
-def test_every_command_line_is_understood(page, capsys):
+def test_every_command_line_is_understood(capsys):
     parser = build_parser()
     refused = []
-    for line in command_lines(page.read_text()):
+    for line in command_lines("\n".join(page.read_text() for page in PAGES)):
         words = shlex.split(line, comments=True)
         try:
             # a command by its name alone is meant, not given

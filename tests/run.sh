@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 export PYTHONDONTWRITEBYTECODE=  # pytest keeps the tests as it has rewritten them
 bash .ci/venv .venv mpich,test
 # once, before many tests want the kernels; four processes leave no core idle at the end
-.venv/bin/python tests/reference/warm_up.py &
+.venv/bin/python benchmarks/reference/warm_up.py &
 .venv/bin/hpcsweep warmup --jobs 2
 wait $!
 exec .venv/bin/python -m pytest -n 2 --dist worksteal \

@@ -12,7 +12,6 @@ from hpcsweep.commands import (
     USER_ERROR,
     CommandError,
     animate,
-    bench,
     complain,
     describe,
     environment,
@@ -24,7 +23,6 @@ from hpcsweep.commands import (
     plot,
     run,
     status,
-    stress,
     summary,
     validate,
     warmup,
@@ -44,8 +42,6 @@ COMMANDS = (
     plot,
     animate,
     explore,
-    bench,
-    stress,
     warmup,
 )
 

@@ -2,7 +2,7 @@
 
 At a distance x past a stop the force beta S(rho x) x pushes back, S the sigmoid. The law is here in
 every form: for numbers, for `Lanes` of kernels, and with its derivative.
-`hpcsweep.solvers.reference` has a form of its own, to be independent.
+`reference` has a form of its own, to be independent.
 
 The force depends on the position alone (`Contacts.is_elastic`). Two fast methods of the flow map
 rely on that, and decline by themselves where it does not hold, so that every layer is collocated:

@@ -94,6 +94,5 @@ REASONS_FOR_FILES = {
     "job/tree.py": "a few lines over, by counts that are judged before values are made",
     "dynamics/attractors.py": "the search and the test of lifetimes share its state; to be parted",
     "dynamics/classify_motion.py": "one door to an orbit, by shooting and by verification",
-    "solvers/reference.py": "independent of all the rest on purpose, and read in one piece",
 }
 REASONS_FOR_FUNCTIONS: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""A share of the fuzzer's cases; `python tests/campaigns/fuzz.py --cases 20000` does them all."""
+"""A share of the fuzzer's cases; `bash benchmarks/run.sh fuzz --cases 20000` does them all."""
 
 import fuzz
 import pytest

@@ -39,8 +39,6 @@ def folder(tmp_path_factory):
 WRITERS = {
     "plot": ("plot", "a.h5", "-o"),
     "explore": ("explore", "a.h5", "-o"),
-    "bench": ("bench", "--only", "work-precision", "--plot"),
-    "tolerance": ("bench", "--tolerance"),
 }
 
 

@@ -19,16 +19,18 @@ def copy(tmp_path):
 
     def applied(name: str):
         ignored = shutil.ignore_patterns("__pycache__")
-        for part in ("hpcsweep", "jobs", "tests/job", "tests/campaigns"):
+        for part in ("hpcsweep", "jobs", "tests/job", "tests/campaigns", "benchmarks/reference"):
             shutil.copytree(ROOT / part, folder / part, ignore=ignored)
         subprocess.run(["git", "apply", EXERCISES / f"{name}.diff"], cwd=folder, check=True)
+
+        path = [folder, folder / "tests/campaigns", folder / "benchmarks/reference"]
 
         def run(*arguments, ranks=0, code=0) -> str:
             launcher = [mpirun(), "-n", str(ranks)] if ranks else []
             done = subprocess.run(
                 [*launcher, sys.executable, *map(str, arguments)],
                 cwd=folder,
-                env=environment(PYTHONPATH=f"{folder}:{folder / 'tests/campaigns'}"),
+                env=environment(PYTHONPATH=":".join(map(str, path))),
                 capture_output=True,
                 text=True,
                 check=False,
@@ -67,7 +69,7 @@ def test_a_field_of_the_structure(copy):
     said = run(
         "-c",
         "import numpy as np, hpcsweep\n"
-        "from hpcsweep.solvers.reference import reference_points\n"
+        "from reference import reference_points\n"
         "s = hpcsweep.Structure(2, 300.0, 4e3, 0.05, storey_damping=0.3)\n"
         "z = [0.9, 0.8, 1.0, 0.5]\n"
         "own = hpcsweep.stroboscopic_points(s, 0.3, 0.6, z, 1)\n"
@@ -90,7 +92,7 @@ def test_a_forcing(copy):
         "-c",
         "import numpy as np, hpcsweep\n"
         "from hpcsweep.job import load_job\n"
-        "from hpcsweep.solvers.reference import reference_points\n"
+        "from reference import reference_points\n"
         "s = load_job('square.toml').study.structure\n"
         "x = np.linspace(0.2, 2.9, 50)\n"
         "wave = [s.forcing.output() @ s.forcing.state(t / 0.6, 0.6) for t in x]\n"

@@ -8,6 +8,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from reference import reference_points
 from scipy.linalg import block_diag
 
 from hpcsweep.dynamics.classify import contact_name
@@ -27,7 +28,6 @@ from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
-from hpcsweep.solvers.reference import reference_points
 
 SWEEP = """
 [sweep]

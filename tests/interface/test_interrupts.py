@@ -8,11 +8,11 @@ import time
 
 import numba
 import pytest
+from reference import reference_points
 from tools import fork
 
 import hpcsweep
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.reference import reference_points
 from hpcsweep.solvers.trajectory import trajectory
 
 SOON = 10.0

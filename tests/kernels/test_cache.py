@@ -183,13 +183,15 @@ from numba.core.runtime import rtsys
 from hpcsweep import Structure
 from hpcsweep.kernels.compile.decorators import Kernel
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.reference import horner
+from hpcsweep.model.equations import MODEL, right_hand_side
+from hpcsweep.model.kernel_model import kernel_model
 FlowMap(Structure(), 0.445).advance([0.0] * 6, 0.06, 3)
 modules = [one for name, one in sys.modules.items() if name.startswith("hpcsweep.")]
 kernels = {id(one): one for each in modules for one in vars(each).values() if type(one) is Kernel}
 declared = ["dispatcher" in vars(one) for one in kernels.values()]
 print(len(declared), sum(declared), rtsys._init)
-horner(numpy.ones(3), 0.5)
+packed = MODEL.pack(kernel_model(Structure(), 0.445))
+right_hand_side(0.0, numpy.zeros(6), 0.06, packed, numpy.zeros(6))
 print(rtsys._init)
 """
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from reference import reference_points
 from scipy.linalg import expm
 
 from hpcsweep.model.forcing import Harmonics
@@ -11,7 +12,6 @@ from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.state import shared
-from hpcsweep.solvers.reference import reference_points
 
 TERMS = (
     ((1, 1.0, 0.0),),

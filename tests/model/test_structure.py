@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from reference import reference_window
 from scipy.linalg import eigh
 
 from hpcsweep.model.contact import layer_half_width
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import MAX_FLOORS, Structure
-from hpcsweep.solvers.reference import reference_window
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 7, 20, MAX_FLOORS])

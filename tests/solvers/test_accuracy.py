@@ -1,8 +1,8 @@
 """Accuracy of `flow` on motions chosen to be hard; the sizes come from the environment.
 
 The full sizes of the claims: `ACCURACY_CASES=2000 ACCURACY_TRIES=100000 pytest -m slow
-tests/solvers/test_accuracy.py`, or `python tests/reference/accuracy.py --certify` and
-`python tests/reference/contacts.py`, which print the numbers; with `--general` those of random
+tests/solvers/test_accuracy.py`, or `bash benchmarks/run.sh accuracy --certify` and
+`bash benchmarks/run.sh contacts`, which print the numbers; with `--general` those of random
 structures of any kind.
 """
 
@@ -16,11 +16,11 @@ from accuracy import EPSILON, KINDS, Case, certify, measure, random_cases, refer
 from contacts import summary
 from extended import monodromy_mp
 from general import GENERAL_KINDS, random_general_case, random_general_cases
+from reference import reference_monodromy
+from tolerance import ALLOWED, FLOOR, regimes
+from tolerance import measure as measure_tolerance
 
-from hpcsweep.checks.tolerance import ALLOWED, FLOOR, regimes
-from hpcsweep.checks.tolerance import measure as measure_tolerance
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.reference import reference_monodromy
 from hpcsweep.solvers.solver import make_solver
 
 N_CASES = int(os.environ.get("ACCURACY_CASES", "300"))

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from reference import reference_points
 from tools import DESCRIBED
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.reference import reference_points
 
 OMEGA = 2.0 * math.pi / 0.06
 """A period that ends before a floor is back at its stop."""

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from reference import OMEGA, reference_points, reference_window
 
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers import bdf_steps
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.reference import OMEGA, reference_points, reference_window
 from hpcsweep.solvers.step_tally import StepTally
 
 IMPACTING = Structure(3, 1000.0, 1e4, 0.05)

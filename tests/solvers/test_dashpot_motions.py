@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import random_records
 from dashpots import measure, on_a_stop, random_case
+from reference import reference_points, reference_record, system
 from scipy.integrate import solve_ivp
 
 import hpcsweep
@@ -17,7 +18,6 @@ from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.measures import IMPACT_FLAG, ROUNDING
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.reference import reference_points, reference_record, system
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.solvers.trajectory import trajectory
 

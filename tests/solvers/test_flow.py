@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from building import generator
 from numpy.polynomial import chebyshev
+from reference import reference_points
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.simd import vectors
@@ -30,7 +31,6 @@ from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import POLL_PERIODS
 from hpcsweep.solvers.records import window_growth
-from hpcsweep.solvers.reference import reference_points
 
 compiled_only = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="many periods: too long as plain Python"

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from piecewise import one_mass_points
+from reference import reference_monodromy, reference_points, reference_window
 from scipy.linalg import block_diag
 
 from hpcsweep.model.matrices import Contact
@@ -15,7 +16,6 @@ from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.reference import reference_monodromy, reference_points, reference_window
 
 EXAMPLES = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 

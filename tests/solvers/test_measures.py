@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from general import random_general_cases
 from measures import compare
+from reference import reference_points
 from scipy.special import expit
 from tools import SMALL
 
@@ -21,7 +22,6 @@ from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.observe.drift import SAME_PEAK
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.measures import IMPACT_FLAG
-from hpcsweep.solvers.reference import reference_points
 from hpcsweep.studies.invariants import broken_invariants
 from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES
 from hpcsweep.studies.sweep.runs import frame_runs

@@ -6,10 +6,7 @@ import math
 import numpy as np
 import pytest
 from extended import CERTIFIED, MATRIX_CASES, monodromy_mp, points_mp
-from scipy.integrate import solve_ivp
-
-from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.reference import (
+from reference import (
     CASES,
     OMEGA,
     reference_monodromy,
@@ -17,6 +14,9 @@ from hpcsweep.solvers.reference import (
     reference_steps,
     reference_window,
 )
+from scipy.integrate import solve_ivp
+
+from hpcsweep.model.structure import Structure
 
 
 @pytest.fixture(scope="module")

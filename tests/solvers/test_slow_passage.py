@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 from building import generator
+from reference import reference_points
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.linear import propagators
 from hpcsweep.solvers.flow.passage import slow_passage
 from hpcsweep.solvers.flow.rules import passage_rule
-from hpcsweep.solvers.reference import reference_points
 
 PERIOD = 1.0
 """Short: the floor passes its stop once and comes back."""

@@ -4,17 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
-
-from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.reference import (
+from reference import (
     CASES,
     OMEGA,
     reference_monodromy,
     reference_points,
     reference_window,
 )
+from scipy.linalg import expm
+
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver, stroboscopic_points
 
 RTOL = {"flow": 1e-9, "bdf": 1e-8}

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference import reference_points
 from tools import PAPER, hpcsweep
 
 from hpcsweep import open_results
@@ -16,7 +17,6 @@ from hpcsweep.figures.style import contact_name
 from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.reference import reference_points
 from hpcsweep.solvers.solver import stroboscopic_points
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.amplitude_sweep import sweep_block

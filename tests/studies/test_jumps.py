@@ -1,4 +1,4 @@
-"""A share of the jumps along paths; `python tests/campaigns/jumps.py JOB.toml` follows more."""
+"""A share of the jumps along paths; `bash benchmarks/run.sh jumps JOB.toml` follows more."""
 
 import jumps
 import numpy as np

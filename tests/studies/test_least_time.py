@@ -1,4 +1,4 @@
-"""The measure of what plain periods would take: `python tests/campaigns/least_time.py JOB.toml`."""
+"""The measure of what plain periods would take: `bash benchmarks/run.sh least_time JOB.toml`."""
 
 from dataclasses import replace
 

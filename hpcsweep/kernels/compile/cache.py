@@ -57,7 +57,6 @@ KERNEL_FILES = (
     "solvers/free.py",
     "solvers/measures.py",
     "solvers/outcome.py",
-    "solvers/reference.py",
     "solvers/skip_rule.py",
 )
 """Files and folders of the package that define kernels and the constants in them."""

@@ -30,6 +30,7 @@ from hpcsweep.store.crossing import Crossing
 from hpcsweep.studies.refine.refinement import Refinement, map_shape, refinement_of
 from hpcsweep.studies.refine.rounds import n_least
 from hpcsweep.studies.run_names import count
+from hpcsweep.studies.study import Study
 
 SAMPLE_SECONDS = 5.0
 """Time of the sample (s)."""
@@ -189,7 +190,7 @@ def memory_text(job: Job, peak: int) -> str:
     )
 
 
-def study_text(study) -> str:
+def study_text(study: Study) -> str:
     """Format the number of runs of a study, and their dimensions."""
     counts = [(study.dimensions[dim], dim) for dim in study.run_dims]
     sizes = [count(size, dim) for size, dim in counts]
@@ -197,7 +198,7 @@ def study_text(study) -> str:
     return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
 
 
-def refined_text(study, refinement: Refinement, least: int) -> str:
+def refined_text(study: Study, refinement: Refinement, least: int) -> str:
     """Format how many points of a refined map are computed at least."""
     crossed = ", those that curves cross" if refinement.curves else ""
     return (

@@ -22,10 +22,12 @@ from hpcsweep.store.crossing import Crossing
 from hpcsweep.store.inferred import Inferred, write_inferred
 from hpcsweep.store.records import BlockCost
 from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
 from hpcsweep.studies.refine.rounds import Rounds
 from hpcsweep.studies.refine.variables import SOURCE, derived_values
+from hpcsweep.studies.study import Study, as_kind
 
 AT_ONCE = 64
 """Points of a task, at most; where a point takes long one is."""
@@ -38,7 +40,7 @@ class RoundCosts(KnownCosts):
     The number of further rounds is unknown.
     """
 
-    def __init__(self, comm, study, output: Path):
+    def __init__(self, comm, study: Study, output: Path):
         super().__init__(comm, study, output, False, np.zeros(0, int))
         self._sizes: list[int] = []
         self._left = self._done = 0
@@ -181,7 +183,7 @@ class RefinedWork(Work):
             parts = [self.study.part_of(blocks[k]) for k in new]
             part, (_, frame, _) = parts[0][0], parts[0][1].first
             places = np.array([inner.first[-1] for _, inner in parts])
-            found = part.runs_at(frame, places, start, poll)
+            found = as_kind(part, RunGrid).runs_at(frame, places, start, poll)
             for place, k in enumerate(new):
                 rows[k] = {name: values[place : place + 1] for name, values in found.items()}
         whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}

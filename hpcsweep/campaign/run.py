@@ -41,6 +41,7 @@ from hpcsweep.store.opening import (
 from hpcsweep.store.repair import repair
 from hpcsweep.store.transport import check_transport
 from hpcsweep.studies.refine.refinement import refinement_of
+from hpcsweep.studies.study import Study
 
 COMPLETE, FAILED, REFUSED, STOPPED = 0, 1, 2, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
@@ -298,7 +299,7 @@ def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]
     gc.freeze()
 
 
-def _compile_one(comm, study, say: Callable[[str], None]) -> None:
+def _compile_one(comm, study: Study, say: Callable[[str], None]) -> None:
     at_once = comm.gather(study.is_compiled(comm.size))
     if comm.bcast(at_once and all(at_once)):
         study.warm_up(n_ranks=comm.size)

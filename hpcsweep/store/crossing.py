@@ -14,8 +14,10 @@ import numpy as np
 from hpcsweep.store.check import CURVES
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import StoreError
+from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.refine.crossing import Curve, crossed_boxes
 from hpcsweep.studies.refine.refinement import map_shape, refinement_of
+from hpcsweep.studies.study import Study, as_kind
 
 NAMES = ("outcome", "curve_of_step", "curve_omega", "curve_amplitude")
 
@@ -34,7 +36,7 @@ class Crossing:
         If a file cannot be read, is not complete, or holds no curves of the structure.
     """
 
-    def __init__(self, study):
+    def __init__(self, study: Study):
         refinement = refinement_of(study)
         self._study = study
         self.paths = refinement.curves if refinement else ()
@@ -61,7 +63,8 @@ class Crossing:
         """
         if not self.paths:
             return None
-        axes = [*self._study.part((0,) * len(self._study.axes)).map_axes.values()]
+        part = as_kind(self._study.part((0,) * len(self._study.axes)), IndependentRuns)
+        axes = [*part.map_axes.values()]
         crossed = crossed_boxes(map_shape(self._study), axes, self.curves)
         if not crossed.any():
             raise StoreError(f"{', '.join(self.paths)}: no curve crosses the map")
@@ -81,7 +84,7 @@ class Crossing:
             )
 
 
-def _curves_of(path: Path, study) -> Iterator[Curve]:
+def _curves_of(path: Path, study: Study) -> Iterator[Curve]:
     """Read the curves of a file that are of the structure of the map, or of one of its parts."""
     frames = Frames(path, "branches", None)
     try:

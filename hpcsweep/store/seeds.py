@@ -8,6 +8,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.studies.branches.seeds import Seed, Seeds, Where, set_reader
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 KINDS = ("motions", "attractors")
 """What files may hold."""
@@ -53,8 +55,10 @@ def check_seeds(layout: Layout) -> None:
     study = layout.study
     if not study.has_seeds:
         return
+    from hpcsweep.studies.branches.branches import Branches
+
     for place in np.ndindex(*(len(axis.values) for axis in study.axes)):
-        part = study.part(place)
+        part = as_kind(study.part(place), Branches)
         lines = range(part.n_frames)
         if not any(read_seeds(part.seeds, part.where(line)).periodic for line in lines):
             low, high = part.span
@@ -80,7 +84,7 @@ def _choose(frames: Frames, where: Where) -> None:
 
 def _motions(frames: Frames, where: Where) -> Iterator[tuple[float, float, dict]]:
     """Go through the motions of the part chosen: direction by direction within a frame."""
-    study = frames.study
+    study = as_kind(frames.study, RunGrid)
     names = tuple(variable.name for variable in frames.variables)
     for frame in range(study.n_frames):
         omega = float(study.omega[frame])

@@ -1,6 +1,6 @@
 """Base of studies without varied keys: each is its own only part (`hpcsweep.studies.vary`)."""
 
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from hpcsweep.studies.blocks import Block, Place
 from hpcsweep.studies.study import Axis
@@ -11,6 +11,13 @@ class Part:
 
     axes: ClassVar[tuple[Axis, ...]] = ()
     has_seeds: ClassVar[bool] = False
+
+    n_parts: ClassVar[int] = 1
+    refine: Any = None
+
+    def describe_part(self, _place: Place) -> str:
+        """Return nothing, as there are no `axes`."""
+        return ""
 
     def part(self, _place: Place) -> Self:
         """Return the study itself, as there are no `axes`."""

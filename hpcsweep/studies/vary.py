@@ -253,7 +253,7 @@ SHARED = frozenset(
         "initial_state",
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
         *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words", "refine"),
-        *("frame_dim", "has_seeds", "lines", "warnings"),
+        *("grid_fields", "frame_dim", "has_seeds", "lines", "warnings"),
         *("suite", "scale", "measure", "gravity", "storey_height"),
     )
 )

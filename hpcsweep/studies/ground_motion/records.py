@@ -203,10 +203,6 @@ class Records(Part):
         ]
         return [*facts, (FACTOR, self.factor), *storey_heights(self.structure)]
 
-    def tasks_of(self, frame: int) -> list[int]:
-        """Return the one task of a record."""
-        return [frame]
-
     def path(self, task: int) -> Sequence[Block]:
         """Return the blocks of a record."""
         return Path(self.n_blocks, lambda number: self.block((task, number)))

@@ -151,7 +151,7 @@ def _curves(values, given: Mapping, known: tuple[str, ...]) -> tuple[str, ...]:
 
 def refinement_of(study) -> Refinement | None:
     """Return the refinement of a study's map; None if all of its runs are computed."""
-    return getattr(study, "refine", None)
+    return study.refine
 
 
 def not_refinable(study) -> str:

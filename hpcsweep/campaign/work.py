@@ -89,6 +89,18 @@ class Work:
         """Begin to estimate the costs of tasks if `wanted`, as rank 0 decides."""
         self.costs = KnownCosts(self._comm, self.study, self.output, wanted, self._done)
 
+    def plan(self) -> np.ndarray | None:
+        """Return the runs of the next round, on rank 0; None: the study has no rounds."""
+        return None
+
+    def begin(self, runs: np.ndarray) -> None:
+        """Begin a round of runs; see `plan`."""
+        raise AssertionError(runs)
+
+    def newly_inferred(self) -> int:
+        """Count the runs, on rank 0, that since the last call need not be computed any more."""
+        return 0
+
     def is_complete(self) -> bool:
         """Return whether the file was verified and holds all, where no task is left; on rank 0."""
         return self.scanned and is_complete(self._campaign.blocks)

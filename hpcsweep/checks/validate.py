@@ -21,7 +21,7 @@ from hpcsweep.checks.inferred import inferred_problems
 from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
+from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout, with_inputs
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import is_complete
 from hpcsweep.studies.blocks import Block
@@ -103,6 +103,7 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
     report = Report(str(path))
     try:
         layout = read_layout(path)
+        layout.study = with_inputs(layout.job).study
         report.solver = layout.study.settings.solver
         for problem in layout_problems(path, layout):
             report.add(problem)

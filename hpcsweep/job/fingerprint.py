@@ -19,7 +19,7 @@ MEANING_VERSION = 4
 
 
 TOLD_OTHERWISE = (
-    *("structure", "settings", "damping_ratio", "unit_names", "names"),
+    *("structure", "settings", "damping_ratio"),
     *("source", "gravity"),
 )
 """Fields of the parts, one that `Structure` also holds with a value for each mode, and where the
@@ -59,7 +59,7 @@ def _entries(study: Study, without: tuple[str, ...] = ()) -> Iterator[tuple[str,
 def _fields_of(kind: str, part, without: tuple[str, ...]) -> Iterator[tuple[str, str, object]]:
     for field in fields(part):
         value = getattr(part, field.name)
-        if field.name not in without and not _is_default(field, value):
+        if field.compare and field.name not in without and not _is_default(field, value):
             yield kind, field.name, _canonical(value)
 
 

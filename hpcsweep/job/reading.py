@@ -24,7 +24,6 @@ from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
-from hpcsweep.studies.refine.refinement import not_refinable
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
@@ -152,7 +151,7 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     values = Values(source, tree)
     study = read_varied(values, tree, read_study)
     _check_extent(values, study)
-    reason = not_refinable(study)
+    reason = study.growth.problem() if study.growth else ""
     if reason:
         raise JobError(f"{source}: {reason}")
     return Job(name=_name(values, default_name), text=text, study=study, notes=unused(values, tree))

@@ -17,6 +17,7 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, BlockTable, Place
+from hpcsweep.studies.growth import Growth
 from hpcsweep.studies.settings import SweepSettings
 
 Amplitudes = Sequence[float] | np.ndarray
@@ -116,8 +117,8 @@ class Work(Protocol):
         """Fields that say which runs there are; empty where a run depends on all of the job."""
 
     @property
-    def refine(self) -> Any:
-        """How its map is refined, a `Refinement`; None if all runs are computed."""
+    def growth(self) -> Growth | None:
+        """How it grows, round by round; None if all runs are computed."""
 
     @property
     def initial_state(self) -> np.ndarray:
@@ -135,6 +136,16 @@ class Work(Protocol):
 
     def table(self) -> BlockTable:
         """Describe all blocks at once."""
+
+    def with_reader(self, reader: Callable) -> "Study":
+        """Return the study with what reads the results files that its runs start from.
+
+        Without it no run is computed that starts from a motion of a file. Called with paths and a
+        `branches.seeds.Where`; returns `branches.seeds.Seeds`.
+        """
+
+    def missing_inputs(self) -> str:
+        """Return what these files do not hold though runs need it; '' if nothing."""
 
     def predecessor(self, block: Block, row: int) -> Place | None:
         """Return the index of the run from whose end state a run starts; None: `initial_state`."""
@@ -213,10 +224,6 @@ class Data(Protocol):
     @property
     def directions(self) -> tuple[str, ...]:
         """Values of the dimension ``direction``; empty if runs have none."""
-
-    @property
-    def has_seeds(self) -> bool:
-        """Whether its runs start from motions of results files."""
 
     @property
     def commit(self) -> Variable:

@@ -1,6 +1,6 @@
-"""Curves of results files of branches, which the cells of a refined map must not miss.
+"""Results files that a job reads: motions that runs start from, curves that a map must not miss.
 
-The map's file has the checksum of the curves, in the attribute `CURVES`, from its creation on: it
+A map's file has the checksum of the curves, in the attribute `CURVES`, from its creation on: it
 is resumed with the same ones only. A complete map has the boxes that they cross, and needs the
 files of the curves no more.
 """
@@ -14,21 +14,19 @@ import numpy as np
 from hpcsweep.store.check import CURVES
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import StoreError
-from hpcsweep.studies.independent import IndependentRuns
-from hpcsweep.studies.refine.crossing import Curve, crossed_boxes
-from hpcsweep.studies.refine.refinement import map_shape, refinement_of
-from hpcsweep.studies.study import Study, as_kind
+from hpcsweep.studies.refine.crossing import Curve
+from hpcsweep.studies.study import Study
 
 NAMES = ("outcome", "curve_of_step", "curve_omega", "curve_amplitude")
 
 
-class Crossing:
-    """Known curves of a study's map; none if its job names no files.
+class Inputs:
+    """Results files that a study reads; most read none.
 
     Attributes
     ----------
     curves : list of Curve
-        Over Omega and A.
+        Known curves over Omega and A.
 
     Raises
     ------
@@ -37,9 +35,8 @@ class Crossing:
     """
 
     def __init__(self, study: Study):
-        refinement = refinement_of(study)
         self._study = study
-        self.paths = refinement.curves if refinement else ()
+        self.paths = study.growth.curves if study.growth else ()
         self.curves = [curve for path in self.paths for curve in _curves_of(Path(path), study)]
 
     @property
@@ -53,7 +50,7 @@ class Crossing:
             digest.update(np.ascontiguousarray(curve.points, "<f8").tobytes())
         return {CURVES: digest.hexdigest()}
 
-    def boxes(self) -> np.ndarray | None:
+    def crossed(self) -> np.ndarray | None:
         """Return which boxes of the grid the curves cross; None if the job names no files.
 
         Raises
@@ -61,14 +58,23 @@ class Crossing:
         StoreError
             If they cross none.
         """
-        if not self.paths:
+        if not self._study.growth or not self.paths:
             return None
-        part = as_kind(self._study.part((0,) * len(self._study.axes)), IndependentRuns)
-        axes = [*part.map_axes.values()]
-        crossed = crossed_boxes(map_shape(self._study), axes, self.curves)
+        crossed = self._study.growth.crossed(self.curves)
         if not crossed.any():
             raise StoreError(f"{', '.join(self.paths)}: no curve crosses the map")
         return crossed
+
+    def need(self) -> None:
+        """Make sure, before a job begins, that the files hold what its runs need.
+
+        Raises
+        ------
+        StoreError
+        """
+        if problem := self._study.missing_inputs():
+            raise StoreError(problem)
+        self.crossed()
 
     def check(self, output: Path, attributes: Mapping) -> None:
         """Make sure that the curves are those that a map's file was made with.

@@ -96,7 +96,7 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
         return
     where = ", ".join(f"{u:.6g}" for u in structure.rest[: structure.n_floors])
     start = "the initial state is not there"
-    if study.kind == "records":
+    if study.starts_at_rest:
         start = "every run starts there"
     elif np.allclose(study.initial_state, structure.rest, 1e-9, 1e-12 * structure.length_unit):
         start = "the initial state"

@@ -13,6 +13,7 @@ class Part:
 
     axes: ClassVar[tuple[Axis, ...]] = ()
 
+    starts_at_rest: ClassVar[bool] = False
     n_parts: ClassVar[int] = 1
 
     @property

@@ -125,6 +125,10 @@ class Work(Protocol):
         """State from which the first run of every task starts, shape (2n,)."""
 
     @property
+    def starts_at_rest(self) -> bool:
+        """Whether runs start from static equilibrium, whatever `initial_state` is."""
+
+    @property
     def carried(self) -> tuple[str, ...]:
         """Variables that hold the start of the next run."""
 

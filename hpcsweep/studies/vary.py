@@ -272,7 +272,7 @@ SHARED = frozenset(
         "initial_state",
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
         *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words"),
-        *("grid_fields", "frame_dim", "lines", "warnings"),
+        *("grid_fields", "frame_dim", "starts_at_rest", "lines", "warnings"),
         *("suite", "scale", "measure", "gravity", "storey_height"),
     )
 )

@@ -96,6 +96,7 @@ class Records(Part):
     is_list: ClassVar[bool] = False
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     polls_per_run: ClassVar[int] = 1
+    starts_at_rest: ClassVar[bool] = True
     kernels: ClassVar[tuple] = ()
 
     @classmethod

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import array, finite, positive, refused
-from hpcsweep.model.linear_dynamics import frozen
+from hpcsweep.model.system import frozen
 
 MAX_SAMPLES = 500_000
 """Most samples of a record: 40 minutes at 200 a second; the longest published have 60,000."""

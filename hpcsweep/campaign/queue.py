@@ -124,7 +124,8 @@ class Queue:
             runs = None
             if self._comm.rank == 0:
                 runs = self._guarded(k, work.plan)
-                self._display.advance(work.newly_inferred())
+                if inferred := work.newly_inferred():
+                    self._display.advance(inferred)
             runs = self._comm.bcast(runs)
             if runs is not None:
                 work.begin(runs)

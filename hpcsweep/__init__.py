@@ -6,100 +6,69 @@ Units: lengths in gaps, time in 1/omega_0, or those in which a structure is give
 
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from hpcsweep.dynamics.continuation.periodic import orbit
-    from hpcsweep.earthquakes.demands import write_demands
-    from hpcsweep.earthquakes.fragility import capacity_fragility, cloud, fragility
-    from hpcsweep.earthquakes.intensity import intensity
-    from hpcsweep.earthquakes.reading import read_record
-    from hpcsweep.earthquakes.spectrum import spectrum
-    from hpcsweep.earthquakes.stripes import capacity, fractiles
-    from hpcsweep.earthquakes.synthetic import synthetic_records
-    from hpcsweep.job import load_job
-    from hpcsweep.model.buildings import Building, adjacent
-    from hpcsweep.model.matrices import Contact
-    from hpcsweep.model.record import Record
-    from hpcsweep.model.structure import Structure
-    from hpcsweep.solvers.response import Response, first_contact_scale, history, response
-    from hpcsweep.solvers.solver import stroboscopic_points
-    from hpcsweep.store import meanings, open_results
-    from hpcsweep.store.branches import branch
-    from hpcsweep.store.curves import curve
-    from hpcsweep.store.trajectory import trajectory
-    from hpcsweep.studies.attractors.runs import attractors
+if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
+    from hpcsweep.api.branches import branch as branch
+    from hpcsweep.api.curves import curve as curve
+    from hpcsweep.api.trajectory import trajectory as trajectory
+    from hpcsweep.dynamics.continuation.periodic import orbit as orbit
+    from hpcsweep.earthquakes.demands import write_demands as write_demands
+    from hpcsweep.earthquakes.fragility import capacity_fragility as capacity_fragility
+    from hpcsweep.earthquakes.fragility import cloud as cloud
+    from hpcsweep.earthquakes.fragility import fragility as fragility
+    from hpcsweep.earthquakes.intensity import intensity as intensity
+    from hpcsweep.earthquakes.reading import read_record as read_record
+    from hpcsweep.earthquakes.spectrum import spectrum as spectrum
+    from hpcsweep.earthquakes.stripes import capacity as capacity
+    from hpcsweep.earthquakes.stripes import fractiles as fractiles
+    from hpcsweep.earthquakes.synthetic import synthetic_records as synthetic_records
+    from hpcsweep.job import load_job as load_job
+    from hpcsweep.model.buildings import Building as Building
+    from hpcsweep.model.buildings import adjacent as adjacent
+    from hpcsweep.model.matrices import Contact as Contact
+    from hpcsweep.model.record import Record as Record
+    from hpcsweep.model.structure import Structure as Structure
+    from hpcsweep.solvers.response import Response as Response
+    from hpcsweep.solvers.response import first_contact_scale as first_contact_scale
+    from hpcsweep.solvers.response import history as history
+    from hpcsweep.solvers.response import response as response
+    from hpcsweep.solvers.solver import stroboscopic_points as stroboscopic_points
+    from hpcsweep.store import meanings as meanings
+    from hpcsweep.store import open_results as open_results
+    from hpcsweep.studies.attractors.runs import attractors as attractors
 
-__all__ = [
-    "Building",
-    "Contact",
-    "Record",
-    "Response",
-    "Structure",
-    "__version__",
-    "adjacent",
-    "attractors",
-    "branch",
-    "capacity",
-    "capacity_fragility",
-    "cloud",
-    "curve",
-    "first_contact_scale",
-    "fractiles",
-    "fragility",
-    "history",
-    "intensity",
-    "load_job",
-    "meanings",
-    "open_results",
-    "orbit",
-    "read_record",
-    "response",
-    "spectrum",
-    "stroboscopic_points",
-    "synthetic_records",
-    "trajectory",
-    "write_demands",
-]
-
-_HOME = {
-    "Building": "hpcsweep.model.buildings",
-    "Contact": "hpcsweep.model.matrices",
-    "adjacent": "hpcsweep.model.buildings",
-    "Record": "hpcsweep.model.record",
-    "Structure": "hpcsweep.model.structure",
-    "Response": "hpcsweep.solvers.response",
-    "first_contact_scale": "hpcsweep.solvers.response",
-    "history": "hpcsweep.solvers.response",
-    "response": "hpcsweep.solvers.response",
-    "stroboscopic_points": "hpcsweep.solvers.solver",
-    "load_job": "hpcsweep.job",
-    "meanings": "hpcsweep.store",
-    "open_results": "hpcsweep.store",
-    "branch": "hpcsweep.store.branches",
-    "curve": "hpcsweep.store.curves",
-    "orbit": "hpcsweep.dynamics.continuation.periodic",
-    "trajectory": "hpcsweep.store.trajectory",
-    "intensity": "hpcsweep.earthquakes.intensity",
-    "read_record": "hpcsweep.earthquakes.reading",
-    "spectrum": "hpcsweep.earthquakes.spectrum",
-    "synthetic_records": "hpcsweep.earthquakes.synthetic",
-    "capacity": "hpcsweep.earthquakes.stripes",
-    "capacity_fragility": "hpcsweep.earthquakes.fragility",
-    "cloud": "hpcsweep.earthquakes.fragility",
-    "fractiles": "hpcsweep.earthquakes.stripes",
-    "fragility": "hpcsweep.earthquakes.fragility",
-    "write_demands": "hpcsweep.earthquakes.demands",
-    "attractors": "hpcsweep.studies.attractors.runs",
+_NAMES = {
+    "api.branches": "branch",
+    "api.curves": "curve",
+    "api.trajectory": "trajectory",
+    "campaign.provenance": "__version__",
+    "dynamics.continuation.periodic": "orbit",
+    "earthquakes.demands": "write_demands",
+    "earthquakes.fragility": "capacity_fragility cloud fragility",
+    "earthquakes.intensity": "intensity",
+    "earthquakes.reading": "read_record",
+    "earthquakes.spectrum": "spectrum",
+    "earthquakes.stripes": "capacity fractiles",
+    "earthquakes.synthetic": "synthetic_records",
+    "job": "load_job",
+    "model.buildings": "Building adjacent",
+    "model.matrices": "Contact",
+    "model.record": "Record",
+    "model.structure": "Structure",
+    "solvers.response": "Response first_contact_scale history response",
+    "solvers.solver": "stroboscopic_points",
+    "store": "meanings open_results",
+    "studies.attractors.runs": "attractors",
 }
+"""Public names, by the module that has them."""
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str):
     """Import public names when they are first used, so that the command line starts fast."""
     import importlib
 
-    if name in _HOME:
-        return getattr(importlib.import_module(_HOME[name]), name)
-    if name == "__version__":
-        from hpcsweep.campaign.provenance import version
-
-        return version()
-    raise AttributeError(f"module 'hpcsweep' has no attribute {name!r}")
+    if name not in _HOME:
+        raise AttributeError(f"module 'hpcsweep' has no attribute {name!r}")
+    module = importlib.import_module(f"hpcsweep.{_HOME[name]}")
+    return module.version() if name == "__version__" else getattr(module, name)

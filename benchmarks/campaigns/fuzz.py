@@ -97,7 +97,8 @@ def forge(path: Path, name: str, value: int) -> None:
     layout = Layout(job_of(path))
     offsets = Offsets(path)
     with Blocks(path, layout) as blocks:
-        *_, (block, start, _) = blocks.chain(layout.study.n_tasks - 1)
+        block = layout.study.path(layout.study.n_tasks - 1)[-1]
+        start = blocks.start_of(block, block.begin)
         rows = {key: np.array(values) for key, values in blocks.read(block).items()}
         rows[name][-1] = value
         checksum = np.array([blocks.checksum(block, start, rows)], "<u8")

@@ -14,6 +14,8 @@ import numpy as np
 
 from hpcsweep.job import Job, parse_job
 from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 from hpcsweep.studies.sweep.runs import FrameRuns
 
 STUDY = """
@@ -117,7 +119,7 @@ def _counts(solver) -> np.ndarray:
 
 def profile_frame(job: Job, frame: int) -> FrameProfile:
     """Run the stretches of one frame once."""
-    study = job.study
+    study = as_kind(job.study, RunGrid)
     omega, settings = float(study.omega[frame]), study.settings
     solver: Any = make_solver(settings.solver, study.structure, omega, settings.rtol)
     watched = Watched(solver)
@@ -158,7 +160,7 @@ def profile(job: Job | None = None, turns: int = 3) -> list[FrameProfile]:
     job = job or parse_job(STUDY, "", "study")
     found: list[FrameProfile] = []
     for turn in range(turns):
-        for frame in range(job.study.omega.size):
+        for frame in range(job.study.n_frames):
             new = profile_frame(job, frame)
             if turn == 0:
                 found.append(new)

@@ -15,6 +15,8 @@ from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.solver import make_solver
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
 from speed import cpu_seconds
 from speed.peers import Stretch, absent, absent_text, methods
@@ -160,7 +162,7 @@ def sweep_ratio(job: Job, n_samples: int = 12, repeats: int = 3) -> dict:
         Microseconds per period of both, their ratio (median and quartiles over the samples), and
         the CPU seconds `flow` took for the whole sweep, with the job's skip rules, per run.
     """
-    study = job.study
+    study = as_kind(job.study, RunGrid)
     omega = float(study.omega[0])
     size = 2 * study.structure.n_floors
     sweep_block(study.structure, omega, study.amplitude[:2], np.zeros(size), study.settings)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.studies.study import Study
 
 STRATA = 8
 PILOT_SHARE = 0.01
@@ -41,7 +42,7 @@ class TaskCosts:
     study : Study
     """
 
-    def __init__(self, study):
+    def __init__(self, study: Study):
         self._table = study.table()
         dims = study.commit.dims
         self._sizes = tuple(study.dimensions[dim] for dim in dims)
@@ -220,7 +221,7 @@ def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:
     )
 
 
-def n_samples(study) -> int:
+def n_samples(study: Study) -> int:
     """Return the number of samples of a campaign's pilot: at most 1 % of the job's runs."""
     affordable = PILOT_SHARE * study.n_runs / (PILOT_TIMED + 1)
     return int(min(affordable, PILOT_PER_FRAME * study.n_frames, MAX_SAMPLES))

@@ -8,6 +8,7 @@ from hpcsweep.job import Job
 from hpcsweep.model.description import few, in_words
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
+from hpcsweep.studies.study import Study
 
 MOST_MODES = 12
 """Number of lowest modes that are listed."""
@@ -19,7 +20,7 @@ def describe(job: Job) -> list[str]:
     words = ", ".join(f"{s} = {v}" if s else v for s, v in in_words(structure))
     lines = [f"structure:  {words}", f"units:      {_units(structure)}"]
     lines += [f"varied:     {axis.key}: {_listed(axis.values)}" for axis in study.axes]
-    if study.axes and study.n_parts > 1:
+    if study.n_parts > 1:
         lines.append(f"below:      {study.describe_part((0,) * len(study.axes))}, the first part")
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
@@ -87,7 +88,7 @@ def _contacts(structure) -> list[str]:
     ] or ["none"]
 
 
-def _at_rest(structure, study) -> Iterator[str]:
+def _at_rest(structure, study: Study) -> Iterator[str]:
     """Yield one line if contacts hold the structure away from u = 0."""
     names = structure.contact_names
     numbers = np.array(structure.contact_numbers)[pressed(structure)].tolist()
@@ -95,7 +96,7 @@ def _at_rest(structure, study) -> Iterator[str]:
         return
     where = ", ".join(f"{u:.6g}" for u in structure.rest[: structure.n_floors])
     start = "the initial state is not there"
-    if study.kind == "records":
+    if study.starts_at_rest:
         start = "every run starts there"
     elif np.allclose(study.initial_state, structure.rest, 1e-9, 1e-12 * structure.length_unit):
         start = "the initial state"

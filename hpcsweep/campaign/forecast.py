@@ -25,11 +25,10 @@ from hpcsweep.campaign.describe import describe
 from hpcsweep.campaign.progress import note
 from hpcsweep.job import Job
 from hpcsweep.parallel import memory
-from hpcsweep.store import Layout
-from hpcsweep.store.crossing import Crossing
-from hpcsweep.studies.refine.refinement import Refinement, map_shape, refinement_of
-from hpcsweep.studies.refine.rounds import n_least
+from hpcsweep.store import Layout, with_inputs
+from hpcsweep.store.inputs import Inputs
 from hpcsweep.studies.run_names import count
+from hpcsweep.studies.study import Study
 
 SAMPLE_SECONDS = 5.0
 """Time of the sample (s)."""
@@ -189,21 +188,12 @@ def memory_text(job: Job, peak: int) -> str:
     )
 
 
-def study_text(study) -> str:
+def study_text(study: Study) -> str:
     """Format the number of runs of a study, and their dimensions."""
     counts = [(study.dimensions[dim], dim) for dim in study.run_dims]
     sizes = [count(size, dim) for size, dim in counts]
     runs = count(study.n_runs, study.run_noun)
     return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
-
-
-def refined_text(study, refinement: Refinement, least: int) -> str:
-    """Format how many points of a refined map are computed at least."""
-    crossed = ", those that curves cross" if refinement.curves else ""
-    return (
-        f"refined:    the coarsest cells{crossed} and the first draw of the audit are {least} "
-        f"points ({100 * least / study.n_runs:.2g} %), the least; all points are the most"
-    )
 
 
 def cost_lines(job: Job, pilot: Pilot, total: Interval, peak: int) -> list[str]:
@@ -243,17 +233,18 @@ def estimate(job: Job, output: Path) -> str:
         Lines for people: runs, bytes, core-hours, memory, the number of ranks beyond which more do
         not help, and the Slurm request.
     """
+    job = with_inputs(job)
     study, size = job.study, Layout(job).file_size()
     pilot, peak = time_pilot(job), memory.peak()
-    refinement, least = refinement_of(study), study.n_runs
-    if refinement is not None:
-        least = n_least(map_shape(study), refinement, Crossing(study).boxes())
+    least, refined = study.n_runs, ""
+    if study.growth is not None:
+        least, refined = study.growth.describe(Inputs(study).crossed())
     lines = [
         f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
         *job.notes,
         *describe(job),
         f"file:       {output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names",
-        *([] if refinement is None else [refined_text(study, refinement, least)]),
+        *filter(None, [refined]),
         *cost_lines(job, pilot, whole(job, pilot.passes, least), peak),
     ]
     return "\n".join(lines)

@@ -18,6 +18,7 @@ from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.store import read_history
 from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.studies.study import Study
 
 LEAST_ELAPSED = 0.5
 """Seconds of work after which the overhead besides the runs is known."""
@@ -41,7 +42,7 @@ class KnownCosts:
         Places of the blocks of unfinished tasks that are done.
     """
 
-    def __init__(self, comm, study, output: Path, wanted: bool, done: np.ndarray):
+    def __init__(self, comm, study: Study, output: Path, wanted: bool, done: np.ndarray):
         self._comm, self._study = comm, study
         self.n_computing = computing_ranks(comm.size)
         self.wanted = wanted

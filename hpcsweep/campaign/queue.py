@@ -16,7 +16,6 @@ from functools import partial
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.pilot import remaining_of
 from hpcsweep.campaign.progress import Silent
-from hpcsweep.campaign.refined import RefinedWork
 from hpcsweep.campaign.work import Work
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
@@ -120,15 +119,16 @@ class Queue:
         """Begin the next round of the campaigns that have rounds (collective)."""
         self._agree()
         for k, work in enumerate(self._works):
-            if k in self.failed or not isinstance(work, RefinedWork):
+            if k in self.failed:
                 continue
-            points = None
+            runs = None
             if self._comm.rank == 0:
-                points = self._guarded(k, work.plan)
-                self._display.advance(work.newly_inferred())
-            points = self._comm.bcast(points)
-            if points is not None:
-                work.begin(points)
+                runs = self._guarded(k, work.plan)
+                if inferred := work.newly_inferred():
+                    self._display.advance(inferred)
+            runs = self._comm.bcast(runs)
+            if runs is not None:
+                work.begin(runs)
                 self._take([k])
 
     def _agree(self) -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from hpcsweep.campaign import provenance
 from hpcsweep.campaign.progress import Silent, say_line
 from hpcsweep.campaign.queue import Queue
-from hpcsweep.campaign.refined import RefinedWork
+from hpcsweep.campaign.rounds import RoundsWork
 from hpcsweep.campaign.work import Work
 from hpcsweep.job import Job
 from hpcsweep.job.paths import followed
@@ -25,12 +25,12 @@ from hpcsweep.store import (
     Reuse,
     StoreError,
     WriteError,
-    check_seeds,
     create,
     open_campaign,
+    with_inputs,
 )
 from hpcsweep.store.commit import check_writable
-from hpcsweep.store.crossing import Crossing
+from hpcsweep.store.inputs import Inputs
 from hpcsweep.store.opening import (
     check_file,
     check_place,
@@ -40,7 +40,7 @@ from hpcsweep.store.opening import (
 )
 from hpcsweep.store.repair import repair
 from hpcsweep.store.transport import check_transport
-from hpcsweep.studies.refine.refinement import refinement_of
+from hpcsweep.studies.study import Study
 
 COMPLETE, FAILED, REFUSED, STOPPED = 0, 1, 2, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
@@ -126,10 +126,10 @@ def run_all(
         opened: dict[int, tuple[Layout, Path, Lock]] = {}
         hosts = comm.gather(provenance.host())
         for k, (job, output) in enumerate(jobs):
-            layout, output = Layout(job), followed(output)
+            layout, output = Layout(with_inputs(job)), followed(output)
             lock = Lock(output)
             if comm.rank != 0:
-                # imports slow modules while rank 0 prepares the file
+                # to answer, it loads the modules of its solver, while rank 0 prepares the file
                 job.study.is_compiled(comm.size)
             try:
                 prepare = partial(_prepare, layout, output, lock, comm, hosts, say, reuse)
@@ -158,7 +158,7 @@ def _run_opened(
         works = []
         for (layout, output, _), campaign in zip(opened, campaigns, strict=True):
             earlier = Reuse(layout, reuse)
-            kind = Work if refinement_of(layout.study) is None else RefinedWork
+            kind = RoundsWork if layout.study.growth else Work
             works.append(kind(comm, output, campaign, flag, hosts, say, earlier))
         queue = Queue(comm, works, flag)
         try:
@@ -222,25 +222,24 @@ def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, re
     check_transport()
     existing = output.exists()
     _check_earlier(layout, output, reuse, say)
-    check_seeds(layout)
-    crossing = Crossing(layout.study)
-    crossing.boxes()
+    inputs = Inputs(layout.study)
+    inputs.need()
     if existing:
         with contextlib.suppress(DamagedError):
-            _check_same_job(layout, output, crossing)  # before the lock: it leaves nothing behind
+            _check_same_job(layout, output, inputs)  # before the lock: it leaves nothing behind
     lock.acquire(comm.size)
     try:
         if not (existing or output.exists()):
-            create(output, layout, provenance.collect(comm.library, hosts) | crossing.attributes)
+            create(output, layout, provenance.collect(comm.library, hosts) | inputs.attributes)
             Journal(output).begin()
             return
         try:
             # again, or for the first time: another campaign may just have created it
-            _check_same_job(layout, output, crossing)
+            _check_same_job(layout, output, inputs)
         except DamagedError as error:
             if not error.repairable:
                 raise
-            facts = provenance.collect(comm.library, hosts) | crossing.attributes
+            facts = provenance.collect(comm.library, hosts) | inputs.attributes
             say(repair(output, layout, facts))
         with contextlib.suppress(OSError), output.open("r+b"):
             return
@@ -261,7 +260,7 @@ def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> 
     Reuse(layout, reuse).close()
 
 
-def _check_same_job(layout: Layout, output: Path, crossing: Crossing) -> None:
+def _check_same_job(layout: Layout, output: Path, inputs: Inputs) -> None:
     """Check that a file is of this job, plain, and sound apart from its results."""
     attributes = check_file(output)
     if attributes.get("fingerprint") != layout.fingerprint:
@@ -271,7 +270,7 @@ def _check_same_job(layout: Layout, output: Path, crossing: Crossing) -> None:
             "another file with -o"
         )
     read_layout(output)
-    crossing.check(output, attributes)
+    inputs.check(output, attributes)
     refuse_problems(output, layout_problems(output, layout))
     check_writable(output)
 
@@ -298,7 +297,7 @@ def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]
     gc.freeze()
 
 
-def _compile_one(comm, study, say: Callable[[str], None]) -> None:
+def _compile_one(comm, study: Study, say: Callable[[str], None]) -> None:
     at_once = comm.gather(study.is_compiled(comm.size))
     if comm.bcast(at_once and all(at_once)):
         study.warm_up(n_ranks=comm.size)

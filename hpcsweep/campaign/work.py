@@ -1,6 +1,5 @@
 """Compute, write and report the unfinished tasks of a campaign."""
 
-import contextlib
 import time
 from collections import Counter
 from dataclasses import dataclass, field
@@ -89,6 +88,18 @@ class Work:
         """Begin to estimate the costs of tasks if `wanted`, as rank 0 decides."""
         self.costs = KnownCosts(self._comm, self.study, self.output, wanted, self._done)
 
+    def plan(self) -> np.ndarray | None:
+        """Return the runs of the next round, on rank 0; None: the study has no rounds."""
+        return None
+
+    def begin(self, runs: np.ndarray) -> None:
+        """Begin a round of runs; see `plan`."""
+        raise AssertionError(runs)
+
+    def newly_inferred(self) -> int:
+        """Count the runs, on rank 0, that since the last call need not be computed any more."""
+        return 0
+
     def is_complete(self) -> bool:
         """Return whether the file was verified and holds all, where no task is left; on rank 0."""
         return self.scanned and is_complete(self._campaign.blocks)
@@ -120,29 +131,25 @@ class Work:
         (position, state) or None
             Where to resume, if the task was recalled; None if it is finished.
         """
-        first, state = rest or (0, None)
-        position, n_positions = first - 1, len(self.study.path(task))
-        chain = self._campaign.blocks.chain(task, first, state)
-        computed = None
-        with contextlib.suppress(StopIteration):
-            while True:
-                block, start, valid = chain.send(computed)
-                position += 1
-                computed = None
-                if valid:
-                    continue
+        first, state = rest or (0, self.study.initial_state)
+        path = self.study.path(task)
+        for position in range(first, len(path)):
+            block = path[position]
+            end = self._campaign.blocks.end_of(block, state)
+            if end is None:
                 poll()
                 begun = time.perf_counter()
-                rows = self._reuse.rows(block, start)
+                rows = self._reuse.rows(block, state)
                 taken = rows is not None
                 if rows is None:
-                    rows = self.study.compute(block, start, poll)
-                computed = self._campaign.write_block(block, start, rows)
+                    rows = self.study.compute(block, state, poll)
+                end = self._campaign.write_block(block, state, rows)
                 seconds = round(time.perf_counter() - begun, 6)
                 cost = BlockCost(block.place, block.n_runs, seconds)
                 recalled = report((cost, self._failed(block, rows), taken))
-                if recalled and position + 1 < n_positions:
-                    return position + 1, computed
+                if recalled and position + 1 < len(path):
+                    return position + 1, end
+            state = end
         return None
 
     def _failed(self, block, rows: dict[str, np.ndarray]) -> Failures:

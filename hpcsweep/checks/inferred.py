@@ -6,6 +6,7 @@ from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.refine.cells import Labels
+from hpcsweep.studies.refine.refinement import refinement_of
 from hpcsweep.studies.refine.variables import AUDIT, CROSSED, INFERRED, replay
 
 
@@ -32,10 +33,12 @@ def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
     for place in inferred.places:
         labels.store(*inferred.labels(place))
     stored_boxes = None
-    if blocks.study.refine.curves:
+    refinement = refinement_of(blocks.study)
+    assert refinement is not None
+    if refinement.curves:
         frames = [inferred.frame(place) or {} for place in inferred.places]
         stored_boxes = np.array([rows[CROSSED] for rows in frames])
-    values = replay(blocks.study, labels, stored_boxes)
+    values = replay(blocks.study, refinement, labels, stored_boxes)
     if values is None:
         return [(inferred.places[0], "points that the map was refined by are not committed")]
     audit = inferred.audit()

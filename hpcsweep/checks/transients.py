@@ -18,6 +18,8 @@ from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.solver import SOLVERS, make_solver
 from hpcsweep.store.frames import Frames
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 Run = tuple[tuple[int, ...], int, tuple[int, ...]]
 """Place of its part, frame, and the others of its indices: direction, amplitude, attractor."""
@@ -115,7 +117,7 @@ def _later(frames: Frames, run: Run, periods: int) -> tuple[MotionClass, int]:
     """Return the class of a motion that is followed on, and how many of the periods it took."""
     place, frame, at = run
     frames.choose(place)
-    study = frames.study
+    study = as_kind(frames.study, RunGrid)
     _, name = HELD[study.holds]
     state = frames.read(frame, (name,))[name][at]
     omega, amplitude = float(study.omega[frame]), float(study.amplitudes_of(frame)[at[1]])

@@ -21,12 +21,13 @@ from hpcsweep.checks.inferred import inferred_problems
 from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
+from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout, with_inputs
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import is_complete
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.run_names import run_name
+from hpcsweep.studies.study import Study
 
 LISTED = 20
 """Problems that are described one by one; the rest is counted."""
@@ -102,6 +103,7 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
     report = Report(str(path))
     try:
         layout = read_layout(path)
+        layout.study = with_inputs(layout.job).study
         report.solver = layout.study.settings.solver
         for problem in layout_problems(path, layout):
             report.add(problem)
@@ -126,7 +128,7 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
     return report
 
 
-def _place(study, block: Block) -> str:
+def _place(study: Study, block: Block) -> str:
     """Return the frame and the direction of a block, or its record, in words."""
     found = study.describe(block.first)
     del found[study.run_dims[-1]]
@@ -137,13 +139,13 @@ def _place(study, block: Block) -> str:
     return f"{where}frame {frame} (Omega = {found['omega']:.6g}), {found['direction']}"
 
 
-def _along(study, block: Block, row: int) -> str:
+def _along(study: Study, block: Block, row: int) -> str:
     """Return a row of a block in words, along the last axis of the runs."""
     last = study.run_dims[-1]
     return run_name({last: study.describe(block.run(row))[last]})
 
 
-def _row(study, block: Block, row: int) -> str:
+def _row(study: Study, block: Block, row: int) -> str:
     return f"{_place(study, block)}, {_along(study, block, row)}"
 
 

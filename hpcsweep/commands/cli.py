@@ -73,7 +73,7 @@ exit codes:
 FOR_USERS = {
     "hpcsweep.job.job": "JobError",
     "hpcsweep.store.layout": "StoreError",
-    "hpcsweep.campaign.stripes": "StripesError",
+    "hpcsweep.studies.ground_motion.stripes": "StripesError",
     "hpcsweep.figures.style": "PlotError",
     "hpcsweep.figures.explorer.page": "PageTooLarge",
     "hpcsweep.parallel.mpi": "LauncherError",

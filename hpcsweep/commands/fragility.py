@@ -4,10 +4,14 @@ import contextlib
 import json
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hpcsweep.commands import RAW, CommandError, add_at
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.figures.options import file_name
+
+if TYPE_CHECKING:
+    from hpcsweep.studies.ground_motion.records import Records
 
 HELP = """\
 Tell at which intensities the responses of a study of records reach a threshold: fractiles of the
@@ -56,17 +60,19 @@ def add_to(commands) -> None:
 
 def _fragility(options) -> int:
     from hpcsweep.store import Frames
+    from hpcsweep.studies.ground_motion.records import Records
+    from hpcsweep.studies.study import as_kind
 
     with contextlib.closing(Frames(options.file, "responses", options.at)) as frames:
-        results, study = frames.gather([*frames]), frames.study
+        results, study = frames.gather([*frames]), as_kind(frames.study, Records)
     if options.demands:
         return _demands(options, results, study)
     return _threshold(options, results, study)
 
 
-def _threshold(options, results, study) -> int:
+def _threshold(options, results, study: "Records") -> int:
     """Print capacities and fragility."""
-    from hpcsweep.campaign.stripes import capacities, fit, stripes_of
+    from hpcsweep.studies.ground_motion.stripes import capacities, fit, stripes_of
 
     stripes = stripes_of(results, study, options.response, options.place)
     reached = capacities(stripes, options.threshold)
@@ -137,12 +143,12 @@ def _finite(found):
     return None if isinstance(found, float) and not math.isfinite(found) else found
 
 
-def _demands(options, results, study) -> int:
+def _demands(options, results, study: "Records") -> int:
     """Write the table of demands of a building at the scale nearest to one."""
     import numpy as np
 
-    from hpcsweep.campaign.stripes import places_of
     from hpcsweep.earthquakes.demands import write_demands
+    from hpcsweep.studies.ground_motion.stripes import places_of
 
     check_overwriting(options.demands, DEMANDS)
     if "storey_height" not in results:

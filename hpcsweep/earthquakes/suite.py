@@ -5,13 +5,10 @@ the samples are read, or made, when a response is computed. So a file of results
 the records are not, and a rank's memory does not grow with their number.
 """
 
-import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
-
-import numpy as np
 
 from hpcsweep.earthquakes.intensity import average_spectral_acceleration, intensity
 from hpcsweep.earthquakes.reading import read_record
@@ -93,13 +90,7 @@ def facts_of(record: Record, measure: Measure, gravity: float) -> Facts:
     """Return what is known of a record."""
     numbers = (*intensity(record, gravity), measure.of(record))
     rounded = (float(f"{number:.{DIGITS - 1}e}") for number in numbers)
-    return Facts(record.name, digest_of(record), record.n_samples, record.dt, *rounded)
-
-
-def digest_of(record: Record) -> str:
-    """Return a checksum of the samples of a record and the time between them."""
-    data = np.append(record.acceleration, record.dt).astype("<f8")
-    return hashlib.sha256(data.tobytes()).hexdigest()[:16]
+    return Facts(record.name, record.digest, record.n_samples, record.dt, *rounded)
 
 
 @dataclass(frozen=True)
@@ -159,7 +150,7 @@ def checked_record(source: Files | Synthetic, facts: Facts, i: int) -> Record:
         If it cannot be read, or differs from the record of the facts.
     """
     record = source.record(i)
-    if digest_of(record) != facts.digest:
+    if record.digest != facts.digest:
         raise ValueError(f"record {facts.name} is not the one the job was made with")
     return record
 

@@ -10,6 +10,8 @@ import numpy as np
 from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.figures.style import PlotError
+from hpcsweep.studies.branches.branches import Branches
+from hpcsweep.studies.study import as_kind
 
 
 class Drawn(NamedTuple):
@@ -63,7 +65,7 @@ class Overlay:
         from hpcsweep.store import Frames
 
         self.frames = Frames(path, holds="branches")
-        self.study = self.frames.study
+        self.study = as_kind(self.frames.study, Branches)
         if self.study.parameter != "amplitude":
             raise PlotError(f"--branches {path}: holds branches along {self.study.parameter}")
         if self.study.structure != structure:
@@ -100,7 +102,7 @@ def run_of(line) -> dict[str, np.ndarray]:
     return {name: line[name].values[0, 0, 0] for name in line.data_vars if line[name].ndim >= 3}
 
 
-def branches_of(run: dict[str, Any], study, line: int) -> Iterator[Drawn]:
+def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Drawn]:
     """Return the branches of a line with all their stroboscopic points."""
     place = float(study.amplitude[line]), float(study.omega[line])
     forced = ForcedMap(study.structure, *place, study.parameter, study.settings.rtol)

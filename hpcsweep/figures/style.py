@@ -12,6 +12,7 @@ from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.figures.fitting import WIDEST, broken, legend_below
 from hpcsweep.model.arguments import real
 from hpcsweep.studies.points import START
+from hpcsweep.studies.study import Study
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 
 DPI = 200
@@ -214,7 +215,7 @@ def need(results, *names: str) -> None:
             raise PlotError(f"the results hold no {name}: set output.{name} = true in the job")
 
 
-def need_amplitudes(study) -> None:
+def need_amplitudes(study: Study) -> None:
     """Refuse a list of points, which share no amplitudes to draw over.
 
     Raises

@@ -11,22 +11,25 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 
 import numpy as np
 
+from hpcsweep.studies.study import Study
+from hpcsweep.studies.vary import Varied
+
 MEANING_VERSION = 4
 """Part of the fingerprint; raised when the same job text comes to mean other results."""
 
 
 TOLD_OTHERWISE = (
-    *("structure", "settings", "damping_ratio", "unit_names", "names"),
+    *("structure", "settings", "damping_ratio"),
     *("source", "gravity"),
 )
 """Fields of the parts, one that `Structure` also holds with a value for each mode, and where the
 samples of records come from, which their checksums identify."""
 
 
-def fingerprint(study) -> str:
+def fingerprint(study: Study) -> str:
     """Hash what a study means."""
     meaning: list[object] = [MEANING_VERSION, study.kind]
-    if study.axes:
+    if isinstance(study, Varied):
         axes = [(axis.key, _canonical(axis.values)) for axis in study.axes]
         meaning += ["vary", fingerprint(study.base), axes]
         return _hash(meaning)
@@ -34,7 +37,7 @@ def fingerprint(study) -> str:
     return _hash(meaning)
 
 
-def meaning_but_grid(study) -> dict[tuple[str, str], object]:
+def meaning_but_grid(study: Study) -> dict[tuple[str, str], object]:
     """Return the meaning of a study without axes, apart from its grid, by part and field.
 
     The fields `grid_fields` define the grid: which runs there are, not what a run computes. Two
@@ -46,7 +49,7 @@ def meaning_but_grid(study) -> dict[tuple[str, str], object]:
     return meaning
 
 
-def _entries(study, without: tuple[str, ...] = ()) -> Iterator[tuple[str, str, object]]:
+def _entries(study: Study, without: tuple[str, ...] = ()) -> Iterator[tuple[str, str, object]]:
     """Iterate over the fields that differ from their defaults: part, name, value."""
     for kind, part in (("structure", study.structure), ("settings", study.settings)):
         yield from _fields_of(kind, part, TOLD_OTHERWISE)
@@ -56,7 +59,7 @@ def _entries(study, without: tuple[str, ...] = ()) -> Iterator[tuple[str, str, o
 def _fields_of(kind: str, part, without: tuple[str, ...]) -> Iterator[tuple[str, str, object]]:
     for field in fields(part):
         value = getattr(part, field.name)
-        if field.name not in without and not _is_default(field, value):
+        if field.compare and field.name not in without and not _is_default(field, value):
             yield kind, field.name, _canonical(value)
 
 

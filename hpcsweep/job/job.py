@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 from hpcsweep.job.fingerprint import fingerprint
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.study import Study
 
 
 class JobError(ValueError):
@@ -29,16 +31,16 @@ class Job:
 
     name: str
     text: str
-    study: Any
+    study: Study
     notes: tuple[str, ...] = ()
 
     @property
-    def structure(self) -> Any:
+    def structure(self) -> Structure:
         """Structure of the study."""
         return self.study.structure
 
     @property
-    def settings(self) -> Any:
+    def settings(self) -> SweepSettings:
         """Settings of the study's runs."""
         return self.study.settings
 

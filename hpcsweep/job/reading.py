@@ -18,14 +18,15 @@ from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.paths import path_of
 from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import MAX_VALUES, Values
-from hpcsweep.job.vary import read_varied, unused
+from hpcsweep.job.vary import Parts, read_varied, unused
 from hpcsweep.model import arguments
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
-from hpcsweep.studies.refine.refinement import not_refinable
 from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.study import Study, as_kind
+from hpcsweep.studies.vary import Varied
 
 KEYS: dict[str, tuple[str, ...]] = {
     "": (
@@ -158,7 +159,7 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     values = Values(source, tree)
     study = read_varied(values, tree, read_study)
     _check_extent(values, study)
-    reason = not_refinable(study)
+    reason = study.growth.problem() if study.growth else ""
     if reason:
         raise JobError(f"{source}: {reason}")
     return Job(name=_name(values, default_name), text=text, study=study, notes=unused(values, tree))
@@ -181,9 +182,9 @@ def read_study(source: str, tree: Mapping):
 
 def part_of(job: Job, place: Place) -> Job:
     """Return the job of one part; a job that varies no keys is its only part."""
-    if not job.study.axes:
+    if not isinstance(job.study, Varied):
         return job
-    text = write(job.study.make.tree_at(place), every_key())
+    text = write(as_kind(job.study.make, Parts).tree_at(place), every_key())
     return Job(name=job.name, text=text, study=job.study.part(place))
 
 
@@ -193,7 +194,7 @@ def _default_block(values: Values, study) -> int:
     return 1 if values.get("solver.method", "flow") in slow else study.default_block
 
 
-def _check_extent(values: Values, study) -> None:
+def _check_extent(values: Values, study: Study) -> None:
     """Refuse a study with too many runs or blocks for memory."""
     if study.n_runs > MAX_RUNS:
         raise JobError(f"{values.source}: gives {study.n_runs} runs, the most are {MAX_RUNS}")

@@ -4,35 +4,20 @@ Names of floors besides.
 """
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
+from hpcsweep.model.system import System
 from hpcsweep.model.unit_names import Names
 
-if TYPE_CHECKING:
-    from hpcsweep.model.matrices import Matrices
 
-
-class ContactNames:
+class ContactNames(System):
     """Names of the contacts and floors of a structure."""
 
-    n_floors: int
-    matrices: "Matrices | None"
     names: Names
 
     @property
     def floor_names(self) -> tuple[str, ...]:
         """Name of each floor: as given, e.g. A3, or its number."""
         return self.names.floors or tuple(map(str, range(1, self.n_floors + 1)))
-
-    @property
-    def contact_numbers(self) -> tuple[int, ...]:
-        """Number of each contact."""
-        raise NotImplementedError
-
-    @property
-    def all_contact_numbers(self) -> tuple[int, ...]:
-        """As `contact_numbers`, including contacts out of reach."""
-        raise NotImplementedError
 
     def contact_bits(self, key: int) -> int:
         """Return the contact set as in files, bit k - 1 for contact number k, from a key."""

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpcsweep.model.arguments import number
+from hpcsweep.model.contact_names import ContactNames
 from hpcsweep.model.forcing import Harmonics
 from hpcsweep.model.modes import (
     damped_response,
@@ -16,29 +16,19 @@ from hpcsweep.model.modes import (
     power_of_two,
     trigonometric_maxima,
 )
-
-if TYPE_CHECKING:
-    from hpcsweep.model.matrices import Contact, Matrices
-
+from hpcsweep.model.system import frozen
 
 MAX_OMEGA = 1e150
 """Of the closed forms, which square it."""
 
 
-def frozen(array: np.ndarray) -> np.ndarray:
-    """Return the array, read-only."""
-    array.setflags(write=False)
-    return array
-
-
-class LinearDynamics:
+class LinearDynamics(ContactNames):
     """Linear dynamics from the matrices, the contacts and the forcing of a structure."""
 
-    n_floors: int
     sharpness: float
     rayleigh: tuple[float, float] | None
     harmonics: Sequence[tuple[int, float, float]]
-    matrices: "Matrices | None"
+    motion_length: float
     _ratios: tuple[float, ...]
 
     @cached_property
@@ -47,44 +37,9 @@ class LinearDynamics:
         return Harmonics(tuple(self.harmonics))
 
     @property
-    def is_uniform(self) -> bool:
-        """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
-        raise NotImplementedError
-
-    @property
-    def mass_matrix(self) -> np.ndarray:
-        """M, shape (n, n)."""
-        raise NotImplementedError
-
-    @property
-    def stiffness_matrix(self) -> np.ndarray:
-        """K, shape (n, n)."""
-        raise NotImplementedError
-
-    @property
-    def forcing_vector(self) -> np.ndarray:
-        """b, shape (n,)."""
-        raise NotImplementedError
-
-    @property
     def shakes(self) -> bool:
         """Whether the forcing is the motion of a base, b = -M 1, and not forces on one at rest."""
         return bool(np.array_equal(self.forcing_vector, -self.mass_matrix.sum(axis=1)))
-
-    @property
-    def contacts(self) -> "tuple[Contact, ...]":
-        """All contacts."""
-        raise NotImplementedError
-
-    @property
-    def drift_rows(self) -> np.ndarray:
-        """Rows whose |row . u| are the drifts, shape (any, n)."""
-        raise NotImplementedError
-
-    @property
-    def motion_length(self) -> float:
-        """Length by which a motion is measured, see `measured_at`; 0: the smallest gap."""
-        return 0.0
 
     @cached_property
     def length_unit(self) -> float:

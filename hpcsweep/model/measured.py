@@ -1,14 +1,12 @@
 """Lengths to which motions of a structure are relative, and the contacts within their reach."""
 
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, Self, cast
 
 import numpy as np
 
 from hpcsweep.model.linear_dynamics import LinearDynamics
 from hpcsweep.model.reach import reach_of_motions
-from hpcsweep.model.unit_names import Names
 
 REACH = 64.0
 """Factor of the linear response within which a contact counts as reached. Motions with contact
@@ -21,42 +19,6 @@ LEAST_DAMPING = 0.05
 
 class MeasuredDynamics(LinearDynamics):
     """Linear dynamics of a structure with motions measured by a length."""
-
-    unreached: tuple[int, ...]
-
-    def __repr__(self) -> str:
-        """Show the differences from the paper's building, and the sizes of matrices."""
-        given: Any = {f.name: getattr(self, f.name) for f in fields(cast("Any", self)) if f.init}
-        hidden = {f.name for f in fields(cast("Any", self)) if not f.repr}
-        defaults = {f.name: f.default for f in fields(cast("Any", self))}
-        shown = [f"n_floors={given['n_floors']}"]
-        if self.matrices is not None:
-            shown.append(f"matrices, {len(self.matrices.contacts)} contacts")
-            hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
-            if self.matrices.damping is not None:
-                low, high = self.damping_ratios.min(), self.damping_ratios.max()
-                shown.append(f"damping matrix, ratios {low:.3g} to {high:.3g}")
-                hidden.add("damping_ratio")
-        if self.rayleigh is not None:
-            hidden.add("damping_ratio")
-        shown += [
-            f"{name}={value!r}"
-            for name, value in given.items()
-            if name not in (*hidden, "n_floors") and value != defaults[name]
-        ]
-        return f"Structure({', '.join(shown)})"
-
-    def named(
-        self, floors: Sequence[str], contacts: Sequence[str], storey_heights: Sequence[float] = ()
-    ) -> Self:
-        """Return the same structure with names of its floors and contacts, and storey heights."""
-        names = Names(tuple(floors), tuple(contacts), tuple(storey_heights))
-        return replace(cast("Any", self), names=names)
-
-    @property
-    def contact_numbers(self) -> tuple[int, ...]:
-        """Number of each contact."""
-        raise NotImplementedError
 
     def lengths(self, omega: float, amplitudes) -> np.ndarray:
         """Return the lengths, powers of two, by which motions are measured at each amplitude.

@@ -5,13 +5,15 @@ at t = 0, and after the last one. Units are those of the structure that it shake
 squared, and time.
 """
 
+import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.model.arguments import array, finite, positive, refused
-from hpcsweep.model.linear_dynamics import frozen
+from hpcsweep.model.system import frozen
 
 MAX_SAMPLES = 500_000
 """Most samples of a record: 40 minutes at 200 a second; the longest published have 60,000."""
@@ -99,6 +101,12 @@ class Record:
     def times(self) -> np.ndarray:
         """Times j dt of the samples, shape (m,)."""
         return self.dt * np.arange(self.n_samples)
+
+    @cached_property
+    def digest(self) -> str:
+        """Checksum of the samples and the time between them."""
+        data = np.append(self.acceleration, self.dt).astype("<f8")
+        return hashlib.sha256(data.tobytes()).hexdigest()[:16]
 
     @property
     def peak(self) -> float:

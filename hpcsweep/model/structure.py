@@ -11,30 +11,26 @@ Rigid Stop".
 import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
-from functools import cached_property
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.model.arguments import count, finite, number, plain, refused
-from hpcsweep.model.contact_names import ContactNames
-from hpcsweep.model.dashpot import dashpots_of_floors, read_tension, refuse_smooth
+from hpcsweep.model.dashpot import read_tension, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
-from hpcsweep.model.linear_dynamics import frozen
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
     MAX_FLOORS,
-    Contact,
     Matrices,
     check_definite,
     read_matrices,
     vector,
 )
 from hpcsweep.model.measured import MeasuredDynamics
+from hpcsweep.model.system import PerFloor
 from hpcsweep.model.unit_names import Names, UnitNames
 
-PerFloor = float | tuple[float, ...]
 FOREIGN = (
     *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh"),
     *("stiffness_ratio", "harmonics", "restitution"),
@@ -43,7 +39,7 @@ FOREIGN = (
 
 
 @dataclass(frozen=True, repr=False)
-class Structure(MeasuredDynamics, ContactNames):
+class Structure(MeasuredDynamics):
     """Parameters of the structure and its stops, validated.
 
     The equation of motion of the uniform building is (8) with (5), (9) and (10)::
@@ -242,12 +238,6 @@ class Structure(MeasuredDynamics, ContactNames):
             return number(name, given)
         return vector(name, given, self.n_floors, "numbers, one per floor")
 
-    def _floors(self, value: Any) -> tuple[float, ...]:
-        """Return a value for each floor; 1 where there is none."""
-        if value is None:
-            return (1.0,) * self.n_floors
-        return value if isinstance(value, tuple) else (value,) * self.n_floors
-
     def _validated_damping(self) -> tuple[float, ...]:
         given: Any = plain(self.damping_ratio)
         if isinstance(given, Real):
@@ -266,66 +256,34 @@ class Structure(MeasuredDynamics, ContactNames):
                 raise ValueError(f"damping_ratio must be finite and at least 0, is {value!r}")
         return ratios
 
-    # quantities that follow from the parameters
-
-    @property
-    def is_uniform(self) -> bool:
-        """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
-        return self.matrices is None and self.mass is None and self.storey_stiffness is None
-
-    @cached_property
-    def mass_matrix(self) -> np.ndarray:
-        """M, shape (n, n)."""
+    def __repr__(self) -> str:
+        """Show the differences from the paper's building, and the sizes of matrices."""
+        given: Any = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        hidden = {f.name for f in fields(self) if not f.repr}
+        defaults = {f.name: f.default for f in fields(self)}
+        shown = [f"n_floors={given['n_floors']}"]
         if self.matrices is not None:
-            return frozen(np.array(self.matrices.mass))
-        return frozen(np.diag(self._floors(self.mass)))
+            shown.append(f"matrices, {len(self.matrices.contacts)} contacts")
+            hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
+            if self.matrices.damping is not None:
+                low, high = self.damping_ratios.min(), self.damping_ratios.max()
+                shown.append(f"damping matrix, ratios {low:.3g} to {high:.3g}")
+                hidden.add("damping_ratio")
+        if self.rayleigh is not None:
+            hidden.add("damping_ratio")
+        shown += [
+            f"{name}={value!r}"
+            for name, value in given.items()
+            if name not in (*hidden, "n_floors") and value != defaults[name]
+        ]
+        return f"Structure({', '.join(shown)})"
 
-    @cached_property
-    def stiffness_matrix(self) -> np.ndarray:
-        """K, (3) of equal storeys, shape (n, n)."""
-        if self.matrices is not None:
-            return frozen(np.array(self.matrices.stiffness))
-        own = np.array(self._floors(self.storey_stiffness))
-        above = np.append(own[1:], 0.0)
-        return frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
-
-    @cached_property
-    def contacts(self) -> tuple[Contact, ...]:
-        """Stops of the floors, right ones first, or contacts of the matrices; one bit each."""
-        return tuple(
-            contact
-            for number, contact in zip(self.all_contact_numbers, self._all_contacts, strict=True)
-            if number not in self.unreached
-        )
-
-    @cached_property
-    def contact_numbers(self) -> tuple[int, ...]:
-        """Number of each contact from 1: floor for a right stop, n + floor for a left one."""
-        return tuple(number for number in self.all_contact_numbers if number not in self.unreached)
-
-    @cached_property
-    def _all_contacts(self) -> tuple[Contact, ...]:
-        if self.matrices is not None:
-            return self.matrices.contacts
-        found = []
-        storeys = self._floors(self.storey_stiffness)
-        kappa = np.multiply(self._floors(self.stiffness_ratio), storeys).tolist()
-        given = self._floors(self.restitution), kappa, self._floors(self.mass), self.tension
-        dashpots = dashpots_of_floors(*given)
-        for sign, gaps in ((1.0, self._floors(self.gap)), (-1.0, self._floors(self.gap_left))):
-            for floor, gap in enumerate(gaps):
-                if gap < math.inf:
-                    direction = (sign if i == floor else 0.0 for i in range(self.n_floors))
-                    found.append(Contact(tuple(direction), gap, kappa[floor], *dashpots[floor]))
-        return tuple(found)
-
-    @cached_property
-    def all_contact_numbers(self) -> tuple[int, ...]:
-        """As `contact_numbers`, with those that are left out."""
-        if self.matrices is not None:
-            return tuple(range(1, len(self.matrices.contacts) + 1))
-        right, left = self._floors(self.gap), self._floors(self.gap_left)
-        return tuple(i for i, gap in enumerate((*right, *left), 1) if gap < math.inf)
+    def named(
+        self, floors: Sequence[str], contacts: Sequence[str], storey_heights: Sequence[float] = ()
+    ) -> "Structure":
+        """Return the same structure with names of its floors and contacts, and storey heights."""
+        names = Names(tuple(floors), tuple(contacts), tuple(storey_heights))
+        return replace(self, names=names)
 
     def without_contacts(self) -> "Structure":
         """Return the same structure without contacts."""
@@ -333,21 +291,6 @@ class Structure(MeasuredDynamics, ContactNames):
         if self.matrices is None:
             return replace(self, gap=math.inf, gap_left=math.inf, names=names)
         return replace(self, matrices=replace(self.matrices, contacts=()), names=names)
-
-    @cached_property
-    def forcing_vector(self) -> np.ndarray:
-        """b, shape (n,)."""
-        if self.matrices is not None and self.matrices.forcing is not None:
-            return frozen(np.array(self.matrices.forcing))
-        return frozen(-self.mass_matrix.sum(axis=1))
-
-    @cached_property
-    def drift_rows(self) -> np.ndarray:
-        """Rows whose |row . u| are the drifts: between neighbouring floors, shape (any, n)."""
-        n = self.n_floors
-        if self.matrices is None:
-            return frozen(np.eye(n) - np.eye(n, k=-1))
-        return frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))
 
     @property
     def foreign(self) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from hpcsweep.store.packing import pack
 from hpcsweep.store.reader import job_of, meanings, open_results
 from hpcsweep.store.records import read_history
 from hpcsweep.store.reuse import Reuse
-from hpcsweep.store.seeds import check_seeds
+from hpcsweep.store.seeds import with_inputs
 
 __all__ = [
     "Campaign",
@@ -34,7 +34,6 @@ __all__ = [
     "Reuse",
     "StoreError",
     "WriteError",
-    "check_seeds",
     "create",
     "is_packed",
     "job_of",
@@ -46,4 +45,5 @@ __all__ = [
     "pack",
     "read_history",
     "read_layout",
+    "with_inputs",
 ]

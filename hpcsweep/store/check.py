@@ -17,7 +17,7 @@ STRING = np.dtype([("length", "<u4"), ("heap", "<u8"), ("index", "<u4")])
 """HDF5's form of a variable-length string in a dataset."""
 LONGEST_NAME = 4096
 CURVES = "curves_checksum"
-"""Attribute of a refined map whose cells known curves cut (`hpcsweep.store.crossing`)."""
+"""Attribute of a refined map whose cells known curves cut (`hpcsweep.store.inputs`)."""
 OPTIONAL = ("command", "processor", CHECKSUM, CURVES)
 """Optional attributes."""
 

@@ -12,7 +12,7 @@ interval.
 
 import hashlib
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -161,49 +161,23 @@ class Blocks:
         start = self.start_of(block, block.begin)
         return rows if self._holds(stored, block, start, rows) else None
 
-    def chain(
-        self, task: int, first: int = 0, state: np.ndarray | None = None
-    ) -> Generator[tuple[Block, np.ndarray, bool], np.ndarray | None, None]:
-        """Iterate over a task's blocks in path order.
-
-        Parameters
-        ----------
-        task : int
-        first : int
-            Position on the path of the first block.
-        state : ndarray, shape (2n,), optional
-            State that this block starts from; required unless it is the first of the path.
-
-        Yields
-        ------
-        block : Block
-        start : ndarray, shape (2n,)
-            State that the block starts from, if the blocks before it are valid.
-        valid : bool
-            Whether the block's checksum holds.
-
-        The caller may send the end state of a block it has computed itself.
-        """
-        state = self.study.initial_state if state is None else state
-        for block in self.study.path(task)[first:]:
-            stored = self.committed(block)
-            end = None
-            if stored:
-                rows = self.read(block)
-                if self._holds(stored, block, state, rows):
-                    end = self.study.end_state(rows, block.end)
-            computed = yield block, state, end is not None
-            if computed is not None:
-                end = computed
-            elif end is None:
-                # continue from the file's state: a later block may still be valid
-                end = self.end_state(block.run(block.end))
-            state = np.array(end)
+    def end_of(self, block: Block, start: np.ndarray) -> np.ndarray | None:
+        """Return the state at the end of a block that starts from a state; None if not valid."""
+        stored = self.committed(block)
+        if not stored:
+            return None
+        rows = self.read(block)
+        if not self._holds(stored, block, start, rows):
+            return None
+        return np.array(self.study.end_state(rows, block.end))
 
     def verify(
         self, task: int, poll: Callable[[], None] = lambda: None
     ) -> Iterator[tuple[Block, bool]]:
-        """Iterate over a task's blocks like `chain`, without reading those that have no checksum.
+        """Iterate over a task's blocks in path order, without reading those without a checksum.
+
+        Each is judged by the state at the end of the one before: as computed from its rows if it is
+        valid, else as it is in the file, so that blocks after an invalid one may still be valid.
 
         Parameters
         ----------

@@ -3,6 +3,8 @@
 import numpy as np
 
 from hpcsweep.store.frames import Frames
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 
 class Grid:
@@ -24,7 +26,7 @@ class Grid:
     """
 
     def __init__(self, frames: Frames):
-        study = frames.study
+        self._study = study = as_kind(frames.study, RunGrid)
         self._frames = frames
         self._amplitudes = [study.amplitudes_of(frame) for frame in range(study.omega.size)]
         self.omega = np.unique(study.omega)
@@ -34,7 +36,7 @@ class Grid:
         """Read one row as `Frames.dataset` reads a frame."""
         import xarray
 
-        found = np.flatnonzero(self._frames.study.omega == self.omega[row]).tolist()
+        found = np.flatnonzero(self._study.omega == self.omega[row]).tolist()
         if len(found) == 1 and self._amplitudes[found[0]].size == self.amplitude.size:
             return self._frames.dataset(found[0])
         parts = [self._frames.dataset(frame) for frame in found]

@@ -15,7 +15,8 @@ from hpcsweep.store.inferred import Inferred, frame_variables
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.blocks import Block, Place
-from hpcsweep.studies.study import Axis, Variable
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import Axis, Variable, as_kind
 
 MOST_TOLD = 20
 """Most values of an axis that an error lists."""
@@ -93,7 +94,7 @@ class Frames:
     @property
     def part(self) -> str:
         """Return the selected part as text; empty where the job varies no key."""
-        return self.whole.study.describe_part(self.place) if self.place else ""
+        return self.whole.study.describe_part(self.place)
 
     @property
     def places(self) -> list[Place]:
@@ -147,8 +148,8 @@ class Frames:
             found[name] = np.full(shape, variable.missing, variable.dtype)
         derived = [v.name for v in frame_variables(self._own) if v.name in names]
         begun = self._begun(frame)
-        for task in self.study.tasks_of(frame):
-            for own, block, valid in self._valid(task) if task in begun else ():
+        for task in begun:
+            for own, block, valid in self._valid(task):
                 if valid:
                     at = list(own.runs)
                     del at[self._axis]
@@ -170,17 +171,15 @@ class Frames:
     def _inferred(self) -> Inferred:
         return Inferred(self._blocks)
 
-    def _begun(self, frame: int) -> set[int]:
-        """Return the tasks with a block of a frame that has a checksum."""
-        n_blocks, found = self._own.sizes["block"], set()
-        if not self._axis:
-            return set(self.study.tasks_of(frame))
-        for direction in range(len(self.study.directions)):
-            stored = self._blocks.read_rows("commit", (*self.place, direction, frame, 0), n_blocks)
-            numbers = np.flatnonzero(stored)
-            at = np.full(numbers.size, direction), np.full(numbers.size, frame), numbers
-            found |= set(self.study.task_of(*at).tolist())
-        return found
+    def _begun(self, frame: int) -> list[int]:
+        """Return the tasks with a block of a frame that has a checksum, ascending."""
+        *shape, n_blocks, found = *self._own.shape(self._own.commit), set()
+        for before in np.ndindex(*shape[: self._axis]):
+            place = (*before, frame)
+            stored = self._blocks.read_rows("commit", (*self.place, *place, 0), n_blocks)
+            numbers = np.flatnonzero(stored).tolist()
+            found |= {self.study.block((*place, number)).task for number in numbers}
+        return sorted(found)
 
     def _frame(self, frame: int) -> int:
         return arguments.count("frame", frame, 0, self.study.n_frames - 1)
@@ -216,7 +215,7 @@ class Frames:
         along = self._own.coordinates[last].values
         if last == "amplitude" and len(frames) == 1:
             # the amplitudes of one frame are its own even where frames share none
-            along = study.amplitudes_of(frames[0])
+            along = as_kind(study, RunGrid).amplitudes_of(frames[0])
         names = {"direction": list(study.directions)[directions]} if self._axis else {}
         return xarray.Dataset(
             {**given, **arrays},

@@ -15,7 +15,7 @@ from hpcsweep.store.commit import Blocks, Campaign
 from hpcsweep.store.layout import Layout
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.refine.audit import Look
-from hpcsweep.studies.refine.refinement import Refinement, Source
+from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import AUDIT, INFERRED, SOURCE, last_look
 from hpcsweep.studies.study import Variable
 
@@ -74,18 +74,28 @@ class Inferred:
         points : ndarray of int, shape (k,)
             Flat indices among all points, ascending, of those whose own checksum holds.
         labels : ndarray of uint64, shape (k, m)
-            See `Refinement.labels`.
+            See `hpcsweep.studies.growth.Growth`.
         """
         blocks = self._blocks
-        refinement: Refinement = blocks.study.refine
+        growth = blocks.study.growth
+        assert growth is not None
         first = int(np.ravel_multi_index((*place, 0), (*self._shape, self._n)))
-        points, labels = [], [refinement.no_labels]
+        points, labels = [], []
         for at in np.flatnonzero(blocks.read_rows("commit", (*place, 0), self._n)).tolist():
             rows = blocks.believed(blocks.study.block((*place, at)))
             if rows is not None:
                 points.append(first + at)
-                labels.append(refinement.labels(rows))
-        return np.array(points, int), np.concatenate(labels)
+                labels.append(growth.labels(rows))
+        found = np.concatenate(labels) if labels else np.zeros((0, 2), np.uint64)
+        return np.array(points, int), found
+
+    def agrees(self, place: Place, points: np.ndarray, audit: np.ndarray) -> bool:
+        """Return whether a frame is complete, with these points of all as the computed ones."""
+        rows = self.frame(place, audit)
+        if rows is None:
+            return False
+        computed = np.flatnonzero(np.isin(rows[SOURCE], (Source.COMPUTED, Source.AUDIT)))
+        return np.array_equal(computed, points % self._n)
 
     def unknown(self) -> list[Place]:
         """Return the frames without inferred values; none if the map is complete."""

@@ -26,6 +26,8 @@ from hpcsweep.store.commit import Blocks
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.blocks import Block, Place
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import Study, as_kind
 
 KEPT = 16
 """Blocks of an earlier file to cache: neighbours in a new grid come from the same one."""
@@ -58,7 +60,7 @@ class Earlier:
         self._study = layout.study
         old = self.layout.study
         for study in (old, self._study):
-            if not getattr(study.part((0,) * len(study.axes)), "grid_fields", ()):
+            if not study.grid_fields:
                 raise StoreError(
                     f"{path}: runs of {study.kind} depend on the whole job; nothing fits"
                 )
@@ -77,7 +79,8 @@ class Earlier:
 
     def rows(self, block: Block, start: np.ndarray) -> dict[str, np.ndarray] | str:
         """Return the rows of a block that starts from a state, or one of `REASONS`."""
-        part, inner = self._study.part_of(block)
+        own, inner = self._study.part_of(block)
+        part = as_kind(own, RunGrid)
         n_outer = len(block.place) - len(inner.place)
         place = self._part(block.place[:n_outer], part)
         if place is None:
@@ -86,7 +89,7 @@ class Earlier:
         if found is None:
             return NOT_IN_GRID
         direction, frame, first = found
-        old = self.layout.study.part(place)
+        old = as_kind(self.layout.study.part(place), RunGrid)
         rows: list[dict[str, np.ndarray]] = []
         at, end = first, first + inner.n_runs
         while at < end:
@@ -105,14 +108,14 @@ class Earlier:
         names = self._blocks.variables
         return {name: np.concatenate([each[name] for each in rows]) for name in names}
 
-    def _part(self, own: Place, part) -> Place | None:
+    def _part(self, own: Place, part: RunGrid) -> Place | None:
         if own not in self._of_part:
             self._of_part[own] = self._places.get(_key(part))
         return self._of_part[own]
 
-    def _find(self, place: Place, part, block: Block) -> tuple[int, int, int] | None:
+    def _find(self, place: Place, part: RunGrid, block: Block) -> tuple[int, int, int] | None:
         """Return the direction, the frame and the lowest amplitude of a block in the other grid."""
-        old = self.layout.study.part(place)
+        old = as_kind(self.layout.study.part(place), RunGrid)
         direction, frame, low = block.first
         name = part.directions[direction]
         if name not in old.directions:
@@ -125,7 +128,7 @@ class Earlier:
                 return old.directions.index(name), there, first
         return None
 
-    def _block_of(self, old, direction: int, frame: int, at: int) -> Block:
+    def _block_of(self, old: RunGrid, direction: int, frame: int, at: int) -> Block:
         """Return the block of a part of the other file that holds an amplitude."""
         count = old.n_amplitudes
         along = count - 1 - at if old.descends(direction) else at
@@ -192,11 +195,11 @@ def as_text(runs: Counter[str]) -> str:
     return line + (f"; computed: {', '.join(others)}" if others else "")
 
 
-def _key(study) -> str:
+def _key(study: Study) -> str:
     return repr(sorted(meaning_but_grid(study).items()))
 
 
-def _difference(old, new) -> str:
+def _difference(old: Study, new: Study) -> str:
     """Return in what the first parts of two jobs differ, apart from their grids."""
     place = (0,) * len(old.axes), (0,) * len(new.axes)
     there, here = meaning_but_grid(old.part(place[0])), meaning_but_grid(new.part(place[1]))

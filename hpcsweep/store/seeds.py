@@ -1,13 +1,17 @@
 """Periodic motions of results files, as the seeds of branches (`hpcsweep.studies.branches`)."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from hpcsweep.job import Job
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store.frames import Frames
-from hpcsweep.store.layout import Layout, StoreError
-from hpcsweep.studies.branches.seeds import Seed, Seeds, Where, set_reader
+from hpcsweep.store.layout import StoreError
+from hpcsweep.studies.branches.seeds import Seed, Seeds, Where
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 KINDS = ("motions", "attractors")
 """What files may hold."""
@@ -39,29 +43,9 @@ def read_seeds(paths: tuple[str, ...], where: Where) -> Seeds:
     return Seeds(list(periodic.values()), others)
 
 
-set_reader(read_seeds)
-
-
-def check_seeds(layout: Layout) -> None:
-    """Make sure, before a job begins, that it can read the results files it starts from.
-
-    Raises
-    ------
-    StoreError
-        If it cannot, or no line has any.
-    """
-    study = layout.study
-    if not study.has_seeds:
-        return
-    for place in np.ndindex(*(len(axis.values) for axis in study.axes)):
-        part = study.part(place)
-        lines = range(part.n_frames)
-        if not any(read_seeds(part.seeds, part.where(line)).periodic for line in lines):
-            low, high = part.span
-            raise StoreError(
-                f"{', '.join(part.seeds)}: no periodic motion for {part.parameter} from {low:g} to "
-                f"{high:g} at the frequencies and amplitudes of the job"
-            )
+def with_inputs(job: Job) -> Job:
+    """Return a job whose runs may start from motions of results files."""
+    return replace(job, study=job.study.with_reader(read_seeds))
 
 
 def _choose(frames: Frames, where: Where) -> None:
@@ -80,7 +64,7 @@ def _choose(frames: Frames, where: Where) -> None:
 
 def _motions(frames: Frames, where: Where) -> Iterator[tuple[float, float, dict]]:
     """Go through the motions of the part chosen: direction by direction within a frame."""
-    study = frames.study
+    study = as_kind(frames.study, RunGrid)
     names = tuple(variable.name for variable in frames.variables)
     for frame in range(study.n_frames):
         omega = float(study.omega[frame])

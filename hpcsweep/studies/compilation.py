@@ -17,6 +17,7 @@ from hpcsweep.kernels.compile.warm import load_all, missing, processors
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS, make_solver
 from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.study import Study
 
 SPECIALISED_FROM = 500_000
 """Least histories of a rank for which kernels are specialised to the structure. A history of the
@@ -123,12 +124,12 @@ def warm_up_branches(structure: Structure, say: Callable[[str], None] | None = N
     _load(_branch_kernels(structure), say, kernels="kernels of branches")
 
 
-def worth_specialising(study: Any, n_ranks: float | None) -> bool:
+def worth_specialising(study: Study, n_ranks: float | None) -> bool:
     """Return whether the histories of a study on `n_ranks` repay kernels of their own."""
     if n_ranks is None or study.settings.solver != "flow":
         return False
-    histories = study.n_runs * study.polls_per_run
-    if getattr(study, "refine", None) is not None:
+    histories = float(study.n_runs * study.polls_per_run)
+    if study.growth is not None:
         histories *= REFINED_SHARE
     return histories >= SPECIALISED_FROM * n_ranks
 
@@ -151,11 +152,6 @@ def _load(
     """Compile kernels, or load them from the disk, and tell the progress."""
     tell = None if say is None else announced(say, kernels)
     load_all(needed, tell, processors() if jobs is None else jobs)
-
-
-def settings_of(study: Any) -> SweepSettings:
-    """Return the settings with all metrics that the runs of a study compute."""
-    return replace(study.settings, metrics=study.settings.metrics | study.always)
 
 
 def kernel_set(settings: SweepSettings, structure: Structure) -> tuple:

@@ -172,12 +172,6 @@ class RunGrid(RunReport, Part):
         del frame
         return self.amplitude
 
-    def tasks_of(self, frame: int) -> list[int]:
-        """Return the tasks that have runs of a frame."""
-        direction, number = np.indices((len(self.directions), self.n_blocks))
-        tasks = self.task_of(direction, np.full_like(direction, frame), number)
-        return np.unique(tasks).tolist()
-
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
@@ -295,22 +289,27 @@ class RunGrid(RunReport, Part):
         return compute_again(self, block, row, run, start)
 
     @property
+    def _all_settings(self) -> SweepSettings:
+        """Settings with all metrics that the runs compute."""
+        return replace(self.settings, metrics=self.settings.metrics | self.always)
+
+    @property
     def kernels(self) -> tuple:
         """What identifies the kernels that its runs call."""
-        from hpcsweep.studies.compilation import kernel_set, settings_of
+        from hpcsweep.studies.compilation import kernel_set
 
-        return kernel_set(settings_of(self), self.structure)
+        return kernel_set(self._all_settings, self.structure)
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled, settings_of, worth_specialising
+        from hpcsweep.studies.compilation import is_compiled, worth_specialising
 
-        return is_compiled(settings_of(self), self.structure, worth_specialising(self, n_ranks))
+        return is_compiled(self._all_settings, self.structure, worth_specialising(self, n_ranks))
 
     def warm_up(
         self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
     ) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import settings_of, warm_up, worth_specialising
+        from hpcsweep.studies.compilation import warm_up, worth_specialising
 
-        warm_up(settings_of(self), say, None, self.structure, worth_specialising(self, n_ranks))
+        warm_up(self._all_settings, say, None, self.structure, worth_specialising(self, n_ranks))

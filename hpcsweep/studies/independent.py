@@ -6,12 +6,20 @@ import numpy as np
 
 from hpcsweep.studies.blocks import Block, Path
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.refine.growth import MapGrowth
+from hpcsweep.studies.refine.refinement import Refinement
 
 
 class IndependentRuns(RunGrid):
     """A grid of runs without a path: every block is a task, each run starts afresh."""
 
     is_path: ClassVar[bool] = False
+    refine: Refinement | None = None
+
+    @property
+    def growth(self) -> MapGrowth | None:
+        """How its map grows; None if all runs are computed."""
+        return None if self.refine is None else MapGrowth(self, self.refine, self.map_axes)
 
     @property
     def map_axes(self) -> dict[str, np.ndarray]:

@@ -11,11 +11,14 @@ is a module in this folder and an entry in `hpcsweep.studies.kinds`.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, BlockTable, Place
+from hpcsweep.studies.growth import Growth
+from hpcsweep.studies.settings import SweepSettings
 
 Amplitudes = Sequence[float] | np.ndarray
 """In the order in which they are computed, shape (k,)."""
@@ -93,30 +96,63 @@ class Work(Protocol):
     A block's results are arrays by variable name, first axis its runs in file order.
     """
 
-    n_tasks: int
-    n_runs: int
-    polls_per_run: int
-    """Times that a run calls its `poll`, at least."""
-    initial_state: np.ndarray
-    """State from which the first run of every task starts, shape (2n,)."""
-    carried: tuple[str, ...]
-    """Variables that hold the start of the next run."""
+    @property
+    def n_tasks(self) -> int:
+        """Number of tasks."""
+
+    @property
+    def n_runs(self) -> int:
+        """Number of runs."""
+
+    @property
+    def block_size(self) -> int:
+        """Most runs of a block."""
+
+    @property
+    def polls_per_run(self) -> int:
+        """Times that a run calls its `poll`, at least."""
+
+    @property
+    def grid_fields(self) -> tuple[str, ...]:
+        """Fields that say which runs there are; empty where a run depends on all of the job."""
+
+    @property
+    def growth(self) -> Growth | None:
+        """How it grows, round by round; None if all runs are computed."""
+
+    @property
+    def initial_state(self) -> np.ndarray:
+        """State from which the first run of every task starts, shape (2n,)."""
+
+    @property
+    def starts_at_rest(self) -> bool:
+        """Whether runs start from static equilibrium, whatever `initial_state` is."""
+
+    @property
+    def carried(self) -> tuple[str, ...]:
+        """Variables that hold the start of the next run."""
 
     def path(self, task: int) -> Sequence[Block]:
         """Return the blocks of a task in the order of computation."""
-        ...
 
     def block(self, place: Place) -> Block:
         """Return the block with an index in ``commit``."""
-        ...
 
     def table(self) -> BlockTable:
         """Describe all blocks at once."""
-        ...
+
+    def with_reader(self, reader: Callable) -> "Study":
+        """Return the study with what reads the results files that its runs start from.
+
+        Without it no run is computed that starts from a motion of a file. Called with paths and a
+        `branches.seeds.Where`; returns `branches.seeds.Seeds`.
+        """
+
+    def missing_inputs(self) -> str:
+        """Return what these files do not hold though runs need it; '' if nothing."""
 
     def predecessor(self, block: Block, row: int) -> Place | None:
         """Return the index of the run from whose end state a run starts; None: `initial_state`."""
-        ...
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
         """Return the state from which the run after one of the rows starts.
@@ -124,17 +160,14 @@ class Work(Protocol):
         Made of the variables `carried`: the end state, or whatever else the study carries along its
         path; a finite one-dimensional array, stored completely in the file.
         """
-        ...
 
     def compute(
         self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
     ) -> dict[str, np.ndarray]:
         """Compute a block from the present state of its path."""
-        ...
 
     def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
         """Return the broken invariants of runs: (row, message)."""
-        ...
 
     def time_runs(
         self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
@@ -148,24 +181,16 @@ class Work(Protocol):
         n_runs : int
         seconds : float
         """
-        ...
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> Any:
         """Compute a complete stored run again, another way: a `recompute.RunAgain`."""
-        ...
 
 
 class Compiled(Protocol):
     """Kernels that the runs of a study call."""
 
-    @property
-    def kernels(self) -> tuple:
-        """What identifies them; empty: all of the kind call the same."""
-        ...
-
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call; see `warm_up`."""
-        ...
 
     def warm_up(
         self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
@@ -175,88 +200,113 @@ class Compiled(Protocol):
         With `n_ranks`, for all of its runs on that many ranks, or that share of one: where it
         pays, kernels are specialised to the structure.
         """
-        ...
 
 
 class Data(Protocol):
     """Contents of the file: variables along axes, by name."""
 
-    holds: str
-    """``motions``, one a run, ``attractors``, several, or ``responses`` to records."""
-    axes: tuple[Axis, ...]
-    """Keys that are varied, the first dimensions of the file; see `hpcsweep.studies.vary`."""
-    run_dims: tuple[str, ...]
-    """Dimensions of a run."""
-    has_seeds: bool
-    """Whether its runs start from motions of results files."""
-    commit: Variable
-    """Checksums of the blocks."""
-    structure: Any
-    """Of the first part."""
-    settings: Any
+    @property
+    def holds(self) -> str:
+        """``motions``, one a run, ``attractors``, several, or ``responses`` to records."""
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Keys that are varied, the first dimensions of the file; see `hpcsweep.studies.vary`."""
+
+    @property
+    def run_dims(self) -> tuple[str, ...]:
+        """Dimensions of a run."""
+
+    @property
+    def is_list(self) -> bool:
+        """Whether each frame has one amplitude of its own."""
+
+    @property
+    def frame_dim(self) -> str:
+        """Dimension of the frames, one of `run_dims`."""
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        """Values of the dimension ``direction``; empty if runs have none."""
+
+    @property
+    def commit(self) -> Variable:
+        """Checksums of the blocks."""
+
+    @property
+    def structure(self) -> Structure:
+        """Structure, that of the first part."""
+
+    @property
+    def settings(self) -> SweepSettings:
+        """How runs are computed."""
 
     @property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
-        ...
 
     @property
     def dimensions(self) -> dict[str, int]:
         """Size of every dimension."""
-        ...
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
-        ...
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known in advance, with their values."""
-        ...
+
+    @property
+    def n_parts(self) -> int:
+        """Number of points of `axes`."""
+
+    def describe_part(self, place: Place) -> str:
+        """Describe a part by the values of `axes`; empty where there are none."""
 
     def part(self, place: Place) -> "Study":
         """Return the study at an index of `axes`: the study itself where there are none."""
-        ...
 
     def part_of(self, block: Block) -> tuple["Study", Block]:
         """Return the part to which a block belongs, and the block with its index there."""
-        ...
 
 
 class Report(Protocol):
     """Descriptions of a study and its runs for users."""
 
-    kind: str  # name in job files
-    run_noun: str
-    """Noun for a run."""
-    n_frames: int
-    """Sweeps over the last axis, of each direction."""
-    status_variables: tuple[str, ...]
-    """Variables of `count`."""
+    @property
+    def kind(self) -> str:
+        """Name in job files."""
+
+    @property
+    def run_noun(self) -> str:
+        """Noun for a run."""
+
+    @property
+    def n_frames(self) -> int:
+        """Sweeps over the last axis, of each direction."""
+
+    @property
+    def status_variables(self) -> tuple[str, ...]:
+        """Variables of `count`."""
 
     def lines(self) -> Iterable[str]:
         """List, before anything is computed, what drives the structure."""
-        ...
 
     def warnings(self) -> Iterable[str]:
         """Return one line for each thing there that looks like a mistake."""
-        ...
 
     def describe(self, run: Place) -> dict[str, Any]:
         """Describe a run by its dimensions: ``record``, ``scale``, say; the values of `axes`."""
-        ...
 
     def describe_task(self, task: int) -> str:
         """Describe a task by its frequency and other properties."""
-        ...
 
     def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Return the motions of a run, each as the variables of a run of a sweep.
 
         One that is not at the run's own place has its ``omega``, ``amplitude`` or ``structure``.
         """
-        ...
 
     def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
         """Count, for ``status``, what only this kind of study reports.
@@ -267,12 +317,19 @@ class Report(Protocol):
         runs : dict of str to ndarray
             The variables `status_variables`, ``outcome`` and ``cycles``.
         """
-        ...
 
     def tally(self) -> Any:
         """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
-        ...
 
 
 class Study(Work, Compiled, Data, Report, Protocol):
     """What `store`, `campaign` and `checks` need of a study."""
+
+
+Kind = TypeVar("Kind")
+
+
+def as_kind(study: object, kind: type[Kind]) -> Kind:
+    """Return a study that is known to be of a kind."""
+    assert isinstance(study, kind)
+    return study

@@ -7,7 +7,7 @@ are equal, to the last bit, to those of a job of its own.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -17,6 +17,7 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.studies.blocks import Block, BlockTable, Path, Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.recompute import RunAgain
+from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.study import Axis, Coordinate, Variable
 
 PARTS_KEPT = 64
@@ -34,11 +35,15 @@ class Varied:
     axes : tuple of Axis
     make : callable
         Return the part at an index.
+    reader : callable, optional
+        See `with_reader`.
     """
 
     base: RunGrid
     axes: tuple[Axis, ...]
     make: Callable[[Place], RunGrid]
+
+    reader: Callable | None = None
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that all parts share, one of `SHARED`."""
@@ -111,6 +116,20 @@ class Varied:
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         return {axis.name: axis.coordinate for axis in self.axes} | self.base.coordinates
+
+    @property
+    def growth(self) -> MapGrowth | None:
+        """How its map grows; None if all runs are computed."""
+        growth = self.base.growth
+        return growth.of_whole(self) if isinstance(growth, MapGrowth) else None
+
+    def with_reader(self, reader: Callable) -> "Varied":
+        """Return the study with what reads the results files that its runs start from."""
+        return replace(self, base=self.base.with_reader(reader), reader=reader)
+
+    def missing_inputs(self) -> str:
+        """Return what these files do not hold though runs need it; '' if nothing."""
+        return next(filter(None, (self.part(at).missing_inputs() for at in self.places())), "")
 
     def places(self) -> Sequence[Place]:
         """Return the indices of all parts, in task order."""
@@ -252,8 +271,8 @@ SHARED = frozenset(
         *("kind", "holds", "run_noun", "settings"),
         "initial_state",
         *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
-        *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words", "refine"),
-        *("frame_dim", "has_seeds", "lines", "warnings"),
+        *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words"),
+        *("grid_fields", "frame_dim", "starts_at_rest", "lines", "warnings"),
         *("suite", "scale", "measure", "gravity", "storey_height"),
     )
 )
@@ -262,7 +281,8 @@ SHARED = frozenset(
 
 @lru_cache(maxsize=PARTS_KEPT)
 def _part(study: Varied, place: Place) -> RunGrid:
-    return study.make(place)
+    part = study.make(place)
+    return part if study.reader is None else part.with_reader(study.reader)
 
 
 def _picks_kernels(key: str) -> bool:

@@ -17,6 +17,7 @@ BREACHES = {
     "Only figures imports matplotlib": ("campaign/summary.py", "import matplotlib.pyplot"),
     "Only kernels imports numba": ("solvers/bdf.py", "import numba"),
     "The numerical core sees no path": ("studies/sweep/runs.py", "import pathlib"),
+    "A campaign does not ask": ("campaign/queue.py", "from hpcsweep.studies import refine"),
     "The rooms of the studies": ("studies/grid.py", "from hpcsweep.studies import sweep"),
     "The rooms of the flow map": (
         "solvers/flow/state/state.py",

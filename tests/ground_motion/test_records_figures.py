@@ -8,10 +8,10 @@ import pytest
 from tools import RECORDS, hpcsweep
 
 from hpcsweep import open_results, response, synthetic_records
-from hpcsweep.campaign.stripes import RESPONSES, StripesError, fit, stripes_of
 from hpcsweep.figures.options import figures
 from hpcsweep.job import parse_job
 from hpcsweep.solvers.response import history
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, StripesError, fit, stripes_of
 
 SCALES = '{by = "sa", period = 0.5, from = 0.5, to = 20.0, count = 20}'
 TEXT = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', SCALES).replace(

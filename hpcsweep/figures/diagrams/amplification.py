@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.stripes import stripes_of
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import series_colour
 from hpcsweep.figures.style import PlotError, head, job_of, new_figure, save
+from hpcsweep.studies.ground_motion.stripes import stripes_of
 
 NAME = "pounding"
 DRAWS = "responses"

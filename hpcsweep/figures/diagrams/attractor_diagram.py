@@ -23,6 +23,7 @@ from hpcsweep.figures.style import (
     save,
     structure_of,
 )
+from hpcsweep.studies.attractors.attractors import Attractors
 from hpcsweep.studies.starting_range import starting_range
 
 NAME = "attractors"
@@ -101,7 +102,7 @@ def motions_of(frame) -> np.ndarray:
     return np.where(frame["attractor_id"].values > 0, index, -1)
 
 
-def starts_words(study) -> str:
+def starts_words(study: Attractors) -> str:
     """Format the number of starts of a point, and where they lie."""
     box = [line.replace("omega_0", WORD) for line in starting_range(study)]
     where = " and ".join(box) if len(box) <= MOST_RANGES else "a box, each floor its own range"

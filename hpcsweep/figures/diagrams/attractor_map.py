@@ -41,7 +41,7 @@ def load(frames, sweep: Path | None = None, cells: bool | None = None):
     results = results.assign_attrs(frames.audit())
     if sweep is None:
         return results
-    from hpcsweep.campaign.missed import missed_attractors
+    from hpcsweep.figures.missed import missed_attractors
 
     return results.assign({MISSED: (("omega", "amplitude"), missed_attractors(frames, sweep))})
 

@@ -29,6 +29,7 @@ from hpcsweep.figures.style import (
     save,
     set_names,
 )
+from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.refine.variables import SOURCE
 
 NAME = "basins"
@@ -107,7 +108,7 @@ def draw(results, path: Path, cells: bool | None = None) -> None:
     save(figure, path)
 
 
-def _legend(figure, study, keys: list, index: np.ndarray) -> None:
+def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
     """Put the attractors with their shares of the starts, and a title, below the panel."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -150,7 +151,7 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
     return found
 
 
-def _mark(axis, study, point: np.ndarray, colour: str) -> None:
+def _mark(axis, study: SliceGrid, point: np.ndarray, colour: str) -> None:
     """Mark a point of an attractor; beyond the slice's rectangle by a triangle at its edge."""
     x, y = (float(point[component]) for component in study.components)
     left, right = study.horizontal[[0, -1]]
@@ -173,7 +174,7 @@ def _label(structure, component: int) -> str:
     return velocity(structure, component - n, at)
 
 
-def _rest(study) -> str:
+def _rest(study: SliceGrid) -> str:
     """Format the components that all starts share."""
     names = study.coordinates["state"].values
     state = study.initial_state

@@ -14,6 +14,9 @@ from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
 from hpcsweep.figures.overlay import Drawn, branches_of, run_of
 from hpcsweep.figures.palette import DARK_INK, MOTION_COLOURS
 from hpcsweep.figures.style import PlotError, head, new_figure, parameters, save
+from hpcsweep.studies.branches.branches import Branches
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 NAME = "branches"
 DRAWS = "branches"
@@ -47,14 +50,14 @@ class Read(NamedTuple):
     line: Any
     branches: list[Drawn]
     runs: Any
-    study: Any
+    study: Branches
 
 
 def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
     """Read a line, and the runs of a sweep at its frequency."""
     from hpcsweep.store import Frames
 
-    study = frames.study
+    study = as_kind(frames.study, Branches)
     if line >= study.n_frames:
         raise PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
     runs = None
@@ -63,7 +66,7 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
             raise PlotError(f"--sweep {sweep}: goes with branches of the amplitude alone")
         held = Frames(sweep)
         try:
-            there = np.flatnonzero(held.study.omega == study.omega[line])
+            there = np.flatnonzero(as_kind(held.study, RunGrid).omega == study.omega[line])
             if not there.size or "poincare" not in held:
                 what = f"has no stroboscopic points at Omega = {study.omega[line]:g}"
                 raise PlotError(f"--sweep {sweep}: {what}")
@@ -107,7 +110,7 @@ def draw(
     save(figure, path)
 
 
-def _label(study, structure) -> str:
+def _label(study: Branches, structure) -> str:
     if study.parameter == "amplitude":
         return amplitude(structure)
     return frequency(structure) if study.parameter == "omega" else study.parameter

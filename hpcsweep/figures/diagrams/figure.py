@@ -74,7 +74,10 @@ class Figure(Protocol):
 def load_frame(frames: "Frames", omega: float | None = None, **_options):
     """Read the frame nearest to a frequency, default the first."""
     from hpcsweep.figures.style import check_omega, nearest_frame
+    from hpcsweep.studies.grid import RunGrid
+    from hpcsweep.studies.study import as_kind
 
+    omegas = as_kind(frames.study, RunGrid).omega
     if omega is not None:
-        check_omega(frames.study.omega, omega)
-    return frames.gather([*frames], [nearest_frame(frames.study.omega, omega)])
+        check_omega(omegas, omega)
+    return frames.gather([*frames], [nearest_frame(omegas, omega)])

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.stripes import StripesError, capacities, fit
 from hpcsweep.earthquakes.stripes import Capacity, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import STOP, series_colour
 from hpcsweep.figures.style import PlotError, head, new_figure, save
+from hpcsweep.studies.ground_motion.stripes import StripesError, capacities, fit
 
 NAME = "fragility"
 DRAWS = "responses"

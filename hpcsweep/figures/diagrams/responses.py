@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from hpcsweep.campaign.stripes import RESPONSES, Stripes, StripesError, stripes_of
 from hpcsweep.figures.labels import unit
 from hpcsweep.figures.options import Option
 from hpcsweep.figures.style import PlotError, job_of
+from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
 
 RESPONSE = Option(
     "--response",
@@ -90,7 +91,7 @@ def record_index(results, record: str | None) -> int:
     return names.index(record)
 
 
-def samples_of(study, i: int):
+def samples_of(study: Records, i: int):
     """Return the samples of a record of a study.
 
     Raises
@@ -112,7 +113,7 @@ def buildings(names) -> dict[str, list[int]]:
     return found
 
 
-def at_scale(study, place: int) -> str:
+def at_scale(study: Records, place: int) -> str:
     """Write the intensity at one place of the scales."""
     quantity = study.measure.quantity
     named = unit(study.structure, quantity).strip(" []") if quantity != "1" else ""

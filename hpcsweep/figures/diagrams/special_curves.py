@@ -7,6 +7,8 @@ import numpy as np
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures.overlay import Overlay
 from hpcsweep.figures.palette import GRAZING, series_colour
+from hpcsweep.studies.branches.branches import Branches
+from hpcsweep.studies.study import as_kind
 
 MARKS = {
     Kind.FOLD: ("fold", "o", series_colour(1)),
@@ -30,7 +32,7 @@ def with_specials(results, path: Path, structure):
     """
     held = Overlay(path, structure)
     try:
-        study = held.study
+        study = as_kind(held.study, Branches)
         names = (*SPECIALS, *(CURVES if study.curves else ()))
         lines = held.frames.gather(names)
     finally:

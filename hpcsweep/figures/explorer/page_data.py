@@ -15,6 +15,8 @@ from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 POINT_BUDGET = 30_000_000
 """Most displacements of the orbit diagrams in a page, unless the points of a run are set."""
@@ -107,7 +109,7 @@ def gather(
     from hpcsweep.store import Frames, Grid
 
     reader = Frames(path, ("motions", "attractors"), at)
-    study, grid = reader.study, Grid(reader)
+    study, grid = as_kind(reader.study, RunGrid), Grid(reader)
     rows = range(0, grid.omega.size, frame_step)
     _check_cells(path, len(rows), grid)
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions

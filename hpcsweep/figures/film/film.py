@@ -24,6 +24,8 @@ from hpcsweep.figures.measures import LABELS, measure_of
 from hpcsweep.figures.overlay import Overlay
 from hpcsweep.figures.style import PlotError, need_amplitudes, parameters
 from hpcsweep.store import Frames
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 PIECE = 40
 """Frames of one segment."""
@@ -90,7 +92,7 @@ def _check_branches(request: Request, frames: Frames) -> None:
         raise PlotError(f"--branches {request.branches}: does not go with --show")
     overlay = Overlay(Path(str(request.branches)), frames.job.structure)
     try:
-        overlay.need(np.sort(frames.job.study.omega)[:: request.every])
+        overlay.need(np.sort(as_kind(frames.study, RunGrid).omega)[:: request.every])
     finally:
         overlay.close()
 
@@ -192,7 +194,8 @@ def _scene(film: Film, found: Found) -> Scene:
     request, job = film.request, film.frames.job
     assert found.low is not None, "no run is complete"
     assert found.high is not None, "no run is complete"
-    omegas = job.study.omega[sorted(found.richness)]
+    study = as_kind(job.study, RunGrid)
+    omegas = study.omega[sorted(found.richness)]
     low, high = float(omegas.min()), float(omegas.max())
     marks = tuple(
         (float(w), rf"$\omega_{{{i}}}$")
@@ -204,13 +207,13 @@ def _scene(film: Film, found: Found) -> Scene:
         title, length = f"{film.measure.label};  {title}", film.measure.unit
     return Scene(
         title=title,
-        amplitude=job.study.amplitude,
+        amplitude=study.amplitude,
         omega=(low, high),
         marks=marks,
         low=found.low,
         high=found.high,
         directions=tuple(film.directions),
-        words=tuple(job.study.words[name] for name in film.directions),
+        words=tuple(study.words[name] for name in film.directions),
         color=request.color,
         motions=tuple(sorted(found.motions)),
         contacts=tuple(sorted(found.contacts, key=lambda c: (-found.contacts[c], c))),

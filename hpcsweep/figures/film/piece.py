@@ -17,6 +17,8 @@ from hpcsweep.figures.palette import motion_index
 from hpcsweep.figures.style import classes_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 VARIABLES = ("orbit_period", "outcome")
 
@@ -106,10 +108,11 @@ class Film:
             self.measure = measure_of(self.frames.dataset(0), job.structure, request.show)
         contact = ("contact",) if "contact" in self.frames else ()
         self.variables = (request.show or "poincare", *VARIABLES, *contact)
-        wanted = job.study.directions if request.direction == "both" else (request.direction,)
-        self.rows = [job.study.directions.index(name) for name in wanted]
+        study = as_kind(job.study, RunGrid)
+        wanted = study.directions if request.direction == "both" else (request.direction,)
+        self.rows = [study.directions.index(name) for name in wanted]
         self.directions = wanted
-        self.order = [int(k) for k in np.argsort(job.study.omega, kind="stable")[:: request.every]]
+        self.order = [int(k) for k in np.argsort(study.omega, kind="stable")[:: request.every]]
         n = len(self.measure.places) if self.measure else job.structure.n_floors
         self.floors = choose_floors(n, request.floors)
         self.overlay = Overlay(request.branches, job.structure) if request.branches else None
@@ -156,7 +159,7 @@ class Film:
         """Paint one frame; shape (height, width, 4)."""
         if self.painter is None:
             self.painter = Painter(scene)
-        omega = float(self.frames.job.study.omega[frame])
+        omega = float(as_kind(self.frames.study, RunGrid).omega[frame])
         branches = self.overlay.at(omega) if self.overlay else []
         return self.painter.paint(omega, self.read(frame), branches)
 

@@ -11,9 +11,9 @@ files and the job alone.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from hpcsweep.studies.branches.keys import (
     seeds_of,
     span_of,
 )
-from hpcsweep.studies.branches.seeds import Where
+from hpcsweep.studies.branches.seeds import Reader, Seeds, Where
 from hpcsweep.studies.branches.tally import BranchTally
 from hpcsweep.studies.branches.variables import (
     COMMIT,
@@ -80,6 +80,8 @@ class Branches(IndependentRuns):
         Lowest and highest frequency of curves.
     max_curves, max_curve_points : int
         Room of a line; of meetings an eighth of `max_curve_points`.
+    reader : callable, optional
+        Reads the results files; no part of what the study means.
     """
 
     seeds: tuple[str, ...]
@@ -94,6 +96,7 @@ class Branches(IndependentRuns):
     seed: int = 0
     curves: tuple[str, ...] = ()
     curve_span: tuple[float, float] | None = None
+    reader: Reader | None = field(default=None, compare=False, repr=False)
     max_curves: int = 256
     max_curve_points: int = 5000
 
@@ -110,7 +113,6 @@ class Branches(IndependentRuns):
         "sweep": ("omega", "frequency", "amplitude"),
     }
     default_block: ClassVar[int] = 1
-    has_seeds: ClassVar[bool] = True
     frame_dim: ClassVar[str] = "line"
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
@@ -181,6 +183,25 @@ class Branches(IndependentRuns):
             self.structure,
             along.get("omega", (omega, omega)),
             along.get("amplitude", (amplitude, amplitude)),
+        )
+
+    def with_reader(self, reader: Callable) -> Self:
+        """Return the study with what reads the results files."""
+        return replace(self, reader=reader)
+
+    def seeds_of(self, line: int) -> Seeds:
+        """Return the motions of the files from which the branches of a line are followed."""
+        assert self.reader is not None
+        return self.reader(self.seeds, self.where(line))
+
+    def missing_inputs(self) -> str:
+        """Return that no line has a seed; '' if one has."""
+        if any(self.seeds_of(line).periodic for line in range(self.n_frames)):
+            return ""
+        low, high = self.span
+        return (
+            f"{', '.join(self.seeds)}: no periodic motion for {self.parameter} from {low:g} to "
+            f"{high:g} at the frequencies and amplitudes of the job"
         )
 
     @property

@@ -15,7 +15,7 @@ from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.branches.curves import store_curves
-from hpcsweep.studies.branches.seeds import Seed, Seeds, read_seeds
+from hpcsweep.studies.branches.seeds import Seed, Seeds
 from hpcsweep.studies.branches.variables import End, Origin, Reason
 
 REACH = 0.01
@@ -38,7 +38,7 @@ def line_of(study, line: int, poll: Callable[[], None] | None = None) -> dict[st
         The variables of the study, first axis of size 1.
     """
     omega, amplitude = float(study.omega[line]), float(study.amplitude[line])
-    seeds = read_seeds(study.seeds, study.where(line))
+    seeds = study.seeds_of(line)
     forced = ForcedMap(
         study.structure, amplitude, omega, study.parameter, study.settings.rtol, poll
     )

@@ -1,7 +1,4 @@
-"""Motions of results files as seeds of branches.
-
-A study sees no file: `hpcsweep.store.seeds` reads them, and says so here when it is imported.
-"""
+"""Motions of results files as seeds of branches, which are read by `hpcsweep.store.seeds`."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -59,15 +56,4 @@ class Seeds(NamedTuple):
 
 
 Reader = Callable[[tuple[str, ...], Where], Seeds]
-_reader: list[Reader] = []
-
-
-def set_reader(reader: Reader) -> None:
-    """Say who reads results files."""
-    _reader[:] = [reader]
-
-
-def read_seeds(paths: tuple[str, ...], where: Where) -> Seeds:
-    """Read the motions of results files."""
-    (reader,) = _reader
-    return reader(paths, where)
+"""Reads the motions of results files."""

@@ -96,6 +96,7 @@ class Records(Part):
     is_list: ClassVar[bool] = False
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     polls_per_run: ClassVar[int] = 1
+    starts_at_rest: ClassVar[bool] = True
     kernels: ClassVar[tuple] = ()
 
     @classmethod
@@ -202,10 +203,6 @@ class Records(Part):
             (one, np.array([getattr(facts, one.name) for facts in self.suite])) for one in FACTS
         ]
         return [*facts, (FACTOR, self.factor), *storey_heights(self.structure)]
-
-    def tasks_of(self, frame: int) -> list[int]:
-        """Return the one task of a record."""
-        return [frame]
 
     def path(self, task: int) -> Sequence[Block]:
         """Return the blocks of a record."""

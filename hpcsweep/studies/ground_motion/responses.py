@@ -29,7 +29,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from hpcsweep.earthquakes.suite import digest_of
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -109,7 +108,7 @@ class Responses:
 
     def rows(self, record: Record, factors: np.ndarray, poll: Poll = None) -> dict[str, np.ndarray]:
         """Compute responses to a record at scales, by variable name; first axis scales."""
-        digest = digest_of(record)
+        digest = record.digest
         free, alone, first = self._free(record, digest)
         told: dict[str, list] = {"outcome": [], "skip_rule": []}
         found = []

@@ -7,6 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.study import Study
 
 LABELS = {
     "class": ("motion", "orbit_period"),
@@ -66,11 +67,6 @@ class Refinement:
     def variables(self) -> list[str]:
         """Variables in which points must agree."""
         return list(dict.fromkeys(variable for name in self.on for variable in LABELS[name]))
-
-    @property
-    def no_labels(self) -> np.ndarray:
-        """`labels` of no runs."""
-        return np.zeros((0, 2 + len(self.variables)), np.uint64)
 
     def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
         """Return the labels of k runs, shape (k, 2 + len(variables)).
@@ -149,28 +145,11 @@ def _curves(values, given: Mapping, known: tuple[str, ...]) -> tuple[str, ...]:
     return listed
 
 
-def refinement_of(study) -> Refinement | None:
+def refinement_of(study: Study) -> Refinement | None:
     """Return the refinement of a study's map; None if all of its runs are computed."""
-    return getattr(study, "refine", None)
+    return getattr(study.growth, "refinement", None)
 
 
-def not_refinable(study) -> str:
-    """Return why the points of a map have no neighbours and cannot be refined; '' if they can."""
-    if refinement_of(study) is None:
-        return ""
-    if study.axes and "attractor" in study.refine.on:
-        key = f"vary.{study.axes[0].key}"
-        return f"study.refine: does not go with {key}: each slice numbers its attractors anew"
-    axes: dict = {f"vary.{axis.key}": axis.values for axis in study.axes}
-    axes |= study.part((0,) * len(study.axes)).map_axes
-    for key, values in axes.items():
-        numbers = np.asarray(values)
-        finite = numbers.dtype.kind in "if" and bool(np.isfinite(numbers).all())
-        if not finite or numbers.size < 2 or np.any(np.diff(numbers) <= 0):
-            return f"study.refine: {key} must have two finite numbers or more, which ascend"
-    return ""
-
-
-def map_shape(study) -> tuple[int, ...]:
+def map_shape(study: Study) -> tuple[int, ...]:
     """Return the number of points of every axis of a map: varied keys, frames, runs of a frame."""
     return tuple(study.dimensions[dim] for dim in study.run_dims if dim != "direction")

@@ -4,9 +4,9 @@ import numpy as np
 
 from hpcsweep.studies.refine.audit import MOST_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
-from hpcsweep.studies.refine.refinement import Source, map_shape, refinement_of
+from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape, refinement_of
 from hpcsweep.studies.refine.rounds import Rounds
-from hpcsweep.studies.study import Coordinate, Variable
+from hpcsweep.studies.study import Coordinate, Study, Variable
 from hpcsweep.studies.variables import numbered
 
 SOURCE, CELL, CROSSED = "source", "cell", "crossed"
@@ -26,7 +26,7 @@ def inferred_name(variable: str) -> str:
     return f"inferred_{variable}"
 
 
-def derived_variables(study) -> list[Variable]:
+def derived_variables(study: Study) -> list[Variable]:
     """Return the variables of a refined map besides its runs, checksums last; else []."""
     refinement = refinement_of(study)
     if refinement is None:
@@ -54,7 +54,7 @@ def derived_variables(study) -> list[Variable]:
     ]
 
 
-def derived_coordinates(study) -> dict[str, Coordinate]:
+def derived_coordinates(study: Study) -> dict[str, Coordinate]:
     """Return the dimensions of refined maps alone."""
     if refinement_of(study) is None:
         return {}
@@ -64,7 +64,9 @@ def derived_coordinates(study) -> dict[str, Coordinate]:
     }
 
 
-def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarray]:
+def derived_values(
+    study: Study, refinement: Refinement, rounds: Rounds, labels: Labels
+) -> dict[str, np.ndarray]:
     """Return the variables of a complete map, without the checksums.
 
     Returns
@@ -74,7 +76,7 @@ def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarra
         same for all of them, of shape (n_frames, ...).
     """
     level, code = rounds.inferred()
-    names = study.refine.variables
+    names = refinement.variables
     values = {SOURCE: np.where(level != 0, np.int8(Source.INFERRED), rounds.source), CELL: level}
     codes = np.zeros((len(labels.codes) + 1, 1 + len(names)), np.uint64)
     codes[1:] = labels.codes
@@ -84,20 +86,20 @@ def derived_values(study, rounds: Rounds, labels: Labels) -> dict[str, np.ndarra
         values[CROSSED] = np.pad(rounds.crossed, [(0, 1)] * rounds.crossed.ndim).ravel()
     audit = np.full((MOST_LOOKS, len(QUANTITIES)), np.nan)
     audit[: len(rounds.looks)] = rounds.looks
-    if getattr(study, "listed_variables", []):
-        listed = study.listed_values()
-        values |= {n: np.broadcast_to(v, (study.n_frames, *v.shape)) for n, v in listed.items()}
+    listed: dict[str, np.ndarray] = getattr(study, "listed_values", dict)()
+    values |= {n: np.broadcast_to(v, (study.n_frames, *v.shape)) for n, v in listed.items()}
     return {**values, AUDIT: audit}
 
 
 def replay(
-    study, labels: Labels, crossed: np.ndarray | None = None
+    study: Study, refinement: Refinement, labels: Labels, crossed: np.ndarray | None = None
 ) -> dict[str, np.ndarray] | None:
     """Return `derived_values` of a map whose rounds are all known; None if a point is missing.
 
     Parameters
     ----------
     study : Study
+    refinement : Refinement
     labels : Labels
     crossed : ndarray, optional
         The variable of the map, in any shape; required if the job names curves.
@@ -105,11 +107,11 @@ def replay(
     shape, boxes = map_shape(study), None
     if crossed is not None:
         boxes = crossed.reshape(shape)[(slice(-1),) * len(shape)] != 0
-    rounds = Rounds(shape, study.refine, labels, boxes)
+    rounds = Rounds(shape, refinement, labels, boxes)
     for points in rounds:
         if not labels.known[points].all():
             return None
-    return derived_values(study, rounds, labels)
+    return derived_values(study, refinement, rounds, labels)
 
 
 def last_look(audit: np.ndarray) -> Look | None:

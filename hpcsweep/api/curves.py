@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.api.branches import MOST_STEPS, orbit_variables, values_of
+from hpcsweep.api.levels import first_at, measure_of
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.cycle import NotConvergedError
 from hpcsweep.dynamics.continuation.events import Kind
@@ -14,8 +16,6 @@ from hpcsweep.dynamics.continuation.meetings import step_of_locus
 from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
-from hpcsweep.store.branches import MOST_STEPS, orbit_variables, values_of
-from hpcsweep.store.levels import first_at, measure_of
 
 
 def curve(

@@ -10,6 +10,8 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames, StoreError
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 LAST = 16
 """Points of a run that are compared."""
@@ -50,13 +52,14 @@ def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndar
     if runs.study.structure != found.study.structure:
         raise StoreError(f"{sweep}: is of another structure than {found.path}")
     rows = []
-    for frame, omega in enumerate(found.study.omega.tolist()):
-        apart = np.abs(runs.study.omega - omega)
+    points, swept = as_kind(found.study, RunGrid), as_kind(runs.study, RunGrid)
+    for frame, omega in enumerate(points.omega.tolist()):
+        apart = np.abs(swept.omega - omega)
         own = int(apart.argmin())
         if apart[own] > SAME * omega:
             problem = f"holds no frame at Omega = {omega:.12g}, as {found.path} does"
             raise StoreError(f"{sweep}: {problem}")
-        wanted, there = found.study.amplitudes_of(frame), runs.study.amplitudes_of(own)
+        wanted, there = points.amplitudes_of(frame), swept.amplitudes_of(own)
         place = np.abs(there[:, None] - wanted).argmin(axis=0)
         wrong = np.abs(there[place] - wanted) > SAME * np.maximum(wanted, 1e-300)
         if wrong.any():
@@ -67,7 +70,7 @@ def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndar
 
 
 def _of_frame(found: Frames, runs: Frames, frame: int, own: int, place: np.ndarray) -> np.ndarray:
-    study = found.study
+    study = as_kind(found.study, RunGrid)
     units = study.structure.units_at(float(study.omega[frame]), study.amplitudes_of(frame))
     names = ("attractor_id", "n_points", "poincare", "outcome")
     sets = {name: values[0] for name, values in found.read(frame, names).items()}

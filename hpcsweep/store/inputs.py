@@ -1,6 +1,6 @@
-"""Curves of results files of branches, which the cells of a refined map must not miss.
+"""Results files that a job reads: motions that runs start from, curves that a map must not miss.
 
-The map's file has the checksum of the curves, in the attribute `CURVES`, from its creation on: it
+A map's file has the checksum of the curves, in the attribute `CURVES`, from its creation on: it
 is resumed with the same ones only. A complete map has the boxes that they cross, and needs the
 files of the curves no more.
 """
@@ -14,19 +14,19 @@ import numpy as np
 from hpcsweep.store.check import CURVES
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import StoreError
-from hpcsweep.studies.refine.crossing import Curve, crossed_boxes
-from hpcsweep.studies.refine.refinement import map_shape, refinement_of
+from hpcsweep.studies.refine.crossing import Curve
+from hpcsweep.studies.study import Study
 
 NAMES = ("outcome", "curve_of_step", "curve_omega", "curve_amplitude")
 
 
-class Crossing:
-    """Known curves of a study's map; none if its job names no files.
+class Inputs:
+    """Results files that a study reads; most read none.
 
     Attributes
     ----------
     curves : list of Curve
-        Over Omega and A.
+        Known curves over Omega and A.
 
     Raises
     ------
@@ -34,10 +34,9 @@ class Crossing:
         If a file cannot be read, is not complete, or holds no curves of the structure.
     """
 
-    def __init__(self, study):
-        refinement = refinement_of(study)
+    def __init__(self, study: Study):
         self._study = study
-        self.paths = refinement.curves if refinement else ()
+        self.paths = study.growth.curves if study.growth else ()
         self.curves = [curve for path in self.paths for curve in _curves_of(Path(path), study)]
 
     @property
@@ -51,7 +50,7 @@ class Crossing:
             digest.update(np.ascontiguousarray(curve.points, "<f8").tobytes())
         return {CURVES: digest.hexdigest()}
 
-    def boxes(self) -> np.ndarray | None:
+    def crossed(self) -> np.ndarray | None:
         """Return which boxes of the grid the curves cross; None if the job names no files.
 
         Raises
@@ -59,13 +58,23 @@ class Crossing:
         StoreError
             If they cross none.
         """
-        if not self.paths:
+        if not self._study.growth or not self.paths:
             return None
-        axes = [*self._study.part((0,) * len(self._study.axes)).map_axes.values()]
-        crossed = crossed_boxes(map_shape(self._study), axes, self.curves)
+        crossed = self._study.growth.crossed(self.curves)
         if not crossed.any():
             raise StoreError(f"{', '.join(self.paths)}: no curve crosses the map")
         return crossed
+
+    def need(self) -> None:
+        """Make sure, before a job begins, that the files hold what its runs need.
+
+        Raises
+        ------
+        StoreError
+        """
+        if problem := self._study.missing_inputs():
+            raise StoreError(problem)
+        self.crossed()
 
     def check(self, output: Path, attributes: Mapping) -> None:
         """Make sure that the curves are those that a map's file was made with.
@@ -81,7 +90,7 @@ class Crossing:
             )
 
 
-def _curves_of(path: Path, study) -> Iterator[Curve]:
+def _curves_of(path: Path, study: Study) -> Iterator[Curve]:
     """Read the curves of a file that are of the structure of the map, or of one of its parts."""
     frames = Frames(path, "branches", None)
     try:

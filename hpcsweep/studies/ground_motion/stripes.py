@@ -10,6 +10,7 @@ import numpy as np
 
 from hpcsweep.earthquakes.stripes import Capacity, capacity, linear_capacity
 from hpcsweep.model.unit_names import unit_of
+from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.variables import DRIFT_RATIO, percent_of_height
 
 if TYPE_CHECKING:
@@ -47,7 +48,9 @@ class Stripes(NamedTuple):
     records: tuple[str, ...]
 
 
-def stripes_of(results, study, response: str = "drift", place: str | None = None) -> Stripes:
+def stripes_of(
+    results, study: Records, response: str = "drift", place: str | None = None
+) -> Stripes:
     """Return the stripes of a response.
 
     Parameters

@@ -1,0 +1,176 @@
+"""Campaigns of studies that grow: rounds of runs, each known when the one before is computed.
+
+Rank 0 walks the rounds (`hpcsweep.studies.growth`), which depend on the labels of the runs of
+earlier rounds alone. It knows labels from the file, as far as all ranks have verified it, and from
+what ranks report. A round is cut into tasks: runs of one frame, which are computed together and
+committed one by one. So neither ranks nor kills change which runs are computed, or any byte.
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from hpcsweep.campaign.pilot import KnownCosts
+from hpcsweep.campaign.work import Failures, Work
+from hpcsweep.parallel import farm
+from hpcsweep.store import StoreError, WriteError
+from hpcsweep.store.inferred import Inferred, write_inferred
+from hpcsweep.store.inputs import Inputs
+from hpcsweep.store.records import BlockCost
+from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.study import Study
+
+
+class RoundCosts(KnownCosts):
+    """Remaining cost of a round, with equal costs of all runs, so that no pilot is needed.
+
+    The number of further rounds is unknown.
+    """
+
+    def __init__(self, comm, study: Study, output: Path):
+        super().__init__(comm, study, output, False, np.zeros(0, int))
+        self._sizes: list[int] = []
+        self._left = self._done = 0
+
+    def begin(self, sizes: list[int]) -> None:
+        """Begin a round of tasks, given their numbers of runs."""
+        self._sizes, self._left = sizes, sum(sizes)
+
+    def n_samples(self) -> int:
+        """Return 0: there is no pilot."""
+        return 0
+
+    def block_done(self, cost: BlockCost) -> None:
+        """Learn what runs cost."""
+        self._left -= cost.runs
+        self._done += cost.runs
+        self.spent += cost.seconds
+        if self.begun is None:
+            self.begun = time.monotonic() - cost.seconds
+
+    def left(self, task: int) -> float:
+        """Return the runs of a task."""
+        return float(self._sizes[task])
+
+    def seconds_left(self) -> float | None:
+        """Estimate the wall time (s) that the rest of the round takes."""
+        if not self.spent:
+            return None
+        return max(self._left, 0) * self.spent / self._done / self.n_computing
+
+
+class RoundsWork(Work):
+    """A study that grows: the tasks of one round after the other; see `Work`."""
+
+    def _scan(self, say) -> None:
+        """Verify the contents of the file, each rank its share of the frames."""
+        del say
+        blocks, study = self._campaign.blocks, self.study
+        assert study.growth is not None
+        self._growth = study.growth
+        self._shape = blocks.layout.shape(study.commit)
+        self.todo, self._complete, self.scanned = [], False, True
+        self._inferred = 0
+        inferred, sound = Inferred(blocks), True
+        audit = inferred.audit()
+        known = []
+        try:
+            for place in inferred.places[self._comm.rank :: self._comm.size]:
+                if self._flag.is_set():
+                    raise farm.Stop
+                runs, labels = inferred.labels(place)
+                sound &= inferred.agrees(place, runs, audit)
+                known.append((runs, labels))
+        except farm.Stop:
+            self.scanned = False
+        gathered = self._comm.gather((known, sound, self.scanned))
+        self.scanned = self._comm.bcast(all(part[2] for part in gathered or []))
+        if gathered is None:
+            return
+        self._complete = self.scanned and all(part[1] for part in gathered)
+        self._rounds = self._growth.begin(None if self._complete else self._crossed())
+        for part in gathered:
+            for found in part[0]:
+                self._rounds.learn(*found)
+        self.done_runs = study.n_runs if self._complete else self._rounds.n_known
+
+    def _crossed(self) -> np.ndarray | None:
+        """Read where known curves cross; they were found sound when the file was prepared."""
+        try:
+            return Inputs(self.study).crossed()
+        except StoreError as error:
+            raise WriteError(f"{error}; it was changed by somebody else in mid-run") from None
+
+    def estimate(self, wanted: bool) -> None:
+        """Begin to estimate what tasks cost."""
+        del wanted
+        self.costs = self._round_costs = RoundCosts(self._comm, self.study, self.output)
+
+    def is_complete(self) -> bool:
+        """Return whether no round is left and the file holds all; on rank 0."""
+        return self._complete and super().is_complete()
+
+    def plan(self) -> np.ndarray:
+        """Return the runs of the next round, on rank 0; if there is none the study is complete.
+
+        All that earlier rounds computed must be committed.
+        """
+        runs = None if self._complete else self._rounds.next()
+        if runs is not None:
+            return runs
+        if not self._complete:
+            write_inferred(self._campaign, self._rounds.derived())
+            self._inferred = self._rounds.n_inferred
+            self._complete = True
+        return np.zeros(0, int)
+
+    def begin(self, runs: np.ndarray) -> None:
+        """Cut a round into tasks, each with a limited number of runs of a frame."""
+        frame = runs // self._shape[-1]
+        cuts = np.flatnonzero(np.diff(frame)) + 1
+        whole = np.split(runs, cuts) if runs.size else []
+        most = self._growth.at_once
+        self._tasks = [part[k : k + most] for part in whole for k in range(0, len(part), most)]
+        self.todo = list(range(len(self._tasks)))
+        self._round_costs.begin([len(part) for part in self._tasks])
+
+    def newly_inferred(self) -> int:
+        """Count the runs inferred since the last call."""
+        count, self._inferred = self._inferred, 0
+        return count
+
+    def _block(self, run: int) -> Block:
+        return self.study.block(tuple(int(k) for k in np.unravel_index(run, self._shape)))
+
+    def compute(self, task: int, poll, report, rest=None) -> None:
+        """Compute the runs of a task, commit each and report their labels."""
+        del rest
+        poll()
+        blocks = [self._block(run) for run in self._tasks[task].tolist()]
+        start = self.study.initial_state
+        begun = time.perf_counter()
+        taken = [self._reuse.rows(block, start) for block in blocks]
+        new = [block for block, found in zip(blocks, taken, strict=True) if found is None]
+        computed = iter(self._growth.compute(new, start, poll) if new else ())
+        rows = [next(computed) if found is None else found for found in taken]
+        whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}
+        labels, failures = self._growth.labels(whole), Failures()
+        for block, own, failed in zip(blocks, rows, labels[:, 0], strict=True):
+            self._campaign.write_block(block, start, own)
+            if failed:
+                failures.add(self._failed(block, own))
+        seconds = round(time.perf_counter() - begun, 6)
+        cost = BlockCost(new[0].place, len(new), seconds) if new else None
+        report((task, labels, cost, failures))
+
+    def block_done(self, rank: int, value) -> int:
+        """Take the report of a task, on rank 0; return its runs."""
+        task, labels, cost, failures = value
+        runs = self._tasks[task]
+        self._failures.add(failures)
+        self._rounds.learn(runs, labels)
+        self.costs.block_done(BlockCost((), len(runs), cost.seconds if cost else 0.0))
+        if cost:
+            self._note_cost(rank, cost)
+        return len(runs)

@@ -1,0 +1,117 @@
+"""Equation of motion of a structure, M u'' + C u' + K u + contacts = b G, from its parameters."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.model.dashpot import dashpots_of_floors
+from hpcsweep.model.matrices import Contact, Matrices
+
+PerFloor = float | tuple[float, ...]
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    """Return the array, read-only."""
+    array.setflags(write=False)
+    return array
+
+
+class System:
+    """Matrices and contacts of a structure.
+
+    The attributes are parameters of `hpcsweep.model.structure.Structure`.
+    """
+
+    n_floors: int
+    stiffness_ratio: PerFloor | Sequence[float]
+    mass: PerFloor | Sequence[float] | None
+    storey_stiffness: PerFloor | Sequence[float] | None
+    gap: PerFloor | Sequence[float]
+    gap_left: PerFloor | Sequence[float]
+    restitution: PerFloor | Sequence[float] | None
+    tension: bool
+    matrices: Matrices | None
+    unreached: tuple[int, ...]
+
+    def _floors(self, value: Any) -> tuple[float, ...]:
+        """Return a value for each floor; 1 where there is none."""
+        if value is None:
+            return (1.0,) * self.n_floors
+        return value if isinstance(value, tuple) else (value,) * self.n_floors
+
+    @cached_property
+    def is_uniform(self) -> bool:
+        """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
+        return self.matrices is None and self.mass is None and self.storey_stiffness is None
+
+    @cached_property
+    def mass_matrix(self) -> np.ndarray:
+        """M, shape (n, n)."""
+        if self.matrices is not None:
+            return frozen(np.array(self.matrices.mass))
+        return frozen(np.diag(self._floors(self.mass)))
+
+    @cached_property
+    def stiffness_matrix(self) -> np.ndarray:
+        """K, (3) of equal storeys, shape (n, n)."""
+        if self.matrices is not None:
+            return frozen(np.array(self.matrices.stiffness))
+        own = np.array(self._floors(self.storey_stiffness))
+        above = np.append(own[1:], 0.0)
+        return frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
+
+    @cached_property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Stops of the floors, right ones first, or contacts of the matrices; one bit each."""
+        return tuple(
+            contact
+            for number, contact in zip(self.all_contact_numbers, self._all_contacts, strict=True)
+            if number not in self.unreached
+        )
+
+    @cached_property
+    def contact_numbers(self) -> tuple[int, ...]:
+        """Number of each contact from 1: floor for a right stop, n + floor for a left one."""
+        return tuple(number for number in self.all_contact_numbers if number not in self.unreached)
+
+    @cached_property
+    def _all_contacts(self) -> tuple[Contact, ...]:
+        if self.matrices is not None:
+            return self.matrices.contacts
+        found = []
+        storeys = self._floors(self.storey_stiffness)
+        kappa = np.multiply(self._floors(self.stiffness_ratio), storeys).tolist()
+        given = self._floors(self.restitution), kappa, self._floors(self.mass), self.tension
+        dashpots = dashpots_of_floors(*given)
+        for sign, gaps in ((1.0, self._floors(self.gap)), (-1.0, self._floors(self.gap_left))):
+            for floor, gap in enumerate(gaps):
+                if gap < math.inf:
+                    direction = (sign if i == floor else 0.0 for i in range(self.n_floors))
+                    found.append(Contact(tuple(direction), gap, kappa[floor], *dashpots[floor]))
+        return tuple(found)
+
+    @cached_property
+    def all_contact_numbers(self) -> tuple[int, ...]:
+        """As `contact_numbers`, with those that are left out."""
+        if self.matrices is not None:
+            return tuple(range(1, len(self.matrices.contacts) + 1))
+        right, left = self._floors(self.gap), self._floors(self.gap_left)
+        return tuple(i for i, gap in enumerate((*right, *left), 1) if gap < math.inf)
+
+    @cached_property
+    def forcing_vector(self) -> np.ndarray:
+        """b, shape (n,)."""
+        if self.matrices is not None and self.matrices.forcing is not None:
+            return frozen(np.array(self.matrices.forcing))
+        return frozen(-self.mass_matrix.sum(axis=1))
+
+    @cached_property
+    def drift_rows(self) -> np.ndarray:
+        """Rows whose |row . u| are the drifts: between neighbouring floors, shape (any, n)."""
+        n = self.n_floors
+        if self.matrices is None:
+            return frozen(np.eye(n) - np.eye(n, k=-1))
+        return frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))

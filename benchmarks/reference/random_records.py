@@ -1,11 +1,10 @@
 """Random structures under random records against the Taylor reference, with and without dashpots.
 
-`bash benchmarks/run.sh random_records [--cases N] [--bdf N] [--seed S]` prints the error of the
-state at the end of a record, over the size of the motion and its conditioning, in a table in
-Markdown: of `flow` on N cases, of `bdf` on every so many of them. A second table has the error of
-the peaks of drifts, displacements, absolute accelerations and, without dashpots, forces: relative
-to the largest of their kind, over the conditioning or, if that is greater, the change of the peaks
-by a small change of the start.
+`bash benchmarks/run.sh random_records [--cases N] [--seed S]` prints the error of the state at the
+end of a record, over the size of the motion and its conditioning, in a table in Markdown. A second
+table has the error of the peaks of drifts, displacements, absolute accelerations and, without
+dashpots, forces: relative to the largest of their kind, over the conditioning or, if that is
+greater, the change of the peaks by a small change of the start.
 """
 
 import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
@@ -24,7 +23,6 @@ from hpcsweep.solvers.response import response
 
 KINDS = ("sharp", "smooth", "with dashpots")
 """Contacts of a case; half of them have dashpots."""
-BDF_RTOL = 1e-9
 
 
 def draw(rng, kind: str) -> Case:
@@ -79,8 +77,8 @@ def apart(case: Case, one: list[np.ndarray], other: list[np.ndarray]) -> float:
     )
 
 
-def errors(case: Case, record: Record, solvers: dict[str, float]) -> list[tuple[float, float]]:
-    """Return the errors of end and peaks of each solver at its tolerance, over the conditioning."""
+def errors(case: Case, record: Record) -> tuple[float, float]:
+    """Return the errors of end and peaks, over the conditioning."""
 
     def end_of(start):
         return reference_record(case.structure, record.acceleration, record.dt, 1.0, start)[0]
@@ -89,31 +87,21 @@ def errors(case: Case, record: Record, solvers: dict[str, float]) -> list[tuple[
     peaks = reference_peaks(case, record, case.state)
     push = CHANGE * case.structure.state_units * (-1.0) ** np.arange(case.state.size)
     steep = apart(case, reference_peaks(case, record, case.state + push), peaks) / CHANGE
-    found = []
-    for name, rtol in solvers.items():
-        seen = response(case.structure, record, state=case.state, solver=name, rtol=rtol)
-        own = [seen.drift, seen.displacement, seen.floor_acceleration, seen.force][: len(peaks)]
-        conditioning = max(1.0, np.abs(growth).max(), steep)
-        ends = scaled(seen.final_state, exact, case, growth)
-        found.append((ends, apart(case, own, peaks) / conditioning))
-    return found
+    seen = response(case.structure, record, state=case.state)
+    own = [seen.drift, seen.displacement, seen.floor_acceleration, seen.force][: len(peaks)]
+    conditioning = max(1.0, np.abs(growth).max(), steep)
+    ends = scaled(seen.final_state, exact, case, growth)
+    return ends, apart(case, own, peaks) / conditioning
 
 
-def measure(number: int, n_bdf: int, seed: int) -> dict[str, dict[str, list[tuple[float, float]]]]:
-    """Return the errors of each solver, by the kind of contacts."""
+def measure(number: int, seed: int) -> dict[str, list[tuple[float, float]]]:
+    """Return the errors by the kind of contacts."""
     rng = np.random.default_rng(seed)
-    found: dict = {kind: {"flow": [], "bdf": []} for kind in KINDS}
-    every = max(1, number // n_bdf) if n_bdf else number + 1
+    found: dict = {kind: [] for kind in KINDS}
     for place in range(number):
         kind = KINDS[(0, 2, 1, 2)[place % 4]]
-        solvers = {"flow": 1e-9}
-        if place % every == every - 1:
-            solvers["bdf"] = BDF_RTOL
         case = draw(rng, kind)
-        for name, error in zip(
-            solvers, errors(case, random_record(rng, case), solvers), strict=True
-        ):
-            found[kind][name].append(error)
+        found[kind].append(errors(case, random_record(rng, case)))
     return found
 
 
@@ -121,18 +109,15 @@ def main() -> None:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=1000)
-    parser.add_argument("--bdf", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    found = measure(asked.cases, asked.bdf, asked.seed)
+    found = measure(asked.cases, asked.seed)
     for place, what in enumerate(("state at the end", "peaks")):
-        print(f"| {what} | solver | cases | half | 99 % | all |\n|---|---|---:|---:|---:|---:|")
-        for kind, solvers in found.items():
-            for name, values in solvers.items():
-                if values:
-                    own = np.quantile([one[place] for one in values], (0.5, 0.99, 1.0))
-                    cells = " | ".join(f"{one:.1e}" for one in own)
-                    print(f"| {kind} | `{name}` | {len(values)} | {cells} |")
+        print(f"| {what} | cases | half | 99 % | all |\n|---|---:|---:|---:|---:|")
+        for kind, values in found.items():
+            own = np.quantile([one[place] for one in values], (0.5, 0.99, 1.0))
+            cells = " | ".join(f"{one:.1e}" for one in own)
+            print(f"| {kind} | {len(values)} | {cells} |")
 
 
 if __name__ == "__main__":

@@ -171,11 +171,15 @@ def read_study(source: str, tree: Mapping):
     study = _kind(values)
     values.check_tables(keys_of(study), partial(_keys_of_others, study))
     structure = structures.read_structure(values)
+    settings = _settings(values, study.skip_rules)
+    if settings.solver == "bdf" and structure.contact_damping.any():
+        limit = "must be 'flow' where contacts have dashpots"
+        raise values.error("solver.method", settings.solver, limit)
     return study.read(
         values,
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
-        settings=_settings(values, study.skip_rules),
+        settings=settings,
         block_size=values.whole("output.block", _default_block(values, study), 1, MAX_VALUES),
     )
 

@@ -6,7 +6,7 @@ state alone (a sweep can be cut and resumed anywhere with the same result) and t
 forcing never loses digits. Keeping one object over all periods is no more accurate; the start at
 order 1 costs some 20 steps a period, 3 to 8 per cent once there is contact.
 
-How a period is integrated `bdf_steps` says, and `bdf_dashpot` where contacts have dashpots.
+`bdf_steps` integrates a period. Contacts with dashpots are left to `flow`.
 """
 
 import math
@@ -14,6 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hpcsweep.model.arguments import refused
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
@@ -41,6 +42,8 @@ class BdfMap:
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-6):
         self.structure, self.omega, rtol = solver_arguments(structure, omega, rtol)
+        if structure.contact_damping.any():
+            raise refused("solver", "flow where contacts have dashpots", "bdf")
         self._model = kernel_model(structure, self.omega)
         self._steps = BdfSteps(self._model, rtol)
         self.rtol, self.period = self._steps.rtol, self._model.period
@@ -106,9 +109,7 @@ class BdfMap:
         With `growth` also the growth of a tangent vector, initially (1, ..., 1), for which the
         window is integrated again.
         """
-        tally = StepTally(
-            self._model, modal_norm, measures, self._absolute(amplitude), self._steps.in_segments
-        )
+        tally = StepTally(self._model, modal_norm, measures, self._absolute(amplitude))
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:

@@ -18,7 +18,6 @@ from scipy.integrate import BDF
 
 from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
 from hpcsweep.model.kernel_model import Model
-from hpcsweep.solvers.bdf_dashpot import Segments
 from hpcsweep.solvers.outcome import Outcome
 
 MAX_STEPS = 200_000
@@ -44,12 +43,6 @@ class BdfSteps:
     model : Model
     rtol : float
         Relative tolerance a step.
-
-    Attributes
-    ----------
-    in_segments : bool
-        Whether steps end where a contact changes its state (`bdf_dashpot`): of contacts with
-        dashpots, and of all that are sharp under a record, whose peaks are followed in time.
     """
 
     def __init__(self, model: Model, rtol: float):
@@ -60,10 +53,6 @@ class BdfSteps:
         sharp = model.rho > FLATTEST
         self._layer_steps = model.contacts.beta * (math.pi * self._layer) ** 2 / 6 * sharp
         self.least_limit = (12 * self.rtol / (model.stiffness_bound + model.hardest)) ** (1 / 3)
-        self.in_segments = not model.contacts.is_elastic or (
-            model.rho == math.inf and len(model.ramp) > 0
-        )
-        self._segments = Segments(self.model) if self.in_segments else None
 
     def advance(
         self,
@@ -94,62 +83,39 @@ class BdfSteps:
         """
         if poll is not None:
             poll()
-        start, end = z, length
-        tau, steps = 0.0, 0
-        segments = self._segments
-        if segments is not None:
-            segments.begin(tau, z[: self._size], amplitude)
+        field, matrix = self._equations(amplitude, columns)
+        tolerance, steps = {"rtol": self.rtol, "atol": self.rtol * ABSOLUTE}, 0
         with np.errstate(all="ignore"):
             try:
-                while tau < end:
-                    field, matrix = self._equations(amplitude, columns)
-                    solver = BDF(
-                        field, tau, z, end, rtol=self.rtol, atol=self.rtol * ABSOLUTE, jac=matrix
-                    )
-                    while solver.status == "running":
-                        steps += 1
-                        if steps > MAX_STEPS:
-                            return start, Outcome.STEP_LIMIT
-                        if poll is not None and steps % POLL_STEPS == 0:
-                            poll()
-                        solver.max_step = self._step_limit(solver.t, solver.y, field)
-                        solver.step()
-                        if not np.all(np.isfinite(solver.y)):
-                            return start, Outcome.NON_FINITE
-                        if solver.status == "failed":
-                            finite = np.all(np.isfinite(field(solver.t, solver.y)))
-                            failed = Outcome.SOLVER_FAILED if finite else Outcome.NON_FINITE
-                            return start, failed
-                        tau, z, changed = solver.t, solver.y, False
-                        if segments is not None:
-                            dense = solver.dense_output()
-                            changed, tau = segments.first_change(dense, solver.t_old, solver.t)
-                        if on_step is not None and tau > solver.t_old:
-                            on_step(solver.dense_output(), solver.t_old, tau, field)
-                        if changed:
-                            z = segments.change(dense(tau))
-                            break
+                solver = BDF(field, 0.0, z, length, jac=matrix, **tolerance)
+                while solver.status == "running":
+                    steps += 1
+                    if steps > MAX_STEPS:
+                        return z, Outcome.STEP_LIMIT
+                    if poll is not None and steps % POLL_STEPS == 0:
+                        poll()
+                    solver.max_step = self._step_limit(solver.t, solver.y, field)
+                    solver.step()
+                    if not np.all(np.isfinite(solver.y)):
+                        return z, Outcome.NON_FINITE
+                    if solver.status == "failed":
+                        finite = np.all(np.isfinite(field(solver.t, solver.y)))
+                        return z, Outcome.SOLVER_FAILED if finite else Outcome.NON_FINITE
+                    if on_step is not None:
+                        on_step(solver.dense_output(), solver.t_old, solver.t, field)
             except (ValueError, np.linalg.LinAlgError, FloatingPointError, OverflowError):
-                return start, Outcome.NON_FINITE
-        return z, Outcome.COMPLETE
-
-    def field(self, z: np.ndarray, tau: float, amplitude: float) -> Callable:
-        """Return the right-hand side, called with time and state, about a state."""
-        if self._segments is not None:
-            self._segments.begin(tau, z, amplitude)
-        return self._equations(amplitude, 0)[0]
+                return z, Outcome.NON_FINITE
+        return solver.y, Outcome.COMPLETE
 
     def _equations(self, amplitude, columns):
         """Return right-hand side and Jacobian of the state and `columns` tangent vectors."""
-        packed, size, segments = self._packed, self._size, self._segments
+        packed, size = self._packed, self._size
 
         def motion(tau, z):
-            if segments is not None:
-                return segments.derivative(tau, z)
             return derivative(tau, z, amplitude, packed)
 
         def matrix(_tau, z):
-            return jacobian_matrix(z, packed) if segments is None else segments.matrix
+            return jacobian_matrix(z, packed)
 
         def motion_with_tangent(tau, z):
             product = matrix(tau, z[:size]) @ z[size:].reshape(size, columns)

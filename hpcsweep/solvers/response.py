@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, finite, finite_vector, instance, number, positive
+from hpcsweep.model.arguments import finite, finite_vector, instance, number, positive
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
@@ -28,7 +28,6 @@ from hpcsweep.solvers.record_response import Response
 
 __all__ = ["Response", "first_contact_scale", "history", "linear_response", "response"]
 
-SOLVERS = ("flow", "bdf")
 WHOLE = "must be a whole multiple or a whole part of {:g}, the time between samples"
 """What a step between the instants of a history must be."""
 SAME_STEP = 1e-9
@@ -42,7 +41,6 @@ def response(
     tail: float = 0.0,
     *,
     state: Any = None,
-    solver: str = "flow",
     rtol: float = 1e-9,
     at_samples: bool = False,
 ) -> Response:
@@ -61,10 +59,8 @@ def response(
         Time of free motion after the last sample, at least 0.
     state : array_like, shape (2n,), optional
         (u, u') at the first sample. Default: rest, in static equilibrium with the contacts.
-    solver : {"flow", "bdf"}
     rtol : float
-        Relative error asked of the motion inside contact layers, see `FlowMap`; of `bdf` relative
-        tolerance of a step.
+        Relative error asked of the motion inside contact layers, see `FlowMap`.
     at_samples : bool
         Take peaks at the samples alone, as published response spectra do.
 
@@ -96,23 +92,10 @@ def response(
     scale = finite("scale", scale)
     if state is not None:
         state = finite_vector("state", state, 2 * structure.n_floors)
-    choice("solver", solver, SOLVERS)
-    found = record_map(solver)(structure, record.dt, rtol).respond(
-        record.acceleration, scale, tail, state, at_samples=at_samples
-    )
-    return _complete(found, solver)
+    from hpcsweep.solvers.flow.record_map import RecordMap  # reading results needs no kernels
 
-
-def record_map(solver: str) -> Any:
-    """Return what makes the solver of a name for records: `RecordMap` or `BdfRecordMap`."""
-    # imported here: reading results needs no kernels
-    if solver == "bdf":
-        from hpcsweep.solvers.bdf_record import BdfRecordMap
-
-        return BdfRecordMap
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
-    return RecordMap
+    solver = RecordMap(structure, record.dt, rtol)
+    return _complete(solver.respond(record.acceleration, scale, tail, state, at_samples=at_samples))
 
 
 def linear_response(
@@ -149,7 +132,7 @@ def linear_response(
         drift=np.vstack((structure.drift_rows, reach)),
     )
     found = RecordMap(free, record.dt, one_sided=n_contacts).respond(record.acceleration, 1.0, tail)
-    _complete(found, "flow")
+    _complete(found)
     nothing = np.zeros(n_contacts)
     linear = replace(
         found,
@@ -207,9 +190,9 @@ def _arguments(structure, record, tail) -> tuple[Structure, Record, float]:
     return structure, record, number("tail", tail, f"from 0 to {longest:g}", 0.0, longest)
 
 
-def _complete(found: Response, solver: str) -> Response:
+def _complete(found: Response) -> Response:
     if found.outcome is not Outcome.COMPLETE:
-        raise ArithmeticError(f"{solver}: {found.outcome.name} at {found.duration:.6g}")
+        raise ArithmeticError(f"flow: {found.outcome.name} at {found.duration:.6g}")
     return found
 
 
@@ -237,7 +220,6 @@ def history(
     tail: float = 0.0,
     step: float | None = None,
     *,
-    solver: str = "flow",
     rtol: float = 1e-9,
     poll: Callable[[], None] | None = None,
 ) -> History:
@@ -252,7 +234,7 @@ def history(
         Of `response`; what is left of record and tail beyond the last instant is cut.
     step : float, optional
         A whole multiple or a whole part of the time between samples, which is the default.
-    solver, rtol
+    rtol
         Of `response`.
     poll : callable, optional
         Called before each instant; may raise to leave.
@@ -281,7 +263,9 @@ def history(
     dt = record.dt / parts
     fine = np.arange(parts * (record.n_samples - 1) + 1) / parts
     ground = np.interp(fine, np.arange(record.n_samples), record.acceleration)
-    own = record_map(choice("solver", solver, SOLVERS))(structure, dt, rtol)
+    from hpcsweep.solvers.flow.record_map import RecordMap
+
+    own = RecordMap(structure, dt, rtol)
     last, n_all = ground.size - 1, ground.size - 1 + int(tail / dt + SAME_STEP)
     count, n = n_all // samples + 1, structure.n_floors
     states, peaks = np.empty((count, 2 * n)), np.zeros((count, len(structure.contacts)))
@@ -292,7 +276,7 @@ def history(
         low, high = (j - 1) * samples, j * samples
         pushed = ground[low : high + 1] if low < last else np.zeros(samples + 1)
         free = (samples + 1 - pushed.size) * dt
-        found = _complete(own.respond(pushed, scale, free, states[j - 1]), solver)
+        found = _complete(own.respond(pushed, scale, free, states[j - 1]))
         states[j], peaks[j] = found.final_state, found.force
     u, v, force = states[:, :n], states[:, n:], structure.contact_forces(states)
     peaks[0] = np.maximum(force[0], 0.0)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from scipy.optimize import brentq, minimize_scalar
 
 from hpcsweep.model.contact import FAR, contact_force
@@ -12,7 +11,6 @@ from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, Model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import (
     CLOSINGS,
-    DISSIPATED,
     FORCE,
     IMPACT_FLAG,
     N_IMPACTS,
@@ -24,8 +22,6 @@ from hpcsweep.solvers.measures import (
 
 STEP_NODES = 9
 """Times at which the interpolant of a step is searched for extrema and crossings."""
-TOP_NODES = np.cos(np.pi * np.arange(9) / 8)
-"""From -1 to 1, by which the polynomial of a step is found."""
 PANEL_NODES, PANEL_WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
@@ -40,8 +36,6 @@ class StepTally:
         Flags, see `Observation`.
     accelerate : callable (field, tau, z), optional
         Return the absolute accelerations of the floors, shape (n,), by the right-hand side `field`.
-    in_segments : bool
-        Whether no contact changes its state within a step, see `BdfSteps.in_segments`.
     """
 
     def __init__(
@@ -50,7 +44,6 @@ class StepTally:
         modal_norm: bool,
         measures: int = 0,
         accelerate: Callable[[Callable, float, np.ndarray], np.ndarray] | None = None,
-        in_segments: bool = False,
     ):
         self._model = model
         self.contact = 0
@@ -72,7 +65,6 @@ class StepTally:
         self._accelerate = accelerate if measures & ACCELERATION else None
         self._accelerated = np.flatnonzero(flags == ACCELERATION)
         self._wants_any, self._wants_impacts = bool(measures), bool(measures & IMPACT_FLAG)
-        self._wants_forces = bool(measures & CONTACT)
         self.peaks = np.zeros(len(flags))
         self.impacts = np.zeros((N_IMPACTS, model.contacts.gap.size))
         self._closed: np.ndarray | None = None
@@ -82,7 +74,6 @@ class StepTally:
         self._modal = np.zeros(len(model.modal_transform))
         self._free_time = 0.0
         self._modal_norm = modal_norm
-        self._in_segments = in_segments
 
     def add(self, interpolant, start: float, end: float, field: Callable) -> None:
         """Add one step; `field` is the right-hand side, as a function of time and state."""
@@ -94,9 +85,6 @@ class StepTally:
         own = self._tops(self._watched, self._sides == 0, interpolant, tau, z)
         own -= self._levels
         contacts = self._contacts
-        for k in np.flatnonzero(contacts.drag) if self._wants_forces else ():
-            values = self.force(k, interpolant(top_times(start, end)))
-            own[own.size - contacts.gap.size + k], _ = largest(values, start, end)
         self.peaks[self._places] = np.maximum(self.peaks[self._places], own)
         if self._accelerate is not None:
             self._add_accelerations(interpolant, tau, z, field)
@@ -114,12 +102,10 @@ class StepTally:
             self.contact |= 1 << int(k)
         if self._wants_impacts:
             if self._closed is None:
-                middle = past[:, STEP_NODES // 2]
-                self._closed = middle > 0.0 if self._in_segments else past[:, 0] >= 0.0
+                self._closed = past[:, 0] >= 0.0
             self._note_apart(past[:, 0])
-            add = self._add_segment if self._in_segments else self._add_impacts
             for k in np.flatnonzero(highest >= -FAR / max(self._model.rho, 1e-300)):
-                add(int(k), interpolant, tau, past[k], signs[k, 0] * speed[k])
+                self._add_impacts(int(k), interpolant, tau, past[k], signs[k, 0] * speed[k])
             self._size = max(self._size, float(np.abs(z).max()))
             self._note_apart(past[:, -1])
         if self._modal_norm:
@@ -196,30 +182,6 @@ class StepTally:
         force = [contact_force(value, 1.0, self._model.rho) for value in x]
         impacts[FORCE] += np.sum(half * PANEL_WEIGHTS * np.reshape(force, (len(half), -1)))
 
-    def _add_segment(self, k, interpolant, tau, past, speed):
-        """Add a contact's closings, force, time and energy of a step in which it does not change.
-
-        `past` and `speed`, at times `tau`, are the distance and its speed.
-        """
-        n, contacts = self._n, self._contacts
-        impacts, is_closed = self.impacts[:, k], past[len(tau) // 2] > 0.0
-        if self._closed[k] != is_closed:
-            self._closed[k] = is_closed
-            if is_closed:
-                self._close(k, abs(speed[0]))
-        if not is_closed:
-            self._note_apart(past.min(), k)
-            return
-        self._beside[k] = True
-        half = 0.5 * (tau[-1] - tau[0])
-        z = interpolant(tau[0] + half * (PANEL_NODES + 1))
-        force = self.force(k, z)
-        impacts[TIME] += 2 * half
-        impacts[FORCE] += half * (PANEL_WEIGHTS @ force)
-        work = half * (PANEL_WEIGHTS @ (force * contacts.sign[k] * z[n + contacts.row[k]]))
-        stored = 0.5 * contacts.law[k, 0] * past[[0, -1]] ** 2
-        impacts[DISSIPATED] += work - (stored[1] - stored[0])
-
     def _note_apart(self, past, k=slice(None)) -> None:
         """Note which contacts, or whether contact k, have come apart."""
         size = np.maximum(np.abs(self._contacts.gap[k]), self._size)
@@ -231,19 +193,6 @@ class StepTally:
             self.impacts[CLOSINGS, k] += 1
             self.impacts[SPEED, k] = max(self.impacts[SPEED, k], speed)
         self._beside[k] = True
-
-    def force(self, k, z):
-        """Return the force of a contact over its unit, at states (2R, any)."""
-        contacts, n = self._contacts, self._n
-        i, sign = contacts.row[k], contacts.sign[k]
-        x, w = sign * z[i] - contacts.gap[k], sign * z[n + i]
-        if self._model.rho < math.inf:
-            return np.array([contact_force(value, 1.0, self._model.rho) for value in x])
-        force = contacts.law[k] @ np.array((x, w))
-        # within a segment a contact is in one state, that of its middle
-        own = slice(x.size // 2, x.size // 2 + 1) if self._in_segments else slice(None)
-        pushes = (x[own] > 0.0) & ~(contacts.lets_go[k] & (force[own] < 0.0))
-        return np.where(pushes, force, 0.0)
 
     def measures(self, structure: Structure, n_periods: int) -> np.ndarray:
         """Return the measures of an `Observation` of a window; empty if none is requested."""
@@ -274,25 +223,6 @@ class StepTally:
         if not self._modal_norm or self._free_time == 0:
             return np.full(self._modal.size, math.nan)
         return self._modal / self._free_time
-
-
-def largest(values: np.ndarray, start: float, end: float) -> tuple[float, float]:
-    """Return the largest value of a polynomial on an interval, and when.
-
-    `values`, shape (9,), are those at `top_times`; its degree is 8 at most.
-    """
-    found = chebyshev.chebfit(TOP_NODES, values, len(TOP_NODES) - 1)
-    turns = chebyshev.chebroots(chebyshev.chebtrim(chebyshev.chebder(found), 1e-300))
-    turns = turns.real[(np.abs(turns.imag) < 1e-8) & (np.abs(turns.real) < 1.0)]
-    places = np.concatenate(((-1.0, 1.0), turns))
-    values = chebyshev.chebval(places, found)
-    best = int(np.argmax(values))
-    return float(values[best]), start + 0.5 * (end - start) * (float(places[best]) + 1.0)
-
-
-def top_times(start: float, end: float) -> np.ndarray:
-    """Return the times within a step of which `largest` asks for values."""
-    return start + 0.5 * (end - start) * (TOP_NODES + 1.0)
 
 
 def _crossing(distance, left: float, right: float) -> float:

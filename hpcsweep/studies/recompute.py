@@ -1,6 +1,6 @@
 """Recompute a stored run, with the other solver and as it was.
 
-With the other solver, at a tight tolerance:
+With the other solver, at a tight tolerance (`flow` itself where contacts have dashpots):
 
 periodic run (period p)
     From the stored last point, p forcing periods: every point on the way must equal the stored one,
@@ -95,7 +95,7 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
     -------
     RunAgain
     """
-    other = witness_of(study.settings.solver)
+    other = witness_of(study.settings.solver, study.structure)
     described = study.describe(block.run(row))
     point = described["omega"], described["amplitude"]
     solvers: dict[tuple, tuple] = {}

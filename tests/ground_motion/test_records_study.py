@@ -400,23 +400,9 @@ def test_a_record_whose_name_is_no_utf8_is_one_line(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@pytest.mark.slow
-def test_the_other_solver_computes_records_plainly(tmp_path):
-    text = (
-        RECORDS.replace(
-            "count = 4, seed = 3, dt = 0.02, duration = 10.0", "count = 1, seed = 3, duration = 1.0"
-        )
-        .replace("from = 0.5, to = 5.0, count = 5", "values = [5.0]")
-        .replace("tail = 1.0", "tail = 0.1")
-    )
-    _, _, flow = computed(text, tmp_path, "flow")
-    _, path, bdf = computed(f'{text}[solver]\nmethod = "bdf"\n', tmp_path, "bdf")
-    assert flow["impacts"].values.sum() > 0
-    assert bdf["skip_rule"].values.max() == SkipRule.NONE
-    np.testing.assert_array_equal(bdf["impacts"], flow["impacts"])
-    for name in ("storey_drift", "floor_acceleration", "contact_force", "impulse"):
-        np.testing.assert_allclose(bdf[name], flow[name], rtol=1e-2, atol=1e-3 * flow[name].max())
-    assert validate(path, 1).sound
+def test_bdf_leaves_records_to_flow():
+    with pytest.raises(JobError, match=r"job: solver\.method = 'bdf': must be 'flow' for records"):
+        parse_job(f'{RECORDS}[solver]\nmethod = "bdf"\n', "job", "job")
 
 
 def test_scales_of_records_are_of_studies_of_records():

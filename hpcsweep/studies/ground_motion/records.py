@@ -15,7 +15,6 @@ import numpy as np
 from hpcsweep.earthquakes.suite import Facts, Files, Measure, Synthetic, checked_record
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers import response
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, BlockTable, Path, Place
 from hpcsweep.studies.ground_motion import keys
@@ -105,9 +104,8 @@ class Records(Part):
         structure, settings = common["structure"], common["settings"]
         if not structure.force_per_length.any():
             structure = common["structure"] = structure.without_contacts()
-        if settings.solver not in response.SOLVERS:
-            limit = f"of records must be {' or '.join(response.SOLVERS)}"
-            raise values.error("solver.method", settings.solver, limit)
+        if settings.solver != "flow":
+            raise values.error("solver.method", settings.solver, "must be 'flow' for records")
         wanted = frozenset(name for name in GROUPS if values.flag(f"output.{name}", True))
         common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)

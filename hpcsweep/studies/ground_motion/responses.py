@@ -36,7 +36,6 @@ from hpcsweep.solvers.response import (
     Response,
     history,
     linear_response,
-    record_map,
     scale_of_contact,
 )
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -79,10 +78,8 @@ class Responses:
         self._step, self._n_instants = step, n_instants
         self._own, self._alone = peaks_of(structure, settings)
         sharp = structure.sharpness == math.inf or not structure.contacts
-        # the error of `bdf` depends on the scale
-        serves = sharp and settings.solver == "flow"
-        self._linear = serves and "linear" in settings.skip
-        self._ratio = serves and "ratio" in settings.skip
+        self._linear = sharp and "linear" in settings.skip
+        self._ratio = sharp and "ratio" in settings.skip
 
     @cached_property
     def _largest(self) -> float:
@@ -144,7 +141,6 @@ class Responses:
             if outcome is Outcome.COMPLETE:
                 seen = history(
                     *(self.structure, record, factor, self._tail, self._step),
-                    solver=self._settings.solver,
                     rtol=self._settings.rtol,
                     poll=poll,
                 )
@@ -226,7 +222,7 @@ def respond(
     poll: Poll = None,
 ) -> Response:
     """Return the response of a structure, unscaled, to a record at a scale."""
-    solver = _map(settings.solver, structure, record.dt, settings.rtol)
+    solver = _map(structure, record.dt, settings.rtol)
     return solver.respond(record.acceleration, scale, tail, poll=poll)
 
 
@@ -244,8 +240,10 @@ def with_gaps_in(structure: Structure, unit: float) -> Structure:
 
 
 @lru_cache(maxsize=8)
-def _map(solver: str, structure: Structure, dt: float, rtol: float):
-    return record_map(solver)(structure, dt, rtol)
+def _map(structure: Structure, dt: float, rtol: float):
+    from hpcsweep.solvers.flow.record_map import RecordMap
+
+    return RecordMap(structure, dt, rtol)
 
 
 class _Kept:

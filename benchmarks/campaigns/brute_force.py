@@ -87,9 +87,9 @@ def orbit_at(advance: Callable, state: np.ndarray, units: np.ndarray) -> np.ndar
     seen = advance(state, WINDOW) / units
     limit = ROUNDING * max(1.0, np.abs(seen).max())
     for period in range(1, LONGEST + 1):
-        if np.abs(seen[-1] - seen[-1 - period]).max() <= limit:
-            if np.abs(seen[period:] - seen[:-period]).max() <= limit:
-                return seen[-period:]
+        closes = np.abs(seen[-1] - seen[-1 - period]).max() <= limit
+        if closes and np.abs(seen[period:] - seen[:-period]).max() <= limit:
+            return seen[-period:]
     return None
 
 
@@ -226,15 +226,19 @@ def compare(point: Point, options, number: int) -> bool:
     grown = [searched(point, orbits, 0, starts) for starts in STARTS]
     shares = [own.other / own.starts for own in grown]
     agree &= all(own.meets(many)[-1] for own in grown)
-    told = ", ".join(
+    told = [
         f"P{len(orbit)} {hit / options.starts:.3f}" for orbit, hit in zip(orbits, hits, strict=True)
+    ]
+    cells = (
+        point.name,
+        ", ".join(told) or "-",
+        f"{many.other / options.starts:.3f}",
+        f"{min(others):.3f} to {max(others):.3f}",
+        " ".join(f"{share:.3f}" for share in shares),
+        f"{cost:.0f} s",
+        "yes" if agree else "NO",
     )
-    print(
-        f"| {point.name} | {told or '-'} | {many.other / options.starts:.3f} | "
-        f"{min(others):.3f} to {max(others):.3f} | {' '.join(f'{share:.3f}' for share in shares)} | "
-        f"{cost:.0f} s | {'yes' if agree else 'NO'} |",
-        flush=True,
-    )
+    print(f"| {' | '.join(cells)} |", flush=True)
     return agree
 
 
@@ -257,8 +261,7 @@ def compare_basins(point: Point, options) -> bool:
             off = np.abs(own.hits - hits).sum() + abs(own.other - (labels < 0).sum())
             agree &= off == 0
     print(
-        f"| basins of {point.name} | {len(states)} starts | {'equal' if agree else 'OTHER'} |",
-        flush=True,
+        f"| basins of {point.name} | {len(states)} | {'equal' if agree else 'OTHER'} |", flush=True
     )
     return agree
 
@@ -298,9 +301,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", type=int, nargs="+", help="numbers of the points, from 1")
     parser.add_argument("--reference", action="store_true")
     options = parser.parse_args(arguments)
-    print(
-        "| point | orbits, by brute force | without | searched | with 20, 100, 459 starts | cost | agree |"
+    heads = (
+        "point",
+        "orbits, by brute force",
+        "without",
+        "searched",
+        "20, 100, 459",
+        "cost",
+        "agree",
     )
+    print(f"| {' | '.join(heads)} |")
     print("|---|---|---:|---:|---:|---:|---|")
     agree = True
     for number, point in enumerate(points(), 1):

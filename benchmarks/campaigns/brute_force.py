@@ -86,10 +86,17 @@ def orbit_at(advance: Callable, state: np.ndarray, units: np.ndarray) -> np.ndar
     """
     seen = advance(state, WINDOW) / units
     limit = ROUNDING * max(1.0, np.abs(seen).max())
+
+    def repeats(period: int, within: float) -> bool:
+        if np.abs(seen[-1] - seen[-1 - period]).max() > within:
+            return False
+        return bool(np.abs(seen[period:] - seen[:-period]).max() <= within)
+
     for period in range(1, LONGEST + 1):
-        closes = np.abs(seen[-1] - seen[-1 - period]).max() <= limit
-        if closes and np.abs(seen[period:] - seen[:-period]).max() <= limit:
-            return seen[-period:]
+        if repeats(period, limit):
+            # an approach from alternate sides closes after two turns first
+            parts = (part for part in range(1, period + 1) if period % part == 0)
+            return seen[-next(part for part in parts if repeats(part, SAME)) :]
     return None
 
 

@@ -82,6 +82,8 @@ WEIGHTS = {
     "link": 1,
     "threads": 2,
     "record": 6,
+    "session": 3,
+    "range": 6,
 }
 """Kinds of cases, and how often each is chosen."""
 
@@ -392,6 +394,8 @@ class Patient:
         "link": lambda self, rng: fuzz_kinds.link(self.whole, self.folder, rng),
         "threads": lambda self, rng: fuzz_kinds.threads(rng),
         "record": lambda self, rng: fuzz_kinds.ground_motion(self.folder, rng),
+        "session": lambda self, rng: fuzz_kinds.session(self.folder, rng),
+        "range": lambda self, rng: fuzz_kinds.ranges(rng),
     }
 
     def case(self, kind: str, seed: int) -> str:

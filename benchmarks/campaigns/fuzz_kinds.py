@@ -1,21 +1,29 @@
 """Kinds of cases of the fuzzer beside those of one small job: see `fuzz`."""
 
 import contextlib
+import functools
 import io
+import os
 import random
 import shutil
+import signal
+import tempfile
+import threading
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from tools import ATTRACTORS, BASINS, RECORDS, REFINED, SMALL, VARY, datasets
 
 from hpcsweep import Contact, Structure, read_record, stroboscopic_points
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands import cli
-from hpcsweep.job import parse_job
+from hpcsweep.job import JobError, parse_job
 from hpcsweep.kernels import folders
 from hpcsweep.kernels.compile.cache import SUFFIX, kept_in
 from hpcsweep.parallel.mpi import Serial
+from hpcsweep.parallel.stopping import STOP_SIGNALS, StopFlag
 from hpcsweep.store import Lock, StoreError, is_packed, open_results, pack
 
 SHORT = "transient_cycles = 20\nsampling_cycles = 32\n"
@@ -46,6 +54,21 @@ vertical = {{from = -1.0, to = 1.0, count = 5}}
     "matrices": f"{MATRICES}{GRID}",
 }
 """Jobs whose files are damaged, by kind."""
+SESSIONS = {
+    "sweep": SMALL.replace("count = 4", "count = 2"),
+    "vary": SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 3") + VARY,
+    "points": f'{ONE}{GRID}[study]\nkind = "points"\n',
+    "attractors": ATTRACTORS.replace("count = 6", "count = 3"),
+    "basins": BASINS,
+    "records": RECORDS.replace("count = 5", "count = 3"),
+    "refined points": REFINED,
+    "refined basins": BASINS.replace(
+        "starts = 16", "starts = 16\nrefine = {levels = 2, wrong = 0.4}"
+    ),
+}
+"""Jobs that are stopped and resumed, by kind."""
+MOST_SESSIONS = 25
+"""Sessions from which on nothing stops a campaign any more."""
 WRITERS = ("plot", "explore", "animate")
 
 
@@ -291,3 +314,122 @@ def ground_motion(folder: Path, rng: random.Random) -> str:
     ):
         raise Damaged(f"{record} in {asked} of {text!r}")
     return "result equal"
+
+
+@functools.cache
+def uninterrupted(kind: str) -> dict[str, np.ndarray]:
+    """Return the results of one of `SESSIONS`."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "whole.h5"
+        if campaign.run(parse_job(SESSIONS[kind], "job", "job"), path, Serial()):
+            raise Damaged(f"the job of {kind} does not run")
+        return datasets(path)
+
+
+class AtLook(StopFlag):
+    """Is set from a look on."""
+
+    def __init__(self, look: int):
+        super().__init__()
+        self._left = look
+
+    def is_set(self) -> bool:
+        self._left -= 1
+        return self._left < 0 or super().is_set()
+
+
+def session(folder: Path, rng: random.Random) -> str:
+    """Stop a campaign by signals, time limits and at looks, and resume it until it is complete."""
+    kind = rng.choice(list(SESSIONS))
+    expected, path = uninterrupted(kind), folder / "case.h5"
+    job = parse_job(SESSIONS[kind], "job", "job")
+    for turn in range(MOST_SESSIONS + 1):
+        how = rng.choice(("signal", "limit", "look")) if turn < MOST_SESSIONS else ""
+        flag = AtLook(int(10 ** rng.uniform(0, 3))) if how == "look" else StopFlag()
+        hours = rng.uniform(0.0, 0.3) / 3600 if how == "limit" else None
+        number = rng.choice(STOP_SIGNALS)
+        timer = threading.Timer(rng.uniform(0.0, 0.3), os.kill, (os.getpid(), number))
+        before = {stop: signal.signal(stop, signal.SIG_IGN) for stop in STOP_SIGNALS}
+        try:
+            with flag:
+                if how == "signal":
+                    timer.start()
+                try:
+                    code = campaign.run(job, path, Serial(), max_hours=hours, flag=flag)
+                except SystemExit as end:  # before the first run
+                    code = end.code
+            timer.cancel()
+            if how == "signal":
+                timer.join()
+        finally:
+            for stop, handler in before.items():
+                signal.signal(stop, handler)
+        if code not in (campaign.COMPLETE, campaign.STOPPED) or (not how and code):
+            raise Damaged(f"{kind}: a session that is stopped by {how} ends with {code}")
+        if code == campaign.COMPLETE:
+            break
+    found = datasets(path)
+    other = [
+        name for name, values in expected.items() if not np.array_equal(found.get(name), values)
+    ]
+    if other or found.keys() != expected.keys():
+        raise Damaged(f"{kind}: stopped {turn} times it has other {other}")
+    return "result equal"
+
+
+def values_of(rng: random.Random) -> str:
+    """Write numbers of a frequency or an amplitude, in one of the ways that jobs have."""
+
+    def number() -> str:
+        usual = f"{rng.uniform(0, 2):.{rng.randrange(1, 17)}f}", str(rng.randrange(-2, 30))
+        odd = (
+            f"{10 ** rng.uniform(-20, 20):.3e}",
+            "inf",
+            "nan",
+            "0.0",
+            "-0.0",
+            "1e308",
+            "true",
+            "'a'",
+        )
+        return rng.choice(usual if rng.random() < 0.8 else odd)
+
+    how = rng.choice(("number", "list", "range", "range", "range"))
+    if how == "number":
+        return number()
+    if how == "list":
+        return f"[{', '.join(number() for _ in range(rng.randrange(6)))}]"
+    parts = {"from": number(), "to": number()}
+    for key in rng.sample(("count", "step"), rng.choice((1, 1, 1, 1, 0, 2))):
+        parts[key] = str(rng.randrange(-1, 200)) if rng.random() < 0.6 else number()
+    if rng.random() < 0.05:
+        parts[rng.choice(("until", "By", "counts"))] = number()
+    if rng.random() < 0.05:
+        del parts[rng.choice(("from", "to"))]
+    return "{" + ", ".join(f"{key} = {value}" for key, value in parts.items()) + "}"
+
+
+def ranges(rng: random.Random) -> str:
+    """Give frequencies and amplitudes: they are refused in one line, or are what is written."""
+    omega, amplitude = values_of(rng), values_of(rng)
+    try:
+        study = parse_job(
+            f"[sweep]\nomega = {omega}\namplitude = {amplitude}\n", "job", "job"
+        ).study
+    except JobError as error:
+        if len(str(error).splitlines()) != 1 or "sweep." not in str(error):
+            raise Damaged(f"omega = {omega}, amplitude = {amplitude}: {error}") from None
+        return "refused in one line"
+    for text, found in ((omega, study.omega), (amplitude, study.amplitude)):
+        given = tomllib.loads(f"x = {text}")["x"]
+        if isinstance(given, dict):
+            low, high = float(given["from"]), float(given["to"])
+            step = given.get("step", (high - low) / (given.get("count", 2) - 1))
+            right = found[0] == low and np.allclose(np.diff(found), step, rtol=1e-6)
+            right &= bool(high - step * (1 + 1e-9) < found[-1] <= high * (1 + 1e-12))
+            right &= found.size == given.get("count", found.size)
+        else:
+            right = np.array_equal(found, np.ravel(np.array(given, float)))
+        if not right or not np.isfinite(found).all():
+            raise Damaged(f"{text} is read as {found}")
+    return "accepted, every solver starts"

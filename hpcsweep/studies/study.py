@@ -302,7 +302,7 @@ class Report(Protocol):
     def describe_task(self, task: int) -> str:
         """Describe a task by its frequency and other properties."""
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
         """Return the motions of a run, each as the variables of a run of a sweep.
 
         One that is not at the run's own place has its ``omega``, ``amplitude`` or ``structure``.

@@ -18,6 +18,7 @@ from hpcsweep.studies.blocks import Block, BlockTable, Path, Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.refine.growth import MapGrowth
+from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis, Coordinate, Variable
 
 PARTS_KEPT = 64
@@ -35,7 +36,7 @@ class Varied:
     axes : tuple of Axis
     make : callable
         Return the part at an index.
-    reader : callable, optional
+    reader : Reader, optional
         See `with_reader`.
     """
 
@@ -43,7 +44,7 @@ class Varied:
     axes: tuple[Axis, ...]
     make: Callable[[Place], RunGrid]
 
-    reader: Callable | None = None
+    reader: Reader | None = None
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that all parts share, one of `SHARED`."""
@@ -123,7 +124,7 @@ class Varied:
         growth = self.base.growth
         return growth.of_whole(self) if isinstance(growth, MapGrowth) else None
 
-    def with_reader(self, reader: Callable) -> "Varied":
+    def with_reader(self, reader: Reader) -> "Varied":
         """Return the study with what reads the results files that its runs start from."""
         return replace(self, base=self.base.with_reader(reader), reader=reader)
 

@@ -16,8 +16,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.branches.curves import store_curves
-from hpcsweep.studies.branches.seeds import Seed, Seeds
 from hpcsweep.studies.branches.variables import End, Origin, Reason
+from hpcsweep.studies.seeds import Seed, Seeds
 
 REACH = 0.01
 """Largest distance of a seed from the orbit that Newton's method finds, in units of the state."""

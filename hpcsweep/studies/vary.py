@@ -19,7 +19,7 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.seeds import Reader
-from hpcsweep.studies.study import Axis, Coordinate, Variable
+from hpcsweep.studies.study import Axis, Coordinate, Study, Variable
 
 PARTS_KEPT = 64
 """Parts that a process keeps: ranks come back to the one they left."""
@@ -48,7 +48,7 @@ class Varied:
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that all parts share, one of `SHARED`."""
-        if name in SHARED:
+        if name in SHARED and not name.startswith("_"):
             return getattr(self.base, name)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
@@ -267,17 +267,8 @@ class Varied:
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 
 
-SHARED = frozenset(
-    (
-        *("kind", "holds", "run_noun", "settings"),
-        "initial_state",
-        *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
-        *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words"),
-        *("grid_fields", "frame_dim", "starts_at_rest", "lines", "warnings"),
-        *("suite", "scale", "measure", "gravity", "storey_height"),
-    )
-)
-"""What all parts of a `Varied` have in common."""
+SHARED = frozenset(name for interface in Study.__mro__ for name in vars(interface))
+"""The interface of a study: what a `Varied` does not define all of its parts have in common."""
 
 
 @lru_cache(maxsize=PARTS_KEPT)

@@ -234,7 +234,7 @@ def sample_place(index: int) -> tuple[float, float]:
 
 
 def time_sample(
-    study, index: int, poll: Callable[[], None] | None = None, n_runs: int = PILOT_TIMED
+    study: Study, index: int, poll: Callable[[], None] | None = None, n_runs: int = PILOT_TIMED
 ) -> PilotCost:
     """Time the runs of a sample."""
     (frame, along), runs, seconds = study.time_runs(*sample_place(index), n_runs, poll)

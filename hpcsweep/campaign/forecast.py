@@ -142,7 +142,7 @@ def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
 
 
 def _time(
-    study, tasks: TaskCosts, index: int, n_runs: int, timed: list[tuple[float, float]]
+    study: Study, tasks: TaskCosts, index: int, n_runs: int, timed: list[tuple[float, float]]
 ) -> int:
     """Time a sample by the processor's time and by the clock; return its runs."""
     clock, processor = time.perf_counter(), time.process_time()

@@ -81,7 +81,8 @@ class RoundsWork(Work):
                     raise farm.Stop
                 runs, labels = inferred.labels(place)
                 sound &= inferred.agrees(place, runs, audit)
-                known.append((runs, labels))
+                if runs.size:
+                    known.append((runs, labels))
         except farm.Stop:
             self.scanned = False
         gathered = self._comm.gather((known, sound, self.scanned))

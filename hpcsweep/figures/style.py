@@ -10,9 +10,12 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.figures.fitting import WIDEST, broken, legend_below
+from hpcsweep.job import Job, parse_job, part_of
 from hpcsweep.model.arguments import real
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.points import START
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import Kind, Study, as_kind
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 
 DPI = 200
@@ -236,10 +239,8 @@ def direction_index(results, direction: str | None) -> int:
     return there.index(direction)
 
 
-def job_of(results):
+def job_of(results) -> Job:
     """Return the job of results; where it varies keys, the job of their part."""
-    from hpcsweep.job import parse_job, part_of
-
     job = parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
     place = []
     for axis in job.study.axes:
@@ -249,13 +250,18 @@ def job_of(results):
     return part_of(job, tuple(place))
 
 
+def study_of(results, kind: type[Kind]) -> Kind:
+    """Return the study of results that are of a kind, or their part."""
+    return as_kind(job_of(results).study, kind)
+
+
 def words_of(results, direction: str | None = None) -> str:
     """Return a direction of the results, default their first, in the words of their study."""
     name = str(results["direction"].values[0]) if direction is None else direction
-    return str(job_of(results).study.words[name])
+    return study_of(results, RunGrid).words[name]
 
 
-def structure_of(results):
+def structure_of(results) -> Structure:
     """Return the structure of results."""
     return job_of(results).structure
 

@@ -9,8 +9,8 @@ from hpcsweep.job import Job
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import StoreError
-from hpcsweep.studies.branches.seeds import Seed, Seeds, Where
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.seeds import Seed, Seeds, Where
 from hpcsweep.studies.study import as_kind
 
 KINDS = ("motions", "attractors")

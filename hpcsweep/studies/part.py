@@ -1,10 +1,10 @@
 """Base of studies without varied keys: each is its own only part (`hpcsweep.studies.vary`)."""
 
-from collections.abc import Callable
 from typing import ClassVar, Self
 
 from hpcsweep.studies.blocks import Block, Place
 from hpcsweep.studies.growth import Growth
+from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis
 
 
@@ -21,7 +21,7 @@ class Part:
         """Return None: all runs are computed."""
         return None
 
-    def with_reader(self, _reader: Callable) -> Self:
+    def with_reader(self, _reader: Reader) -> Self:
         """Return the study itself, whose runs start from no motions of files."""
         return self
 

@@ -19,6 +19,7 @@ path: if the run was periodic and the file's solver is ``flow``, the points must
 """
 
 from dataclasses import dataclass, replace
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.run_names import run_name
+from hpcsweep.studies.study import Study
 
 STEPS = 3
 """Forcing periods of an aperiodic run that are computed again."""
@@ -77,12 +79,24 @@ class RunAgain:
     problem: str = ""
 
 
-def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+class Computed(Study, Protocol):
+    """Study whose runs are computed one by one, with other settings too: a dataclass."""
+
+    def with_settings(self, **changes: Any) -> "Computed":
+        """Return the same study with other settings."""
+
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
+        """Compute one run alone from a state."""
+
+
+def compute_again(
+    study: Computed, block: Block, row: int, run: dict, start: np.ndarray
+) -> RunAgain:
     """Recompute one complete run.
 
     Parameters
     ----------
-    study : RunGrid
+    study : Computed
     block : Block
     row : int
         Of the block.
@@ -107,7 +121,7 @@ def compute_again(study, block: Block, row: int, run: dict, start: np.ndarray) -
             structure = place[0].measured_at(*own)
             solver = make_solver(other, structure, own[0], SOLVERS[other].tight)
             tangent = make_solver("flow", structure, own[0], SOLVERS["flow"].tight)
-            solvers[place] = replace(study, structure=structure), solver, tangent
+            solvers[place] = replace(cast(Any, study), structure=structure), solver, tangent
         measured, solver, tangent = solvers[place]
         again = RunAgain(run_name(described), other, *own, int(motion["orbit_period"]))
         _compare_motion(measured, again, solver, tangent, motion)
@@ -125,7 +139,7 @@ def _badness(again: RunAgain) -> tuple[bool, float]:
     return bool(again.problem), again.difference / again.allowed
 
 
-def _compare_motion(study, again: RunAgain, solver, tangent, run: dict) -> None:
+def _compare_motion(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Recompute a motion with the other solver."""
     try:
         if again.orbit_period:
@@ -138,7 +152,7 @@ def _compare_motion(study, again: RunAgain, solver, tangent, run: dict) -> None:
         again.compared, again.difference = f"nothing: {error}", None
 
 
-def _allowed(study, other: str, growth: float) -> float:
+def _allowed(study: Study, other: str, growth: float) -> float:
     settings = study.settings
     stiff = max(study.structure.stiffest_contact / 1000.0, 1.0) ** ERROR_GROWTH
     own, witness = SOLVERS[settings.solver], SOLVERS[other]
@@ -152,7 +166,7 @@ def _norm(tangent: np.ndarray, units: np.ndarray) -> float:
     return float(np.linalg.norm(scaled, 2)) if np.all(np.isfinite(scaled)) else 1.0
 
 
-def _apart(study, found: np.ndarray, stored: np.ndarray) -> float:
+def _apart(study: Study, found: np.ndarray, stored: np.ndarray) -> float:
     """Return the largest difference of states, in their units."""
     return float((np.abs(found - stored) / study.structure.state_units).max())
 
@@ -164,7 +178,7 @@ def _observe(solver, z, amplitude: float, n_periods: int, name: str):
     return seen
 
 
-def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
+def _compare_orbit(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Integrate from the last point of a periodic run once around its orbit."""
     period, amplitude = again.orbit_period, again.amplitude
     off_path = int(run.get("classification_cycles", 0)) > 0
@@ -190,7 +204,7 @@ def _compare_orbit(study, again: RunAgain, solver, tangent, run: dict) -> None:
     _judge_metrics(study, again, seen, run, on_orbit)
 
 
-def _compare_steps(study, again: RunAgain, solver, tangent, run: dict) -> None:
+def _compare_steps(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Integrate from a few points of an aperiodic run to the next ones."""
     points = run["poincare"][: int(run["n_points"])]
     places: list[int] = []
@@ -222,7 +236,7 @@ def _judge_points(again: RunAgain) -> None:
         )
 
 
-def _judge_metrics(study, again: RunAgain, seen, run: dict, equal: bool) -> None:
+def _judge_metrics(study: Study, again: RunAgain, seen, run: dict, equal: bool) -> None:
     """Compare contact set, drift and modal norms with those of a part of the stored window."""
     if again.problem:
         return
@@ -252,7 +266,7 @@ def _short(values: np.ndarray) -> str:
 
 
 def _compare_whole(
-    study, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
+    study: Computed, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
 ) -> None:
     """Recompute the whole run by `flow`, from the end of the previous run."""
     own = study.settings.solver == "flow"

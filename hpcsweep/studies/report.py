@@ -53,7 +53,7 @@ class RunReport:
         """Component and range of drawn or gridded starts, by name; empty if there are none."""
         return {}
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
         """Return the one motion of a run."""
         return [run]
 

@@ -18,6 +18,7 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, BlockTable, Place
 from hpcsweep.studies.growth import Growth
+from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
 
 Amplitudes = Sequence[float] | np.ndarray
@@ -141,11 +142,10 @@ class Work(Protocol):
     def table(self) -> BlockTable:
         """Describe all blocks at once."""
 
-    def with_reader(self, reader: Callable) -> "Study":
+    def with_reader(self, reader: Reader) -> "Study":
         """Return the study with what reads the results files that its runs start from.
 
-        Without it no run is computed that starts from a motion of a file. Called with paths and a
-        `branches.seeds.Where`; returns `branches.seeds.Seeds`.
+        Without it no run is computed that starts from a motion of a file.
         """
 
     def missing_inputs(self) -> str:
@@ -302,7 +302,7 @@ class Report(Protocol):
     def describe_task(self, task: int) -> str:
         """Describe a task by its frequency and other properties."""
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
         """Return the motions of a run, each as the variables of a run of a sweep.
 
         One that is not at the run's own place has its ``omega``, ``amplitude`` or ``structure``.

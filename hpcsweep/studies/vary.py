@@ -18,7 +18,8 @@ from hpcsweep.studies.blocks import Block, BlockTable, Path, Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.refine.growth import MapGrowth
-from hpcsweep.studies.study import Axis, Coordinate, Variable
+from hpcsweep.studies.seeds import Reader
+from hpcsweep.studies.study import Axis, Coordinate, Study, Variable
 
 PARTS_KEPT = 64
 """Parts that a process keeps: ranks come back to the one they left."""
@@ -35,7 +36,7 @@ class Varied:
     axes : tuple of Axis
     make : callable
         Return the part at an index.
-    reader : callable, optional
+    reader : Reader, optional
         See `with_reader`.
     """
 
@@ -43,11 +44,11 @@ class Varied:
     axes: tuple[Axis, ...]
     make: Callable[[Place], RunGrid]
 
-    reader: Callable | None = None
+    reader: Reader | None = None
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that all parts share, one of `SHARED`."""
-        if name in SHARED:
+        if name in SHARED and not name.startswith("_"):
             return getattr(self.base, name)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
@@ -123,7 +124,7 @@ class Varied:
         growth = self.base.growth
         return growth.of_whole(self) if isinstance(growth, MapGrowth) else None
 
-    def with_reader(self, reader: Callable) -> "Varied":
+    def with_reader(self, reader: Reader) -> "Varied":
         """Return the study with what reads the results files that its runs start from."""
         return replace(self, base=self.base.with_reader(reader), reader=reader)
 
@@ -266,17 +267,8 @@ class Varied:
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 
 
-SHARED = frozenset(
-    (
-        *("kind", "holds", "run_noun", "settings"),
-        "initial_state",
-        *("block_size", "carried", "status_variables", "polls_per_run", "given", "directions"),
-        *("is_list", "end_state", "motions", "count", "tally", "point_dim", "words"),
-        *("grid_fields", "frame_dim", "starts_at_rest", "lines", "warnings"),
-        *("suite", "scale", "measure", "gravity", "storey_height"),
-    )
-)
-"""What all parts of a `Varied` have in common."""
+SHARED = frozenset(name for interface in Study.__mro__ for name in vars(interface))
+"""The interface of a study: what a `Varied` does not define all of its parts have in common."""
 
 
 @lru_cache(maxsize=PARTS_KEPT)

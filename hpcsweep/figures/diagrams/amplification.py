@@ -7,7 +7,8 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import series_colour
-from hpcsweep.figures.style import PlotError, head, job_of, new_figure, save
+from hpcsweep.figures.style import PlotError, head, new_figure, save, study_of
+from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import stripes_of
 
 NAME = "pounding"
@@ -25,7 +26,7 @@ def draw(results, path: Path, response: str | None = None) -> None:
     whole = responses.opened(results, response, None)
     if whole.alone is None:
         raise PlotError("the file holds no responses without contacts: set output.alone = true")
-    study = job_of(results).study
+    study = study_of(results, Records)
     dim = "storey" if response == "drift" else "floor"
     figure, (axis,) = new_figure(1, 4.2)
     axis.axhline(1.0, color="0.4", linewidth=0.8)

@@ -15,13 +15,13 @@ from hpcsweep.figures.style import (
     PlotError,
     caption,
     head,
-    job_of,
     limit_amplitudes,
     nearest_frame,
     new_figure,
     percent,
     save,
     structure_of,
+    study_of,
 )
 from hpcsweep.studies.attractors.attractors import Attractors
 from hpcsweep.studies.starting_range import starting_range
@@ -111,7 +111,7 @@ def starts_words(study: Attractors) -> str:
 
 def starts_text(results, frame) -> str:
     """Format the starts, and the share of them that reached no drawn attractor."""
-    study = job_of(results).study
+    study = study_of(results, Attractors)
     done = max(int((frame["outcome"].values > 0).sum()), 1) * study.starts
     parts = []
     for name in ("undecided", "failed", "elsewhere"):

@@ -18,7 +18,16 @@ from hpcsweep.figures.inferred import VARIABLES as INFERRED
 from hpcsweep.figures.inferred import draw_cells, filled, inferred, need_cells, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
 from hpcsweep.figures.palette import NOTHING, OTHER_MOTION, count_colour
-from hpcsweep.figures.style import caption, head, job_of, new_grid, percent, save, structure_of
+from hpcsweep.figures.style import (
+    caption,
+    head,
+    new_grid,
+    percent,
+    save,
+    structure_of,
+    study_of,
+)
+from hpcsweep.studies.attractors.attractors import Attractors
 
 NAME = "number"
 DRAWS = "attractors"
@@ -72,7 +81,7 @@ def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = No
         if cells:
             draw_cells(axis, results)
         axis.label_outer()
-    study = job_of(results).study
+    study = study_of(results, Attractors)
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * study.starts, 1)
     note = f"{starts_words(study)}; undecided {percent(float(undecided))}"
     head(figure, "\n".join(filter(None, (caption(results), note, note_of(results)))), fontsize=10)

@@ -28,6 +28,7 @@ from hpcsweep.figures.style import (
     percent,
     save,
     set_names,
+    study_of,
 )
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.refine.variables import SOURCE
@@ -70,7 +71,7 @@ def draw(results, path: Path, cells: bool | None = None) -> None:
     """
     from matplotlib.colors import ListedColormap
 
-    study = job_of(results).study
+    study = study_of(results, SliceGrid)
     labels = filled(results, "label")[0].reshape(study.vertical.size, study.horizontal.size)
     if not labels.any():
         raise PlotError("no row of this slice is computed yet")

@@ -7,7 +7,8 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import STOP, series_colour
-from hpcsweep.figures.style import PlotError, head, job_of, new_grid, save
+from hpcsweep.figures.style import PlotError, head, new_grid, save, study_of
+from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import stripes_of
 
 NAME = "profile"
@@ -24,7 +25,7 @@ def draw(results, path: Path, response: str | None = None, scale: float | None =
     response = response or "drift"
     if response not in ("drift", "displacement", "acceleration"):
         raise PlotError(f"--response {response}: has no profile over the height")
-    at, study = responses.scale_index(results, scale), job_of(results).study
+    at, study = responses.scale_index(results, scale), study_of(results, Records)
     whole = responses.opened(results, response, None)
     dim = "storey" if response == "drift" else "floor"
     names = [str(one) for one in results[dim].values]

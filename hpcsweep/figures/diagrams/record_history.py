@@ -10,7 +10,8 @@ import numpy as np
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.labels import unit
 from hpcsweep.figures.palette import STOP, series_colour
-from hpcsweep.figures.style import PlotError, head, job_of, new_figure, save
+from hpcsweep.figures.style import PlotError, head, new_figure, save, study_of
+from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "history"
 DRAWS = "responses"
@@ -36,7 +37,7 @@ def draw(
     from hpcsweep.solvers.response import history
 
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
-    study = job_of(results).study
+    study = study_of(results, Records)
     samples = responses.samples_of(study, i)
     structure, factor = study.structure, float(study.factor[i, at])
     seen = history(structure, samples, factor, study.tail)

@@ -4,7 +4,7 @@ import numpy as np
 
 from hpcsweep.figures.labels import unit
 from hpcsweep.figures.options import Option
-from hpcsweep.figures.style import PlotError, job_of
+from hpcsweep.figures.style import PlotError, study_of
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
 
@@ -47,7 +47,7 @@ def opened(results, response: str | None, place: str | None) -> Stripes:
     PlotError
     """
     try:
-        found = stripes_of(results, job_of(results).study, response or "drift", place)
+        found = stripes_of(results, study_of(results, Records), response or "drift", place)
     except StripesError as error:
         raise PlotError(str(error)) from None
     if not np.isfinite(found.values).any():

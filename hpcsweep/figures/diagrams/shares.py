@@ -16,12 +16,13 @@ from hpcsweep.figures.palette import MOTION_COLOURS, ink
 from hpcsweep.figures.style import (
     caption,
     head,
-    job_of,
     limit_amplitudes,
     new_figure,
     save,
     set_name,
+    study_of,
 )
+from hpcsweep.studies.attractors.attractors import Attractors
 
 NAME = "shares"
 DRAWS = "attractors"
@@ -46,7 +47,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     from matplotlib.patches import Patch
 
     frame, index, structure = opened(results, omega)
-    study = job_of(results).study
+    study = study_of(results, Attractors)
     figure, axes = new_figure(2, 6.6)
     edges = _edges(frame["amplitude"].values)
     layers = _layers(frame, study.starts)

@@ -8,7 +8,8 @@ from hpcsweep.earthquakes.spectrum import spectrum
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.palette import series_colour
-from hpcsweep.figures.style import head, job_of, new_figure, save
+from hpcsweep.figures.style import head, new_figure, save, study_of
+from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "spectra"
 DRAWS = "responses"
@@ -33,7 +34,7 @@ def draw(results, path: Path) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter
 
     n = min(results.sizes["record"], MOST_RECORDS)
-    study = job_of(results).study
+    study = study_of(results, Records)
     first = responses.samples_of(study, 0)
     natural = 2.0 * np.pi / study.structure.frequencies
     shortest = max(2.0 * first.dt, natural[0] / 50.0)

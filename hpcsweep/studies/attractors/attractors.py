@@ -154,7 +154,7 @@ class Attractors(Limits, AmplitudeSweep):
         each = np.column_stack((ids, counts, points.reshape(len(points), -1)))
         return np.concatenate(([float(rows["last_id"][row])], each.ravel()))
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
         """Return the attractors of a point as motions in which runs ended."""
         return attractors_as_runs(self.variables, run)
 

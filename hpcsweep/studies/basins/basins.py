@@ -64,7 +64,7 @@ class Basins(SliceGrid):
         del amplitudes, state
         return self.slice_runs.row(self.horizontal, float(self.vertical[frame]), poll)
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
         """Return the attractors listed by a row as motions in which runs ended."""
         return attractors_as_runs(self.variables, run)
 

@@ -99,7 +99,7 @@ class RefinedBasins(SliceGrid):
         del state
         return self.slice_runs.starts(self.horizontal[places], float(self.vertical[frame]), poll)
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
         """Return the attractor that a start goes to as the motion in which a run ended."""
         label = int(run["label"])
         if label <= 0:

@@ -28,7 +28,6 @@ from hpcsweep.studies.branches.keys import (
     seeds_of,
     span_of,
 )
-from hpcsweep.studies.branches.seeds import Reader, Seeds, Where
 from hpcsweep.studies.branches.tally import BranchTally
 from hpcsweep.studies.branches.variables import (
     COMMIT,
@@ -39,6 +38,7 @@ from hpcsweep.studies.branches.variables import (
     VARIABLES,
 )
 from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.seeds import Reader, Seeds, Where
 from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -185,7 +185,7 @@ class Branches(IndependentRuns):
             along.get("amplitude", (amplitude, amplitude)),
         )
 
-    def with_reader(self, reader: Callable) -> Self:
+    def with_reader(self, reader: Reader) -> Self:
         """Return the study with what reads the results files."""
         return replace(self, reader=reader)
 

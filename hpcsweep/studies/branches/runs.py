@@ -14,15 +14,18 @@ from hpcsweep.dynamics.continuation.search import search
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
+from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.branches.curves import store_curves
-from hpcsweep.studies.branches.seeds import Seed, Seeds
 from hpcsweep.studies.branches.variables import End, Origin, Reason
+from hpcsweep.studies.seeds import Seed, Seeds
 
 REACH = 0.01
 """Largest distance of a seed from the orbit that Newton's method finds, in units of the state."""
 
 
-def line_of(study, line: int, poll: Callable[[], None] | None = None) -> dict[str, np.ndarray]:
+def line_of(
+    study: Branches, line: int, poll: Callable[[], None] | None = None
+) -> dict[str, np.ndarray]:
     """Follow the branches of a line.
 
     Parameters
@@ -76,7 +79,9 @@ def line_of(study, line: int, poll: Callable[[], None] | None = None) -> dict[st
     return rows
 
 
-def _take(rows: dict, study, forced: ForcedMap, catalogue: Catalogue, seeds: Seeds) -> None:
+def _take(
+    rows: dict, study: Branches, forced: ForcedMap, catalogue: Catalogue, seeds: Seeds
+) -> None:
     """Take the seeds one after the other, and tell of each where it lies."""
     rows["n_seeds"][0], rows["n_others"][0] = len(seeds.periodic), seeds.n_others
     rows["seeds_checksum"][0] = _checksum(seeds)
@@ -130,7 +135,7 @@ def _store_branches(rows: dict, catalogue: Catalogue) -> None:
             rows[name][0, k] = End[why.upper().replace(" ", "_")]
 
 
-def _store_points(rows: dict, study, forced: ForcedMap, catalogue: Catalogue) -> None:
+def _store_points(rows: dict, study: Branches, forced: ForcedMap, catalogue: Catalogue) -> None:
     at = 0
     for k, branch in enumerate(catalogue.branches):
         for one in branch.arc.points:
@@ -147,7 +152,7 @@ def _store_points(rows: dict, study, forced: ForcedMap, catalogue: Catalogue) ->
             at += 1
 
 
-def _store_specials(rows: dict, study, forced: ForcedMap, catalogue: Catalogue) -> None:
+def _store_specials(rows: dict, study: Branches, forced: ForcedMap, catalogue: Catalogue) -> None:
     at = first = 0
     numbers = study.structure.contact_numbers
     for k, branch in enumerate(catalogue.branches):

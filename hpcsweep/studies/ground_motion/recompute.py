@@ -11,6 +11,7 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.responses import respond
 from hpcsweep.studies.ground_motion.variables import pack, peaks_of
 from hpcsweep.studies.recompute import RunAgain
@@ -23,7 +24,7 @@ ROUNDING = 1e-12
 COMPARED = ("drift", "displacement", "floor_acceleration", "force", "impulse", "residual")
 
 
-def response_again(study, block: Block, row: int, run: dict[str, np.ndarray]) -> RunAgain:
+def response_again(study: Records, block: Block, row: int, run: dict[str, np.ndarray]) -> RunAgain:
     """Compute one complete response again.
 
     Parameters

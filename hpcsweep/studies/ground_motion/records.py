@@ -283,7 +283,7 @@ class Records(Part):
         """Describe a task by its record."""
         return self.suite[task].name
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
         """Return nothing: a response does not repeat."""
         del run
         return []

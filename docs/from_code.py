@@ -10,9 +10,8 @@ from pathlib import Path
 
 from hpcsweep.commands.cli import build_parser
 from hpcsweep.job import JobError, load_job
-from hpcsweep.job.key_meanings import KEY_MEANINGS
-from hpcsweep.job.reading import every_key, keys_of
-from hpcsweep.job.template import TEMPLATE
+from hpcsweep.job import template as job_template
+from hpcsweep.job.keys import declared, every_key, keys_of
 from hpcsweep.job.tree import resolve
 from hpcsweep.model.unit_names import GAPS
 from hpcsweep.studies.kinds import KINDS
@@ -36,6 +35,10 @@ and times in 1/omega_0, unless a job gives masses, stiffnesses and gaps of its o
 
 A mistake in a job is one line that names file, key, value and limit; nothing is then written.
 """
+EXTENDS = (
+    "| `extends` | another job file, of which this one gives what differs "
+    "([how](studies.md#jobs-made-of-other-jobs)) | |\n"
+)
 NOTES = {
     "attractors": """\
 Empty slots have `attractor_id` 0. `contact`, `drift` and `modal_norm` are those of the orbit, or of
@@ -112,35 +115,25 @@ def template() -> str:
     """Return the commented job that `hpcsweep new` writes."""
     return (
         "# A commented job\n\n`hpcsweep new study.toml` writes it; every key is explained in\n"
-        f"[keys of a job](job-keys.md).\n\n```toml\n{TEMPLATE}```\n"
+        f"[keys of a job](job-keys.md).\n\n```toml\n{job_template.template()}```\n"
     )
 
 
 def job_keys() -> str:
     """Return tables of all keys of a job: meaning, with the kinds of study, and default."""
-    shown = _defaults()
-    tables: dict[str, list[str]] = {}
-    for keys, (meaning, *given) in KEY_MEANINGS.items():
-        names = keys.split(", ")
-        default = given[0] if given else ", ".join(f"`{shown[name]}`" for name in names)
-        row = ", ".join(f"`{name}`" for name in names), _kinds(names[0]) + meaning, default
-        table = names[0].partition(".")[0] if "." in names[0] else "job"
-        tables.setdefault(table, []).append(f"| {' | '.join(row)} |\n")
+    tables: dict[str, dict[str, str]] = {"job": {"extends": EXTENDS}}
+    for study in KINDS.values():
+        for table, keys in declared(study).items():
+            for key in keys:
+                if key.description:
+                    name = f"{table}.{key.name}" if table else key.name
+                    default = key.told or (f"`{key.shown}`" if key.shown else "")
+                    row = f"`{name}`", _kinds(name) + key.description, default
+                    tables.setdefault(table or "job", {})[name] = f"| {' | '.join(row)} |\n"
     parts = [JOB_KEYS]
     head = "| key | meaning | default |\n|---|---|---|\n"
-    parts += [f"## {table}\n\n{head}{''.join(rows)}" for table, rows in tables.items()]
+    parts += [f"## {table}\n\n{head}{''.join(rows.values())}" for table, rows in tables.items()]
     return re.sub(r"\]\((?=[a-z])", "](../", "\n".join(parts))
-
-
-def _defaults() -> dict[str, str]:
-    """Return what the template gives each key; of commented ones that is the default."""
-    found, table = {}, ""
-    for line in TEMPLATE.splitlines():
-        if header := re.match(r"#?\[(\w+)\]$", line):
-            table = f"{header[1]}."
-        elif pair := re.match(r"#?(\w+) = (.*?)(?: +# .*)?$", line):
-            found[f"{table}{pair[1]}"] = pair[2]
-    return found
 
 
 def _kinds(key: str) -> str:

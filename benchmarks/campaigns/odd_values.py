@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from hpcsweep.campaign.describe import describe
 from hpcsweep.job import JobError, load_job
-from hpcsweep.job.reading import every_key, keys_of
+from hpcsweep.job.keys import every_key, keys_of
 from hpcsweep.job.tree import parse_toml, write
 from hpcsweep.studies.kinds import KINDS
 

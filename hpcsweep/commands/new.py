@@ -30,6 +30,6 @@ def add_to(commands) -> None:
 
 
 def _new(options) -> int:
-    from hpcsweep.job.template import TEMPLATE
+    from hpcsweep.job.template import template
 
-    return write_job(options.file, TEMPLATE)
+    return write_job(options.file, template())

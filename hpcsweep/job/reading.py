@@ -15,51 +15,22 @@ import numpy as np
 
 from hpcsweep.job import structures
 from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.keys import every_key, keys_of
 from hpcsweep.job.paths import path_of
 from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
-from hpcsweep.job.values import MAX_VALUES, Values
+from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts, read_varied, unused
 from hpcsweep.model import arguments
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
+from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
-from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.settings import METRIC_KEYS, SAMPLING, TRANSIENT, SweepSettings
+from hpcsweep.studies.settings import MOST_CYCLES as MAX_CYCLES
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
 
-KEYS: dict[str, tuple[str, ...]] = {
-    "": (
-        "name",
-        "study",
-        "structure",
-        "forcing",
-        "sweep",
-        "solver",
-        "output",
-        "units",
-        "building",
-        "pounding",
-        "records",
-        "vary",
-        "branches",
-    ),
-    "study": ("kind",),
-    **structures.KEYS,
-    "sweep": (
-        "transient_cycles",
-        "sampling_cycles",
-        "max_orbit_period",
-        "period_tolerance",
-        "classify_cycles",
-        "initial_state",
-    ),
-    "solver": ("method", "rtol", "skip"),
-    "output": (*METRICS, "max_points", "block"),
-    "records": (),
-    "branches": (),
-}
-"""Keys of every study; each adds its own (`keys` of its class)."""
 MAX_NAME = 200
 """Bytes of a job's name; endings are added to it."""
 MAX_BLOCKS = 20_000_000
@@ -67,7 +38,6 @@ MAX_BLOCKS = 20_000_000
 MAX_RUNS = 2**40
 MAX_STATE = 1e200
 MIN_TOLERANCE = 1e-300
-MAX_CYCLES = 10_000_000
 
 
 def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
@@ -180,7 +150,7 @@ def read_study(source: str, tree: Mapping):
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
         settings=settings,
-        block_size=values.whole("output.block", _default_block(values, study), 1, MAX_VALUES),
+        block_size=values.whole("output.block", _default_block(values, study), *BLOCK.limits),
     )
 
 
@@ -209,22 +179,6 @@ def _check_extent(values: Values, study: Study) -> None:
             study.block_size,
             f"gives {n_blocks} blocks, the most are {MAX_BLOCKS}: make it larger",
         )
-
-
-def keys_of(study) -> dict[str, tuple[str, ...]]:
-    """Return the keys of each table of a job of one kind of study."""
-    return {
-        table: (*study.keys.get(table, ()), *(() if table in study.without else keys))
-        for table, keys in KEYS.items()
-    }
-
-
-def every_key() -> dict[str, tuple[str, ...]]:
-    """Return the keys of each table of a job of any kind of study, each once."""
-    tables = [keys_of(study) for study in KINDS.values()]
-    return {
-        name: tuple(dict.fromkeys(key for table in tables for key in table[name])) for name in KEYS
-    }
 
 
 def _keys_of_others(study) -> dict[str, str]:
@@ -280,7 +234,7 @@ def _initial_state(values: Values, n: int) -> np.ndarray:
 
 def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
     default = SweepSettings()
-    sampling = values.whole("sweep.sampling_cycles", default.sampling_cycles, 1, MAX_CYCLES)
+    sampling = values.read("sweep", SAMPLING)
     longest = max(min(sampling // 2, MAX_PERIOD), 1)
     tolerance = values.number(
         "sweep.period_tolerance", values.get("sweep.period_tolerance", default.period_tolerance)
@@ -296,16 +250,14 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
         "sweep.max_orbit_period", min(default.max_orbit_period, longest), 1, longest
     )
     return SweepSettings(
-        transient_cycles=values.whole(
-            "sweep.transient_cycles", default.transient_cycles, 0, MAX_CYCLES
-        ),
+        transient_cycles=values.read("sweep", TRANSIENT),
         sampling_cycles=sampling,
         max_orbit_period=longest,
         period_tolerance=tolerance,
         solver=method,
         rtol=rtol,
         skip=_skip(values, skip_rules),
-        metrics=_metrics(values, default),
+        metrics=_metrics(values),
         max_points=_max_points(values, sampling, longest),
         classify_cycles=_classify_cycles(values, method),
     )
@@ -339,7 +291,5 @@ def _skip(values: Values, rules: tuple[str, ...]) -> frozenset[str]:
     return frozenset(given)
 
 
-def _metrics(values: Values, default: SweepSettings) -> frozenset[str]:
-    return frozenset(
-        name for name in METRICS if values.flag(f"output.{name}", name in default.metrics)
-    )
+def _metrics(values: Values) -> frozenset[str]:
+    return frozenset(key.name for key in METRIC_KEYS if values.read("output", key))

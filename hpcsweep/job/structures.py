@@ -21,16 +21,6 @@ from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
 
-KEYS: dict[str, tuple[str, ...]] = {
-    "structure": (
-        *("n_floors", "mass", "storey_stiffness", "gap", "gap_left", "stiffness_ratio"),
-        *("sharpness", "damping_ratio", "rayleigh", "restitution", "tension"),
-        *("matrices", "contact"),
-    ),
-    "forcing": ("harmonics",),  # those of `FORCINGS`
-    "units": UnitNames._fields,
-    "pounding": ("gap", "stiffness", "sharpness", "restitution", "damping", "tension"),
-}
 Harmonics = tuple[tuple[int, float, float], ...]
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
 MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")

@@ -4,10 +4,12 @@ import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 from hpcsweep.job.job import JobError
+from hpcsweep.studies.keys import Key
 
 RANGE_KEYS = ("from", "to", "count", "step")
 MAX_VALUES = 10_000_000
@@ -121,6 +123,18 @@ class Values:
         if value is None:
             raise JobError(f"{self.source}: {key} is missing")
         return value
+
+    def read(self, table: str, key: Key) -> Any:
+        """Return the value of a key as it is declared: of its default's type, within its limits."""
+        name = f"{table}.{key.name}"
+        if isinstance(key.default, bool):
+            return self.flag(name, key.default)
+        if isinstance(key.default, int):
+            return self.whole(name, key.default, *key.limits)
+        given = self.get(name, key.default)
+        if isinstance(key.default, float):
+            return self.within(name, given, *key.limits)
+        return self.choice(name, given, key.limits)
 
     def number(self, key: str, value: object) -> float:
         """Return a value that must be a number as a float."""

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from hpcsweep.job.job import Job, JobError
-from hpcsweep.job.reading import every_key, parse_job
+from hpcsweep.job.keys import every_key
+from hpcsweep.job.reading import parse_job
 from hpcsweep.job.tree import parse_toml, write
 from hpcsweep.job.values import Values
 

@@ -15,6 +15,7 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, BlockTable
 from hpcsweep.studies.invariants import broken_invariants
+from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import RunAgain, compute_again
 from hpcsweep.studies.report import RunReport
@@ -63,11 +64,13 @@ class RunGrid(RunReport, Part):
     directions: tuple[str, ...]
 
     kind: ClassVar[str]
+    summary: ClassVar[str]
+    """What is computed, in a line."""
     run_noun: ClassVar[str] = "run"
     words: ClassVar[dict[str, str]]  # each direction in words
     direction_name: ClassVar[str]
     """Long name of the first dimension."""
-    keys: ClassVar[dict[str, tuple[str, ...]]]
+    keys: ClassVar[Tables]
     """Keys of job files, by table, of this study alone."""
     without: ClassVar[tuple[str, ...]] = ()  # tables of which it knows its own keys alone
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES

@@ -12,13 +12,16 @@ from typing import ClassVar
 import numpy as np
 
 from hpcsweep.studies.independent import IndependentRuns
-from hpcsweep.studies.refine.refinement import Refinement, read_refinement
+from hpcsweep.studies.keys import OMEGA, Key, Tables
+from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
 from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.sweep.runs import frame_runs
 from hpcsweep.studies.variables import AMPLITUDE
 
 START = "initial"
 FORCING_AMPLITUDE = Variable("forcing_amplitude", ("omega",), "<f8", *AMPLITUDE)
+
+POINTS = Key("points", "list of pairs [A, Omega], in place of `sweep.omega` and `sweep.amplitude`")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +41,12 @@ class Points(IndependentRuns):
     refine: Refinement | None = None
 
     kind: ClassVar[str] = "points"
+    summary: ClassVar[str] = (
+        "every amplitude at every frequency, or a list of points, each from the initial state"
+    )
     words: ClassVar[dict[str, str]] = {START: "each from the initial state"}
     direction_name: ClassVar[str] = "where each run starts"
-    keys: ClassVar[dict] = {
-        "study": ("points", "refine"),
-        "sweep": ("omega", "frequency", "amplitude"),
-    }
+    keys: ClassVar[Tables] = {"study": (POINTS, REFINE), "sweep": OMEGA}
     default_block: ClassVar[int] = 1
     grid_fields: ClassVar[tuple[str, ...]] = (
         "omega",

@@ -4,16 +4,45 @@ from dataclasses import dataclass
 
 from hpcsweep.model.kernel_model import PEAK_FLAGS
 from hpcsweep.solvers.measures import IMPACT_FLAG
+from hpcsweep.studies.keys import Key, names
 
 CONTACT_MEASURES = ("contact_force", "impacts", "impact_velocity", "impulse", "contact_time")
 FLOOR_MEASURES = ("displacement", "acceleration")
 MEASURES = ("storey_drift", *FLOOR_MEASURES, *CONTACT_MEASURES)
 """Peaks over the window of each storey, floor and contact, and the impacts of each contact."""
-METRICS = ("poincare", "contact", "drift", "modal_norm", "lyapunov", *MEASURES)
+METRIC_KEYS = (
+    Key("poincare", "stroboscopic points (u in gaps, v in gaps omega_0)", True),
+    Key("contact", "which contacts close", True),
+    Key("drift", "peak interstorey drift, in A/Omega^2", True),
+    Key("modal_norm", "mean modal norms, free of contact", True),
+    Key(
+        "lyapunov",
+        "largest Lyapunov exponent, per unit of time; without it, and with `sweep.classify_cycles "
+        "= 0`, nothing is called chaotic or quasi-periodic",
+        False,
+    ),
+    Key("storey_drift", "peak drift of each storey over continuous time, in gaps", False),
+    Key("displacement", "peak displacement of each floor, in gaps", False),
+    Key("acceleration", "peak absolute acceleration of each floor, in gaps omega_0^2", False),
+    Key("contact_force", "peak force of each contact, in k gaps", False),
+    Key("impacts", "closings of each contact a forcing period", False),
+    Key("impact_velocity", "largest closing speed of each contact, in gaps omega_0", False),
+    Key("impulse", "impulse of each contact a forcing period, in k gaps/omega_0", False),
+    Key("contact_time", "share of the time in which each contact is closed", False),
+)
+METRICS = names(METRIC_KEYS)
 """Optional results of a job; the final state, period, cycles and outcome are always kept."""
 
 SKIP_RULES = ("linear", "converged", "newton")
 """Rules by which periods are not integrated because their result is known; see `sweep`."""
+MOST_CYCLES = 10_000_000
+TRANSIENT = Key("transient_cycles", "forcing periods discarded at each run", 100, (0, MOST_CYCLES))
+SAMPLING = Key(
+    "sampling_cycles",
+    "forcing periods of the steady window, of which results are",
+    100,
+    (1, MOST_CYCLES),
+)
 
 
 @dataclass(frozen=True)
@@ -48,14 +77,14 @@ class SweepSettings:
         None is the window procedure: a period is claimed of points that repeat.
     """
 
-    transient_cycles: int = 100
-    sampling_cycles: int = 100
+    transient_cycles: int = TRANSIENT.default
+    sampling_cycles: int = SAMPLING.default
     max_orbit_period: int = 16
     period_tolerance: float = 1e-6
     solver: str = "flow"
     rtol: float = 1e-9
     skip: frozenset[str] = frozenset(SKIP_RULES)
-    metrics: frozenset[str] = frozenset(METRICS) - {"lyapunov", *MEASURES}
+    metrics: frozenset[str] = frozenset(key.name for key in METRIC_KEYS if key.default)
     max_points: int | None = None
     classify_cycles: int | None = None
 

@@ -56,6 +56,29 @@ def test_a_figure(copy):
     assert (folder / "cycles.png").stat().st_size > 10_000
 
 
+def test_a_key_of_a_job_is_one_file(copy):
+    touched = (EXERCISES / "key.diff").read_text().count("--- a/")
+    assert touched == 1
+    folder, hpcsweep, run = copy("key")
+    hpcsweep("new", "new.toml")
+    assert "#every = 1\n" in (folder / "new.toml").read_text()
+    for number, given in enumerate(("", "every = 2\n", "every = 0\n", "evry = 2\n")):
+        job = SMALL.replace("[sweep]\n", f"[sweep]\n{given}")
+        (folder / f"{number}.toml").write_text(job)
+    hpcsweep("run", "0.toml")
+    hpcsweep("run", "1.toml", ranks=2)
+    frames = [json.loads(hpcsweep("summary", f"{k}.h5", "--json"))[0]["frames"] for k in (0, 1)]
+    assert frames == [4, 2]
+    refused = (
+        "import sys, hpcsweep\n"
+        "try: hpcsweep.load_job(sys.argv[1])\n"
+        "except ValueError as error: print(error)"
+    )
+    said = run("-c", refused, "2.toml")
+    assert said.strip().endswith("sweep.every = 0: must be a whole number from 1 to 1000")
+    assert "did you mean 'every'?" in run("-c", refused, "3.toml")
+
+
 def test_a_field_of_the_structure(copy):
     folder, hpcsweep, run = copy("field")
     job = SMALL.replace("damping_ratio = 0.05", "damping_ratio = 0.05\nstorey_damping = 0.3")

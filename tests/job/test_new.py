@@ -6,24 +6,21 @@ import pytest
 from tools import hpcsweep
 
 from hpcsweep.job import JobError, load_job, parse_job
-from hpcsweep.job.reading import DEFAULT_KIND, KINDS, MAX_CYCLES, every_key, keys_of
-from hpcsweep.job.template import TEMPLATE
+from hpcsweep.job.keys import DEFAULT_KIND, KINDS, declared, every_key, keys_of
+from hpcsweep.job.template import template
 from hpcsweep.job.values import MAX_VALUES
 from hpcsweep.model.structure import MAX_FLOORS
 from hpcsweep.solvers.solver import SOLVERS
+from hpcsweep.studies.settings import MOST_CYCLES as MAX_CYCLES
 from hpcsweep.studies.settings import SKIP_RULES
 
+TEMPLATE = template()
 KEYS = keys_of(KINDS[DEFAULT_KIND])
-WITHOUT_DEFAULT = {
-    "": ("vary", "units", "building", "pounding", "records", "branches"),
-    "sweep": ("frequency",),
-    "units": ("length", "mass", "time"),
-    "pounding": ("gap", "stiffness", "sharpness", "restitution", "damping", "tension"),
-    "structure": (
-        *("mass", "storey_stiffness", "rayleigh", "restitution", "tension", "matrices", "contact"),
-    ),
+VALUELESS = {
+    table: tuple(key.name for key in keys if not (key.shown or key.example))
+    for table, keys in declared(KINDS[DEFAULT_KIND]).items()
 }
-"""Keys that stand in the place of others, which the template only mentions."""
+"""Keys without a value to show, which the template only mentions."""
 EVERY_KEY = re.sub(r"^#(?=\w+ = )", "", TEMPLATE, flags=re.MULTILINE)
 """The template with every key given."""
 
@@ -31,15 +28,15 @@ EVERY_KEY = re.sub(r"^#(?=\w+ = )", "", TEMPLATE, flags=re.MULTILINE)
 def test_it_has_every_key_in_its_table_in_order_and_no_other():
     tree = tomllib.loads(EVERY_KEY)
     assert tree.pop("extends")
-    named = [name for name in KEYS[""] if name in KEYS and name not in WITHOUT_DEFAULT[""]]
-    tables = {"": tree, **{name: tree[name] for name in named}}
-    found = {name: tuple(table) for name, table in tables.items()}
-    assert found == {
-        name: tuple(key for key in keys if key not in WITHOUT_DEFAULT.get(name, ()))
-        for name, keys in KEYS.items()
-        if name not in WITHOUT_DEFAULT[""]
+    assert tree.pop("name")
+    found = {name: tuple(table) for name, table in tree.items()}
+    right = {
+        table: tuple(key for key in keys if key not in VALUELESS[table])
+        for table, keys in KEYS.items()
+        if table
     }
-    for keys in WITHOUT_DEFAULT.values():
+    assert found == {table: keys for table, keys in right.items() if keys}
+    for keys in every_key().values():
         assert [key for key in keys if not re.search(rf"^#.*\b{key}\b", TEMPLATE, re.M)] == []
 
 
@@ -80,26 +77,22 @@ def shown(key: str) -> str:
 def test_every_kind_of_study_is_told_with_the_keys_that_only_it_has():
     for kind, study in KINDS.items():
         assert study.kind == kind
-        assert f'"{kind}"' in shown("kind")
-    for table, keys in every_key().items():
-        for key in set(keys) - set(KEYS[table]):
-            assert f"{key} = " in TEMPLATE
+        assert f'# "{kind}": ' in TEMPLATE
+        for table, keys in study.keys.items():
+            own = [key.name for key in keys if key.name not in KEYS[table]]
+            assert all(f"{table}.{name}" in TEMPLATE for name in own)
 
 
-def test_every_key_is_explained_before_it_or_beside_it():
-    for key in [key for keys in KEYS.values() for key in keys]:
-        if key in ("units", "pounding", "building", "records", "branches"):
-            assert f"[{key}]" in TEMPLATE, key
-        elif key in KEYS:
-            assert f"\n[{key}]\n" in TEMPLATE
-        elif key == "vary":
-            assert "\n#[vary]\n#structure.gap = " in TEMPLATE
-            parse_job(TEMPLATE + "[vary]\nstructure.gap = [1.0, 2.0]", "x", "x")
-        elif any(key in keys for keys in WITHOUT_DEFAULT.values()):
-            assert re.search(rf"^# .*\b{key}\b", TEMPLATE, flags=re.MULTILINE)
-        else:
-            line = re.search(rf"^#?{key} = .*$", TEMPLATE, flags=re.MULTILINE)[0]
-            assert re.search(r"[a-z]{4}", line.partition("  # ")[2] or shown(key)), line
+def test_every_key_has_a_meaning_and_every_value_is_of_its_type_and_within_its_limits():
+    parse_job(TEMPLATE + "[vary]\nstructure.gap = [1.0, 2.0]", "x", "x")
+    for study in KINDS.values():
+        for key in (key for keys in declared(study).values() for key in keys):
+            assert key.meaning or key.name in KEYS
+            if key.shown:
+                value = tomllib.loads(f"x = {key.shown}")["x"]
+                assert (type(value), value) == (type(key.default), key.default)
+            if key.limits and key.default is not None and isinstance(key.default, int | float):
+                assert key.limits[0] <= key.default <= key.limits[1]
 
 
 @pytest.mark.parametrize(

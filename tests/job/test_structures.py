@@ -13,7 +13,7 @@ from tools import JOBS
 import hpcsweep
 from hpcsweep.commands.cli import main
 from hpcsweep.job import JobError, load_job, parse_job
-from hpcsweep.job.reading import every_key
+from hpcsweep.job.keys import every_key
 from hpcsweep.job.tree import write
 from hpcsweep.model.description import describe
 from hpcsweep.model.matrices import Contact

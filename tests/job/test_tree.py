@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tools import SMALL, assert_same_datasets, hpcsweep, shipped
 
 from hpcsweep.job import JobError, load_job, parse_job
-from hpcsweep.job.reading import every_key
+from hpcsweep.job.keys import every_key
 from hpcsweep.job.tree import MAX_BASES, merge, write
 
 BASE = """

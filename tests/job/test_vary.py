@@ -8,7 +8,7 @@ import pytest
 from tools import ATTRACTORS, BASINS, GRID, SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job, part_of
-from hpcsweep.job.reading import every_key
+from hpcsweep.job.keys import every_key
 from hpcsweep.job.tree import write
 from hpcsweep.job.vary import NEVER, TABLES
 from hpcsweep.store.layout import Layout

@@ -21,20 +21,39 @@ import numpy as np
 
 from hpcsweep.dynamics.starts import usual_reach
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.attractors.search import Limits, attractors_as_runs, read_limits
+from hpcsweep.studies.attractors.search import (
+    CONFIDENCE,
+    MATCH_DISTANCE,
+    MAX_ATTRACTORS,
+    MAX_CYCLES,
+    SEED,
+    STARTS,
+    Limits,
+    attractors_as_runs,
+    read_limits,
+)
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import attractor_variables
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.independent import IndependentRuns
-from hpcsweep.studies.refine.refinement import Refinement, read_refinement
+from hpcsweep.studies.keys import OMEGA, Key, Tables
+from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
 from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.sweep.amplitude_sweep import UP, AmplitudeSweep
 from hpcsweep.studies.variables import numbered
 
-CONFIDENCE = (0.5, 1.0 - 1e-9)
-"""Least and largest level of the intervals of shares."""
-DISTANCE = (1e-9, 1e6)
-"""Least and largest over which an attractor keeps its identity."""
+BOX = (
+    "box of the starts: `[low, high]`, or a list of n such pairs",
+    "minus to plus the widest gap{}",
+)
+DISPLACEMENT = Key("displacement", BOX[0], told=BOX[1].format(""))
+VELOCITY = Key(
+    "velocity",
+    BOX[0],
+    told=BOX[1].format(
+        " times omega_0 (with units of your own: times the lowest natural frequency)"
+    ),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,22 +61,18 @@ class Attractors(Limits, AmplitudeSweep):
     """Attractors along amplitudes, a frame a task; see `RunGrid`."""
 
     kind: ClassVar[str] = "attractors"
+    summary: ClassVar[str] = (
+        "at each amplitude all attractors that starts of a box reach, and their shares"
+    )
     run_noun: ClassVar[str] = "point"
     words: ClassVar[dict[str, str]] = {UP: "continued up"}
     direction_name: ClassVar[str] = "direction in which attractors are continued"
-    keys: ClassVar[dict] = {
+    keys: ClassVar[Tables] = {
         "study": (
-            "starts",
-            "seed",
-            "displacement",
-            "velocity",
-            "max_attractors",
-            "confidence",
-            "max_cycles",
-            "match_distance",
-            "refine",
+            *(STARTS, SEED, DISPLACEMENT, VELOCITY, MAX_ATTRACTORS, CONFIDENCE, MAX_CYCLES),
+            *(MATCH_DISTANCE, REFINE),
         ),
-        "sweep": ("omega", "frequency", "amplitude"),
+        "sweep": OMEGA,
     }
     default_block: ClassVar[int] = 1
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
@@ -76,7 +91,7 @@ class Attractors(Limits, AmplitudeSweep):
         structure, settings = common["structure"], common["settings"]
         if values.get("output.poincare", True) is not True:
             raise values.error("output.poincare", False, "must be true: attractors are continued")
-        limits = read_limits(values, cls, "attractors")
+        limits = read_limits(values, "attractors")
         n, reach = structure.n_floors, usual_reach(structure)
         ends = [
             *_pairs(values, "study.displacement", n, float(reach[0])),
@@ -92,8 +107,8 @@ class Attractors(Limits, AmplitudeSweep):
             amplitude=values.amplitudes("sweep.amplitude"),
             directions=(UP,),
             box=tuple(ends),
-            confidence=_within(values, "confidence", cls.confidence, CONFIDENCE),
-            match_distance=_within(values, "match_distance", cls.match_distance, DISTANCE),
+            confidence=values.read("study", CONFIDENCE),
+            match_distance=values.read("study", MATCH_DISTANCE),
             **limits,
             **common,
         )
@@ -227,11 +242,6 @@ def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
     if not all(-1e200 <= low < high <= 1e200 for low, high in read):
         raise values.error(key, given, "must have low below high, both at most 1e200")
     return read
-
-
-def _within(values, name: str, default: float, limits: tuple[float, float]) -> float:
-    key = f"study.{name}"
-    return values.within(key, values.get(key, default), *limits)
 
 
 @lru_cache(maxsize=2)

@@ -7,18 +7,44 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.keys import Key
 from hpcsweep.studies.settings import MEASURES
 from hpcsweep.studies.study import Variable
 from hpcsweep.studies.sweep.measures import store_measures
 
-MOST_STARTS = 100_000_000
-MOST_ATTRACTORS = 64
-MOST_CYCLES = 10_000_000
-MOST_SEED = 2**62
-
-
-STARTS = 459
-"""So many starts miss an attractor of 1 % of the box with a probability of 1 %."""
+STARTS = Key(
+    "starts",
+    "starting states at each point, or of basins on the slice, that find the attractors; so many "
+    "miss one of 1 % with a probability of 1 %",
+    459,
+    (1, 100_000_000),
+)
+SEED = Key("seed", "of the sequence of starts", 0, (0, 2**62))
+MAX_ATTRACTORS = Key(
+    "max_attractors",
+    "attractors stored at a point, or listed for basins, those with the largest shares",
+    8,
+    (1, 64),
+)
+MAX_CYCLES = Key(
+    "max_cycles",
+    "forcing periods for which a motion is followed to classify it, after a transient as long, or "
+    "of `sweep.transient_cycles` if that is shorter; the motions without period that are tested "
+    "together must outlive 24 times as many at a confidence of 95 %",
+    5000,
+    (1, 10_000_000),
+)
+SEARCH = (STARTS, SEED, MAX_ATTRACTORS, MAX_CYCLES)
+CONFIDENCE = Key(
+    "confidence", "confidence level of the intervals of shares", 0.95, (0.5, 1.0 - 1e-9)
+)
+MATCH_DISTANCE = Key(
+    "match_distance",
+    "largest distance, in units of the state, at which an attractor keeps the identity of one at "
+    "the amplitude before",
+    0.2,
+    (1e-9, 1e6),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,23 +69,21 @@ class Limits:
     """
 
     box: tuple[tuple[float, float], ...]
-    starts: int = STARTS
-    seed: int = 0
-    max_attractors: int = 8
-    confidence: float = 0.95
-    max_cycles: int = 5000
-    match_distance: float = 0.2
+    starts: int = STARTS.default
+    seed: int = SEED.default
+    max_attractors: int = MAX_ATTRACTORS.default
+    confidence: float = CONFIDENCE.default
+    max_cycles: int = MAX_CYCLES.default
+    match_distance: float = MATCH_DISTANCE.default
 
 
-def read_limits(values, kind: type, what: str) -> dict[str, Any]:
+def read_limits(values, what: str) -> dict[str, Any]:
     """Read the limits of a search, and refuse keys of runs that it does not use.
 
     Parameters
     ----------
     values
         Values of the job.
-    kind : type
-        The study, whose attributes are the defaults.
     what : str
         What the study searches, for messages.
     """
@@ -69,16 +93,7 @@ def read_limits(values, kind: type, what: str) -> dict[str, Any]:
     if values.has("sweep.classify_cycles"):
         given = values.get("sweep.classify_cycles")
         raise values.error("sweep.classify_cycles", given, f"is study.max_cycles of {what}")
-    ranges = {
-        "starts": (1, MOST_STARTS),
-        "seed": (0, MOST_SEED),
-        "max_attractors": (1, MOST_ATTRACTORS),
-        "max_cycles": (1, MOST_CYCLES),
-    }
-    return {
-        name: values.whole(f"study.{name}", getattr(kind, name), *limits)
-        for name, limits in ranges.items()
-    }
+    return {key.name: values.read("study", key) for key in SEARCH}
 
 
 def empty_results(

@@ -33,7 +33,7 @@ class Basins(SliceGrid):
     @classmethod
     def read(cls, values, **common) -> "Basins | RefinedBasins":
         """Read the point, the slice and the limits; see `RunGrid.read`."""
-        fields = read_slice(values, cls, common)
+        fields = read_slice(values, common)
         size = common["block_size"]
         refine = read_refinement(values, fields["settings"], size, (LABEL,))
         if refine is not None:

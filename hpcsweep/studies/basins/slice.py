@@ -12,17 +12,39 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hpcsweep.dynamics.shares import starts_needed
 from hpcsweep.dynamics.starts import usual_reach
-from hpcsweep.studies.attractors.search import read_limits
+from hpcsweep.studies.attractors.search import (
+    MAX_ATTRACTORS,
+    MAX_CYCLES,
+    SEARCH,
+    SEED,
+    STARTS,
+    read_limits,
+)
 from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
 from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.keys import OMEGA, Key, Tables
+from hpcsweep.studies.refine.refinement import REFINE
 from hpcsweep.studies.study import Coordinate, Variable
 from hpcsweep.studies.variables import numbered, state_names
 
 START = "slice"
 SPAN = 200
 """Values of either component, from minus to plus the usual reach, unless a job gives them."""
+COMPONENTS = Key(
+    "components",
+    "the two components of the state that span the slice, `u_1` .. `u_n`, `v_1` .. `v_n`, of "
+    "buildings `u_A1` ..",
+    told='`["u_1", "v_1"]`',
+)
+HORIZONTAL, VERTICAL = (
+    Key(
+        name,
+        f"values of the {number} component, ascending, two or more",
+        told=f"{SPAN} over the range of `study.displacement` or `study.velocity`",
+    )
+    for name, number in (("horizontal", "first"), ("vertical", "second"))
+)
 MOST_VALUES = {"horizontal": 100_000, "vertical": 10_000_000}
 MOST_STATE = 1e200
 
@@ -48,26 +70,20 @@ class SliceGrid(IndependentRuns):
     components: tuple[int, int]
     horizontal: np.ndarray
     vertical: np.ndarray
-    starts: int = starts_needed(0.01, 0.01)
-    seed: int = 0
-    max_attractors: int = 8
-    max_cycles: int = 5000
+    starts: int = STARTS.default
+    seed: int = SEED.default
+    max_attractors: int = MAX_ATTRACTORS.default
+    max_cycles: int = MAX_CYCLES.default
 
     kind: ClassVar[str] = "basins"
+    summary: ClassVar[str] = (
+        "at one frequency and amplitude, to which attractor each start of a slice goes"
+    )
     words: ClassVar[dict[str, str]] = {START: "each start on its own"}
     direction_name: ClassVar[str] = "where starts lie"
-    keys: ClassVar[dict] = {
-        "study": (
-            "components",
-            "horizontal",
-            "vertical",
-            "starts",
-            "seed",
-            "max_attractors",
-            "max_cycles",
-            "refine",
-        ),
-        "sweep": ("omega", "frequency", "amplitude"),
+    keys: ClassVar[Tables] = {
+        "study": (COMPONENTS, HORIZONTAL, VERTICAL, *SEARCH, REFINE),
+        "sweep": OMEGA,
     }
     default_block: ClassVar[int] = 1
     frame_dim: ClassVar[str] = "row"
@@ -143,14 +159,12 @@ class SliceGrid(IndependentRuns):
         return slice_runs(self.moving, *point, self.settings, shape)
 
 
-def read_slice(values, kind: type, common: dict[str, Any]) -> dict[str, Any]:
+def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     """Read the point, the slice and the limits of a job.
 
     Parameters
     ----------
     values : hpcsweep.job.values.Values
-    kind : type
-        The study, whose attributes are the defaults.
     common : dict
         Fields of every study, see `RunGrid.read`.
 
@@ -160,7 +174,7 @@ def read_slice(values, kind: type, common: dict[str, Any]) -> dict[str, Any]:
         Fields of the study.
     """
     structure, settings = common["structure"], common["settings"]
-    limits = read_limits(values, kind, "basins")
+    limits = read_limits(values, "basins")
     point = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
     for key, found in zip(("sweep.omega", "sweep.amplitude"), point, strict=True):
         if found.size != 1:

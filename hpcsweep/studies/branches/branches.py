@@ -17,12 +17,14 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS, PARAMETERS
+from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.branches.curves import read_curves
 from hpcsweep.studies.branches.keys import (
-    largest_step_of,
+    KEYS,
+    NUMBERS,
+    PARAMETER,
     lines_of,
     need_parameter,
     seeds_of,
@@ -38,17 +40,12 @@ from hpcsweep.studies.branches.variables import (
     VARIABLES,
 )
 from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
 from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 START = "branches"
-MOST = {
-    "steps": 100_000,
-    **{"max_branches": 10_000, "max_points": 10_000_000, "max_seeds": 10_000_000},
-    **{"max_curves": 10_000, "max_curve_points": 10_000_000},
-}
-MOST_STARTS = 1_000_000
 SPECIALS_SHARE = 8
 """Points of branches, as stored, to one special point."""
 AGAIN = 5
@@ -87,30 +84,29 @@ class Branches(IndependentRuns):
     seeds: tuple[str, ...]
     parameter: str
     span: tuple[float, float]
-    steps: int = 2000
-    largest_step: float = 0.05
-    max_branches: int = 64
-    max_points: int = 20_000
-    max_seeds: int = 4000
-    starts: int = 0
-    seed: int = 0
+    steps: int = NUMBERS["steps"].default
+    largest_step: float = NUMBERS["largest_step"].default
+    max_branches: int = NUMBERS["max_branches"].default
+    max_points: int = NUMBERS["max_points"].default
+    max_seeds: int = NUMBERS["max_seeds"].default
+    starts: int = NUMBERS["starts"].default
+    seed: int = NUMBERS["seed"].default
     curves: tuple[str, ...] = ()
     curve_span: tuple[float, float] | None = None
     reader: Reader | None = field(default=None, compare=False, repr=False)
-    max_curves: int = 256
-    max_curve_points: int = 5000
+    max_curves: int = NUMBERS["max_curves"].default
+    max_curve_points: int = NUMBERS["max_curve_points"].default
 
     kind: ClassVar[str] = "branches"
+    summary: ClassVar[str] = (
+        "curves of periodic orbits, stable or not, through the motions of results files"
+    )
     run_noun: ClassVar[str] = "line"
     words: ClassVar[dict[str, str]] = {START: "branches through the motions of files"}
     direction_name: ClassVar[str] = "what is followed"
-    keys: ClassVar[dict] = {
-        "branches": (
-            *("seeds", "parameter", "span", "steps", "largest_step", "max_branches"),
-            *("max_points", "max_seeds", "starts", "seed"),
-            *("curves", "curve_span", "max_curves", "max_curve_points"),
-        ),
-        "sweep": ("omega", "frequency", "amplitude"),
+    keys: ClassVar[Tables] = {
+        "branches": KEYS,
+        "sweep": OMEGA,
     }
     default_block: ClassVar[int] = 1
     frame_dim: ClassVar[str] = "line"
@@ -133,8 +129,7 @@ class Branches(IndependentRuns):
         if common["block_size"] != 1:
             given = values.get("output.block")
             raise values.error("output.block", given, "must be 1, each line a block")
-        parameter = values.get("branches.parameter", "amplitude")
-        values.choice("branches.parameter", parameter, PARAMETERS)
+        parameter = values.read("branches", PARAMETER)
         need_parameter(values, structure, parameter)
         omega = values.frequencies("sweep.omega")
         amplitude = values.amplitudes("sweep.amplitude")
@@ -148,14 +143,8 @@ class Branches(IndependentRuns):
             seeds=seeds_of(values),
             parameter=parameter,
             span=span,
-            largest_step=largest_step_of(values, cls.largest_step),
-            starts=values.whole("branches.starts", cls.starts, 0, MOST_STARTS),
-            seed=values.whole("branches.seed", cls.seed, 0, 2**62),
             **read_curves(values, parameter, omega),
-            **{
-                name: values.whole(f"branches.{name}", getattr(cls, name), 1, most)
-                for name, most in MOST.items()
-            },
+            **{key.name: values.read("branches", key) for key in NUMBERS.values()},
             **common,
         )
 

@@ -2,11 +2,51 @@
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.forced import check_parameter
+from hpcsweep.dynamics.continuation.forced import PARAMETERS, check_parameter
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.keys import Key
 
-LEAST_STEP = 1e-6
-"""Longest step from which on a branch gets somewhere."""
+PARAMETER = Key("parameter", "what changes along a branch", "amplitude", PARAMETERS)
+_NUMBERS = (
+    Key("steps", "most points of a branch to either side of a motion", 2000, (1, 100_000)),
+    Key("largest_step", "longest step, in units of the state and of the span", 0.05, (1e-6, 1.0)),
+    Key("max_branches", "room for branches of each line", 64, (1, 10_000)),
+    Key("max_points", "room for points of branches of each line", 20_000, (1, 10_000_000)),
+    Key("max_seeds", "room for motions of each line", 4000, (1, 10_000_000)),
+    Key("starts", "starts of a search for orbits that no motion shows", 0, (0, 1_000_000)),
+    Key("seed", "of the sequence of these starts", 0, (0, 2**62)),
+    Key("max_curves", "room for curves of each line", 256, (1, 10_000)),
+    Key("max_curve_points", "room for points of curves of each line", 5000, (1, 10_000_000)),
+)
+NUMBERS = {key.name: key for key in _NUMBERS}
+KEYS = (
+    Key(
+        "seeds",
+        "results files of sweeps, points or attractors, one or a list, relative to where the job "
+        "is run: branches go through their periodic motions ([how](branches.md#a-study))",
+    ),
+    PARAMETER,
+    Key(
+        "span",
+        "lowest and highest value of the parameter",
+        told="those of `sweep.amplitude`, or `sweep.omega`",
+    ),
+    *_NUMBERS[:7],
+    Key(
+        "curves",
+        'kinds of special points, a list of `"fold"`, `"doubling"`, `"torus"`, `"grazing"`, that '
+        "are followed over A and Omega, of orbits up to `sweep.max_orbit_period`, each line's half "
+        "way to the next line ([how](branches.md#curves-of-a-study)); with `branches.parameter` "
+        "amplitude",
+        told="[]",
+    ),
+    Key(
+        "curve_span",
+        "lowest and highest frequency of curves",
+        told="those of `sweep.omega`",
+    ),
+    *_NUMBERS[7:],
+)
 
 
 def seeds_of(values) -> tuple[str, ...]:
@@ -54,9 +94,3 @@ def lines_of(parameter: str, omega: np.ndarray, amplitude: np.ndarray, span) -> 
     first = ends if parameter == "omega" else omega
     second = ends if parameter == "amplitude" else amplitude
     return np.array([each.ravel() for each in np.meshgrid(first, second, indexing="ij")])
-
-
-def largest_step_of(values, default: float) -> float:
-    """Read the longest step, of units of the state and of the span."""
-    value = values.get("branches.largest_step", default)
-    return values.within("branches.largest_step", value, LEAST_STEP, 1.0)

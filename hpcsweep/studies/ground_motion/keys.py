@@ -20,9 +20,57 @@ from hpcsweep.earthquakes.units import (
 )
 from hpcsweep.model.record import MAX_SAMPLES
 from hpcsweep.solvers.response import SAME_STEP, WHOLE, steps_in
+from hpcsweep.studies.keys import BLOCK, Key
 from hpcsweep.studies.study import Coordinate
 
-KEYS = ("files", "synthetic", "unit", "gravity", "dt", "tail", "scale", "found")
+KEYS = (
+    Key(
+        "files",
+        'files, folders or patterns, relative to the job file, such as `["*.AT2"]` '
+        "([formats](earthquakes.md#a-record)); the stored job has the whole paths",
+    ),
+    Key(
+        "synthetic",
+        "in their place a suite to be made: `count`, `seed`, `dt`, `duration`, `rms`, `soil` "
+        "([what it is](earthquakes.md#a-record))",
+        told="1, 0, 0.01, 30, 1, firm",
+    ),
+    Key(
+        "unit",
+        "unit of the numbers in the files: `g`, `%g`, `mg`, `m/s2`, `cm/s2`, `mm/s2`, `in/s2`, "
+        "`ft/s2`, `structure`",
+        "g",
+    ),
+    Key(
+        "gravity",
+        "one g in the units of the structure, which must fit `units`",
+        told="by `units`, or 9.80665",
+    ),
+    Key("dt", "time in seconds between samples, for files that do not say it"),
+    Key("tail", "time of free motion after each record", 0.0),
+    Key(
+        "scale",
+        'table: `by` an intensity measure, `"factor"`, `"pga"`, `"pgv"`, `"sa"` with `period`, or '
+        '`"avgsa"` with `periods`, both with `damping_ratio`; and the intensities, above 0, a '
+        "range or `values`",
+        told='`{by = "factor", values = [1.0]}`, 0.05',
+    ),
+    Key(
+        "found",
+        "names, checksums and measures of the records, which hpcsweep adds when it loads the job",
+    ),
+)
+OUTPUT = (
+    Key("times", "times of the peaks", True),
+    Key("alone", "peaks without contacts, and the gaps that would not have closed", True),
+    Key(
+        "history",
+        "step in time at which the motion itself is stored, of every run: a whole multiple or a "
+        "whole part of the time between samples ([size and price](earthquakes.md#a-study))",
+        told="none",
+    ),
+    BLOCK,
+)
 MAX_FILES = 10_000
 MAX_SCALES = 1_000_000
 SCALES = 1e-250, 1e250

@@ -29,6 +29,7 @@ from hpcsweep.studies.ground_motion.variables import (
     place_coordinates,
     response_variables,
 )
+from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.settings import SweepSettings
@@ -80,8 +81,9 @@ class Records(Part):
     history: float
 
     kind: ClassVar[str] = "records"
+    summary: ClassVar[str] = "responses to ground-motion records, each at several scales, from rest"
     run_noun: ClassVar[str] = "run"
-    keys: ClassVar[dict] = {"records": keys.KEYS, "output": (*GROUPS, "history", "block")}
+    keys: ClassVar[Tables] = {"records": keys.KEYS, "output": keys.OUTPUT}
     without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int] = 25

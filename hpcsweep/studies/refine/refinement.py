@@ -7,6 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.keys import Key, names
 from hpcsweep.studies.study import Study
 
 LABELS = {
@@ -21,10 +22,39 @@ COSTS = ("cycles", "classification_cycles")
 """Variables whose sum a run costs, in forcing periods."""
 OF_RUNS = ("class", "period", "contact")
 """Labels of single runs."""
-MOST_LEVELS = 12
+LEVELS = Key("levels", "the coarsest cells have 2^levels steps of the grid a side", 4, (1, 12))
+ON = Key(
+    "on",
+    'what the points of a cell must agree in: a list of `"class"` (of motion, and the orbit '
+    'period) or `"period"` (which does not tell chaos, tori and long periods apart), and '
+    '`"contact"`; of attractors their `"number"`, of basins the `"attractor"`',
+    told="class and contact, or what there is",
+)
 LEAST_WRONG = 1e-6
-MOST_SEED = 2**31 - 1
-KEYS = ("levels", "on", "wrong", "seed", "curves")
+WRONG = Key(
+    "wrong",
+    "share of the inferred points below which the upper end of the interval of the wrong ones "
+    "must lie, between 0 and 1",
+    0.003,
+)
+SEED = Key("seed", "of the points that the audit draws", 0, (0, 2**31 - 1))
+CURVES = Key(
+    "curves",
+    "results of a [study of branches](branches.md#curves-of-a-study), a file or a list of files, "
+    "where the job is run: cells that their curves cross are cut down to the grid",
+    told="none",
+)
+KEYS = (LEVELS, ON, WRONG, SEED, CURVES)
+REFINE = Key(
+    "refine",
+    "table: the map is computed "
+    "[only where something happens](growing.md#maps-computed-only-where-something-happens); its "
+    "keys are "
+    + "; ".join(
+        f"`{key.name}`, {key.description} (default {key.told or key.shown})" for key in KEYS
+    ),
+    told="all points are computed",
+)
 
 
 class Source(IntEnum):
@@ -57,10 +87,10 @@ class Refinement:
         Results files of branches: cells that their curves cross are cut.
     """
 
-    levels: int = 4
+    levels: int = LEVELS.default
     on: tuple[str, ...] = ("class", "contact")
-    wrong: float = 0.003
-    seed: int = 0
+    wrong: float = WRONG.default
+    seed: int = SEED.default
     curves: tuple[str, ...] = field(default=(), metadata={"later": True})
 
     @property
@@ -104,7 +134,7 @@ def read_refinement(
     given = values.get("study.refine")
     if not isinstance(given, Mapping):
         raise values.error("study.refine", given, "must be a table such as {levels = 4}")
-    values.check_keys("study.refine", given, KEYS)
+    values.check_keys("study.refine", given, names(KEYS))
     if values.has("study.points"):
         limit = "does not go with study.points: a list of points has no cells"
         raise values.error("study.refine", given, limit)
@@ -125,10 +155,8 @@ def read_refinement(
         limit = f"must lie between 0 and 1, at least {LEAST_WRONG:g}"
         raise values.error("study.refine.wrong", wrong, limit)
     levels, seed = (
-        values.whole_in(
-            f"study.refine.{name}", given.get(name, getattr(default, name)), least, most
-        )
-        for name, least, most in (("levels", 1, MOST_LEVELS), ("seed", 0, MOST_SEED))
+        values.whole_in(f"study.refine.{key.name}", given.get(key.name, key.default), *key.limits)
+        for key in (LEVELS, SEED)
     )
     return Refinement(levels, tuple(on), wrong, seed, _curves(values, given, known))
 

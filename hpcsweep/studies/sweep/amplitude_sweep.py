@@ -13,11 +13,17 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, Path
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.runs import frame_runs
 
 UP, DOWN = "up", "down"
+DIRECTIONS = Key(
+    "directions",
+    'ways through the amplitudes: `["up"]`, or `["up", "down"]`, the way back too',
+    [UP, DOWN],
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,16 +31,19 @@ class AmplitudeSweep(RunGrid):
     """Amplitude sweeps, a frame a task; see `RunGrid`."""
 
     kind: ClassVar[str] = "amplitude_sweep"
+    summary: ClassVar[str] = (
+        "at each frequency the amplitudes in their order, each from where the one before it ended"
+    )
     words: ClassVar[dict[str, str]] = {UP: "sweep up", DOWN: "sweep down"}
     direction_name: ClassVar[str] = "direction of the amplitude sweep"
-    keys: ClassVar[dict] = {"sweep": ("omega", "frequency", "amplitude", "directions")}
+    keys: ClassVar[Tables] = {"sweep": (*OMEGA, DIRECTIONS)}
     default_block: ClassVar[int] = 50
     grid_fields: ClassVar[tuple[str, ...]] = ("omega", "amplitude", "directions", "block_size")
 
     @classmethod
     def read(cls, values, **common) -> "AmplitudeSweep":
         """Read the sweeps of a job; see `RunGrid.read`."""
-        given = values.get("sweep.directions", [UP, DOWN])
+        given = values.get("sweep.directions", DIRECTIONS.default)
         if given not in ([UP], [UP, DOWN]):
             raise values.error("sweep.directions", given, f'must be ["{UP}"] or ["{UP}", "{DOWN}"]')
         return cls(

@@ -1,0 +1,210 @@
+"""The keys of every study, and those of each: names, meanings, defaults and limits."""
+
+import math
+
+from hpcsweep.model.matrices import MAX_FLOORS
+from hpcsweep.model.unit_names import UnitNames
+from hpcsweep.solvers.arguments import MAX_PERIOD
+from hpcsweep.solvers.solver import SOLVERS
+from hpcsweep.studies.keys import BLOCK, Key, Tables, names
+from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS, STUDIES
+from hpcsweep.studies.settings import METRIC_KEYS, MOST_CYCLES, SAMPLING, TRANSIENT
+
+OF_STOREYS = ", above 0: a number, or a list of n, from the lowest on"
+SIDES = (
+    "distance of each floor at rest from the stop on its {}, of any sign, `inf` for no stop: a "
+    "number, or a list of n"
+)
+OF_LEVELS = "of the contacts between buildings: a number, or a list with one per level"
+STRUCTURE: Tables = {
+    "structure": (
+        Key("n_floors", "storeys n on a fixed base", 3, (1, MAX_FLOORS)),
+        Key("mass", "mass of each floor" + OF_STOREYS, told="1"),
+        Key("storey_stiffness", "stiffness of each storey" + OF_STOREYS, told="1"),
+        Key("gap", SIDES.format("right"), 1.0),
+        Key("gap_left", SIDES.format("left"), math.inf),
+        Key(
+            "stiffness_ratio",
+            "beta, stiffness of a stop over that of a storey, at least 0; 0: no stop; a number, or "
+            "a list of n",
+            1000.0,
+        ),
+        Key(
+            "sharpness",
+            "rho of the sigmoid contact spring S(u) = 1/(1 + exp(-rho (u - 1))), per gap, at least "
+            "0; `inf` is the piecewise linear stop, 0 a pre-tensioned spring of stiffness beta/2",
+            10000.0,
+        ),
+        Key(
+            "damping_ratio",
+            "zeta of all modes of the free structure, at least 0, or a list with one per mode, "
+            "lowest frequency first",
+            0.05,
+        ),
+        Key(
+            "rayleigh",
+            "[alpha, beta] of the damping matrix alpha M + beta K, in place of "
+            "`structure.damping_ratio`",
+        ),
+        Key(
+            "restitution",
+            "coefficient of restitution of the stops of a building, above 0 and at most 1: a "
+            "dashpot beside each spring ([dashpots](structures.md#contacts-that-dissipate)); needs "
+            "`sharpness = inf`; a number, or a list of n",
+            told="no dashpot",
+        ),
+        Key("tension", "whether these dashpots may pull on the way out", told="false"),
+        Key(
+            "matrices",
+            "table of matrices in place of a building ([how](structures.md#matrices)): `mass`, "
+            "`stiffness`, and if wanted `damping`, `forcing`, `drift`",
+        ),
+        Key(
+            "contact",
+            "tables `[[structure.contact]]`, at most 64, that go with matrices: `direction`, "
+            "`gap`, `stiffness`, and if wanted `damping`, c of a dashpot, and `tension`",
+            told="damping 0, tension false",
+        ),
+    ),
+    "forcing": (
+        Key(
+            "harmonics",
+            "orders, 1 to 1000, amplitudes and phases of the forcing A sum a_h sin(h Omega tau + "
+            "phi_h), at most 16",
+            told="order 1",
+            example="[{order = 1, amplitude = 1.0, phase = 0.0}]",
+        ),
+    ),  # those of `FORCINGS`
+    "units": tuple(
+        Key(
+            name,
+            f'name of the unit of {name} of the job, such as "{unit}": it labels files, figures '
+            "and messages, and converts nothing",
+        )
+        for name, unit in zip(UnitNames._fields, ("m", "kg", "s"), strict=True)
+    ),
+    "pounding": (
+        Key("gap", f"distance at rest {OF_LEVELS}"),
+        Key("stiffness", f"stiffness {OF_LEVELS}"),
+        Key("sharpness", "rho of these contacts", told="inf"),
+        Key(
+            "restitution",
+            "coefficient of restitution of two floors that collide, above 0 and at most 1: a "
+            "number, or a list with one per level",
+            told="no dashpot",
+        ),
+        Key("damping", "in its place c of the dashpots themselves", told="no dashpot"),
+        Key("tension", "whether the dashpots may pull", told="false"),
+    ),
+}
+KEYS: Tables = {
+    "": (
+        Key("name", "name of the results, without folder", told="that of the file"),
+        *(Key(table, "") for table in ("study", "structure", "forcing", "sweep", "solver")),
+        *(Key(table, "") for table in ("output", "units")),
+        Key(
+            "building",
+            "tables `[[building]]`, two or more from left to right: `mass` of each floor, "
+            "`storey_stiffness` (or `period`, the longest natural period of the building alone, "
+            "with stiffnesses in proportion), `storey_height`, `damping_ratio` of its own modes or "
+            "`rayleigh`, `name` ([how](structures.md#buildings-that-pound-each-other))",
+        ),
+        *(Key(table, "") for table in ("pounding", "records")),
+        Key(
+            "vary",
+            "table of keys of study, structure, pounding, sweep or solver with several values each "
+            "([how](studies.md#several-values-of-a-key)): all is computed at every value of one "
+            "with every value of another",
+        ),
+        Key("branches", ""),
+    ),
+    "study": (Key("kind", "what is computed ([which](studies.md))", DEFAULT_KIND, tuple(STUDIES)),),
+    **STRUCTURE,
+    "sweep": (
+        TRANSIENT,
+        SAMPLING,
+        Key(
+            "max_orbit_period",
+            "longest orbit period that is looked for, at most half of `sampling_cycles` and "
+            f"{MAX_PERIOD}",
+            16,
+        ),
+        Key(
+            "period_tolerance",
+            "two stroboscopic points are the same if no coordinate (u in gaps, v in gaps omega_0) "
+            "differs by more: between 0 and 1",
+            1e-6,
+        ),
+        Key(
+            "classify_cycles",
+            "forcing periods spent at most, beside the path, to classify a motion that the window "
+            "leaves open, of which a part must see chaos outlive "
+            f"([how](attractors.md)); 0: none; at most {MOST_CYCLES}",
+            told="50000, with bdf 0",
+            example="50000",
+        ),
+        Key(
+            "initial_state",
+            '`"rest"`, u = v = 0, or 2n numbers u_1 .. u_n, v_1 .. v_n: the start of each frame, '
+            "of points of each run; of basins the components that the slice does not span",
+            "rest",
+        ),
+    ),
+    "solver": (
+        Key(
+            "method",
+            "`flow` is exact between contacts; `bdf` is scipy's BDF, the method of the published "
+            "study, thousands of times slower",
+            "flow",
+            tuple(SOLVERS),
+        ),
+        Key(
+            "rtol",
+            "relative tolerance: from 1e-13 to 1e-2",
+            told="1e-9, with bdf 1e-6",
+            example="1e-9",
+        ),
+        Key(
+            "skip",
+            'rules that spare periods whose result is known: `"all"`, `"none"`, or a list of '
+            '`"linear"`, `"converged"`, `"newton"` ([what they do](theory/skipping.md)); of '
+            'records `"linear"`, `"ratio"` ([what they spare](earthquakes.md#work-that-is-spared))',
+            "all",
+        ),
+    ),
+    "output": (
+        *METRIC_KEYS,
+        Key(
+            "max_points",
+            "stroboscopic points, the last ones, stored of a run without an orbit: at least 2 "
+            "`max_orbit_period`",
+            told="all",
+            example="100",
+        ),
+        BLOCK,
+    ),
+    "records": (),
+    "branches": (),
+}
+"""Keys of every study; each adds its own (`keys` of its class)."""
+
+
+def declared(study) -> Tables:
+    """Return the keys of each table of a job of one kind of study."""
+    return {
+        table: (*study.keys.get(table, ()), *(() if table in study.without else keys))
+        for table, keys in KEYS.items()
+    }
+
+
+def keys_of(study) -> dict[str, tuple[str, ...]]:
+    """Return the names of the keys of each table of a job of one kind of study."""
+    return {table: names(keys) for table, keys in declared(study).items()}
+
+
+def every_key() -> dict[str, tuple[str, ...]]:
+    """Return the keys of each table of a job of any kind of study, each once."""
+    tables = [keys_of(study) for study in KINDS.values()]
+    return {
+        name: tuple(dict.fromkeys(key for table in tables for key in table[name])) for name in KEYS
+    }

@@ -339,7 +339,7 @@ class _Classifier:
         z : ndarray, shape (2n,)
             State of the motion, at the same phase.
         """
-        verdict = verify_orbit(self._solver, point, self._amplitude, period)
+        verdict = verify_orbit(self._solver, point, self._amplitude, period, poll=self._poll)
         self.cycles += verdict.cycles
         orbit = verdict.orbit
         if orbit is None:

@@ -79,19 +79,6 @@ def test_an_orbit_has_its_minimal_period_and_its_own_multipliers():
     assert np.ptp(found.points[:, 0]) == pytest.approx(apart, rel=1e-3)
 
 
-def test_what_goes_to_an_orbit_is_what_its_linear_map_takes_there():
-    solver = logistic(3.3)
-    stable = verify_orbit(solver, np.array([0.48, 0.0]), 1.0, 2).orbit
-    for off, goes in ((1e-4, True), (0.05, False)):
-        start = stable.points[0] + [off, 0.0]
-        for turns in (1, 2):
-            end = solver.points(start, 1.0, 2 * turns)[0][-1]
-            assert stable.attracts(start, end, turns, np.ones(2)) is goes
-    start = np.array([1 - 1 / 3.3 + 1e-7, 0.0])
-    repels = verify_orbit(solver, start, 1.0, 1).orbit
-    assert not repels.attracts(start, solver.step(start), 1, np.ones(2))
-
-
 def test_a_solver_that_fails_verifies_nothing():
     class Failing(MapSolver):
         def monodromy(self, state, amplitude, n_periods):

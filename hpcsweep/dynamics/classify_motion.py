@@ -26,6 +26,7 @@ import numpy as np
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
 from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
+from hpcsweep.dynamics.lifetime import outlive
 from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.orbit import (
     approached_period,
@@ -33,6 +34,7 @@ from hpcsweep.dynamics.orbit import (
     closing_period,
     limit_of_approach,
     returning_period,
+    returns_near,
     stays_near_orbit,
 )
 from hpcsweep.dynamics.shooting import Nearer, shoot
@@ -53,8 +55,6 @@ WATCHED = 4 * LONGEST
 """Forcing periods that are watched before a stretch is observed."""
 FIRST_STRETCH = 200
 """Forcing periods that are observed at first."""
-CHUNK = 512
-"""Forcing periods after which Newton's method is tried from `NEAR` again."""
 CONFIRMED = 100
 """Forcing periods for which chaos is watched for an orbit that ends it. Of 163 windows of 100
 periods with a growth of chaos, drawn from the map of Figure 6 as described, 10 ended in an orbit
@@ -227,13 +227,23 @@ class _Classifier:
         """Watch chaos for an orbit that ends it; return the resulting motion."""
         if motion is None or motion.kind is not MotionClass.CHAOTIC:
             return motion
-        left = self._outlived
-        while left > 0 and self.left:
-            z, ended = self.watch(z, min(CHUNK, left))
-            if ended is not None:
-                return ended
-            left -= CHUNK
-        return replace(motion, cycles=self.cycles)
+        z, _, ended = outlive(self._march, z, min(self._outlived, self.left))
+        return ended or replace(motion, cycles=self.cycles)
+
+    def _march(self, z: np.ndarray, n_periods: int) -> tuple[np.ndarray, int, Motion | None]:
+        """Integrate, and watch for an orbit if the motion returns to its end: to one it has ended.
+
+        Marching takes two thirds to four fifths of the time of watching.
+        """
+        before, ended = self.cycles, None
+        points, outcome = self._solver.points(z, self._amplitude, n_periods, self._poll)
+        self.cycles += len(points)
+        z = points[-1] if len(points) else z
+        if outcome is not Outcome.COMPLETE:
+            ended = self.motion(MotionClass.FAILED, z[None], outcome=outcome)
+        elif self.left and returns_near(points[-1 - LONGEST :] / self._units, NEAR):
+            z, ended = self.watch(z, WATCHED)
+        return z, self.cycles - before, ended
 
     def _closing(self, stretch: np.ndarray) -> Step:
         """Look for an orbit of long period on which a stretch closes, and jump to it.

@@ -17,12 +17,19 @@ motions are followed.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from hpcsweep.model.arguments import count, number
 
 HORIZON = 8
 """Mean lifetime, in units of ``max_cycles``, that a motion without period must exceed."""
+CHUNK = 512
+"""Forcing periods after which a motion that is followed is looked at."""
+
+End = TypeVar("End")
 
 
 class Lifetime(NamedTuple):
@@ -65,3 +72,33 @@ class Survival(NamedTuple):
 def periods_at_risk(max_cycles: int, confidence: float) -> int:
     """Return the forcing periods that refuse mean lifetimes up to `HORIZON` `max_cycles`."""
     return math.ceil(-math.log1p(-confidence) * HORIZON * max_cycles)
+
+
+def outlive(
+    step: Callable[[np.ndarray, int], tuple[np.ndarray, int, End | None]],
+    state: np.ndarray,
+    periods: int,
+) -> tuple[np.ndarray, int, End | None]:
+    """Follow a motion until it ends, for so many forcing periods.
+
+    Parameters
+    ----------
+    step : callable
+        Follows a state for at most so many forcing periods: returns the state it has come to, how
+        many it took, and how the motion has ended, None if it has not.
+    state : ndarray, shape (2n,)
+    periods : int
+
+    Returns
+    -------
+    state : ndarray, shape (2n,)
+    n_periods : int
+    end : object or None
+    """
+    done = 0
+    while done < periods:
+        state, n_periods, end = step(state, min(CHUNK, periods - done))
+        done += max(n_periods, 1)
+        if end is not None:
+            return state, done, end
+    return state, done, None

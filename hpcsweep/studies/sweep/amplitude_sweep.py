@@ -69,8 +69,8 @@ class AmplitudeSweep(RunGrid):
         return ("final_state", *tested)
 
     def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
-        """Return the state from which the next run starts, and whether its chaos is tested."""
-        return end_of(rows, row, self.settings)
+        """Return the state from which the next run starts, and how long its chaos was followed."""
+        return end_of(rows, row)
 
     def rows(
         self,

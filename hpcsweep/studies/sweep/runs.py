@@ -50,9 +50,10 @@ ON_PATH, ALONE = 160, 5
 """Parts of ``classify_cycles`` that the chaos of a run on a path, and of an independent run, must
 outlive before it is told: 312 and 10,000 periods of 50,000. Of 10 chaotic windows of the map of
 Figure 6 as described that ended within 3,000 periods 8 did so within 300."""
-POOLED = 16
+POOLED, LESS = 16, 2
 """Part of ``classify_cycles`` that suffices below grazing where the chaos of the run before on the
-path has outlived as much: neighbours share one rate of escape, and are tested together."""
+path has outlived as much, and part of the periods of that run: neighbours share one rate of escape,
+and are tested together."""
 
 
 class FrameRuns:
@@ -135,7 +136,7 @@ class FrameRuns:
         for at in np.split(np.arange(amplitudes.size), 1 + np.flatnonzero(np.diff(lengths))):
             runs = self._measured_by(float(lengths[at[0]]))
             parts.append(runs._stretch(amplitudes[at], state, poll, follow))
-            state = end_of(parts[-1], -1, self.settings) if follow else state
+            state = end_of(parts[-1], -1) if follow else state
         if len(parts) == 1:
             return parts[0]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -155,7 +156,7 @@ class FrameRuns:
         """Compute runs from a state, or from the end of the previous one."""
         result = empty_rows(self.structure, len(amplitudes), self.settings)
         size = 2 * self.structure.n_floors
-        start, index, tested = np.array(state[:size], dtype=float), 0, any(state[size:])
+        start, index, before = np.array(state[:size], dtype=float), 0, int(sum(state[size:]))
         while index < len(amplitudes):
             if self._batch is None:
                 if poll is not None:
@@ -168,8 +169,8 @@ class FrameRuns:
                     continue
             if left is not None:
                 if follow and index > 0:
-                    tested = has_outlived(result, index - 1, self.settings)
-                outlived = self._outlived(float(amplitudes[index]), follow, tested)
+                    before = chaotic_cycles(result, index - 1)
+                outlived = self._outlived(float(amplitudes[index]), follow, before)
                 self._window(left, float(amplitudes[index]), _row(result, index), outlived, poll)
             start = result["final_state"][index].copy() if follow else start
             index += 1
@@ -190,17 +191,17 @@ class FrameRuns:
         row["skip_rule"][:] = SkipRule.LINEAR
         return None
 
-    def _outlived(self, amplitude: float, follow: bool, tested: bool) -> int:
+    def _outlived(self, amplitude: float, follow: bool, before: int) -> int:
         """Return the forcing periods that chaos must outlive.
 
         Below grazing a motion without contact attracts, and chaos beside it is likely to be a
-        transient: it is followed for as long as a run may be, unless the chaos of the run before
-        was `tested`.
+        transient: it is followed for as long as a run may be, or for less where the chaos of the
+        run `before` was followed for so many forcing periods.
         """
         most = self.settings.classify_cycles or 0
-        if amplitude < self._grazing_amplitude:
-            return most // POOLED if tested else most
-        return most // (ON_PATH if follow else ALONE)
+        if amplitude >= self._grazing_amplitude:
+            return most // (ON_PATH if follow else ALONE)
+        return max(before // LESS, most // POOLED) if before >= most // POOLED else most
 
     @cached_property
     def _grazing_amplitude(self) -> float:
@@ -256,18 +257,16 @@ class FrameRuns:
         store(row, self.structure, self.solver.omega, amplitude, result)
 
 
-def has_outlived(rows: dict[str, np.ndarray], row: int, settings: SweepSettings) -> bool:
-    """Return whether the motion of a run is chaos that counts for the test of the next run."""
-    most = settings.classify_cycles
-    if not most or rows["motion"][row] != MotionClass.CHAOTIC:
-        return False
-    return bool(rows["classification_cycles"][row] >= most // POOLED)
+def chaotic_cycles(rows: dict[str, np.ndarray], row: int) -> int:
+    """Return for how many periods the motion of a run was followed, if it is chaotic; else 0."""
+    chaotic = "motion" in rows and rows["motion"][row] == MotionClass.CHAOTIC
+    return int(rows["classification_cycles"][row]) if chaotic else 0
 
 
-def end_of(rows: dict[str, np.ndarray], row: int, settings: SweepSettings) -> np.ndarray:
-    """Return what a path carries from a run to the next: its end state, and `has_outlived`."""
+def end_of(rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+    """Return what a path carries from a run to the next: its end state, and `chaotic_cycles`."""
     end = rows["final_state"][row]
-    return np.append(end, has_outlived(rows, row, settings)) if settings.classify_cycles else end
+    return np.append(end, chaotic_cycles(rows, row)) if "motion" in rows else end
 
 
 def _row(result: dict[str, np.ndarray], index: int) -> dict[str, np.ndarray]:

@@ -213,8 +213,8 @@ class _Search:
             self.least = min(self.least, residual)
             move = _solve(matrices, misses)
             if step > 0:
-                bent = np.einsum("pij,pj->pi", matrices - before, shift)
-                curved = 0.5 * float(np.abs(bent).max())
+                bent = 0.5 * np.einsum("pij,pj->pi", matrices - before, shift)
+                curved = float(np.abs(_gathered(before, bent) if marched else bent).max())
             rounded = residual <= LEAST_ROUNDING * (1.0 + float(np.abs(points).max()))
             if rounded or (residual <= LARGEST_ROUNDING and curved <= CURVED * residual):
                 left = float(np.abs(move).max())
@@ -234,6 +234,14 @@ class _Search:
         if shortest == found.period:
             return found
         return self.converge(found.points[:shortest]) or found
+
+
+def _gathered(matrices: np.ndarray, bent: np.ndarray) -> np.ndarray:
+    """Return the sum of what the periods of a turn contribute to its end, shape (N,)."""
+    total = np.zeros(bent.shape[1])
+    for matrix, own in zip(matrices, bent, strict=True):
+        total = matrix @ total + own
+    return total
 
 
 def _solve(matrices: np.ndarray, misses: np.ndarray) -> np.ndarray:

@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
+from hpcsweep.dynamics.classify_motion import SETTLED
 from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.dynamics.verification import verify_orbit
 from hpcsweep.solvers.flow.flow_map import FlowMap

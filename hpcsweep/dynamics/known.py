@@ -16,6 +16,9 @@ from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside
 from hpcsweep.dynamics.resemblance import Signature, same_orbit
 from hpcsweep.solvers.records import Observation, normalised_drift
 
+UNCERTAIN = 1e-6
+"""Distance within which two orbits that attract are one: at a fold they are known to the root of
+rounding, to which motions do not come from one side as from another."""
 MOST_RECORDS = 16
 """Most records of motions that are not orbits."""
 
@@ -75,9 +78,9 @@ class KnownMotions:
 
     def orbit(self, points: np.ndarray) -> int | None:
         """Return the index of an orbit, by its points."""
-        scaled = points / self._units
+        scaled, same = points / self._units, max(self._same, UNCERTAIN)
         for place, known in enumerate(self.attractors):
-            if known.orbit_period and same_orbit(scaled, known.points / self._units, self._same):
+            if known.orbit_period and same_orbit(scaled, known.points / self._units, same):
                 return place
         return None
 

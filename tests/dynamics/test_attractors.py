@@ -259,7 +259,7 @@ def test_no_orbit_is_listed_twice(structure, omega, amplitude, periods):
 
 
 def test_near_its_fold_an_orbit_is_one_whatever_the_tolerance():
-    """1e-13 before the fold its points are known to 1e-9: it has been 24 attractors."""
+    """1e-13 before the fold its points are known to 1e-9: it has been 21 attractors."""
     solver, amplitude = make_solver("flow", PAPER, 0.445, 1e-9), FOLD - 1e-13
     starts = starting_states(box_of(None, PAPER.state_units), 100, 3, 0.445, amplitude)
     settings = SweepSettings(period_tolerance=1e-11)

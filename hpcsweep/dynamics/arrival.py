@@ -4,13 +4,14 @@ An orbit is claimed only where Newton's method converges to rounding (`verificat
 closes without one is slow, and followed.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.shooting import Nearer, shoot
-from hpcsweep.dynamics.verification import VerifiedOrbit, verify_orbit
+from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 
 NEAR = 1e-3
 """Distance between points a period apart below which a jump is tried."""
@@ -31,11 +32,14 @@ class Arrival(NamedTuple):
         The orbit that it goes to, if that is known; its first point is near the state.
     cycles : int
         Forcing periods integrated.
+    multiplier : float
+        Modulus of the largest Floquet multiplier of the orbit.
     """
 
     state: np.ndarray
     orbit: VerifiedOrbit | None
     cycles: int
+    multiplier: float = math.nan
 
 
 class Arriving:
@@ -78,12 +82,16 @@ class Arriving:
 
     def close(self, z: np.ndarray, period: int) -> Arrival:
         """Come to the orbit on which a motion has closed, if there is one."""
-        shot = shoot(self._solver, z, self._amplitude, period)
-        if not shot.distance <= NEAR:
-            return Arrival(z, None, shot.cycles)
-        return self.at(shot.point, period, z, shot.cycles)
+        return self.at(z, period, z, reach=NEAR)
 
-    def at(self, point: np.ndarray, period: int, z: np.ndarray, cycles: int = 0) -> Arrival:
+    def at(
+        self,
+        point: np.ndarray,
+        period: int,
+        z: np.ndarray,
+        cycles: int = 0,
+        reach: float = REACH,
+    ) -> Arrival:
         """Come to an orbit, or leave one that repels.
 
         Parameters
@@ -95,13 +103,16 @@ class Arriving:
             State of the motion, at the same phase.
         cycles : int
             Forcing periods integrated so far.
+        reach : float
+            Largest distance of the orbit from the point, in units of the state.
         """
-        verdict = verify_orbit(self._solver, point, self._amplitude, period, poll=self._poll)
+        verdict = verify_orbit(self._solver, point, self._amplitude, period, reach, self._poll)
         orbit, cycles = verdict.orbit, cycles + verdict.cycles
         if orbit is None:
             return Arrival(z, None, cycles)
-        if orbit.multiplier <= 1 + REPELS:
-            return Arrival(z, orbit, cycles)
+        multiplier = orbit.multiplier
+        if multiplier <= 1 + REPELS:
+            return Arrival(z, orbit, cycles, multiplier)
         point = orbit.points[0]
         if np.abs((z - point) / self._units).max() <= PUSH:  # otherwise it is on its way already
             # in no direction that a structure prefers

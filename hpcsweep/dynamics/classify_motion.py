@@ -316,7 +316,7 @@ class _Classifier:
         if there.orbit is None:
             return there.state, None
         points = np.roll(there.orbit.points, -1, axis=0)
-        period, multiplier = there.orbit.period, there.orbit.multiplier
+        period, multiplier = there.orbit.period, there.multiplier
         exponent = Interval.exact(exponent_of_multiplier(multiplier, period))
         found = self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
         return there.state, found

@@ -78,7 +78,9 @@ class Arriving:
         shot = shoot(self._solver, z, self._amplitude, period, nearer)
         if not shot.attracts(tolerance):
             return Arrival(points[-1], None, shot.cycles)
-        return self.at(shot.point, period, points[-1], shot.cycles)
+        # the points that are at hand end where those of the orbit begin
+        known = shot.point if shot.points is None else np.roll(shot.points, 1, axis=0)
+        return self.at(known, period, points[-1], shot.cycles)
 
     def close(self, z: np.ndarray, period: int) -> Arrival:
         """Come to the orbit on which a motion has closed, if there is one."""
@@ -96,8 +98,8 @@ class Arriving:
 
         Parameters
         ----------
-        point : ndarray, shape (2n,)
-            Of the orbit, as far as it is known.
+        point : ndarray, shape (2n,) or (k, 2n)
+            Of the orbit, as far as it is known, or its first k points.
         period : int
         z : ndarray, shape (2n,)
             State of the motion, at the same phase.

@@ -43,7 +43,7 @@ def test_neighbours_are_tested_together_wherever_blocks_are_cut():
     assert set(whole["motion"].tolist()) == {MotionClass.CHAOTIC}
     followed = whole["classification_cycles"]
     assert followed[0] >= 8_000
-    assert np.all(followed[1:] >= np.maximum(followed[:-1] // 2, 500))
+    assert np.all(followed[1:] >= np.maximum(followed[:-1] // 4, 500))
     assert followed[-1] < 2_600
     for size in (1, 3):
         state, parts = end_of(start, -1)[:6], []

@@ -50,7 +50,7 @@ ON_PATH, ALONE = 160, 5
 """Parts of ``classify_cycles`` that the chaos of a run on a path, and of an independent run, must
 outlive before it is told: 312 and 10,000 periods of 50,000. Of 10 chaotic windows of the map of
 Figure 6 as described that ended within 3,000 periods 8 did so within 300."""
-POOLED, LESS = 16, 2
+POOLED, LESS = 16, 4
 """Part of ``classify_cycles`` that suffices below grazing where the chaos of the run before on the
 path has outlived as much, and part of the periods of that run: neighbours share one rate of escape,
 and are tested together."""

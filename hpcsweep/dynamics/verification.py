@@ -200,7 +200,7 @@ class _Search:
         `marched`: after a move all points follow from the first one.
         """
         before = matrices = np.zeros((*points.shape, points.shape[1]))
-        shift, curved, fallen = np.zeros_like(points), math.inf, 0
+        shift, curved, fallen, solve = np.zeros_like(points), math.inf, 0, None
         self.least = math.inf
         for step in range(STEPS):
             images, matrices = self.tangents(points)
@@ -211,17 +211,18 @@ class _Search:
             if residual <= 0.5 * self.least:
                 fallen = step
             self.least = min(self.least, residual)
-            move = _solve(matrices, misses)
             if step > 0:
                 bent = 0.5 * np.einsum("pij,pj->pi", matrices - before, shift)
                 curved = float(np.abs(_gathered(before, bent) if marched else bent).max())
             rounded = residual <= LEAST_ROUNDING * (1.0 + float(np.abs(points).max()))
             if rounded or (residual <= LARGEST_ROUNDING and curved <= CURVED * residual):
-                left = float(np.abs(move).max())
+                # the tangent maps are those of the point before, but for rounding
+                left = float(np.abs((solve or _factored(matrices))(misses)).max())
                 return VerifiedOrbit(points, TangentMaps(matrices), residual, left)
             if self.least <= NEAR and step - fallen >= PATIENCE:
                 return None
-            moved = points - move
+            solve = _factored(matrices)
+            moved = points - solve(misses)
             if marched:
                 moved = self.continued(moved[:1], len(points))
             before, shift, points = matrices, points - moved, moved
@@ -244,14 +245,16 @@ def _gathered(matrices: np.ndarray, bent: np.ndarray) -> np.ndarray:
     return total
 
 
-def _solve(matrices: np.ndarray, misses: np.ndarray) -> np.ndarray:
-    """Return d of M_i d_i - d_(i+1) = misses_i, i + 1 modulo p, shape (p, N)."""
-    p, n = misses.shape
-    if misses.size <= MANY:
-        return np.linalg.solve(jacobian(matrices), misses.ravel()).reshape(p, n)
+def _factored(matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what solves M_i d_i - d_(i+1) = misses_i, i + 1 modulo p, for d, shape (p, N)."""
+    p, n, _ = matrices.shape
+    if p * n <= MANY:
+        whole = jacobian(matrices)
+        return lambda misses: np.linalg.solve(whole, misses.ravel()).reshape(p, n)
     from scipy.sparse import bsr_array  # reading results does not need it
     from scipy.sparse.linalg import splu
 
     own = bsr_array((matrices, np.arange(p), np.arange(p + 1)), shape=(p * n, p * n))
     ahead = bsr_array((np.tile(np.eye(n), (p, 1, 1)), (np.arange(p) + 1) % p, np.arange(p + 1)))
-    return splu((own - ahead).tocsc()).solve(misses.ravel()).reshape(p, n)
+    factors = splu((own - ahead).tocsc())
+    return lambda misses: factors.solve(misses.ravel()).reshape(p, n)

@@ -49,6 +49,12 @@ class MapSolver:
             z = self.step(z)
         return z, matrix
 
+    def images(self, states, amplitude, tangents=False, poll=None):
+        if poll is not None:
+            poll()
+        found = [self.monodromy(z, amplitude, 1) for z in states]
+        return np.array([z for z, _ in found]), np.array([matrix for _, matrix in found])
+
 
 def focus(modulus, turns):
     """A fixed point at (1, 2) with multipliers modulus exp(+-2 pi i turns)."""

@@ -22,20 +22,20 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from copy import copy
-from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.approach import WINDOW, Approached, approach
+from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import NEAR, SETTLED, classify_motion
-from hpcsweep.dynamics.lifetime import Survival, periods_at_risk
+from hpcsweep.dynamics.classify_motion import SETTLED, classify_motion
+from hpcsweep.dynamics.known import KnownMotions
+from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
 from hpcsweep.dynamics.motion import Motion
-from hpcsweep.dynamics.neighbourhood import Neighbourhood, inside, neighbourhood
-from hpcsweep.dynamics.resemblance import Signature, same_orbit
+from hpcsweep.dynamics.neighbourhood import neighbourhood
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach, normalised_drift
+from hpcsweep.solvers.records import Approach
 
 FIRST_GROUP, LARGEST_GROUP = 4, 256
 """Starts of the first group, and of the largest."""
@@ -43,32 +43,16 @@ PATIENCE = 48
 """Forcing periods after which a start is classified where only orbits are known."""
 RECORD = 2000
 """Forcing periods of the record of a motion that is not an orbit."""
-MOST_RECORDS = 16
-"""Most records of motions that are not orbits."""
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
 again, and finally classified: it may approach one of them slowly."""
 SAMPLE = {MotionClass.CHAOTIC: 12, MotionClass.QUASI_PERIODIC: 2, MotionClass.UNDECIDED: 2}
 """Starts of a motion that are tested. Chaos ends at random, so that many starts tell as much as a
 long one; the approach to an orbit that is taken for a torus takes its time."""
-CHUNK = 512
-"""Forcing periods after which a motion that is followed is compared with the known orbits."""
-MOST_STRETCHES = 10
-"""Stretches for which transient motions are followed, each with twice the periods at risk of the
-one before: so that no motion passes one of many tests by chance."""
 TRANSIENT = -4
 """Label of starts of a motion that is known to end."""
 MOST_WATCHED = 100
 """Longest orbit period for which a motion is watched to converge."""
-
-
-class Fate(NamedTuple):
-    """Where a motion that was followed came to."""
-
-    label: int | None
-    """As of `AttractorSearch.labels`; None if it has not ended."""
-    state: np.ndarray
-    cycles: int
 
 
 class AttractorSearch:
@@ -81,7 +65,6 @@ class AttractorSearch:
 
     Attributes
     ----------
-    attractors : list of Attractor
     failures : Counter of Outcome
     cycles : int
         Forcing periods integrated.
@@ -95,11 +78,9 @@ class AttractorSearch:
         self._solver, self._amplitude, self._settings = solver, amplitude, settings
         self._max_cycles, self._poll = max_cycles, poll
         self._at_risk = periods_at_risk(max_cycles, confidence)
-        self._units = solver.structure.state_units
         self._rng = np.random.default_rng(0)
-        self._neighbourhoods: list[Neighbourhood | None] = []
-        self._signatures: list[tuple[Signature, np.ndarray, int]] = []
-        self.attractors: list[Attractor] = []
+        same = settings.period_tolerance
+        self._known = KnownMotions(solver.structure.state_units, same, amplitude, solver.omega)
         self.failures: Counter[Outcome] = Counter()
         self.cycles = self.n_transient = self._n_tested = 0
         self.transient = Survival()
@@ -108,10 +89,14 @@ class AttractorSearch:
         """Return a copy of the search, independent of this one."""
         own = copy(self)
         own._poll, own._rng = poll, np.random.default_rng(0)
-        own._neighbourhoods, own._signatures = list(self._neighbourhoods), list(self._signatures)
-        own.attractors, own.failures, own.cycles = list(self.attractors), Counter(), 0
+        own._known, own.failures, own.cycles = self._known.copy(), Counter(), 0
         own.transient, own.n_transient = Survival(), 0
         return own
+
+    @property
+    def attractors(self) -> list[Attractor]:
+        """Attractors that are known, and motions that are still to be tested."""
+        return self._known.attractors
 
     def labels(self, starts: np.ndarray, first_group: int = FIRST_GROUP) -> np.ndarray:
         """Classify starts: return their indices in `attractors`, `UNDECIDED` or `FAILED`.
@@ -191,7 +176,9 @@ class AttractorSearch:
                 elif not decided:
                     labels[own], replaced[place] = UNDECIDED, UNDECIDED
             place += 1
-        return self._without(replaced, labels)
+        labels = self._known.without(replaced, labels)
+        self._n_tested = len(self.attractors)
+        return labels
 
     def _ends(self, one: Attractor, states: np.ndarray) -> bool:
         """Return whether any motion of a sample ends: of its starts, else from its record."""
@@ -200,7 +187,7 @@ class AttractorSearch:
         later = np.linspace(len(one.points) // 2, len(one.points) - 1, size - len(drawn))
         length = math.ceil(self._at_risk / size)
         sample = np.concatenate((drawn, one.points[later.astype(int)]))
-        return any(self._outlive(state, length).label is not None for state in sample)
+        return any(self._outlive(state, length)[2] is not None for state in sample)
 
     def _to_their_ends(self, states: np.ndarray, survivor: int) -> np.ndarray:
         """Follow motions that look alike to their ends; return their labels.
@@ -208,21 +195,9 @@ class AttractorSearch:
         Those that outlive the periods at risk when no other ends any more get the label `survivor`;
         others that have not ended are undecided.
         """
-        labels, ages = np.full(len(states), UNDECIDED), np.zeros(len(states), int)
-        left, stretch = np.arange(len(states)), self._at_risk
-        for _ in range(MOST_STRETCHES):
-            if not left.size:
-                break
-            length = max(math.ceil(stretch / left.size), CHUNK)
-            for k in left.tolist():
-                label, states[k], cycles = self._outlive(states[k], length)
-                ages[k] += cycles
-                labels[k] = UNDECIDED if label is None else label
-            still = left[labels[left] == UNDECIDED]
-            if still.size == left.size:
-                labels[still] = survivor
-                break
-            left, stretch = still, 2 * stretch
+        ends, ages, outlived = follow_to_ends(self._outlive, states, self._at_risk)
+        lasting = survivor if outlived else UNDECIDED
+        labels = np.array([lasting if end is None else end for end in ends], int)
         ended = (labels != UNDECIDED) & (labels != survivor)
         on_transient = ended | (labels == UNDECIDED)
         self.n_transient += int(on_transient.sum())
@@ -230,24 +205,24 @@ class AttractorSearch:
         self.transient = self.transient.followed_by(survival)
         return labels
 
-    def _outlive(self, state: np.ndarray, cycles: int) -> Fate:
-        """Follow a motion until it ends in an orbit, for `cycles` forcing periods."""
-        done = 0
-        while done < cycles:
-            end = self._settle(state, min(CHUNK, cycles - done))
-            state, done = end.state, done + max(end.n_periods, 1)
-            if end.outcome is not Outcome.COMPLETE:
-                return Fate(self._failed(end.outcome), state, done)
-            there = self._near(state)
-            if there is not None:
-                return Fate(there, state, done)
-            if end.period:
-                there, state = self._orbit_of(state)
-                if there is not None:
-                    return Fate(there, state, done)
-        # it may approach an orbit of a period that is too long to be watched for
-        there, _ = self._orbit_of(state)
-        return Fate(there, state, done)
+    def _outlive(self, state: np.ndarray, cycles: int) -> tuple[np.ndarray, int, int | None]:
+        """Follow a motion until it ends in an orbit: where it is, how long it took, the label."""
+        state, done, there = outlive(self._stretch, state, cycles)
+        if there is None:
+            # it may approach an orbit of a period that is too long to be watched for
+            there, _ = self._orbit_of(state)
+        return state, done, there
+
+    def _stretch(self, state: np.ndarray, cycles: int) -> tuple[np.ndarray, int, int | None]:
+        """Follow a motion for a stretch of `outlive`."""
+        end = self._settle(state, cycles)
+        state = end.state
+        if end.outcome is not Outcome.COMPLETE:
+            return state, end.n_periods, self._failed(end.outcome)
+        there = self._known.near(state)
+        if there is None and end.period:
+            there, state = self._orbit_of(state)
+        return state, end.n_periods, there
 
     def _orbit_of(self, state: np.ndarray) -> tuple[int | None, np.ndarray]:
         """Classify a motion; return the index of the orbit it goes to, if any, and its end."""
@@ -255,29 +230,14 @@ class AttractorSearch:
         periodic = motion.kind is MotionClass.PERIODIC
         return self._place_orbit(motion) if periodic else None, motion.points[-1]
 
-    def _without(self, replaced: dict[int, int], labels: np.ndarray) -> np.ndarray:
-        """Remove motions that are no attractors; return the labels by the indices of the others.
-
-        Starts that resemble a removed one later get the label that replaces it.
-        """
-        kept = [place for place in range(len(self.attractors)) if place not in replaced]
-        now = replaced | {place: new for new, place in enumerate(kept)}
-        self.attractors = [self.attractors[place] for place in kept]
-        self._neighbourhoods = [self._neighbourhoods[place] for place in kept]
-        self._signatures = [
-            (own, points, now.get(place, place)) for own, points, place in self._signatures
-        ]
-        self._n_tested = len(self.attractors)
-        return np.array([now.get(label, label) for label in labels.tolist()], int)
-
     def _approach(self, starts: np.ndarray) -> Approached:
         longest = max(min(self._settings.transient_cycles, self._max_cycles), PATIENCE, WINDOW)
         return approach(
             self._solver,
             self._amplitude,
             starts,
-            self._neighbourhoods,
-            longest if self._signatures else PATIENCE,
+            self._known.neighbourhoods,
+            PATIENCE if self._known.all_orbits else longest,
             self._poll,
         )
 
@@ -299,18 +259,18 @@ class AttractorSearch:
 
     def _place(self, window: np.ndarray) -> int:
         """Classify a start by its last points, away from all known orbits."""
-        there = self._resembling(window)
+        there = self._known.resembling(window)
         if there is not None:
             return there
         state = window[-1]
         long = self._longest > self._settings.max_orbit_period
-        for factor in LADDER if self._signatures or long else ():
+        for factor in LADDER if long or not self._known.all_orbits else ():
             cycles = min(factor * self._settings.transient_cycles, self._max_cycles)
             end = self._settle(state, cycles)
             if end.outcome is not Outcome.COMPLETE:
                 return self._failed(end.outcome)
             state = end.state
-            there = self._near(state)
+            there = self._known.near(state)
             if there is not None:
                 return there
             if end.period:
@@ -319,7 +279,7 @@ class AttractorSearch:
             self.cycles += len(points)
             if outcome is not Outcome.COMPLETE:
                 return self._failed(outcome)
-            there = self._resembling(points)
+            there = self._known.resembling(points)
             if there is not None:
                 return there
             state = points[-1]
@@ -328,19 +288,7 @@ class AttractorSearch:
     @property
     def _longest(self) -> int:
         """Longest period that is known or sought."""
-        known = (one.orbit_period for one in self.attractors)
-        return max(self._settings.max_orbit_period, min(max(known, default=0), MOST_WATCHED))
-
-    def _near(self, state: np.ndarray) -> int | None:
-        """Return the index of the orbit in whose neighbourhood, or on which, a state lies."""
-        there = int(inside(state[None], self._neighbourhoods)[0])
-        if there >= 0:
-            return there
-        same = self._settings.period_tolerance * self._units
-        for place, one in enumerate(self.attractors):
-            if one.orbit_period and np.any(np.all(np.abs(one.points - state) <= same, axis=1)):
-                return place
-        return None
+        return max(self._settings.max_orbit_period, min(self._known.longest, MOST_WATCHED))
 
     def _settle(self, state: np.ndarray, cycles: int) -> Approach:
         """Follow a motion until it reaches an orbit, for at most `cycles` forcing periods."""
@@ -362,17 +310,11 @@ class AttractorSearch:
         self.failures[outcome] += 1
         return FAILED
 
-    def _resembling(self, points: np.ndarray) -> int | None:
-        """Return the index of the known motion, not an orbit, to which points belong."""
-        scaled = points / self._units
-        return next((place for own, _, place in self._signatures if own.holds(scaled)), None)
-
     def _place_orbit(self, motion: Motion) -> int:
         """Return the index of a motion classified as an orbit."""
-        scaled, same = motion.points / self._units, self._settings.period_tolerance
-        for place, known in enumerate(self.attractors):
-            if known.orbit_period and same_orbit(scaled, known.points / self._units, same):
-                return place
+        there = self._known.orbit(motion.points)
+        if there is not None:
+            return there
         seen = self._solver.observe(
             motion.points[-1],
             self._amplitude,
@@ -384,13 +326,13 @@ class AttractorSearch:
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
         near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
-        return self._add(motion, motion.points, seen, near)
+        return self._known.add(motion, motion.points, seen, near)
 
     def _place_aperiodic(self, motion: Motion) -> int:
         """Return the index of a motion without a period, as one that is still to be tested."""
-        there = self._resembling(motion.points)
+        there = self._known.resembling(motion.points)
         if there is not None:
-            self._remember(motion.points, there)
+            self._known.remember(motion.points, there)
             return there
         options = {"poll": self._poll, "measures": self._settings.measures}
         seen = self._solver.observe(motion.points[-1], self._amplitude, RECORD, True, **options)
@@ -402,47 +344,4 @@ class AttractorSearch:
         there = self._orbit_of(end.state)[0] if end.period else None
         if there is not None:
             return there
-        scaled = seen.points / self._units
-        own = Signature(scaled)
-        for signature, points, there in self._signatures:
-            is_torus = motion.kind is MotionClass.QUASI_PERIODIC and self._is_torus(there)
-            if (
-                signature.holds(scaled)
-                or own.holds(points)
-                or (is_torus and own.same_torus(signature))
-            ):
-                self._remember(seen.points, there)
-                return there
-        place = self._add(motion, seen.points, seen, None)
-        self._signatures.append((own, scaled, place))
-        return place
-
-    def _is_torus(self, place: int) -> bool:
-        return place >= 0 and self.attractors[place].kind is MotionClass.QUASI_PERIODIC
-
-    def _remember(self, points: np.ndarray, place: int) -> None:
-        """Keep a further record of a known motion, which its first record failed to recognise."""
-        if len(points) >= 2 * WINDOW and len(self._signatures) < MOST_RECORDS:
-            scaled = points / self._units
-            self._signatures.append((Signature(scaled), scaled, place))
-
-    def _add(self, motion: Motion, points: np.ndarray, seen, near: Neighbourhood | None) -> int:
-        """Add an attractor; return its index."""
-        drift = normalised_drift(seen.peak_drift, self._amplitude, self._solver.omega)
-        self.attractors.append(
-            Attractor(
-                motion.kind,
-                points,
-                motion.period,
-                motion.multiplier,
-                motion.exponent,
-                motion.exponent_low,
-                motion.exponent_high,
-                seen.contact,
-                float(drift),
-                seen.modal_norm,
-                measures=seen.measures,
-            )
-        )
-        self._neighbourhoods.append(near)
-        return len(self.attractors) - 1
+        return self._known.record(motion, seen)

@@ -17,12 +17,22 @@ motions are followed.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import numpy as np
 
 from hpcsweep.model.arguments import count, number
 
 HORIZON = 8
 """Mean lifetime, in units of ``max_cycles``, that a motion without period must exceed."""
+CHUNK = 512
+"""Forcing periods after which a motion that is followed is looked at."""
+MOST_STRETCHES = 10
+"""Stretches for which transient motions are followed, each with twice the periods at risk of the
+one before: so that no motion passes one of many tests by chance."""
+
+End = TypeVar("End")
 
 
 class Lifetime(NamedTuple):
@@ -65,3 +75,72 @@ class Survival(NamedTuple):
 def periods_at_risk(max_cycles: int, confidence: float) -> int:
     """Return the forcing periods that refuse mean lifetimes up to `HORIZON` `max_cycles`."""
     return math.ceil(-math.log1p(-confidence) * HORIZON * max_cycles)
+
+
+def outlive(
+    step: Callable[[np.ndarray, int], tuple[np.ndarray, int, End | None]],
+    state: np.ndarray,
+    periods: int,
+) -> tuple[np.ndarray, int, End | None]:
+    """Follow a motion until it ends, for so many forcing periods.
+
+    Parameters
+    ----------
+    step : callable
+        Follows a state for at most so many forcing periods: returns the state it has come to, how
+        many it took, and how the motion has ended, None if it has not.
+    state : ndarray, shape (2n,)
+    periods : int
+
+    Returns
+    -------
+    state : ndarray, shape (2n,)
+    n_periods : int
+    end : object or None
+    """
+    done = 0
+    while done < periods:
+        state, n_periods, end = step(state, min(CHUNK, periods - done))
+        done += max(n_periods, 1)
+        if end is not None:
+            return state, done, end
+    return state, done, None
+
+
+def follow_to_ends(
+    follow: Callable[[np.ndarray, int], tuple[np.ndarray, int, End | None]],
+    states: np.ndarray,
+    at_risk: int,
+) -> tuple[list[End | None], np.ndarray, bool]:
+    """Follow motions that look alike to their ends, for ever longer stretches.
+
+    Parameters
+    ----------
+    follow : callable
+        As `step` of `outlive`, for as long as it is asked to.
+    states : ndarray, shape (N, 2n)
+        Replaced by those that the motions have come to.
+    at_risk : int
+        Forcing periods of the first stretch, of all together.
+
+    Returns
+    -------
+    ends : list of object or None
+        None of those that have not ended.
+    ages : ndarray of int, shape (N,)
+        Forcing periods for which each was followed.
+    outlived : bool
+        Whether those that have not ended have outlived a stretch in which none did.
+    """
+    ends: list[End | None] = [None] * len(states)
+    ages, left = np.zeros(len(states), int), list(range(len(states)))
+    for _ in range(MOST_STRETCHES if left else 0):
+        length = max(math.ceil(at_risk / len(left)), CHUNK)
+        for k in left:
+            states[k], n_periods, ends[k] = follow(states[k], length)
+            ages[k] += n_periods
+        still = [k for k in left if ends[k] is None]
+        if len(still) in (0, len(left)):
+            return ends, ages, bool(still)
+        left, at_risk = still, 2 * at_risk
+    return ends, ages, False

@@ -161,6 +161,12 @@ def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
     return best
 
 
+def returns_near(points: np.ndarray, near: float) -> bool:
+    """Return whether any of the points, shape (k, 2n), is near the last one."""
+    points, near = rows("points", points), number("near", near)
+    return bool(np.any(np.abs(points[:-1] - points[-1]).max(axis=1) <= near))
+
+
 class Recurrence(NamedTuple):
     """A period after which points return ever nearer."""
 

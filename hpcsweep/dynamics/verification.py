@@ -32,6 +32,7 @@ maps is formed, and a residual is that of one period.
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +41,6 @@ from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import floquet_multipliers
-from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
 
 STEPS = 40
 NEAR, PATIENCE = 1e-3, 6
@@ -58,8 +58,6 @@ FAR = 1e3
 """Size of a state, in its units, at which Newton's method is lost."""
 MANY = 400
 """Numbers of an orbit from which its equations are solved as sparse ones."""
-ROUNDING = 1e-10
-"""Further difference of the map from its tangent map that is allowed, in units of the state."""
 SAME, UNCERTAIN = 1e-9, 10.0
 """Distance of points of an orbit that may be one, and its multiple of the uncertainty."""
 
@@ -102,28 +100,6 @@ class VerifiedOrbit(NamedTuple):
             product = matrix @ product
         return float(abs(floquet_multipliers(product)[0]))
 
-    def attracts(self, start: np.ndarray, end: np.ndarray, turns: int, units: np.ndarray) -> bool:
-        """Return whether a motion near the orbit is verified to go to it.
-
-        The multipliers are inside the unit circle, and with o the first point and M the tangent map
-        of so many turns, end - o = M (start - o) up to `LINEAR_DEFECT` of end - o.
-
-        Parameters
-        ----------
-        start, end : ndarray, shape (2n,)
-            Points of the motion, `turns` turns of the orbit apart.
-        turns : int
-        units : ndarray, shape (2n,)
-            Of the state.
-        """
-        expected, left = (start - self.points[0]) / units, (end - self.points[0]) / units
-        for _ in range(turns):
-            for matrix in self.maps.matrices:
-                expected = matrix @ expected
-        bent, away = float(np.abs(left - expected).max()), float(np.abs(left).max())
-        linear = bent <= LINEAR_DEFECT * away + ROUNDING
-        return linear and self.multiplier < 1.0
-
 
 class Verdict(NamedTuple):
     """What Newton's method has found.
@@ -147,7 +123,12 @@ class Verdict(NamedTuple):
 
 
 def verify_orbit(
-    solver, state: np.ndarray, amplitude: float, period: int, reach: float = REACH
+    solver,
+    state: np.ndarray,
+    amplitude: float,
+    period: int,
+    reach: float = REACH,
+    poll: Callable[[], None] | None = None,
 ) -> Verdict:
     """Find the orbit on which a state nearly closes, to rounding, or find that there is none.
 
@@ -161,13 +142,15 @@ def verify_orbit(
         Forcing periods after which it closes; the orbit has this period or a divisor of it.
     reach : float
         Largest distance of the orbit from the state, in units of the state.
+    poll : callable, optional
+        Called before each piece of the work; may raise to leave.
 
     Returns
     -------
     Verdict
         Its orbit begins with the point near the state.
     """
-    search = _Search(solver, amplitude)
+    search = _Search(solver, amplitude, poll)
     given = np.atleast_2d(state) / search.units
     least, away = math.inf, math.inf
     for marched in (False, True):
@@ -188,16 +171,16 @@ def verify_orbit(
 class _Search:
     """Newton's method for orbits at one amplitude, in units of the state."""
 
-    def __init__(self, solver, amplitude: float):
-        self._solver, self._amplitude = solver, amplitude
+    def __init__(self, solver, amplitude: float, poll):
+        self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self.units = solver.structure.state_units
         self.least, self.cycles = math.inf, 0
 
     def tangents(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the images of points, shape (p, N), and the tangent maps, (p, N, N)."""
-        images, matrices = np.empty_like(points), np.empty((*points.shape, points.shape[1]))
-        for k, z in enumerate(points * self.units):
-            images[k], matrices[k] = self._solver.monodromy(z, self._amplitude, 1)
+        images, matrices = self._solver.images(
+            points * self.units, self._amplitude, True, self._poll
+        )
         self.cycles += len(points)
         return images / self.units, matrices * self.units / self.units[:, None]
 
@@ -206,7 +189,8 @@ class _Search:
         missing = period - len(points)
         if missing <= 0:
             return points[:period]
-        more, _ = self._solver.points(points[-1] * self.units, self._amplitude, missing)
+        last = points[-1] * self.units
+        more, _ = self._solver.points(last, self._amplitude, missing, self._poll)
         self.cycles += missing
         return np.concatenate((points, more / self.units))
 
@@ -216,7 +200,7 @@ class _Search:
         `marched`: after a move all points follow from the first one.
         """
         before = matrices = np.zeros((*points.shape, points.shape[1]))
-        shift, curved, fallen = np.zeros_like(points), math.inf, 0
+        shift, curved, fallen, solve = np.zeros_like(points), math.inf, 0, None
         self.least = math.inf
         for step in range(STEPS):
             images, matrices = self.tangents(points)
@@ -227,17 +211,18 @@ class _Search:
             if residual <= 0.5 * self.least:
                 fallen = step
             self.least = min(self.least, residual)
-            move = _solve(matrices, misses)
             if step > 0:
-                bent = np.einsum("pij,pj->pi", matrices - before, shift)
-                curved = 0.5 * float(np.abs(bent).max())
+                bent = 0.5 * np.einsum("pij,pj->pi", matrices - before, shift)
+                curved = float(np.abs(_gathered(before, bent) if marched else bent).max())
             rounded = residual <= LEAST_ROUNDING * (1.0 + float(np.abs(points).max()))
             if rounded or (residual <= LARGEST_ROUNDING and curved <= CURVED * residual):
-                left = float(np.abs(move).max())
+                # the tangent maps are those of the point before, but for rounding
+                left = float(np.abs((solve or _factored(matrices))(misses)).max())
                 return VerifiedOrbit(points, TangentMaps(matrices), residual, left)
             if self.least <= NEAR and step - fallen >= PATIENCE:
                 return None
-            moved = points - move
+            solve = _factored(matrices)
+            moved = points - solve(misses)
             if marched:
                 moved = self.continued(moved[:1], len(points))
             before, shift, points = matrices, points - moved, moved
@@ -252,14 +237,24 @@ class _Search:
         return self.converge(found.points[:shortest]) or found
 
 
-def _solve(matrices: np.ndarray, misses: np.ndarray) -> np.ndarray:
-    """Return d of M_i d_i - d_(i+1) = misses_i, i + 1 modulo p, shape (p, N)."""
-    p, n = misses.shape
-    if misses.size <= MANY:
-        return np.linalg.solve(jacobian(matrices), misses.ravel()).reshape(p, n)
+def _gathered(matrices: np.ndarray, bent: np.ndarray) -> np.ndarray:
+    """Return the sum of what the periods of a turn contribute to its end, shape (N,)."""
+    total = np.zeros(bent.shape[1])
+    for matrix, own in zip(matrices, bent, strict=True):
+        total = matrix @ total + own
+    return total
+
+
+def _factored(matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what solves M_i d_i - d_(i+1) = misses_i, i + 1 modulo p, for d, shape (p, N)."""
+    p, n, _ = matrices.shape
+    if p * n <= MANY:
+        whole = jacobian(matrices)
+        return lambda misses: np.linalg.solve(whole, misses.ravel()).reshape(p, n)
     from scipy.sparse import bsr_array  # reading results does not need it
     from scipy.sparse.linalg import splu
 
     own = bsr_array((matrices, np.arange(p), np.arange(p + 1)), shape=(p * n, p * n))
     ahead = bsr_array((np.tile(np.eye(n), (p, 1, 1)), (np.arange(p) + 1) % p, np.arange(p + 1)))
-    return splu((own - ahead).tocsc()).solve(misses.ravel()).reshape(p, n)
+    factors = splu((own - ahead).tocsc())
+    return lambda misses: factors.solve(misses.ravel()).reshape(p, n)

@@ -178,6 +178,25 @@ class BdfMap:
         matrix = z[size:].reshape(size, n_columns)
         return self._units.out_of(z[:size]), self._units.tangent_out_of(matrix)
 
+    def images(
+        self,
+        states: np.ndarray,
+        amplitude: float,
+        tangents: bool = True,
+        poll: Callable[[], None] | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Integrate states over one forcing period each; see `flow.FlowMap.images`.
+
+        The tangent maps are integrated in any case.
+        """
+        del tangents
+        ends, matrices = np.empty_like(states), np.empty((*states.shape, states.shape[1]))
+        for k, state in enumerate(states):
+            if poll is not None:
+                poll()
+            ends[k], matrices[k] = self.monodromy(state, amplitude, 1)
+        return ends, matrices
+
     def _absolute(self, amplitude) -> Callable[[Callable, float, np.ndarray], np.ndarray]:
         """Return the absolute accelerations of the floors as a function for `StepTally`."""
         n = self.structure.n_floors

@@ -152,6 +152,19 @@ class Solver(Protocol):
         """Integrate with the tangent map: final state and d z(n T) / d z(0), shape (2n, 2n)."""
         ...
 
+    def images(
+        self,
+        states: np.ndarray,
+        amplitude: float,
+        tangents: bool = False,
+        poll: Callable[[], None] | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Integrate several states over one forcing period each; see `FlowMap.images`.
+
+        Returns the states, shape (p, 2n), and with `tangents` the tangent maps, (p, 2n, 2n).
+        """
+        ...
+
 
 def make_solver(name: str, structure: Structure, omega: float, rtol: float) -> Solver:
     """Return the solver `name` for one structure and frequency.

@@ -93,7 +93,5 @@ def test_files_and_functions_stay_small():
 REASONS_FOR_FILES = {
     "dynamics/continuation/branch.py": "a few lines over, by the ends of branches at grazings",
     "job/tree.py": "a few lines over, by counts that are judged before values are made",
-    "dynamics/attractors.py": "the search and the test of lifetimes share its state; to be parted",
-    "dynamics/classify_motion.py": "one door to an orbit, by shooting and by verification",
 }
 REASONS_FOR_FUNCTIONS: dict[str, str] = {}

@@ -210,6 +210,8 @@ def test_a_torus_that_is_nearly_locked_is_one_attractor():
     assert sum(one.hits for one in found) == 150
 
 
+FOLD = 0.22123998868537
+"""Of a P2 of Figure 3, at Omega = 0.445."""
 GRAZING = Structure(1, 29.0, math.inf, damping_ratio=0.01, gap=1.26)
 """A published soft impact oscillator; just below grazing a chaotic saddle lies beside P1 and P5."""
 
@@ -232,6 +234,37 @@ def test_a_torus_that_ends_in_an_orbit_is_that_orbit():
     found = hpcsweep.attractors(structure, 0.15828173505911847, 0.514371538944225, starts=60)
     assert [one.orbit_period for one in found] == [102, 19]
     assert found[0].multiplier == pytest.approx(0.925075, abs=1e-6)
+    assert all_apart(structure, found) > 1e-3
+
+
+def all_apart(structure, found):
+    """Return the least distance of two of the attractors, in units of the state."""
+    points = [one.points / structure.state_units for one in found]
+    return min(distance(a, b) for k, a in enumerate(points) for b in points[k + 1 :])
+
+
+@pytest.mark.parametrize(
+    ("structure", "omega", "amplitude", "periods"),
+    [
+        (GRAZING, 0.801, 0.4491, [1, 5]),
+        (GRAZING, 0.801, 0.4495, [1, 5]),
+        (GRAZING, 0.801, 0.4545, [2, 5, 6]),
+        (PAPER, 0.445, FOLD - 1e-9, [1, 1, 2]),
+    ],
+)
+def test_no_orbit_is_listed_twice(structure, omega, amplitude, periods):
+    found = hpcsweep.attractors(structure, amplitude, omega, starts=100)
+    assert sorted(one.orbit_period for one in found) == periods
+    assert all_apart(structure, found) > 1e-3
+
+
+def test_near_its_fold_an_orbit_is_one_whatever_the_tolerance():
+    """1e-13 before the fold its points are known to 1e-9: it has been 21 attractors."""
+    solver, amplitude = make_solver("flow", PAPER, 0.445, 1e-9), FOLD - 1e-13
+    starts = starting_states(box_of(None, PAPER.state_units), 100, 3, 0.445, amplitude)
+    settings = SweepSettings(period_tolerance=1e-11)
+    found = portrait(solver, amplitude, starts[:0], starts, settings, 2000, 0.95)
+    assert sorted(one.orbit_period for one in found.attractors) == [1, 1, 2]
 
 
 def test_the_ghost_of_a_fold_is_no_orbit():

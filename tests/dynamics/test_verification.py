@@ -79,19 +79,6 @@ def test_an_orbit_has_its_minimal_period_and_its_own_multipliers():
     assert np.ptp(found.points[:, 0]) == pytest.approx(apart, rel=1e-3)
 
 
-def test_what_goes_to_an_orbit_is_what_its_linear_map_takes_there():
-    solver = logistic(3.3)
-    stable = verify_orbit(solver, np.array([0.48, 0.0]), 1.0, 2).orbit
-    for off, goes in ((1e-4, True), (0.05, False)):
-        start = stable.points[0] + [off, 0.0]
-        for turns in (1, 2):
-            end = solver.points(start, 1.0, 2 * turns)[0][-1]
-            assert stable.attracts(start, end, turns, np.ones(2)) is goes
-    start = np.array([1 - 1 / 3.3 + 1e-7, 0.0])
-    repels = verify_orbit(solver, start, 1.0, 1).orbit
-    assert not repels.attracts(start, solver.step(start), 1, np.ones(2))
-
-
 def test_a_solver_that_fails_verifies_nothing():
     class Failing(MapSolver):
         def monodromy(self, state, amplitude, n_periods):
@@ -112,6 +99,39 @@ def test_past_a_fold_of_figure_3_there_is_a_ghost_and_no_orbit():
         assert found.residual < 1e-13
         excess.append(abs(found.multipliers[0] - 1))
     assert excess[1] / excess[0] == pytest.approx(10, rel=0.05)  # like the root of the distance
+
+
+@pytest.mark.parametrize("period", [14, 50])
+def test_a_ghost_passed_many_times_is_no_orbit_either(period):
+    """What curvature adds along a turn is a multiple of what it adds in a period."""
+    solver = make_solver("flow", Structure(), 0.445, 1e-9)
+    for beside in (1e-13, 1e-12, 1e-11):
+        assert verify_orbit(solver, np.array(GHOST), FOLD + beside, period).orbit is None
+    found = verify_orbit(solver, np.array(GHOST), FOLD - 1e-11, period).orbit
+    assert found.period == 2
+
+
+def test_a_stop_request_interrupts_a_verification():
+    polled = []
+
+    def poll():
+        polled.append(1)
+        if len(polled) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        verify_orbit(logistic(3.3), np.array([0.48, 0.0]), 1.0, 2, poll=poll)
+    assert len(polled) == 3
+
+
+def test_bdf_verifies_the_orbit_that_flow_does():
+    own, amplitude = STIFF.measured_at(OMEGA, 0.454), 0.454
+    z = stroboscopic_points(STIFF, amplitude, OMEGA, np.zeros(2), 3000)[-1]
+    by_flow = verify_orbit(make_solver("flow", own, OMEGA, 1e-9), z, amplitude, 5).orbit
+    by_bdf = verify_orbit(make_solver("bdf", own, OMEGA, 1e-8), z, amplitude, 5)
+    assert by_bdf.orbit.period == by_flow.period == 5
+    assert by_bdf.orbit.points == pytest.approx(by_flow.points, abs=1e-4)
+    assert by_bdf.orbit.multiplier == pytest.approx(by_flow.multiplier, rel=1e-2)
 
 
 def plain_newton(solver, z, amplitude, period):

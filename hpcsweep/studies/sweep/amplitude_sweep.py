@@ -16,7 +16,7 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
-from hpcsweep.studies.sweep.runs import frame_runs
+from hpcsweep.studies.sweep.runs import end_of, frame_runs
 
 UP, DOWN = "up", "down"
 DIRECTIONS = Key(
@@ -70,6 +70,16 @@ class AmplitudeSweep(RunGrid):
     def descends(self, direction: int) -> bool:
         """Return whether the amplitudes of a direction are computed in descending order."""
         return self.directions[direction] == DOWN
+
+    @property
+    def carried(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Variables that hold the start of the next run."""
+        tested = ("motion", "classification_cycles") if self.settings.classify_cycles else ()
+        return ("final_state", *tested)
+
+    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+        """Return the state from which the next run starts, and how long its chaos was followed."""
+        return end_of(rows, row)
 
     def rows(
         self,

@@ -50,6 +50,10 @@ ON_PATH, ALONE = 160, 5
 """Parts of ``classify_cycles`` that the chaos of a run on a path, and of an independent run, must
 outlive before it is told: 312 and 10,000 periods of 50,000. Of 10 chaotic windows of the map of
 Figure 6 as described that ended within 3,000 periods 8 did so within 300."""
+POOLED, LESS = 16, 4
+"""Part of ``classify_cycles`` that suffices below grazing where the chaos of the run before on the
+path has outlived as much, and part of the periods of that run: neighbours share one rate of escape,
+and are tested together."""
 
 
 class FrameRuns:
@@ -100,8 +104,8 @@ class FrameRuns:
         ----------
         amplitudes : sequence of k floats
             In the order in which they are followed.
-        state : ndarray, shape (2n,)
-            State at tau = 0 of the first run.
+        state : ndarray, shape (2n,) or (2n + 1,)
+            State at tau = 0 of the first run; or what `end_of` tells of the run before it.
         poll : callable, optional
             Called before each run and within long ones; may raise to leave.
 
@@ -109,7 +113,7 @@ class FrameRuns:
         -------
         dict of str to ndarray
             The variables of `empty_rows`, first axis the k runs. The next stretch starts from
-            ``final_state[-1]``, with exactly the results of one long stretch.
+            `end_of` the last one, with exactly the results of one long stretch.
         """
         return self._rows(amplitudes, state, poll, follow=True)
 
@@ -132,7 +136,7 @@ class FrameRuns:
         for at in np.split(np.arange(amplitudes.size), 1 + np.flatnonzero(np.diff(lengths))):
             runs = self._measured_by(float(lengths[at[0]]))
             parts.append(runs._stretch(amplitudes[at], state, poll, follow))
-            state = parts[-1]["final_state"][-1] if follow else state
+            state = end_of(parts[-1], -1) if follow else state
         if len(parts) == 1:
             return parts[0]
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -151,8 +155,8 @@ class FrameRuns:
     def _stretch(self, amplitudes, state, poll, follow: bool) -> dict[str, np.ndarray]:
         """Compute runs from a state, or from the end of the previous one."""
         result = empty_rows(self.structure, len(amplitudes), self.settings)
-        start = np.array(state, dtype=float)
-        index = 0
+        size = 2 * self.structure.n_floors
+        start, index, before = np.array(state[:size], dtype=float), 0, int(sum(state[size:]))
         while index < len(amplitudes):
             if self._batch is None:
                 if poll is not None:
@@ -164,7 +168,10 @@ class FrameRuns:
                 if left is None:
                     continue
             if left is not None:
-                self._window(left, float(amplitudes[index]), _row(result, index), follow, poll)
+                if follow and index > 0:
+                    before = chaotic_cycles(result, index - 1)
+                outlived = self._outlived(float(amplitudes[index]), follow, before)
+                self._window(left, float(amplitudes[index]), _row(result, index), outlived, poll)
             start = result["final_state"][index].copy() if follow else start
             index += 1
         return result
@@ -184,21 +191,23 @@ class FrameRuns:
         row["skip_rule"][:] = SkipRule.LINEAR
         return None
 
-    def _outlived(self, amplitude: float, follow: bool) -> int:
-        """Return the forcing periods that chaos must outlive: `ON_PATH`, `ALONE`, or all.
+    def _outlived(self, amplitude: float, follow: bool, before: int) -> int:
+        """Return the forcing periods that chaos must outlive.
 
         Below grazing a motion without contact attracts, and chaos beside it is likely to be a
-        transient: it is followed for as long as a run may be.
+        transient: it is followed for as long as a run may be, or for less where the chaos of the
+        run `before` was followed for so many forcing periods.
         """
-        if amplitude < self._grazing_amplitude:
-            return self.settings.classify_cycles or 0
-        return (self.settings.classify_cycles or 0) // (ON_PATH if follow else ALONE)
+        most = self.settings.classify_cycles or 0
+        if amplitude >= self._grazing_amplitude:
+            return most // (ON_PATH if follow else ALONE)
+        return max(before // LESS, most // POOLED) if before >= most // POOLED else most
 
     @cached_property
     def _grazing_amplitude(self) -> float:
         return float(self.structure.grazing_amplitude(self.solver.omega))
 
-    def _window(self, end: Approach, amplitude: float, row, follow: bool, poll) -> None:
+    def _window(self, end: Approach, amplitude: float, row, outlived: int, poll) -> None:
         """Integrate the window that follows a transient, and classify its motion."""
         settings = self.settings
         z, cycles = end.state, end.n_periods + end.n_newton
@@ -222,7 +231,6 @@ class FrameRuns:
         if seen.outcome is not Outcome.COMPLETE:
             store_failure(row, seen.points[-1] if len(seen.points) else z, cycles, seen.outcome)
             return
-        outlived = self._outlived(amplitude, follow) if settings.classify_cycles else 0
         found = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
         self._store(row, amplitude, found, seen.points[-1], cycles)
 
@@ -247,6 +255,18 @@ class FrameRuns:
             found.cycles,
         )
         store(row, self.structure, self.solver.omega, amplitude, result)
+
+
+def chaotic_cycles(rows: dict[str, np.ndarray], row: int) -> int:
+    """Return for how many periods the motion of a run was followed, if it is chaotic; else 0."""
+    chaotic = "motion" in rows and rows["motion"][row] == MotionClass.CHAOTIC
+    return int(rows["classification_cycles"][row]) if chaotic else 0
+
+
+def end_of(rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+    """Return what a path carries from a run to the next: its end state, and `chaotic_cycles`."""
+    end = rows["final_state"][row]
+    return np.append(end, chaotic_cycles(rows, row)) if "motion" in rows else end
 
 
 def _row(result: dict[str, np.ndarray], index: int) -> dict[str, np.ndarray]:

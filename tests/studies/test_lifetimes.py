@@ -1,0 +1,74 @@
+"""Runs of sweeps are called chaotic where chaos outlives a test, and periodic where an orbit is."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hpcsweep import orbit
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.runs import FrameRuns, end_of
+
+OSCILLATOR = Structure(1, 29.0, math.inf, damping_ratio=0.01, gap=1.26)
+FOLD = 0.22123998868537
+"""Of a P2 of Figure 3, at Omega = 0.445; its ghost is beyond it."""
+NEAR_FOLD = np.array([-1.06494747, -0.97253925, -0.75349119, 0.10228275, -0.55425377, -0.16674925])
+
+
+def test_chaos_below_grazing_that_ends_is_where_it_ends():
+    """Of 13 such windows of a sweep down the longest ends after 32,377 periods."""
+    omega, amplitudes = 0.8025, np.linspace(0.40, 0.50, 201)
+    runs = FrameRuns(OSCILLATOR, omega, SweepSettings(classify_cycles=50_000))
+    up = runs.follow(amplitudes, np.zeros(2))
+    down = runs.follow(amplitudes[::-1], end_of(up, -1))
+    below = amplitudes[::-1] < OSCILLATOR.grazing_amplitude(omega)
+    windows = below & (down["window_class"] == MotionClass.CHAOTIC)
+    assert windows.sum() == 13
+    assert set(down["motion"][below].tolist()) == {MotionClass.NO_CONTACT}
+    assert set(down["orbit_period"][windows].tolist()) == {1}
+    cycles = down["classification_cycles"][windows]
+    assert 32_377 <= cycles.max() < 33_000
+    # nor is there hysteresis
+    np.testing.assert_array_equal(up["motion"][::-1][below], down["motion"][below])
+
+
+def test_neighbours_are_tested_together_wherever_blocks_are_cut():
+    """Chaos below grazing that a sweep down follows from one amplitude to the next."""
+    amplitudes = np.linspace(0.27006, 0.2681, 8)
+    runs = FrameRuns(Structure(), 0.773802, SweepSettings(classify_cycles=8_000))
+    start = runs.follow([0.2709, 0.27062, 0.27034], np.full(6, 0.1))
+    whole = runs.follow(amplitudes, end_of(start, -1)[:6])
+    assert set(whole["motion"].tolist()) == {MotionClass.CHAOTIC}
+    followed = whole["classification_cycles"]
+    assert followed[0] >= 8_000
+    assert np.all(followed[1:] >= np.maximum(followed[:-1] // 4, 500))
+    assert followed[-1] < 2_600
+    for size in (1, 3):
+        state, parts = end_of(start, -1)[:6], []
+        for first in range(0, 8, size):
+            parts.append(runs.follow(amplitudes[first : first + size], state))
+            state = end_of(parts[-1], -1)
+        for name, values in whole.items():
+            np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), values)
+
+
+@pytest.mark.parametrize("skip", ["converged", "newton"])
+@pytest.mark.parametrize("transient", [100, 3000])
+def test_past_a_fold_no_skip_rule_finds_an_orbit(skip, transient):
+    """1e-13 past it the ghost closes to 8e-13, and Newton's residual is within that of a jump."""
+    before = orbit(Structure(), FOLD - 1e-11, 0.445, NEAR_FOLD, 2).points[0]
+    saddle = orbit(Structure(), FOLD - 1e-5, 0.445, NEAR_FOLD, 2).points[0]
+    node = orbit(Structure(), FOLD - 1e-5, 0.445, 2 * before - saddle, 2)
+    assert node.stable
+    beside = np.array([-1e-5, -1e-6, -1e-8, -1e-10, -1e-12, 1e-13, 1e-12, 1e-10, 1e-8, 1e-6])
+    settings = SweepSettings(
+        skip=frozenset({"converged", skip}), transient_cycles=transient, classify_cycles=3_000
+    )
+    found = FrameRuns(Structure(), 0.445, settings).follow(FOLD + beside, node.points[0])
+    periods = found["orbit_period"].tolist()
+    assert periods[:5] == [2, 2, 2, 2, 2]
+    assert set(periods[5:]) <= {0, 1}
+    assert MotionClass.LONG_PERIOD not in found["motion"]
+    assert periods[-1] == 1

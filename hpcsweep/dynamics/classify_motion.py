@@ -279,9 +279,8 @@ class _Classifier:
                 return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
         period = approached_period(points, LONGEST, NEAR)
         if period:
-            away, motion = self._jump(seen.points, period, limit_of_approach(points, period))
-            if motion is not None or away is not end:
-                return away, motion
+            # no torus is sought among points that approach an orbit
+            return self._jump(seen.points, period, limit_of_approach(points, period))
         return end, self._torus(points, seen, whole)
 
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:

@@ -16,7 +16,8 @@ from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.blocks import Block, Place
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import Axis, Variable, as_kind
+from hpcsweep.studies.study import Axis, as_kind
+from hpcsweep.studies.variable import Variable
 
 MOST_TOLD = 20
 """Most values of an axis that an error lists."""

@@ -17,7 +17,7 @@ from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.refine.audit import Look
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import AUDIT, INFERRED, SOURCE, last_look
-from hpcsweep.studies.study import Variable
+from hpcsweep.studies.variable import Variable
 
 
 class Inferred:

@@ -22,23 +22,15 @@ same values, attributes and checksums. It is read like any other, but no longer 
 """
 
 from dataclasses import replace
-from enum import IntEnum
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.job import Job
 from hpcsweep.model import description
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.branches.variables import Criticality, End, Met, Origin, Reason
-from hpcsweep.studies.refine.refinement import Source
-from hpcsweep.studies.refine.variables import derived_coordinates, derived_variables
 from hpcsweep.studies.starting_range import starting_range
-from hpcsweep.studies.study import Variable
+from hpcsweep.studies.variable import CONTACT_SET, Variable
 
 LAYOUT_VERSION = 4
 FORMAT = "hpcsweep campaign"
@@ -61,30 +53,6 @@ class DamagedError(StoreError):
     def __init__(self, message: str, repairable: bool = True):
         super().__init__(message)
         self.repairable = repairable
-
-
-FLAGS: dict[str, type[IntEnum]] = {
-    "outcome": Outcome,
-    "skip_rule": SkipRule,
-    "motion": MotionClass,
-    "window_class": MotionClass,
-    "motion_class": MotionClass,
-    "special_kind": Kind,
-    "criticality": Criticality,
-    "begins": End,
-    "ends": End,
-    "curve_kind": Kind,
-    "curve_begins": End,
-    "curve_ends": End,
-    "meeting_kind": Met,
-    "found_by": Origin,
-    "seed_reason": Reason,
-    "source": Source,
-    "inferred_motion": MotionClass,
-}
-"""Variables whose numbers are those of an enumeration."""
-CONTACT_SETS = ("contact", "inferred_contact", "special_contact")
-"""Variables with a bit for each contact."""
 
 
 class WriteError(RuntimeError):
@@ -121,9 +89,10 @@ class Layout:
         self.name, self.text, self.fingerprint = job.name, job.text, job.fingerprint
         study, structure = job.study, job.study.structure
         self.variables = [_named(variable, structure) for variable in study.variables]
-        coordinates = study.coordinates | derived_coordinates(study)
-        self.derived = derived_variables(study)
-        self.sizes = {name: one.values.size for name, one in derived_coordinates(study).items()}
+        further = study.growth.coordinates if study.growth else {}
+        coordinates = study.coordinates | further
+        self.derived = study.growth.variables if study.growth else []
+        self.sizes = {name: one.values.size for name, one in further.items()}
         self.sizes |= study.dimensions
         self.coordinates = {
             name: one._replace(units=unit_of(structure, one.units))
@@ -186,14 +155,15 @@ def _named(variable: Variable, structure) -> Variable:
 
 def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:
     """Return the CF attributes that give the meaning of a variable's numbers; often none."""
-    if variable.name in CONTACT_SETS and structure.contact_names:
+    if variable.flags == CONTACT_SET and structure.contact_names:
         masks = [1 << (number - 1) for number in structure.contact_names]
         names = [name.replace(" ", "_") for name in structure.contact_names.values()]
         return {"flag_masks": np.array(masks, variable.dtype), "flag_meanings": " ".join(names)}
-    kind = FLAGS.get(variable.name)
-    if kind is None:
+    if variable.flags is None or isinstance(variable.flags, str):
         return {}
-    words = {0: "none"} | {int(one): one.name.lower() for one in kind}  # 0 fills what is not used
+    words = {0: "none"} | {
+        int(one): one.name.lower() for one in variable.flags
+    }  # 0 fills what is not used
     return {
         "flag_values": np.array([*words], variable.dtype),
         "flag_meanings": " ".join(words.values()),

@@ -20,7 +20,8 @@ from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import RunAgain, compute_again
 from hpcsweep.studies.report import RunReport
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
-from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import (
     AMPLITUDE,
     COMMIT,

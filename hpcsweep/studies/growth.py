@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.variable import Coordinate, Variable
 
 
 class Rounds(Protocol):
@@ -46,6 +47,14 @@ class Growth(Protocol):
 
     def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
         """Return what rounds depend on, shape (k, m): first whether a run failed."""
+
+    @property
+    def variables(self) -> list[Variable]:
+        """Variables besides those of the runs, which follow from all rounds; checksums last."""
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Dimensions of these alone."""
 
     @property
     def curves(self) -> tuple[str, ...]:

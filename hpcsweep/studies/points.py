@@ -14,8 +14,9 @@ import numpy as np
 from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
-from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.runs import frame_runs
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import AMPLITUDE
 
 START = "initial"

@@ -10,8 +10,8 @@ is a module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -20,45 +20,10 @@ from hpcsweep.studies.blocks import Block, BlockTable, Place
 from hpcsweep.studies.growth import Growth
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.variable import Coordinate, Variable
 
 Amplitudes = Sequence[float] | np.ndarray
 """In the order in which they are computed, shape (k,)."""
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One variable of the results.
-
-    Attributes
-    ----------
-    name : str
-    dims : tuple of str
-    dtype : str
-    units, long_name : str
-    """
-
-    name: str
-    dims: tuple[str, ...]
-    dtype: str
-    units: str
-    long_name: str
-
-    @property
-    def missing(self) -> float:
-        """Value where nothing is committed: 0 for integers, NaN for others."""
-        return np.nan if np.dtype(self.dtype).kind == "f" else 0
-
-    def along(self, names: tuple[str, ...]) -> "Variable":
-        """Return the same variable with further leading dimensions."""
-        return replace(self, dims=(*names, *self.dims))
-
-
-class Coordinate(NamedTuple):
-    """Values of a dimension of the results, numbers or (as objects) strings."""
-
-    values: np.ndarray
-    units: str
-    long_name: str
 
 
 @dataclass(frozen=True)

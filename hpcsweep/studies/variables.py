@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import CONTACT_MEASURES, FLOOR_MEASURES, MEASURES, SweepSettings
-from hpcsweep.studies.study import Coordinate, Variable
+from hpcsweep.studies.variable import CONTACT_SET, Coordinate, Variable
 
 STATES = "length; velocity"
 RUN = ("direction", "omega", "amplitude")
@@ -13,13 +16,18 @@ RUN = ("direction", "omega", "amplitude")
 
 CYCLES = Variable("cycles", RUN, "<i4", "forcing periods", "forcing periods integrated")
 OUTCOME = Variable(
-    "outcome", RUN, "<i1", "1", "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed"
+    "outcome",
+    RUN,
+    "<i1",
+    "1",
+    "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
+    Outcome,
 )
 RUN_VARIABLES = (
     Variable("poincare", (*RUN, "point", "state"), "<f8", STATES, "stroboscopic points"),
     Variable("n_points", RUN, "<i4", "1", "number of stroboscopic points stored"),
     Variable("orbit_period", RUN, "<i4", "forcing periods", "orbit period, 0 if none was found"),
-    Variable("contact", RUN, "<u8", "1", "contact set, bit k - 1 for contact k"),
+    Variable("contact", RUN, "<u8", "1", "contact set, bit k - 1 for contact k", CONTACT_SET),
     Variable("drift", RUN, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*RUN, "mode"), "<f8", "1", "mean modal norm free of contact"),
     Variable("storey_drift", (*RUN, "storey"), "<f8", "length", "peak drift of each storey"),
@@ -46,6 +54,7 @@ RUN_VARIABLES = (
         "1",
         "motion: 1 no contact, 2 periodic, 3 long period, 4 quasi-periodic, 5 chaotic, "
         "6 undecided, 7 failed",
+        MotionClass,
     ),
     Variable(
         "window_class",
@@ -54,6 +63,7 @@ RUN_VARIABLES = (
         "1",
         "what the window shows by itself, as of motion: 1 no contact, 2 repeats, 5 chaotic, "
         "6 undecided; 0 without a window",
+        MotionClass,
     ),
     Variable(
         "window_period",
@@ -79,6 +89,7 @@ RUN_VARIABLES = (
         "<i1",
         "1",
         "rule that spared periods: 0 none, 1 linear, 2 converged, 3 newton",
+        SkipRule,
     ),
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")

@@ -19,7 +19,8 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.seeds import Reader
-from hpcsweep.studies.study import Axis, Coordinate, Study, Variable
+from hpcsweep.studies.study import Axis, Study
+from hpcsweep.studies.variable import Coordinate, Variable
 
 PARTS_KEPT = 64
 """Parts that a process keeps: ranks come back to the one they left."""

@@ -38,8 +38,9 @@ from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
-from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.amplitude_sweep import UP, AmplitudeSweep
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 BOX = (

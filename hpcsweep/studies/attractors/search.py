@@ -9,8 +9,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.keys import Key
 from hpcsweep.studies.settings import MEASURES
-from hpcsweep.studies.study import Variable
 from hpcsweep.studies.sweep.measures import store_measures
+from hpcsweep.studies.variable import Variable
 
 STARTS = Key(
     "starts",

@@ -1,7 +1,8 @@
 """Variables of the results of a study of attractors."""
 
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.studies.settings import MEASURES, SweepSettings
-from hpcsweep.studies.study import Variable
+from hpcsweep.studies.variable import CONTACT_SET, Variable
 from hpcsweep.studies.variables import CYCLES, OUTCOME, RUN, STATES, measures_of_each
 
 EACH = (*RUN, "attractor")
@@ -21,7 +22,14 @@ TRANSIENT = (
 VARIABLES = (
     Variable("n_attractors", RUN, "<i4", "1", "attractors found, more than stored if too many"),
     Variable("attractor_id", EACH, "<i4", "1", "identity along the amplitudes, 0 for none"),
-    Variable("motion_class", EACH, "<i1", "1", "motion: 2 periodic, 4 quasi-periodic, 5 chaotic"),
+    Variable(
+        "motion_class",
+        EACH,
+        "<i1",
+        "1",
+        "motion: 2 periodic, 4 quasi-periodic, 5 chaotic",
+        MotionClass,
+    ),
     Variable("hits", EACH, "<i4", "1", "starts that reached the attractor"),
     Variable("share", EACH, "<f8", "1", "share of the box of starts"),
     Variable("share_low", EACH, "<f8", "1", "lower end of the share's confidence interval"),
@@ -31,7 +39,7 @@ VARIABLES = (
     Variable("lyapunov", EACH, "<f8", "rate", "largest Lyapunov exponent"),
     Variable("lyapunov_low", EACH, "<f8", "rate", "lower end of the exponent's interval"),
     Variable("lyapunov_high", EACH, "<f8", "rate", "upper end of the exponent's interval"),
-    Variable("contact", EACH, "<u8", "1", "contact set, bit k - 1 for contact k"),
+    Variable("contact", EACH, "<u8", "1", "contact set, bit k - 1 for contact k", CONTACT_SET),
     Variable("drift", EACH, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*EACH, "mode"), "<f8", "1", "mean modal norm free of contact"),
     *measures_of_each(EACH),

@@ -18,7 +18,8 @@ from hpcsweep.studies.basins.tally import BasinTally
 from hpcsweep.studies.basins.variables import COMMIT, RUN, basin_variables
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.refine.refinement import read_refinement
-from hpcsweep.studies.study import Amplitudes, Variable
+from hpcsweep.studies.study import Amplitudes
+from hpcsweep.studies.variable import Variable
 
 
 @dataclass(frozen=True, eq=False)

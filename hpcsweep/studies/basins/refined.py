@@ -25,7 +25,7 @@ from hpcsweep.studies.basins.variables import (
 )
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.refine.refinement import Refinement
-from hpcsweep.studies.study import Coordinate, Variable
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 LABEL = "attractor"

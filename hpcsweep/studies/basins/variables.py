@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.studies.settings import MEASURES, SweepSettings
-from hpcsweep.studies.study import Variable
+from hpcsweep.studies.variable import CONTACT_SET, Variable
 from hpcsweep.studies.variables import (
     AMPLITUDE,
     CYCLES,
@@ -29,12 +30,19 @@ ORDINATE = Variable("ordinate", ("row",), "<f8", STATES, "second component of a 
 VARIABLES = (
     Variable("label", (*RUN, "column"), "<i1", "1", OF_LABEL),
     Variable("attractor_id", EACH, "<i4", "1", "number of the attractor, 0 for none"),
-    Variable("motion_class", EACH, "<i1", "1", "motion: 2 periodic, 4 quasi-periodic, 5 chaotic"),
+    Variable(
+        "motion_class",
+        EACH,
+        "<i1",
+        "1",
+        "motion: 2 periodic, 4 quasi-periodic, 5 chaotic",
+        MotionClass,
+    ),
     Variable("hits", EACH, "<i4", "1", "starts of the row that go to the attractor"),
     Variable("orbit_period", EACH, "<i4", "forcing periods", "orbit period, 0 if it is no orbit"),
     Variable("multiplier", EACH, "<f8", "1", "modulus of the largest Floquet multiplier"),
     Variable("lyapunov", EACH, "<f8", "rate", "largest Lyapunov exponent"),
-    Variable("contact", EACH, "<u8", "1", "contact set, bit k - 1 for contact k"),
+    Variable("contact", EACH, "<u8", "1", "contact set, bit k - 1 for contact k", CONTACT_SET),
     Variable("drift", EACH, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("modal_norm", (*EACH, "mode"), "<f8", "1", "mean modal norm free of contact"),
     *measures_of_each(EACH),

@@ -42,7 +42,8 @@ from hpcsweep.studies.branches.variables import (
 from hpcsweep.studies.independent import IndependentRuns
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
-from hpcsweep.studies.study import Amplitudes, Coordinate, Variable
+from hpcsweep.studies.study import Amplitudes
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 START = "branches"

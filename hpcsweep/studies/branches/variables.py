@@ -3,8 +3,9 @@
 from dataclasses import replace
 from enum import IntEnum
 
+from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.meetings import Meeting
-from hpcsweep.studies.study import Variable
+from hpcsweep.studies.variable import CONTACT_SET, Variable
 from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, STATES
 
 
@@ -62,14 +63,21 @@ LINE_AMPLITUDE = Variable("forcing_amplitude", ("line",), "<f8", *AMPLITUDE)
 VARIABLES = (
     Variable("branch_id", BRANCH, "<i4", "1", "number of the branch, 0 for none"),
     Variable("branch_period", BRANCH, "<i4", "forcing periods", "period of its orbits"),
-    Variable("found_by", BRANCH, "<i1", "1", "found by: 1 a seed, 2 leaving another, 3 the search"),
+    Variable(
+        "found_by",
+        BRANCH,
+        "<i1",
+        "1",
+        "found by: 1 a seed, 2 leaving another, 3 the search",
+        Origin,
+    ),
     Variable("parent", BRANCH, "<i4", "1", "branch that it leaves, 0 for none"),
-    Variable("begins", BRANCH, "<i1", "1", "why it does not go on before its first step"),
-    Variable("ends", BRANCH, "<i1", "1", "why it does not go on after its last step"),
+    Variable("begins", BRANCH, "<i1", "1", "why it does not go on before its first step", End),
+    Variable("ends", BRANCH, "<i1", "1", "why it does not go on after its last step", End),
     Variable("step_branch", STEP, "<i4", "1", "branch of a point, 0 for none"),
     Variable("value", STEP, "<f8", "1", "value of the parameter"),
     Variable("stable", STEP, "<i1", "1", "1 where all multipliers are inside the unit circle"),
-    Variable("contact", STEP, "<u8", "1", "contact set, bit k - 1 for contact k"),
+    Variable("contact", STEP, "<u8", "1", "contact set, bit k - 1 for contact k", CONTACT_SET),
     Variable("drift", STEP, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
     Variable("point", (*STEP, "state"), "<f8", STATES, "a stroboscopic point of the orbit"),
     Variable("multiplier_real", (*STEP, "number"), "<f8", "1", "Floquet multipliers, real part"),
@@ -81,14 +89,24 @@ VARIABLES = (
         "<i1",
         "1",
         "special point: 1 fold, 2 doubling, 3 torus, 4 branch point, 5 grazing",
+        Kind,
     ),
     Variable("special_value", SPECIAL, "<f8", "1", "value of the parameter at a special point"),
     Variable("special_step", SPECIAL, "<i4", "1", "step after it, or of it"),
     Variable("special_point", (*SPECIAL, "state"), "<f8", STATES, "a stroboscopic point there"),
-    Variable("criticality", SPECIAL, "<i1", "1", "of a doubling: 1 super-, -1 subcritical"),
+    Variable(
+        "criticality", SPECIAL, "<i1", "1", "of a doubling: 1 super-, -1 subcritical", Criticality
+    ),
     Variable("leads_to", SPECIAL, "<i4", "1", "branch that leaves there, 0 for none"),
     Variable("change", SPECIAL, "<i4", "1", "closings of contacts more along the branch"),
-    Variable("special_contact", SPECIAL, "<u8", "1", "contacts that graze, bit k - 1 of contact k"),
+    Variable(
+        "special_contact",
+        SPECIAL,
+        "<u8",
+        "1",
+        "contacts that graze, bit k - 1 of contact k",
+        CONTACT_SET,
+    ),
     Variable("seed_branch", SEED, "<i4", "1", "branch on which a seed lies, 0 for none"),
     Variable(
         "seed_reason",
@@ -96,6 +114,7 @@ VARIABLES = (
         "<i1",
         "1",
         "why on none: 1 no orbit there, 2 Newton's method leads elsewhere, 3 no room",
+        Reason,
     ),
     Variable("seed_value", SEED, "<f8", "1", "value of the parameter of a seed"),
     Variable("seed_period", SEED, "<i4", "forcing periods", "orbit period of a seed, 0 for none"),
@@ -113,17 +132,17 @@ CURVE, CURVE_STEP, MEETING = (*RUN, "curve"), (*RUN, "curve_step"), (*RUN, "meet
 CURVE_VARIABLES = (
     Variable("special_curve", SPECIAL, "<i4", "1", "curve on which it lies, 0 if none is followed"),
     Variable("curve_id", CURVE, "<i4", "1", "number of the curve, 0 for none"),
-    Variable("curve_kind", CURVE, "<i1", "1", "special points on it, as special_kind"),
+    Variable("curve_kind", CURVE, "<i1", "1", "special points on it, as special_kind", Kind),
     Variable("curve_period", CURVE, "<i4", "forcing periods", "period of its orbits"),
-    Variable("curve_begins", CURVE, "<i1", "1", "why it does not go on before its first step"),
-    Variable("curve_ends", CURVE, "<i1", "1", "why it does not go on after its last step"),
+    Variable("curve_begins", CURVE, "<i1", "1", "why it does not go on before its first step", End),
+    Variable("curve_ends", CURVE, "<i1", "1", "why it does not go on after its last step", End),
     Variable("curve_of_step", CURVE_STEP, "<i4", "1", "curve of a point, 0 for none"),
     Variable("curve_amplitude", CURVE_STEP, "<f8", *AMPLITUDE),
     Variable("curve_omega", CURVE_STEP, "<f8", *OMEGA),
     Variable("curve_point", (*CURVE_STEP, "state"), "<f8", STATES, "a stroboscopic point there"),
     Variable("curve_unstable", CURVE_STEP, "<i1", "1", "multipliers outside the unit circle"),
     Variable("meeting_curve", MEETING, "<i4", "1", "curve that meets another or ends, 0 for none"),
-    Variable("meeting_kind", MEETING, "<i1", "1", "what is there"),
+    Variable("meeting_kind", MEETING, "<i1", "1", "what is there", Met),
     Variable("meeting_amplitude", MEETING, "<f8", *AMPLITUDE),
     Variable("meeting_omega", MEETING, "<f8", *OMEGA),
     Variable("n_curves", RUN, "<i4", "1", "curves of the line"),

@@ -21,7 +21,7 @@ from hpcsweep.earthquakes.units import (
 from hpcsweep.model.record import MAX_SAMPLES
 from hpcsweep.solvers.response import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.keys import BLOCK, Key
-from hpcsweep.studies.study import Coordinate
+from hpcsweep.studies.variable import Coordinate
 
 KEYS = (
     Key(

@@ -33,7 +33,7 @@ from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Coordinate, Variable
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
 

@@ -5,9 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Response
+from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import MEASURES, SweepSettings
-from hpcsweep.studies.study import Coordinate, Variable
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import STATES, measure_coordinates
 
 RUN = ("record", "scale")
@@ -80,10 +82,20 @@ ALONE = (
 )
 """Of the motion without contacts."""
 OUTCOME = Variable(
-    "outcome", RUN, "<i1", "1", "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed"
+    "outcome",
+    RUN,
+    "<i1",
+    "1",
+    "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
+    Outcome,
 )
 SKIP_RULE = Variable(
-    "skip_rule", RUN, "<i1", "1", "rule that spared a computation: 1 linear, below first contact"
+    "skip_rule",
+    RUN,
+    "<i1",
+    "1",
+    "rule that spared a computation: 1 linear, below first contact",
+    SkipRule,
 )
 HISTORY = (
     Variable(

@@ -15,8 +15,13 @@ from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.crossing import Curve, crossed_boxes
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
 from hpcsweep.studies.refine.rounds import Rounds, n_least
-from hpcsweep.studies.refine.variables import derived_values
+from hpcsweep.studies.refine.variables import (
+    derived_coordinates,
+    derived_values,
+    derived_variables,
+)
 from hpcsweep.studies.study import Study
+from hpcsweep.studies.variable import Coordinate, Variable
 
 AT_ONCE = 64
 """Points of a task, at most; where a point takes long one is."""
@@ -83,6 +88,16 @@ class MapGrowth:
     def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
         """Return what rounds depend on; see `Refinement.labels`."""
         return self.refinement.labels(rows)
+
+    @property
+    def variables(self) -> list[Variable]:
+        """Variables of the map besides those of its runs, checksums last."""
+        return derived_variables(self.study, self.refinement)
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Dimensions of refined maps alone."""
+        return derived_coordinates()
 
     @property
     def curves(self) -> tuple[str, ...]:

@@ -1,12 +1,15 @@
 """Variables of a refined map: the source of each point's value, inferred values, the audit."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from hpcsweep.studies.refine.audit import MOST_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
-from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape, refinement_of
+from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
 from hpcsweep.studies.refine.rounds import Rounds
-from hpcsweep.studies.study import Coordinate, Study, Variable
+from hpcsweep.studies.study import Study
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 SOURCE, CELL, CROSSED = "source", "cell", "crossed"
@@ -26,27 +29,23 @@ def inferred_name(variable: str) -> str:
     return f"inferred_{variable}"
 
 
-def derived_variables(study: Study) -> list[Variable]:
-    """Return the variables of a refined map besides its runs, checksums last; else []."""
-    refinement = refinement_of(study)
-    if refinement is None:
-        return []
+def derived_variables(study: Study, refinement: Refinement) -> list[Variable]:
+    """Return the variables of a refined map besides its runs, checksums last."""
     runs = study.run_dims
-    types = {variable.name: variable.dtype for variable in study.variables}
-    units = {variable.name: variable.units for variable in study.variables}
+    known = {variable.name: variable for variable in study.variables}
     own = (SOURCE, CELL, *((CROSSED,) if refinement.curves else ()))
     labels = [
-        Variable(
-            inferred_name(name),
-            runs,
-            types[name],
-            units[name],
-            f"{name} of inferred points, 0 of others",
+        replace(
+            known[name],
+            name=inferred_name(name),
+            dims=runs,
+            long_name=f"{name} of inferred points, 0 of others",
         )
         for name in refinement.variables
     ]
+    flags = {SOURCE: Source}
     return [
-        *(Variable(name, runs, "<i1", "1", LONG_NAMES[name]) for name in own),
+        *(Variable(name, runs, "<i1", "1", LONG_NAMES[name], flags.get(name)) for name in own),
         *labels,
         *getattr(study, "listed_variables", []),
         Variable(AUDIT, ("look", "quantity"), "<f8", "1", "looks of the audit, the last counts"),
@@ -54,10 +53,8 @@ def derived_variables(study: Study) -> list[Variable]:
     ]
 
 
-def derived_coordinates(study: Study) -> dict[str, Coordinate]:
+def derived_coordinates() -> dict[str, Coordinate]:
     """Return the dimensions of refined maps alone."""
-    if refinement_of(study) is None:
-        return {}
     return {
         "look": numbered(MOST_LOOKS, "look of the audit", first=1),
         "quantity": Coordinate(np.array(QUANTITIES, object), "1", "what a look tells"),

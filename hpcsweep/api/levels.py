@@ -11,7 +11,8 @@ from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.model.arguments import choice
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.measures import empty_measures, store_measures
+from hpcsweep.studies.sweep.measures import store_measures
+from hpcsweep.studies.variables import RUN_VARIABLES, empty_results
 
 PEAKS = ("drift", "storey_drift", "displacement", "acceleration", "contact_force")
 """Measures of which an orbit has one largest value."""
@@ -26,13 +27,14 @@ def measure_of(forced: ForcedMap, name: str) -> Callable[[np.ndarray, Any], floa
         If there is no measure of that name.
     """
     settings = SweepSettings(metrics=frozenset({choice("measure", name, PEAKS)}))
+    wanted = [variable for variable in RUN_VARIABLES if variable.name == name]
 
     def measure(points: np.ndarray, value: Any) -> float:
         structure, amplitude, omega = forced.at(value)
         seen = forced.observe(points, value, settings.measures)
         if name == "drift":
             return float(normalised_drift(seen.peak_drift, amplitude, omega))
-        rows = dict(empty_measures(structure, 1, settings))
+        rows = empty_results(wanted, structure, 1)
         store_measures(rows, structure, seen.measures[None])
         return float(np.nanmax(rows[name]))
 

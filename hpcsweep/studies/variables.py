@@ -115,6 +115,35 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
 
 
+def empty_results(
+    variables: list[Variable], structure, n_runs: int, **sizes: int
+) -> dict[str, np.ndarray]:
+    """Allocate the results of `n_runs` runs, as for failed ones.
+
+    Parameters
+    ----------
+    variables : list of Variable
+        Of a run: their first three dimensions are those of all runs.
+    structure : Structure
+        Gives the sizes of states, modes, storeys, floors and contacts.
+    n_runs : int
+    **sizes
+        Those of other dimensions.
+
+    Returns
+    -------
+    dict of str to ndarray
+        By name, first axis the run.
+    """
+    n = structure.n_floors
+    n_contacts, n_storeys = len(structure.all_contact_numbers), len(structure.drift_rows)
+    sizes |= {"mode": n, "state": 2 * n, "floor": n, "stop": n_contacts, "storey": n_storeys}
+    return {
+        each.name: np.full((n_runs, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
+        for each in variables
+    }
+
+
 def measures_of_each(each: tuple[str, ...]) -> list[Variable]:
     """Return the measures as variables with leading dimensions `each`."""
     return [replace(v, dims=(*each, v.dims[-1])) for v in RUN_VARIABLES if v.name in MEASURES]

@@ -5,6 +5,8 @@ import shutil
 import subprocess
 import sys
 
+import h5py
+import numpy as np
 import pytest
 from tools import ROOT, SMALL, assert_same_datasets, environment, mpirun
 
@@ -77,6 +79,22 @@ def test_a_key_of_a_job_is_one_file(copy):
     said = run("-c", refused, "2.toml")
     assert said.strip().endswith("sweep.every = 0: must be a whole number from 1 to 1000")
     assert "did you mean 'every'?" in run("-c", refused, "3.toml")
+
+
+def test_a_metric_is_three_files(copy):
+    assert (EXERCISES / "metric.diff").read_text().count("--- a/") == 3
+    folder, hpcsweep, _ = copy("metric")
+    (folder / "small.toml").write_text(SMALL.replace("[output]", "[output]\nextent = true"))
+    hpcsweep("run", "small.toml", ranks=2)
+    assert "sound" in hpcsweep("validate", "small.h5", "--samples", "3")
+    with h5py.File(folder / "small.h5") as file:
+        extent, points, period = (
+            file[name][...] for name in ("extent", "poincare", "orbit_period")
+        )
+        assert file["extent"].attrs["units"] == file["poincare"].attrs["units"]
+    np.testing.assert_array_equal(extent, np.nanmax(points, axis=-2) - np.nanmin(points, axis=-2))
+    assert (extent[period == 1] == 0).all()
+    assert extent.max() > 0
 
 
 def test_a_field_of_the_structure(copy):

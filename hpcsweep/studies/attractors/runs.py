@@ -13,10 +13,11 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.attractors.search import Limits, empty_results, store_values
+from hpcsweep.studies.attractors.search import Limits, store_values
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
+from hpcsweep.studies.variables import empty_results
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,20 +96,6 @@ def read_limits(values, what: str) -> dict[str, Any]:
     return {key.name: values.read("study", key) for key in SEARCH}
 
 
-def empty_results(
-    variables: list[Variable], structure: Structure, n_runs: int, **sizes: int
-) -> dict[str, np.ndarray]:
-    """Allocate the results of `n_runs` runs without attractors."""
-    n = structure.n_floors
-    n_contacts = len(structure.all_contact_numbers)
-    sizes = {"mode": n, "state": 2 * n, "floor": n, "stop": n_contacts, **sizes}
-    sizes["storey"] = len(structure.drift_rows)
-    return {
-        each.name: np.full((n_runs, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
-        for each in variables
-    }
-
-
 def store_values(
     result: dict[str, np.ndarray], at: tuple[int, int], structure: Structure, one, **values
 ) -> None:

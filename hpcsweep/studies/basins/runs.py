@@ -12,9 +12,10 @@ from hpcsweep.dynamics.starts import starting_states
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies.attractors.search import empty_results, store_values
+from hpcsweep.studies.attractors.search import store_values
 from hpcsweep.studies.basins.variables import basin_variables, is_of_attractors
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.variables import empty_results
 
 
 @dataclass(frozen=True)

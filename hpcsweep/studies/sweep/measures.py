@@ -1,23 +1,9 @@
 """Store measures of storeys, floors and contacts over a window in the results."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES, SweepSettings
-
-
-def empty_measures(
-    structure: Structure, n_runs: int, settings: SweepSettings
-) -> Iterator[tuple[str, np.ndarray]]:
-    """Allocate the requested measures, as for failed runs."""
-    n_contacts = len(structure.all_contact_numbers)
-    n = structure.n_floors
-    sizes = (len(structure.drift_rows), n, n, *5 * (n_contacts,))
-    for name, size in zip(MEASURES, sizes, strict=True):
-        if name in settings.metrics:
-            yield name, np.full((n_runs, size), np.nan)
+from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES
 
 
 def store_measures(rows: dict[str, np.ndarray], structure: Structure, measures: np.ndarray) -> None:

@@ -1,6 +1,5 @@
 """Allocate and fill rows of the results of runs."""
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +9,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.measures import empty_measures, store_measures
+from hpcsweep.studies.sweep.measures import store_measures
+from hpcsweep.studies.variables import empty_results, run_variables
 
 NOT_TESTED = -1
 """Window period of a run without a window of its own."""
@@ -68,36 +68,8 @@ def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> di
     dict of str to ndarray
         The variables requested by `settings.metrics`, first axis the run.
     """
-    nan, n = math.nan, structure.n_floors
-    arrays = {
-        "orbit_period": np.zeros(n_runs, np.int32),
-        "final_state": np.full((n_runs, 2 * n), nan),
-        "cycles": np.zeros(n_runs, np.int32),
-        "outcome": np.zeros(n_runs, np.int8),
-        "skip_rule": np.zeros(n_runs, np.int8),
-    }
-    if "poincare" in settings.metrics:
-        arrays["poincare"] = np.full((n_runs, settings.stored_points, 2 * n), nan)
-        arrays["n_points"] = np.zeros(n_runs, np.int32)
-    if "contact" in settings.metrics:
-        arrays["contact"] = np.zeros(n_runs, np.uint64)
-    if "drift" in settings.metrics:
-        arrays["drift"] = np.full(n_runs, nan)
-    if "modal_norm" in settings.metrics:
-        arrays["modal_norm"] = np.full((n_runs, n), nan)
-    arrays |= empty_measures(structure, n_runs, settings)
-    if "lyapunov" in settings.metrics:
-        arrays["lyapunov"] = np.full(n_runs, nan)
-        if settings.classify_cycles is not None:
-            arrays["lyapunov_low"] = np.full(n_runs, nan)
-            arrays["lyapunov_high"] = np.full(n_runs, nan)
-    if settings.classify_cycles is not None:
-        arrays["window_period"] = np.zeros(n_runs, np.int32)
-    if settings.classify_cycles:
-        arrays["motion"] = np.zeros(n_runs, np.int8)
-        arrays["window_class"] = np.zeros(n_runs, np.int8)
-        arrays["classification_cycles"] = np.zeros(n_runs, np.int32)
-    return arrays
+    variables = run_variables(settings)
+    return empty_results(variables, structure, n_runs, point=settings.stored_points)
 
 
 def store(

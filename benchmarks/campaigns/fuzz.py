@@ -40,7 +40,15 @@ from hpcsweep.checks.validate import validate
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.parallel import watchdog
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import Layout, StoreError, WriteError, open_layout, open_results, pack
+from hpcsweep.store import (
+    Layout,
+    StoreError,
+    WriteError,
+    open_layout,
+    open_results,
+    pack,
+    with_inputs,
+)
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.offsets import Offsets
 from hpcsweep.studies.blocks import Block
@@ -313,7 +321,7 @@ class Patient:
         path = self.folder / "case.toml"
         path.write_bytes(text.encode(errors="surrogateescape"))
         try:
-            job = load_job(path)
+            job = with_inputs(load_job(path))
         except JobError as error:
             one_line(error)
             return "refused in one line"

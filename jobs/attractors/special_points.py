@@ -74,6 +74,12 @@ class Line:
         """Count the closings of contacts along an orbit."""
         return sum(one.closes for one in found.signature)
 
+    def crosses(self, special: int) -> bool:
+        """Return whether another branch crosses on the same step: at a pitchfork a branch turns."""
+        run = self.run
+        step = run["special_step"] == run["special_step"][special]
+        return bool((step & (run["special_kind"] == Kind.BRANCH_POINT)).any())
+
     def agrees(self, special: int) -> bool | None:
         """Return whether integrations agree with a special point, None if they cannot tell."""
         run, kind = self.run, Kind(self.run["special_kind"][special])
@@ -81,6 +87,7 @@ class Line:
         try:
             sides = [self.beside(special, way) for way in (-1, 1)]
             known = kind is not Kind.BRANCH_POINT and self.room(special) >= LEAST
+            known &= not (kind is Kind.FOLD and self.crosses(special))
             if not known or not any(steady for _, _, steady in sides):
                 return None
             orbits = [

@@ -38,8 +38,10 @@ class Line:
 
     def room(self, special: int) -> float:
         """Return the distance in A at which a special point is tested."""
-        own = self.run["special_branch"] == self.run["special_branch"][special]
-        away = np.abs(self.run["special_value"][own] - self.run["special_value"][special])
+        # neighbours along the branch: a mirror image has the same value elsewhere on it
+        beside = [k for k in (special - 1, special + 1) if 0 <= k < self.run["special_kind"].size]
+        own = self.run["special_branch"][beside] == self.run["special_branch"][special]
+        away = np.abs(self.run["special_value"][beside] - self.run["special_value"][special])[own]
         return min(FARTHEST, ROOM * away[away > 0].min(initial=np.inf))
 
     def beside(self, special: int, way: int) -> tuple[float, np.ndarray, bool]:

@@ -24,7 +24,7 @@ from hpcsweep.dynamics.continuation.periodic import Orbit
 from hpcsweep.job import parse_job
 
 PERIODS, SAME, KICK, NEAR = 20_000, 1e-6, 1e-7, 1e-5
-FARTHEST, ROOM, LEAST = 1e-4, 0.4, 1e-8
+FARTHEST, ROOM, LEAST, MIRRORED = 1e-4, 0.4, 1e-8, 1e-12
 
 
 class Line:
@@ -38,11 +38,10 @@ class Line:
 
     def room(self, special: int) -> float:
         """Return the distance in A at which a special point is tested."""
-        # neighbours along the branch: a mirror image has the same value elsewhere on it
-        beside = [k for k in (special - 1, special + 1) if 0 <= k < self.run["special_kind"].size]
-        own = self.run["special_branch"][beside] == self.run["special_branch"][special]
-        away = np.abs(self.run["special_value"][beside] - self.run["special_value"][special])[own]
-        return min(FARTHEST, ROOM * away[away > 0].min(initial=np.inf))
+        own = self.run["special_branch"] == self.run["special_branch"][special]
+        away = np.abs(self.run["special_value"][own] - self.run["special_value"][special])
+        # the same point of the mirror image differs by rounding
+        return min(FARTHEST, ROOM * away[away > MIRRORED].min(initial=np.inf))
 
     def beside(self, special: int, way: int) -> tuple[float, np.ndarray, bool]:
         """Return A, a state near the orbit, and whether it is stable, on one side of a point."""

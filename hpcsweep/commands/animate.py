@@ -62,11 +62,12 @@ def _animate(options) -> int:
 def _make(options, comm) -> tuple[int, str]:
     """Make the film; return the exit code and a message."""
     from hpcsweep.campaign.progress import make_progress
-    from hpcsweep.figures.film import film
+    from hpcsweep.figures.film.film import make
+    from hpcsweep.figures.film.request import Request, check
     from hpcsweep.figures.style import PlotError
     from hpcsweep.store import StoreError
 
-    request = film.Request(
+    request = Request(
         file=options.file,
         output=options.output or options.file.with_suffix(".mp4"),
         poster=options.poster,
@@ -83,7 +84,7 @@ def _make(options, comm) -> tuple[int, str]:
     problem = None
     if comm.rank == 0:
         try:
-            film.check(request)
+            check(request)
             check_overwriting(request.output, FILM)
             if request.poster is not None:
                 check_overwriting(request.poster, PICTURE)
@@ -95,7 +96,7 @@ def _make(options, comm) -> tuple[int, str]:
         try:
             processes = options.processes or len(os.sched_getaffinity(0))
             progress = functools.partial(make_progress, unit="frame")
-            n_frames = film.make(request, comm, processes, progress)
+            n_frames = make(request, comm, processes, progress)
         except PlotError as error:
             problem = str(error)
     if problem is not None:

@@ -214,7 +214,7 @@ def load() -> None:
 
     from hpcsweep.checks import validate  # noqa: F401
     from hpcsweep.commands import cli, one_thread, plot  # noqa: F401
-    from hpcsweep.figures.film import frame  # noqa: F401
+    from hpcsweep.figures.film import film  # noqa: F401
     from hpcsweep.studies.compilation import warm_up
     from hpcsweep.studies.settings import SweepSettings
 
@@ -347,3 +347,11 @@ def assert_same_datasets(left: Path, right: Path) -> None:
     assert a.keys() == b.keys()
     different = [name for name in a if not np.array_equal(a[name], b[name])]
     assert different == []
+
+
+def spot(picture: np.ndarray, panel, x: float, y: float, reach: int = 0) -> np.ndarray:
+    """Return the colours of a frame around a place in a panel, shape (k, 3)."""
+    column, row = np.floor(panel.transData.transform((x, y))).astype(int)
+    row = len(picture) - 1 - row
+    around = picture[row - reach : row + reach + 1, column - reach : column + reach + 1, :3]
+    return around.reshape(-1, 3).astype(int)

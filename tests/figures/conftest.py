@@ -1,5 +1,9 @@
 """A small campaign that the tests of the figures share."""
 
+from collections import Counter
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 DPI = 100
@@ -55,3 +59,47 @@ def drawn_figure(monkeypatch, tmp_path):
         return kept[0]
 
     return draw
+
+
+@pytest.fixture
+def still_film():
+    """Make the picture of a film without a file, and an empty frame of it."""
+    from tools import SMALL
+
+    from hpcsweep.figures.film.film import Found
+    from hpcsweep.figures.film.picture import Picture
+    from hpcsweep.job import parse_job
+
+    def make(color, motions=(), contacts=(), n_floors=2, amplitude=(0.1, 0.2), ranges=((-1, 1),)):
+        job = parse_job(
+            SMALL.replace("n_floors = 2", f"n_floors = {n_floors}").replace(
+                "amplitude = {from = 0.02, to = 0.3, count = 11}",
+                f"amplitude = {np.array(amplitude).tolist()}",
+            ),
+            "still",
+            "still",
+        )
+        film = SimpleNamespace(
+            study=job.study,
+            structure=job.structure,
+            directions=job.study.directions,
+            floors=[*range(n_floors)],
+            measure=None,
+            overlay=None,
+            width=960,
+            request=SimpleNamespace(color=color),
+        )
+        low, high = np.broadcast_to(np.transpose(ranges), (2, n_floors)).astype(float)
+        counts = [
+            Counter({key: 99 - k for k, key in enumerate(keys)}) for keys in (motions, contacts)
+        ]
+        shape = 2, len(amplitude)
+        frame = {
+            "poincare": np.full((*shape, 1, n_floors), np.nan),
+            "orbit_period": np.ones(shape, int),
+            "outcome": np.ones(shape, int),
+            "contact": np.zeros(shape, np.uint64),
+        }
+        return Picture(film, Found(low, high, *counts, {0: (1, 1), 3: (1, 1)})), frame
+
+    return make

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tools import SMALL, hpcsweep
+from tools import SMALL, hpcsweep, spot
 
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands import cli
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.film import film, video
-from hpcsweep.figures.film import frame as film_frame
-from hpcsweep.figures.film.scene import Scene
+from hpcsweep.figures.film.request import Request, check
 from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, contact_colour, motion_place
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.job import parse_job
@@ -34,11 +33,11 @@ def results(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(results) -> film.Request:
-    request = film.Request(
+def made(results) -> Request:
+    request = Request(
         results, results.with_name("small.mp4"), results.with_name("p.png"), fps=10, width=WIDTH
     )
-    film.check(request)
+    check(request)
     assert film.make(request, Serial()) == 4
     return request
 
@@ -81,94 +80,48 @@ def test_point_pixels_of_the_decoded_film_are_where_they_should_be(made):
     pictures, _ = decode(made.output)
     data = open_results(made.file)
     view = film.Film(made, made.output.parent)
-    found = view.survey(view.order)
-    painter = film_frame.Painter(film._scene(view, found))
-    n = data.sizes["state"] // 2
-    seen = 0
-    for k in range(data.sizes["omega"]):
-        up = data.isel(direction=0, omega=k)
-        for a in range(data.sizes["amplitude"]):
-            for floor in range(n):
-                u = float(up["poincare"].values[a, 0, floor])
-                y, x = (
-                    painter.page.row(floor, u),
-                    painter.page.column(float(data["amplitude"][a])),
-                )
-                colour = pictures[k][y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3).astype(int)
-                # the other sweep's colour is 213 away, the background 255
-                assert np.abs(colour - rgb(DIRECTIONS["up"])).max(axis=1).min() < 90, (k, a, floor)
-                seen += 1
-    assert seen == 4 * 11 * 2
+    panels = view.picture(view.survey(view.order)).panels
+    for k, a, floor in np.ndindex(4, data.sizes["amplitude"], 2):
+        u = float(data["poincare"].values[0, k, a, 0, floor])
+        colour = spot(pictures[k], panels[floor], float(data["amplitude"][a]), u, 1)
+        # the other sweep's colour is 213 away, the background 255
+        assert np.abs(colour - rgb(DIRECTIONS["up"])).max(axis=1).min() < 90, (k, a, floor)
     # between two columns of points there is none
-    middle = int(painter.page.column(data["amplitude"].values[5:7]).mean())
-    top, bottom = painter.page.panels[0][:2]
-    assert pictures[:, top + 3 : bottom - 3, middle].min() > 190
+    between = float(data["amplitude"][5:7].mean())
+    for u in np.linspace(*panels[0].get_ylim(), 50)[2:-2]:
+        assert min(spot(picture, panels[0], between, u).min() for picture in pictures) > 190
 
 
-def test_points_agree_with_the_axes_that_matplotlib_draws():
-    """A point at a value with a grid line is on the line."""
-    ticks = np.array([0.0, 0.1, 0.2])
-    scene = Scene(
-        title="",
-        amplitude=ticks,
-        omega=(1.0, 2.0),
-        marks=(),
-        low=np.array([-1.0, -0.2]),
-        high=np.array([1.0, 0.7]),
-        directions=("up",),
-        words=("sweep up",),
-        color="direction",
-        motions=(1,),
-        contacts=(),
-        width=960,
-    )
-    painter = film_frame.Painter(scene)
-    empty = {
-        "poincare": np.full((1, 3, 1, 2), np.nan),
-        "orbit_period": np.ones((1, 3), int),
-        "outcome": np.ones((1, 3), int),
-    }
-    blank = painter.paint(1.5, empty)[..., :3].astype(int)
-    for floor in range(2):
-        top, bottom, left, right = painter.page.panels[floor]
-        inside = blank[top + 3 : bottom - 3, left + 3 : right - 3].sum(axis=2)
-        lines = np.flatnonzero(np.median(inside, axis=1) < 3 * 250) + top + 3
-        assert np.abs(lines - painter.page.row(floor, 0.0)).min() <= 1
-        columns = np.flatnonzero(np.median(inside, axis=0) < 3 * 250) + left + 3
-        for a in ticks:
-            assert np.abs(columns - painter.page.column(a)).min() <= 1
-    points = empty["poincare"].copy()
-    points[0, 1, 0] = 0.3, -0.1
-    drawn = painter.paint(1.5, {**empty, "poincare": points})[..., :3]
-    y, x = np.nonzero(np.abs(drawn.astype(int) - blank).max(axis=2) > 0)
-    for floor, u in enumerate((0.3, -0.1)):
-        top, bottom, _, _ = painter.page.panels[floor]
-        own = (y >= top) & (y < bottom)
-        low, high = painter.page.limits(floor)
-        expected = bottom - (u - low) / (high - low) * (bottom - top)
-        assert y[own].mean() == pytest.approx(expected, abs=1)
-        assert x[own].mean() == pytest.approx(painter.page.column(0.1), abs=0.5)
-        assert own.sum() >= 9
+def test_a_point_covers_its_place_and_no_more(still_film):
+    """Points lie where matplotlib draws their values, and only there does a frame differ."""
+    given = "direction", (), (), 2, (0.05, 0.1, 0.2), ((-1, 1), (-0.2, 0.7))
+    picture, frame = still_film(*given)
+    blank = picture.paint(0.55, frame).astype(int)
+    frame["poincare"][0, 1, 0] = 0.3, -0.1
+    drawn = picture.paint(0.55, frame)
+    y, x = np.nonzero(np.abs(drawn - blank).max(axis=2))
+    for panel, u in zip(picture.panels, (0.3, -0.1), strict=True):
+        assert tuple(*spot(drawn, panel, 0.1, u)) == tuple(rgb(DIRECTIONS["up"]))
+        column, row = panel.transData.transform((0.1, u))
+        own = np.abs(len(drawn) - row - y) < 30
+        assert y[own].mean() + 0.5 == pytest.approx(len(drawn) - row, abs=1)
+        assert x[own].mean() + 0.5 == pytest.approx(column, abs=1)
+        assert 9 <= own.sum() < 80
+    assert (picture.paint(0.55, frame) == drawn).all()
+    frame["poincare"][:] = np.nan
+    assert (picture.paint(0.55, frame) == blank).all()
 
 
 def test_bands_tell_the_contact_sets(made):
     data = open_results(made.file).isel(omega=0)
     view = film.Film(made, made.output.parent)
-    painter = film_frame.Painter(film._scene(view, view.survey(view.order)))
-    picture = painter.paint(float(data["omega"]), view.read(0))
-    contacts = painter.scene.contacts
-    assert set(contacts) >= set(np.unique(data["contact"].values).tolist())
-    for d, (top, _) in enumerate(painter.page.bands):
-        for a, contact in enumerate(data["contact"].values[d]):
-            x = min(
-                max(
-                    painter.page.column(data["amplitude"].values[a]),
-                    painter.page.panels[0][2] + 6,
-                ),
-                10**6,
-            )
-            wanted = rgb(contact_colour(int(contact), 2))
-            assert picture[top, x, :3] == pytest.approx(wanted, abs=1)
+    picture = view.picture(view.survey(view.order))
+    assert set(picture.sets) >= set(np.unique(data["contact"].values).tolist())
+    painted = picture.paint(float(data["omega"]), view.read(0))
+    for d, a in np.ndindex(*data["contact"].shape):
+        wanted = rgb(contact_colour(int(data["contact"][d, a]), 2))
+        shown = spot(painted, picture.bands, float(data["amplitude"][a]), d + 0.15)
+        assert shown[0] == pytest.approx(wanted, abs=6)
 
 
 def test_poster_is_the_frame_with_most_kinds_of_motion(made):
@@ -192,11 +145,11 @@ def test_poster_is_the_frame_with_most_kinds_of_motion(made):
 def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
     from PIL import Image
 
-    request = film.Request(results, tmp_path / "o.gif", every=2, color="period", width=480, fps=20)
-    film.check(request)
+    request = Request(results, tmp_path / "o.gif", every=2, color="period", width=480, fps=20)
+    check(request)
     assert film.make(request, Serial()) == 2
     view = film.Film(request, tmp_path)
-    scene = film._scene(view, view.survey(view.order))
+    found = view.survey(view.order)
     p1 = MOTION_COLOURS[motion_place(MotionClass.PERIODIC, 1)]
     with Image.open(request.output) as gif:
         assert gif.n_frames == 2
@@ -205,7 +158,7 @@ def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
         for k, frame in enumerate((0, 2)):
             gif.seek(k)
             picture = np.asarray(gif.convert("RGB")).astype(int)
-            wanted = view.paint(scene, frame)[..., :3]
+            wanted = view.paint(found, frame)[..., :3]
             assert np.abs(picture - wanted).mean() < 1
             own = np.all(wanted == rgb(p1), axis=2)
             assert own.sum() > 20
@@ -217,21 +170,18 @@ def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
 def test_colours_tell_the_class_of_the_run(made, tmp_path, color):
     request = replace(made, color=color, direction="down")
     view = film.Film(request, tmp_path)
-    scene = film._scene(view, view.survey(view.order))
-    assert scene.directions == ("down",)
-    painter = film_frame.Painter(scene)
+    picture = view.picture(view.survey(view.order))
     results = open_results(made.file)
     classes = classes_of(results)[1, 1]
     data = results.isel(omega=1, direction=1)
-    picture = painter.paint(0.6, view.read(1))
+    painted = picture.paint(0.6, view.read(1))
     of = {
         "contact": lambda a: contact_colour(int(data["contact"][a]), 2),
         "period": lambda a: MOTION_COLOURS[motion_place(classes[a], data["orbit_period"][a])],
     }[color]
     for a in range(data.sizes["amplitude"]):
-        x = painter.page.column(data["amplitude"].values[a])
-        y = painter.page.row(0, data["poincare"].values[a, 0, 0])
-        assert picture[y, x, :3].tolist() == rgb(of(a)).tolist()
+        at = float(data["amplitude"][a]), float(data["poincare"][a, 0, 0])
+        assert spot(painted, picture.panels[0], *at)[0].tolist() == rgb(of(a)).tolist()
 
 
 @pytest.mark.slow
@@ -310,43 +260,23 @@ def test_what_is_not_there_is_refused(results, tmp_path):
     )
     path = tmp_path / "up.h5"
     assert campaign.run(up, path, Serial()) == 0
-    request = film.Request(path, tmp_path / "o.mp4", width=WIDTH)
+    request = Request(path, tmp_path / "o.mp4", width=WIDTH)
     with pytest.raises(PlotError, match=r"output\.contact"):
-        film.check(replace(request, color="contact"))
+        check(replace(request, color="contact"))
     with pytest.raises(PlotError, match=r"--direction down: .* holds up"):
-        film.check(replace(request, direction="down"))
-    film.check(request)
+        check(replace(request, direction="down"))
+    check(request)
     assert film.make(request, Serial()) == 4
     assert len(decode(request.output)[0]) == 4
     with pytest.raises(RuntimeError, match="ffmpeg ended with code"):
         video.join([tmp_path / "none.mp4"], tmp_path / "x.mp4")
 
 
-def test_legends_keep_to_the_picture():
+def test_legends_keep_to_the_picture(still_film):
     """A dozen floors have long names of contact sets: what has no room is left out."""
-    contacts = tuple((1 << 12) - (1 << k) for k in range(12))
-    scene = Scene(
-        title="",
-        amplitude=np.array([0.1, 0.2]),
-        omega=(1.0, 2.0),
-        marks=(),
-        low=np.full(12, -1.0),
-        high=np.ones(12),
-        directions=("up", "down"),
-        words=("sweep up", "sweep down"),
-        color="contact",
-        motions=(1,),
-        contacts=contacts,
-        width=WIDTH,
-    )
-    painter = film_frame.Painter(scene)
-    bottom = painter.page.panels[0][1]
-    nothing = {
-        "poincare": np.full((2, 2, 1, 12), np.nan),
-        "orbit_period": np.ones((2, 2), int),
-        "contact": np.zeros((2, 2), np.uint64),
-        "outcome": np.zeros((2, 2), int),
-    }
-    legend = painter.paint(1.0, nothing)[bottom + 20 :, :, :3].astype(int)
+    picture, frame = still_film("contact", (), range(4095, 4065, -1), 12)
+    bottom = int(len(picture.paint(0.5, frame)) - picture.panels[0].bbox.y0)
+    legend = picture.paint(0.5, frame)[bottom + 20 :, :, :3].astype(int)
     assert legend.min() < 100
     assert legend[:, -6:].min() > 250
+    assert all(0 < len(keys.texts) < 19 for keys in picture.figure.legends)

@@ -14,7 +14,7 @@ from hpcsweep.figures.explorer.attractors import slots
 from hpcsweep.figures.explorer.page import build_page
 from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.figures.film import film
-from hpcsweep.figures.film.piece import Film
+from hpcsweep.figures.film.request import Request, check
 from hpcsweep.figures.style import PlotError, parameters
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
@@ -95,9 +95,9 @@ def test_drifts_are_ratios_where_heights_are_known(buildings, drawn_figure):
 
 def test_the_film_shows_a_measure(buildings, tmp_path):
     results = open_results(buildings)
-    request = film.Request(buildings, tmp_path / "a.gif", width=480, show="storey_drift")
-    film.check(request)
-    frames = Film(request, tmp_path)
+    request = Request(buildings, tmp_path / "a.gif", width=480, show="storey_drift")
+    check(request)
+    frames = film.Film(request, tmp_path)
     shown = frames.read(1)["poincare"]
     drift = 100.0 * results.storey_drift.isel(omega=1) / results.storey_height
     np.testing.assert_allclose(shown[:, :, 0], drift.values, rtol=1e-14)
@@ -105,7 +105,7 @@ def test_the_film_shows_a_measure(buildings, tmp_path):
     assert (tmp_path / "a.gif").stat().st_size > 5_000
     for name, words in (("impulse", "holds no impulse"), ("drift", "must be one of storey_drift")):
         with pytest.raises(PlotError, match=words):
-            film.check(film.Request(buildings, tmp_path / "b.gif", show=name))
+            check(Request(buildings, tmp_path / "b.gif", show=name))
 
 
 def test_the_explorer_shows_measures(buildings):

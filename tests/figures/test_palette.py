@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
+from tools import spot
 
 from hpcsweep import figures
 from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
@@ -13,8 +15,6 @@ from hpcsweep.figures import cielab, palette, style
 from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
 from hpcsweep.figures.explorer.page import _pack
 from hpcsweep.figures.explorer.page_data import gather
-from hpcsweep.figures.film.frame import Painter
-from hpcsweep.figures.film.scene import Scene
 
 EYES = {
     "normal": np.eye(3),
@@ -325,46 +325,32 @@ def test_contact_sets_and_directions_have_their_colours_in_every_figure(mixed, d
         assert own == {name: expected[name] for name in own}
 
 
-def scene(color: str, motions: tuple[int, ...], contacts: tuple[int, ...]) -> Scene:
-    return Scene(
-        title="",
-        amplitude=np.linspace(0.1, 0.2, 14),
-        omega=(1.0, 2.0),
-        marks=(),
-        low=np.full(2, -1.0),
-        high=np.ones(2),
-        directions=("up", "down"),
-        words=("sweep up", "sweep down"),
-        color=color,
-        motions=motions,
-        contacts=contacts,
-        width=640,
-    )
+def test_the_film_has_the_same_colours(still_film):
+    def legends(*given):
+        picture, _ = still_film(*given)
+        return [
+            {
+                handle.get_label(): to_hex(handle.properties()[name])
+                for handle in legend.legend_handles
+            }
+            for name, legend in zip(("color", "facecolor"), picture.figure.legends, strict=False)
+        ]
 
-
-def test_the_film_has_the_same_colours():
-    for motions in (tuple(range(len(palette.MOTIONS))), (4, 12)):
-        legend = scene("period", motions, (0, 3)).point_legend()
-        assert legend == [(palette.MOTION_COLOURS[k], palette.MOTION_NAMES[k]) for k in motions]
-    for contacts in ((0, 2, 3, 1), (3, 2)):
-        legend = dict(map(reversed, scene("contact", (), contacts).contact_legend()))
-        own = {style.set_name(c, 2): palette.contact_colour(c, 2) for c in contacts}
-        assert legend == own
-    legend = scene("direction", (), ()).point_legend()
-    assert [colour for colour, _ in legend] == [palette.DIRECTIONS[d] for d in ("up", "down")]
+    for places in (range(len(palette.MOTIONS)), (4, 12)):
+        wanted = {palette.MOTION_NAMES[k]: palette.MOTION_COLOURS[k] for k in places}
+        assert legends("period", places) == [wanted]
+    wanted = {style.set_name(c, 2): palette.contact_colour(c, 2) for c in (3, 2)}
+    assert legends("contact", (), (3, 2)) == [wanted, wanted]
+    (shown,) = legends("direction")
+    assert [*shown.values()] == [palette.DIRECTIONS[d] for d in ("up", "down")]
     places = np.arange(len(palette.MOTIONS))
-    painter = Painter(scene("period", tuple(places), ()))
-    frame = {
-        "poincare": np.full((2, 14, 1, 2), np.nan),
-        "orbit_period": np.ones((2, 14), int),
-        "outcome": np.ones((2, 14), int),
-        "motion": np.stack([places, places]),
-    }
-    frame["poincare"][0] = 0.0
-    picture = painter.paint(1.0, frame)
-    row, columns = painter.page.row(0, 0.0), painter.page.column(painter.scene.amplitude)
-    painted = ["#" + bytes(picture[row, x, :3].tolist()).hex() for x in columns]
-    assert painted == list(palette.MOTION_COLOURS)
+    picture, frame = still_film("period", places, (), 2, np.linspace(0.1, 0.2, 14))
+    frame["motion"] = np.stack([places, places])
+    frame["poincare"][0] = 0.05
+    pixels = picture.paint(0.5, frame)
+    at = np.linspace(0.1, 0.2, 14)
+    painted = [tuple(*spot(pixels, picture.panels[0], x, 0.05)) for x in at]
+    assert painted == [cielab.rgb(colour) for colour in palette.MOTION_COLOURS]
 
 
 def test_the_explorer_has_the_same_colours(file):

@@ -11,17 +11,14 @@ import faults
 import h5py
 import numpy as np
 import pytest
-from tools import SEEDS, TWO_STOPS, assert_same_datasets, hpcsweep
+from tools import SEEDS, TWO_STOPS, assert_same_datasets, hpcsweep, spot
 
 from hpcsweep import Structure, meanings, open_results, orbit
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.figures.cielab import rgb
 from hpcsweep.figures.diagrams.special_curves import with_specials
-from hpcsweep.figures.film.film import _scene
-from hpcsweep.figures.film.frame import Painter
-from hpcsweep.figures.film.piece import Film, Request
-from hpcsweep.figures.film.scene import STABLE, UNSTABLE, Page
+from hpcsweep.figures.film.film import Film
+from hpcsweep.figures.film.request import Request
 from hpcsweep.figures.style import PlotError
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.solvers.flow.specialised import branch_kernels
@@ -179,21 +176,19 @@ def test_branches_lie_under_the_points_of_a_film(folder, whole):
     """Where a branch passes and no run is, the frame has the branch's colour."""
     request = Request(folder / "sweep.h5", folder / "film.mp4", branches=whole)
     film = Film(request, folder)
-    scene = _scene(film, film.survey([1]))
-    picture = film.paint(scene, 1)
-    bare = Painter(scene).paint(1.0, film.read(1))
-    page = Page(scene)
-    top, bottom, left, right = page.panels[0]
+    found = film.survey([1])
+    pixels = film.paint(found, 1)
+    bare = film.picture(found).paint(1.0, film.read(1))
+    panel = film.picture(found).panels[0]
     seen = {True: 0, False: 0}
     for one in film.overlay.at(1.0):
         for piece, steady in one.pieces():
-            columns = page.column(one.value[piece])
-            rows = page.row(0, one.points[piece, 0, 0])
-            inside = (rows > top) & (rows < bottom) & (columns > left) & (columns < right)
-            for x, y in zip(columns[inside], rows[inside], strict=True):
-                if (bare[y, x, :3] > 200).all():  # nothing else is there
-                    shades = [rgb(colour) for colour, _ in (STABLE, UNSTABLE)]
-                    assert tuple(picture[y, x, :3]) in shades
+            for at in zip(one.value[piece], one.points[piece, 0, 0], strict=True):
+                if not panel.viewLim.contains(*at):
+                    continue
+                if spot(bare, panel, *at, 2).min() > 200:  # nothing else is there
+                    dark = spot(pixels, panel, *at, 1).min()
+                    assert dark < (70 if steady else 200)
                     seen[steady] += 1
     assert min(seen.values()) > 5
     assert hpcsweep(0, "animate", *_film(folder, whole)).returncode == 0

@@ -5,96 +5,147 @@ of the axes and the classes that occur, the second paints the pieces and encodes
 The film's bytes do not depend on the number of ranks or processes.
 """
 
-import contextlib
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.figures.cielab import rgb
 from hpcsweep.figures.film import video
-from hpcsweep.figures.film.piece import Film, Found, Request, is_gif
-from hpcsweep.figures.film.scene import WIDTH, Scene
+from hpcsweep.figures.film.picture import Picture
+from hpcsweep.figures.film.request import WIDTH, Request
 from hpcsweep.figures.film.workers import Workers
-from hpcsweep.figures.labels import amplitude, choose_floors, unit
-from hpcsweep.figures.measures import LABELS, measure_of
+from hpcsweep.figures.labels import choose_floors
+from hpcsweep.figures.measures import Measure, measure_of
 from hpcsweep.figures.overlay import Overlay
-from hpcsweep.figures.style import PlotError, need_amplitudes, parameters
+from hpcsweep.figures.palette import motion_index
+from hpcsweep.figures.style import PlotError, classes_of
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
 
 PIECE = 40
 """Frames of one segment."""
-GIF_WIDTH = 960
-GIF_WANTED = 128
-"""Colours of points and bands that a GIF shows exactly, half of those it can have."""
-LEAST_WIDTH, MOST_WIDTH = 320, 3840
 
 
-def check(request: Request) -> None:
-    """Check a request before any work.
+@dataclass
+class Found:
+    """Findings of the first pass.
 
-    Raises
-    ------
-    PlotError
-        One line for the user.
-    StoreError
-        If the file is not a campaign file, or holds no stroboscopic points.
+    Attributes
+    ----------
+    low, high : ndarray, shape (n_panels,)
+        Extremes of the points of the floors shown.
+    motions, contacts : Counter
+        Runs of each motion (where colours show it) and contact set.
+    richness : dict
+        For each frame that has any complete run: number of kinds of motion (period and contact
+        set), and of points.
     """
-    if request.output.suffix.lower() not in video.ENDINGS:
-        raise PlotError(f"--output {request.output}: must end in {' or '.join(video.ENDINGS)}")
-    for path in (request.output, request.poster):
-        if path is not None and not path.parent.is_dir():
-            raise PlotError(f"{path}: folder {path.parent} does not exist")
-        if path is not None and path.is_dir():
-            raise PlotError(f"{path}: is a folder")
-    if request.poster is not None and request.poster.suffix.lower() != ".png":
-        raise PlotError(f"--poster {request.poster}: must end in .png")
-    if is_gif(request) and request.fps > video.MOST_GIF_RATE:
-        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MOST_GIF_RATE:g}")
-    if request.width and (request.width % 2 or not LEAST_WIDTH <= request.width <= MOST_WIDTH):
-        raise PlotError(
-            f"--width {request.width}: must be even, from {LEAST_WIDTH} to {MOST_WIDTH}"
-        )
-    frames = Frames(request.file, at=request.at)
-    try:
-        if request.show and request.show not in LABELS:
-            raise PlotError(f"--show {request.show}: must be one of {', '.join(LABELS)}")
-        needed = (request.show or "poincare", *(("contact",) if request.color == "contact" else ()))
-        for name in needed:
-            if name not in frames:
-                raise PlotError(
-                    f"{request.file}: holds no {name}: set output.{name} = true in the job"
-                )
-        need_amplitudes(frames.job.study)
-        n = frames.job.structure.n_floors
+
+    low: np.ndarray = field(default_factory=lambda: np.array(np.inf))
+    high: np.ndarray = field(default_factory=lambda: np.array(-np.inf))
+    motions: Counter = field(default_factory=Counter)
+    contacts: Counter = field(default_factory=Counter)
+    richness: dict[int, tuple[int, int]] = field(default_factory=dict)
+
+    def add(self, other: "Found") -> None:
+        """Merge findings of other frames."""
+        self.low = np.minimum(self.low, other.low)
+        self.high = np.maximum(self.high, other.high)
+        self.motions.update(other.motions)
+        self.contacts.update(other.contacts)
+        self.richness.update(other.richness)
+
+
+class Film:
+    """Reader, painter and encoder of pieces of one film; the same on every rank."""
+
+    def __init__(self, request: Request, folder: Path):
+        self.request, self.folder = request, folder
+        self.frames = Frames(request.file, at=request.at)
+        self.study = as_kind(self.frames.study, RunGrid)
+        self.structure = self.frames.job.structure
+        self.measure: Measure | None = None
         if request.show:
-            n = len(measure_of(frames.dataset(0), frames.job.structure, request.show).places)
-        choose_floors(n, request.floors)
-        if request.branches:
-            _check_branches(request, frames)
-        directions = frames.job.study.directions
-        if request.direction not in ("both", *directions):
-            raise PlotError(
-                f"--direction {request.direction}: {request.file} holds {', '.join(directions)}"
-            )
-    finally:
-        frames.close()
-    video.find_ffmpeg()
+            self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
+        known = self.study.directions
+        self.directions = known if request.direction == "both" else (request.direction,)
+        self.order = [int(k) for k in np.argsort(self.study.omega, kind="stable")[:: request.every]]
+        n = len(self.measure.places) if self.measure else self.structure.n_floors
+        self.floors = choose_floors(n, request.floors)
+        self.overlay = Overlay(request.branches, self.structure) if request.branches else None
+        self.width = request.width or WIDTH[request.is_gif]
+        self._picture: Picture | None = None
 
+    def read(self, frame: int) -> dict[str, np.ndarray]:
+        """Read one frame.
 
-def _check_branches(request: Request, frames: Frames) -> None:
-    if request.show:
-        raise PlotError(f"--branches {request.branches}: does not go with --show")
-    overlay = Overlay(Path(str(request.branches)), frames.job.structure)
-    try:
-        overlay.need(np.sort(as_kind(frames.study, RunGrid).omega)[:: request.every])
-    finally:
-        overlay.close()
+        Returns
+        -------
+        dict
+            ``poincare`` (direction, amplitude, point, panel), NaN where there is no point;
+            ``orbit_period``, ``outcome`` and, where the file or the colours have them, ``contact``
+            and ``motion`` (index in `palette.MOTIONS`), all (direction, amplitude).
+        """
+        shown = self.request.show or "poincare"
+        names = (shown, "orbit_period", "outcome", *{"contact"}.intersection(self.frames))
+        rows = [self.study.directions.index(name) for name in self.directions]
+        found = {k: v[rows] for k, v in self.frames.read(frame, names).items()}
+        values = found.pop(shown)
+        if self.measure:
+            values = (values * self.measure.factor)[..., None, :]
+        values = found["poincare"] = values[..., self.floors]
+        values[found["outcome"] != Outcome.COMPLETE] = np.nan
+        if self.request.color == "period":
+            classes = classes_of(self.frames.dataset(frame))[rows, 0]
+            found["motion"] = motion_index(classes, found["orbit_period"])
+        return found
+
+    def survey(self, frames: list[int]) -> Found:
+        """Find ranges and classes of some frames."""
+        total = Found()
+        for k in frames:
+            frame = self.read(k)
+            points = frame["poincare"][np.isfinite(frame["poincare"][..., 0])]
+            if points.size:
+                done = frame["outcome"] == Outcome.COMPLETE
+                periods, contacts, motions = (
+                    frame[name][done].tolist() if name in frame else []
+                    for name in ("orbit_period", "contact", "motion")
+                )
+                kinds = set(zip(periods, contacts or periods, strict=True))
+                extremes = points.min(axis=0), points.max(axis=0)
+                richness = {k: (len(kinds), len(points))}
+                total.add(Found(*extremes, Counter(motions), Counter(contacts), richness))
+        return total
+
+    def picture(self, found: Found) -> Picture:
+        """Return the picture of the frames, made once."""
+        if self._picture is None:
+            self._picture = Picture(self, found)
+        return self._picture
+
+    def paint(self, found: Found, frame: int) -> np.ndarray:
+        """Paint one frame; shape (height, width, 4)."""
+        omega = float(self.study.omega[frame])
+        branches = self.overlay.at(omega) if self.overlay else []
+        return self.picture(found).paint(omega, self.read(frame), branches)
+
+    def encode(self, frames: list[int], found: Found) -> None:
+        """Paint some frames and encode them as a segment."""
+        pictures = (self.paint(found, frame) for frame in frames)
+        request = self.request
+        video.encode(pictures, self.segment(frames[0]), request.fps, request.is_gif)
+
+    def segment(self, first: int) -> Path:
+        """Return the path of the segment that begins with a frame."""
+        return self.folder / f"{first:06d}.mp4"
 
 
 def make(
@@ -126,18 +177,18 @@ def make(
     PlotError
         On every rank, if no run is complete.
     """
-    folder, problem = None, None
-    if comm.rank == 0:
-        try:
-            name = f".{request.output.name}."
-            folder = Path(tempfile.mkdtemp(prefix=name, dir=request.output.parent))
-        except OSError as error:
-            problem = f"{request.output}: cannot be written: {error.strerror or error}"
-    folder, problem = comm.bcast((folder, problem))
-    if problem is not None:
-        raise PlotError(problem)
+    name = f".{request.output.name}."
+    new_folder = lambda: Path(tempfile.mkdtemp(prefix=name, dir=request.output.parent))  # noqa: E731
+    folder = _on_first(request, comm, new_folder)
     try:
-        n_frames = _make(request, comm, processes, progress, folder)
+        film = Film(request, folder)
+        shown = progress(2 * len(film.order), 0) if progress and comm.rank == 0 else None
+        try:
+            advance = shown.advance if shown else lambda frames: None
+            n_frames = _make(film, comm, processes, advance)
+        finally:
+            if shown:
+                shown.close()
     except BaseException:
         # no other rank is waited for: the caller ends them all
         shutil.rmtree(folder, ignore_errors=True)
@@ -148,40 +199,34 @@ def make(
     return n_frames
 
 
-def _make(request: Request, comm, processes: int, progress, folder: Path) -> int | None:
-    """Make a film from segments in `folder`."""
-    film = Film(request, folder)
-    found = Found()
-    shown = None
-    if progress is not None and comm.rank == 0:
-        shown = progress(2 * len(film.order), 0)
-    advance = shown.advance if shown else lambda frames: None
-    with contextlib.closing(shown) if shown else contextlib.nullcontext():
-        return _paint(film, found, comm, processes, advance)
-
-
-def _paint(film: Film, found: Found, comm, processes: int, advance) -> int | None:
-    """Survey all frames, then paint and join them."""
-    request = film.request
-    with Workers(comm, processes, film, advance) as workers:
-        if not workers.run("survey", _pieces(film.order), None, found.add):
-            return None
-        scene = comm.bcast(_scene(film, found) if comm.rank == 0 and found.richness else None)
-        if scene is None:
-            raise PlotError(f"{request.file}: no run is complete yet")
-        drawn = comm.bcast([k for k in film.order if k in found.richness])
-        pieces = _pieces(drawn)
-        if not workers.run("encode", pieces, scene, lambda _: None):
-            return None
-    problem = None
+def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
+    """Return on every rank what rank 0 has done; refuse a film that it cannot write."""
+    result = problem = None
     if comm.rank == 0:
         try:
-            _finish(film, scene, found, len(pieces))
+            result = do()
         except OSError as error:
             problem = f"{request.output}: cannot be written: {error.strerror or error}"
-    problem = comm.bcast(problem)
+    result, problem = comm.bcast((result, problem))
     if problem is not None:
         raise PlotError(problem)
+    return result
+
+
+def _make(film: Film, comm, processes: int, advance: Callable[[int], None]) -> int | None:
+    """Survey all frames, then paint and join them."""
+    found = Found()
+    with Workers(comm, processes, film, advance) as workers:
+        if not workers.run(Film.survey, _pieces(film.order), collect=found.add):
+            return None
+        found = comm.bcast(found)
+        drawn = [k for k in film.order if k in found.richness]
+        if not drawn:
+            raise PlotError(f"{film.request.file}: no run is complete yet")
+        if not workers.run(Film.encode, _pieces(drawn), found):
+            return None
+    segments = [film.segment(piece[0]) for piece in _pieces(drawn)]
+    _on_first(film.request, comm, lambda: _finish(film, found, segments))
     return len(drawn)
 
 
@@ -189,57 +234,18 @@ def _pieces(frames: list[int]) -> list[list[int]]:
     return [frames[k : k + PIECE] for k in range(0, len(frames), PIECE)]
 
 
-def _scene(film: Film, found: Found) -> Scene:
-    """Return the scene, common to all frames."""
-    request, job = film.request, film.frames.job
-    assert found.low is not None, "no run is complete"
-    assert found.high is not None, "no run is complete"
-    study = as_kind(job.study, RunGrid)
-    omegas = study.omega[sorted(found.richness)]
-    low, high = float(omegas.min()), float(omegas.max())
-    marks = tuple(
-        (float(w), rf"$\omega_{{{i}}}$")
-        for i, w in enumerate(job.structure.frequencies, 1)
-        if low < w < high
-    )
-    title, length = parameters(job.structure, room=None), unit(job.structure, "length")
-    if film.measure:
-        title, length = f"{film.measure.label};  {title}", film.measure.unit
-    return Scene(
-        title=title,
-        amplitude=study.amplitude,
-        omega=(low, high),
-        marks=marks,
-        low=found.low,
-        high=found.high,
-        directions=tuple(film.directions),
-        words=tuple(study.words[name] for name in film.directions),
-        color=request.color,
-        motions=tuple(sorted(found.motions)),
-        contacts=tuple(sorted(found.contacts, key=lambda c: (-found.contacts[c], c))),
-        width=request.width or (GIF_WIDTH if is_gif(request) else WIDTH),
-        floors=tuple(film.floors),
-        labels=job.structure.contact_labels,
-        axes=(amplitude(job.structure), length),
-        branches=film.overlay is not None,
-        places=tuple(film.measure.places[k] for k in film.floors) if film.measure else (),
-    )
-
-
-def _finish(film: Film, scene: Scene, found: Found, n_pieces: int) -> None:
+def _finish(film: Film, found: Found, segments: list[Path]) -> None:
     """Join the segments, write the poster, move both to their places."""
-    request = film.request
-    richest = max(found.richness, key=lambda k: (found.richness[k], -k))
-    picture = film.paint(scene, richest)
-    palette = None
-    if is_gif(request):
-        wanted = dict.fromkeys(c for c, _ in (*scene.point_legend(), *scene.contact_legend()))
-        palette = video.palette_of([picture], [rgb(c) for c in [*wanted][:GIF_WANTED]])
-    whole = film.folder / f"film{request.output.suffix.lower()}"
-    video.join([film.segment(k) for k in range(n_pieces)], whole, palette)
-    if request.poster is not None:
-        from PIL import Image
+    from PIL import Image
 
+    request = film.request
+    picture = film.paint(found, max(found.richness, key=lambda k: (found.richness[k], -k)))
+    keys = *film.picture(found).keys.values(), *film.picture(found).sets.values()
+    whole = film.folder / f"film{request.output.suffix.lower()}"
+    video.join(
+        segments, whole, video.palette_of(picture, [c for c, _ in keys]) if request.is_gif else None
+    )
+    if request.poster is not None:
         poster = film.folder / "poster.png"
         Image.fromarray(np.ascontiguousarray(picture[..., :3])).save(poster)
         poster.replace(request.poster)

@@ -9,10 +9,13 @@ import contextlib
 import subprocess
 import tempfile
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
+from typing import BinaryIO, cast
 
 import numpy as np
 
+from hpcsweep.figures.cielab import rgb
 from hpcsweep.figures.style import PlotError
 
 ENDINGS = (".mp4", ".gif")
@@ -20,7 +23,8 @@ QUALITY = "20"
 """Constant rate factor of x264: thin lines and points stay clean."""
 MOST_GIF_RATE = 50.0
 """Frames per second above which browsers slow a GIF down."""
-GIF_COLOURS = 255
+GIF_COLOURS, GIF_WANTED = 255, 128
+"""Colours of a GIF, and those of points and bands among them, which it shows exactly."""
 
 _TO_YUV = (
     "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p,"
@@ -69,31 +73,17 @@ def encode(pictures: Iterable[np.ndarray], path: Path, fps: float, lossless: boo
     RuntimeError
         If ffmpeg fails; with its message.
     """
-    process = None
+    pictures = iter(pictures)
+    first = next(pictures)
+    height, width = first.shape[:2]
+    given = ("-f", "rawvideo", "-pix_fmt", "rgb0", "-s", f"{width}x{height}", "-r", f"{fps:g}")
+    how = _LOSSLESS if lossless else _MP4
+    command = [*_call(), *given, "-i", "-", "-threads", "1", *how, str(path)]
     with tempfile.TemporaryFile() as said:
-        for picture in pictures:
-            if process is None:
-                height, width = picture.shape[:2]
-                given = ("-f", "rawvideo", "-pix_fmt", "rgb0", "-s", f"{width}x{height}")
-                how = _LOSSLESS if lossless else _MP4
-                command = [
-                    *_call(),
-                    *given,
-                    *("-r", f"{fps:g}", "-i", "-", "-threads", "1"),
-                    *how,
-                    str(path),
-                ]
-                process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said)
-            try:
-                assert process.stdin is not None
-                process.stdin.write(picture.data)
-            except BrokenPipeError:
-                break
-        if process is None:
-            raise ValueError("no picture to encode")
-        assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):
-            process.stdin.close()
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said)
+        with contextlib.suppress(BrokenPipeError), cast(BinaryIO, process.stdin) as pipe:
+            for picture in chain((first,), pictures):
+                pipe.write(picture.data)
         _check(process.wait(), said)
 
 
@@ -130,19 +120,18 @@ def join(segments: list[Path], path: Path, palette: np.ndarray | None = None) ->
         _check(done.returncode, said)
 
 
-def palette_of(pictures: Iterable[np.ndarray], wanted: Iterable[tuple[int, int, int]]):
-    """Return the colours of a GIF: the given ones, then the commonest of some pictures.
+def palette_of(picture: np.ndarray, wanted: Iterable[str]) -> np.ndarray:
+    """Return the colours of a GIF: the first wanted ones, then the commonest of a picture.
 
     Returns
     -------
     ndarray of uint8, shape (k, 3)
     """
-    packed = np.concatenate([np.ascontiguousarray(p).view("<u4").ravel() for p in pictures])
-    values, counts = np.unique(packed & 0xFFFFFF, return_counts=True)
-    common = values[np.argsort(-counts, kind="stable")]
-    first = [r | g << 8 | b << 16 for r, g, b in wanted]
-    chosen = list(dict.fromkeys([*first, *common.tolist()]))[:GIF_COLOURS]
-    return np.array([[c & 255, c >> 8 & 255, c >> 16 & 255] for c in chosen], np.uint8)
+    colours = dict.fromkeys(rgb(colour) for colour in wanted)
+    values, counts = np.unique(picture[..., :3].reshape(-1, 3), axis=0, return_counts=True)
+    common = values[np.argsort(-counts, kind="stable")].tolist()
+    chosen = dict.fromkeys([*[*colours][:GIF_WANTED], *map(tuple, common)])
+    return np.array([*chosen][:GIF_COLOURS], np.uint8)
 
 
 def _call() -> list[str]:

@@ -3,7 +3,7 @@
 Each case damages one thing at random (bytes of a results file, its journal, a job's text, the
 moment at which a file goes away, the environment of a command) and asks all that read it. It must
 end in one of the `ALLOWED` ways. What else happens, an exception that is no line for the user, a
-wrong number, more than `MOST_SECONDS` or `MOST_BYTES`, is counted as `OTHERWISE` and reported with
+wrong number, more than `MAX_SECONDS` or `MAX_BYTES`, is counted as `OTHERWISE` and reported with
 the seed that does it again.
 """
 
@@ -65,11 +65,11 @@ ALLOWED = (
 )
 OTHERWISE = "otherwise"
 FOLDER = "HPCSWEEP_FUZZ_FOLDER"
-MOST_SECONDS = 20.0
+MAX_SECONDS = 20.0
 """Of processor time: a busy machine is not a hang."""
 LONGEST_WAIT = 180.0
 """Seconds until a case counts as one that hangs, whatever it does."""
-MOST_BYTES = 2**30
+MAX_BYTES = 2**30
 """Of memory that a case may add."""
 SHARE_RUN = 0.25
 """Of damaged files that are run again too."""
@@ -622,11 +622,11 @@ def serve(item: tuple[str, int] | None) -> tuple[str, str] | None:
         outcome = _Server.patient.case(*item)
     except Exception as error:
         return OTHERWISE, f"{type(error).__name__}: {error}"[:400]
-    if (taken := time.process_time() - begun) > MOST_SECONDS:
+    if (taken := time.process_time() - begun) > MAX_SECONDS:
         return OTHERWISE, f"no answer in {taken:.3g} s of processor time"
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     grown, _Server.before = 1024 * (peak - _Server.before), peak
-    if grown > MOST_BYTES:
+    if grown > MAX_BYTES:
         return OTHERWISE, f"{grown / 1e9:.3g} GB of memory"
     return (outcome, "") if outcome in ALLOWED else (OTHERWISE, outcome)
 

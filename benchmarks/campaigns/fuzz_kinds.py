@@ -67,7 +67,7 @@ SESSIONS = {
     ),
 }
 """Jobs that are stopped and resumed, by kind."""
-MOST_SESSIONS = 25
+MAX_SESSIONS = 25
 """Sessions from which on nothing stops a campaign any more."""
 WRITERS = ("plot", "explore", "animate")
 
@@ -343,8 +343,8 @@ def session(folder: Path, rng: random.Random) -> str:
     kind = rng.choice(list(SESSIONS))
     expected, path = uninterrupted(kind), folder / "case.h5"
     job = parse_job(SESSIONS[kind], "job", "job")
-    for turn in range(MOST_SESSIONS + 1):
-        how = rng.choice(("signal", "limit", "look")) if turn < MOST_SESSIONS else ""
+    for turn in range(MAX_SESSIONS + 1):
+        how = rng.choice(("signal", "limit", "look")) if turn < MAX_SESSIONS else ""
         flag = AtLook(int(10 ** rng.uniform(0, 3))) if how == "look" else StopFlag()
         hours = rng.uniform(0.0, 0.3) / 3600 if how == "limit" else None
         number = rng.choice(STOP_SIGNALS)

@@ -126,7 +126,7 @@ INNER = {
 VARIED = ("study", "structure", "pounding", "sweep", "solver")
 """Tables whose keys are tried under ``[vary]``, too."""
 FINE = {"refused", "accepted"}
-MOST_SECONDS = 1.0
+MAX_SECONDS = 1.0
 
 
 class Case(NamedTuple):
@@ -231,7 +231,7 @@ def main() -> int:
             for case in cases(job):
                 begun = time.process_time()
                 found = judge(case, folder)
-                if (taken := time.process_time() - begun) > MOST_SECONDS:
+                if (taken := time.process_time() - begun) > MAX_SECONDS:
                     found = f"slow: {taken:.3g} s: {found}"
                 kind = found.partition(":")[0]
                 counts[kind] = counts.get(kind, 0) + 1

@@ -26,7 +26,7 @@ PARTS = (1, 2, 4, 8, 16, 32, 64)
 """Steps of a sample interval."""
 RAYLEIGH = (0.67, 0.00208)
 """alpha, beta: 5 % at 8 and at 40 rad/s."""
-MOST_ITERATIONS = 20
+MAX_ITERATIONS = 20
 
 
 def newmark_peaks(structure, record, scale: float, part: int) -> np.ndarray:
@@ -50,7 +50,7 @@ def newmark_peaks(structure, record, scale: float, part: int) -> np.ndarray:
     closed = np.zeros(len(gaps), bool)
     for acceleration in ground[1:]:
         known_a = 4.0 * (u + h * v) / h**2 + a
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             key = closed.tobytes()
             if key not in inverses:
                 contact = rows.T @ np.diag(kappa * closed) @ rows

@@ -5,7 +5,7 @@ from pathlib import Path
 from hpcsweep.figures.palette import series_colour
 from hpcsweep.figures.style import save
 
-LEAST_ERROR = 1e-16
+MIN_ERROR = 1e-16
 """Errors below this are drawn here: the reference knows no better."""
 MARKERS = "osv^D<>pX*"
 
@@ -34,7 +34,7 @@ def draw(rows: list, path: Path) -> None:
             own = [row for row in rows if (row.solver, row.regime) == (solver, regime)]
             axis.loglog(
                 [row.rtol for row in own],
-                [max(row.error, LEAST_ERROR) for row in own],
+                [max(row.error, MIN_ERROR) for row in own],
                 color=series_colour(place),
                 marker=MARKERS[place % len(MARKERS)],
                 markersize=4.5,

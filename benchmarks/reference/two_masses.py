@@ -32,7 +32,7 @@ PUBLISHED = {
 GREATEST_RMS, AT_OMEGA = 0.98093, 0.7541
 DIFFERENCE = 1e-6
 """Of the difference quotient by Omega."""
-LARGEST_STEP, SMALLEST_STEP = 5e-3, 1e-7
+MAX_STEP, MIN_STEP = 5e-3, 1e-7
 
 
 @dataclass
@@ -123,11 +123,11 @@ def curve() -> list[Orbit]:
         new = corrected(last.point + step * last.tangent, last.tangent)
         if new is None or new.tangent @ last.tangent < 0.98:
             step /= 2
-            if step < SMALLEST_STEP:
+            if step < MIN_STEP:
                 break
             continue
         found.append(new)
-        step = min(1.3 * step, LARGEST_STEP)
+        step = min(1.3 * step, MAX_STEP)
     return found
 
 

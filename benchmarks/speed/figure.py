@@ -5,7 +5,7 @@ from pathlib import Path
 from hpcsweep.figures.palette import series_colour
 from hpcsweep.figures.style import new_grid, save
 
-LEAST_ERROR = 1e-16
+MIN_ERROR = 1e-16
 """Errors below this are drawn here: the reference knows no better."""
 MARKERS = "osv^D<>pX*"
 COLUMNS = 4
@@ -30,7 +30,7 @@ def draw(rows: list, path: Path) -> None:
         for place, method in enumerate(methods):
             own = [row for row in rows if (row.regime, row.method) == (regime, method)]
             axis.loglog(
-                [max(row.error, LEAST_ERROR) for row in own],
+                [max(row.error, MIN_ERROR) for row in own],
                 [row.microseconds for row in own],
                 color=series_colour(place),
                 marker=MARKERS[place % len(MARKERS)],

@@ -14,7 +14,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.records import normalised_drift
 
-MOST_STEPS = 100_000
+MAX_STEPS = 100_000
 
 
 def branch(
@@ -86,7 +86,7 @@ def branch(
     limits = Limits(
         low,
         high,
-        count("steps", steps, 1, MOST_STEPS),
+        count("steps", steps, 1, MAX_STEPS),
         positive("largest_step", largest_step),
     )
     catalogue = Catalogue(forced, limits, scale, found.period, 1, costly=forced.is_costly)

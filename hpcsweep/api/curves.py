@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.api.branches import MOST_STEPS, orbit_variables, values_of
+from hpcsweep.api.branches import MAX_STEPS, orbit_variables, values_of
 from hpcsweep.api.levels import first_at, measure_of
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.cycle import NotConvergedError
@@ -107,7 +107,7 @@ def curve(
     limits = Limits(
         -np.inf,
         np.inf,
-        count("steps", steps, 1, MOST_STEPS),
+        count("steps", steps, 1, MAX_STEPS),
         positive("largest_step", largest_step),
         SMALLEST,
     )

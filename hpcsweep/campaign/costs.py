@@ -27,7 +27,7 @@ PRIOR_RUNS = 0.5
 """Weight, in runs, of the pilot's interpolated cost beside what is known around a frame."""
 FRAMES_AROUND = 600
 """Share of the frames, as 1/x, over which a mean falls off ..."""
-MOST_AROUND = 20.0
+MAX_AROUND = 20.0
 """... and most frames."""
 MAX_SAMPLES = 2048
 SPREAD = (0.7548776662466927, 0.5698402909980532)
@@ -181,7 +181,7 @@ class TaskCosts:
 
 def _around(values: np.ndarray) -> np.ndarray:
     """Sum values over frames, the last axis, with weights that decay around each."""
-    reach = min(max(values.shape[-1] / FRAMES_AROUND, 0.3), MOST_AROUND)
+    reach = min(max(values.shape[-1] / FRAMES_AROUND, 0.3), MAX_AROUND)
     far = int(np.ceil(5 * reach))
     weights = np.exp(-np.abs(np.arange(-far, far + 1)) / reach)
     rows = values.reshape(-1, values.shape[-1])

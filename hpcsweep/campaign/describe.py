@@ -10,7 +10,7 @@ from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
 from hpcsweep.studies.study import Study
 
-MOST_MODES = 12
+MAX_MODES = 12
 """Number of lowest modes that are listed."""
 
 
@@ -60,18 +60,18 @@ def _modes(structure) -> list[str]:
     """Return lines with natural frequencies, periods, damping ratios and mode shapes."""
     frequencies, ratios = structure.frequencies, structure.damping_ratios
     lines = []
-    for i, omega in enumerate(frequencies[:MOST_MODES]):
+    for i, omega in enumerate(frequencies[:MAX_MODES]):
         shape = structure.modes[:, i]
         shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
-        entries = ", ".join(f"{value:.3g}" for value in shape[:MOST_MODES])
-        more = ", ..." if shape.size > MOST_MODES else ""
+        entries = ", ".join(f"{value:.3g}" for value in shape[:MAX_MODES])
+        more = ", ..." if shape.size > MAX_MODES else ""
         lines.append(
             f"mode {i + 1:<3}    omega = {omega:.6g}{_cycles(structure, omega)}, period "
             f"{2 * np.pi / omega:.6g}, damping ratio {ratios[i]:.4g}, shape ({entries}{more})"
         )
-    if frequencies.size > MOST_MODES:
+    if frequencies.size > MAX_MODES:
         lines.append(
-            f"            and {frequencies.size - MOST_MODES} modes more, up to "
+            f"            and {frequencies.size - MAX_MODES} modes more, up to "
             f"omega = {frequencies[-1]:.6g}"
         )
     return lines

@@ -20,7 +20,7 @@ from hpcsweep.store import read_history
 from hpcsweep.store.records import BlockCost, PilotCost
 from hpcsweep.studies.study import Study
 
-LEAST_ELAPSED = 0.5
+MIN_ELAPSED = 0.5
 """Seconds of work after which the overhead besides the runs is known."""
 
 
@@ -116,6 +116,6 @@ def remaining_of(campaigns: Sequence[KnownCosts]) -> float | None:
     begun = [each.begun for each in campaigns if each.begun is not None]
     elapsed = time.monotonic() - min(begun) if begun else 0.0
     spent = sum(each.spent for each in campaigns)
-    if elapsed < LEAST_ELAPSED or not spent:
+    if elapsed < MIN_ELAPSED or not spent:
         return runs
     return runs * max(elapsed * campaigns[0].n_computing / spent, 1.0)

@@ -100,7 +100,7 @@ def _runs(
     known = done
     if inferred is not None:
         mask = inferred.mask()
-        audit = inferred.told(mask)
+        audit = inferred.summary(mask)
         known = done if mask is None else done | mask
     frames = known.all(axis=_axes(study.run_dims, "direction", study.run_dims[-1]))
     return {

@@ -66,7 +66,7 @@ def summarize(path: str | Path) -> dict:
         "file_bytes": size.st_size,
         "disk_bytes": size.st_blocks * 512,
         "tells_chaos": tells_chaos(frames),
-        **tally.told(),
+        **tally.summary(),
     }
 
 

@@ -31,7 +31,7 @@ from hpcsweep.studies.study import Study
 
 LISTED = 20
 """Problems that are described one by one; the rest is counted."""
-MOST_DRAWS = 10_000
+MAX_DRAWS = 10_000
 """Runs drawn in search of complete ones."""
 LOCATING_SECONDS = 60.0
 """Time limit (s) for recomputing damaged blocks, to find the damaged bytes."""
@@ -267,7 +267,7 @@ def _choose(
     total = int(ends[-1]) if valid else 0
     seen: set[int] = set()
     chosen = 0
-    while chosen < samples and len(seen) < min(total, MOST_DRAWS):
+    while chosen < samples and len(seen) < min(total, MAX_DRAWS):
         number = int(rng.integers(total))
         if number in seen:
             continue

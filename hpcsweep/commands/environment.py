@@ -38,7 +38,7 @@ def _open_streams() -> None:
 
 def _look_at_cache() -> None:
     """Report where kernels will be cached if not in the usual folder, which is still read."""
-    folders.say_by(note if launched_rank() == 0 else folders.say_nothing)
+    folders.set_printer(note if launched_rank() == 0 else folders.say_nothing)
     usual = folders.cache_root()
     if not _can_write(usual):
         folders.say_once(f"{usual}: cannot be written; {folders.where_kept()}")

@@ -13,7 +13,7 @@ HELP = """\
 Summarise studies: what they cost, how much work was spared, what shares of the runs are periodic,
 chaotic, quasi-periodic or undecided, and which contact sets occur. Files may be larger than the
 memory. To see the progress alone, `hpcsweep status` is quicker."""
-MOST_ROWS = 16
+MAX_ROWS = 16
 """Most orbit periods, and most contact sets, that are listed one by one."""
 
 
@@ -247,13 +247,13 @@ def _branch_rows(summary: dict) -> dict[str, str]:
     )
     rows["seeds on a branch"] = _share(summary["seeds_covered"])
     missed = summary["seeds_missed"]
-    for k, one in enumerate(missed[:MOST_ROWS]):
+    for k, one in enumerate(missed[:MAX_ROWS]):
         rows[f"seed {k + 1} on none"] = (
             f"{one['line']}, {summary['parameter']} = {one['value']:.8g}, P{one['period']}: "
             f"{one['reason']}"
         )
-    if len(missed) > MOST_ROWS:
-        rows["more seeds on none"] = str(len(missed) - MOST_ROWS)
+    if len(missed) > MAX_ROWS:
+        rows["more seeds on none"] = str(len(missed) - MAX_ROWS)
     return rows
 
 
@@ -283,7 +283,7 @@ def _listed(key: str, together: list[dict]) -> list:
     for summary in together:
         for name, entry in summary[key].items():
             total[name] = total.get(name, 0) + entry["runs"]
-    chosen = sorted(total, key=lambda name: -total[name])[:MOST_ROWS]
+    chosen = sorted(total, key=lambda name: -total[name])[:MAX_ROWS]
     return sorted(chosen) if key == "periods" else chosen
 
 

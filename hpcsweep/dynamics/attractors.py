@@ -37,7 +37,7 @@ from hpcsweep.dynamics.neighbourhood import neighbourhood
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
 
-FIRST_GROUP, LARGEST_GROUP = 4, 256
+FIRST_GROUP, MAX_GROUP = 4, 256
 """Starts of the first group, and of the largest."""
 PATIENCE = 48
 """Forcing periods after which a start is classified where only orbits are known."""
@@ -51,7 +51,7 @@ SAMPLE = {MotionClass.CHAOTIC: 12, MotionClass.QUASI_PERIODIC: 2, MotionClass.UN
 long one; the approach to an orbit that is taken for a torus takes its time."""
 TRANSIENT = -4
 """Label of starts of a motion that is known to end."""
-MOST_WATCHED = 100
+MAX_WATCHED = 100
 """Longest orbit period for which a motion is watched to converge."""
 
 
@@ -105,7 +105,7 @@ class AttractorSearch:
         ----------
         starts : ndarray, shape (N, 2n)
         first_group : int
-            Size of the first group; the others double in size, up to `LARGEST_GROUP`.
+            Size of the first group; the others double in size, up to `MAX_GROUP`.
 
         Returns
         -------
@@ -116,7 +116,7 @@ class AttractorSearch:
         while first < len(starts):
             group = slice(first, first + size)
             labels[group] = self._follow(last[group])
-            first, size = first + size, min(2 * size, LARGEST_GROUP)
+            first, size = first + size, min(2 * size, MAX_GROUP)
         return self._tested(labels, last)
 
     def alone(self, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -288,7 +288,7 @@ class AttractorSearch:
     @property
     def _longest(self) -> int:
         """Longest period that is known or sought."""
-        return max(self._settings.max_orbit_period, min(self._known.longest, MOST_WATCHED))
+        return max(self._settings.max_orbit_period, min(self._known.longest, MAX_WATCHED))
 
     def _settle(self, state: np.ndarray, cycles: int) -> Approach:
         """Follow a motion until it reaches an orbit, for at most `cycles` forcing periods."""
@@ -340,7 +340,7 @@ class AttractorSearch:
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
         # the record itself may have reached an orbit
-        end = self._settle(seen.points[-1], 2 * MOST_WATCHED)
+        end = self._settle(seen.points[-1], 2 * MAX_WATCHED)
         there = self._orbit_of(end.state)[0] if end.period else None
         if there is not None:
             return there

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, Attractor
-from hpcsweep.dynamics.attractors import LARGEST_GROUP, AttractorSearch
+from hpcsweep.dynamics.attractors import MAX_GROUP, AttractorSearch
 from hpcsweep.dynamics.lifetime import Lifetime
 
 CONFIDENCE = 0.95
@@ -86,7 +86,7 @@ class Basins:
             Forcing periods integrated.
         """
         search = self._search.fork(poll)
-        return self._of_list(search.labels(states, LARGEST_GROUP)), search.cycles
+        return self._of_list(search.labels(states, MAX_GROUP)), search.cycles
 
     def alone(
         self, states: np.ndarray, poll: Callable[[], None] | None = None

@@ -44,7 +44,7 @@ UNSTABLE = 0.01
 repeats only because the motion has not left it yet: the run does not end in it."""
 CURVES = (1, 2, 3, 4, 5, 6)
 """Numbers of closed curves (a torus born of P2 has two) that are tried."""
-LEAST_ON_CURVE = 20
+MIN_ON_CURVE = 20
 """Fewest points by which a closed curve is recognised; with 100 there can be five curves."""
 CURVE_STEP = 0.2
 """Longest step between neighbours along a closed curve, in units of its diameter. Points spread
@@ -207,7 +207,7 @@ def on_closed_curve(points: np.ndarray) -> bool:
     """
     points = rows("points", points)
     return any(
-        len(points) // m >= LEAST_ON_CURVE and all(_one_curve(points[k::m]) for k in range(m))
+        len(points) // m >= MIN_ON_CURVE and all(_one_curve(points[k::m]) for k in range(m))
         for m in CURVES
     )
 

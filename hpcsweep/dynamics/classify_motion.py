@@ -1,14 +1,14 @@
 """Classify the motion that a state goes to: integrate until it is known, or a limit is reached.
 
 The motion is first watched for an orbit nearby, unless small differences grow, and then observed
-with a tangent vector. This stretch is extended, to twice its length up to `LEAST_TORUS` periods and
+with a tangent vector. This stretch is extended, to twice its length up to `MIN_TORUS` periods and
 by a part of it from then on, and classified each time by its later part. A motion is
 
 - periodic if it has closed on or is verified to go to an orbit that does not repel (`arrival`);
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
 (`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
-- quasi-periodic if over `LEAST_TORUS` periods or more weighted means over both halves agree to
+- quasi-periodic if over `MIN_TORUS` periods or more weighted means over both halves agree to
   `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
   confidence, and no orbit is verified that the torus is locked to.
 
@@ -55,7 +55,7 @@ CONFIRMED = 100
 """Forcing periods for which chaos is watched for an orbit that ends it. Of 163 windows of 100
 periods with a growth of chaos, drawn from the map of Figure 6 as described, 10 ended in an orbit
 within 3,000 more: 4 within 100, 8 within 300."""
-LEAST_TORUS = 800
+MIN_TORUS = 800
 """Fewest points that distinguish a torus from a near one."""
 CARRIED = 4
 """A stretch is extended by 1/4 before it is classified again, a short one by itself."""
@@ -202,7 +202,7 @@ class _Classifier:
         start = stretch.points[-1]
         end, motion = self._closing(stretch.points)
         if motion is None and np.array_equal(end, start):
-            judged = max(LEAST_TORUS, int(JUDGED * len(stretch.points)))
+            judged = max(MIN_TORUS, int(JUDGED * len(stretch.points)))
             end, motion = self._judge(stretch.last(judged))
         if not np.array_equal(end, start):  # a repelling orbit was left
             self._stretch = None
@@ -212,9 +212,9 @@ class _Classifier:
     def _more(self) -> int:
         """Return the number of periods by which to extend the stretch."""
         size = 0 if self._stretch is None else len(self._stretch.points)
-        if size >= LEAST_TORUS:
+        if size >= MIN_TORUS:
             return size // CARRIED
-        return LEAST_TORUS - size if self._likely_torus else max(size, FIRST_STRETCH)
+        return MIN_TORUS - size if self._likely_torus else max(size, FIRST_STRETCH)
 
     def _confirmed(self, motion: Motion | None, z: np.ndarray) -> Motion | None:
         """Watch chaos for an orbit that ends it; return the resulting motion."""
@@ -286,10 +286,10 @@ class _Classifier:
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
         """Recognise a torus, or the orbit that it is locked to, by points in state units."""
         size = len(points)
-        neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= LEAST_TORUS
+        neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= MIN_TORUS
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
         self._likely_torus = neutral and digits >= HINT_DIGITS
-        if size < LEAST_TORUS or digits < TORUS_DIGITS:
+        if size < MIN_TORUS or digits < TORUS_DIGITS:
             return None
         if not weighted_growth(seen.logarithms).vanishes(size):
             return None

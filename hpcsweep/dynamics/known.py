@@ -19,7 +19,7 @@ from hpcsweep.solvers.records import Observation, normalised_drift
 UNCERTAIN = 1e-6
 """Distance within which two orbits that attract are one: at a fold they are known to the root of
 rounding, to which motions do not come from one side as from another."""
-MOST_RECORDS = 16
+MAX_RECORDS = 16
 """Most records of motions that are not orbits."""
 
 
@@ -111,7 +111,7 @@ class KnownMotions:
 
     def remember(self, points: np.ndarray, place: int) -> None:
         """Keep a further record of a motion, which its first record failed to recognise."""
-        if len(points) >= 2 * WINDOW and len(self._records) < MOST_RECORDS:
+        if len(points) >= 2 * WINDOW and len(self._records) < MAX_RECORDS:
             scaled = points / self._units
             self._records.append((Signature(scaled), scaled, place))
 

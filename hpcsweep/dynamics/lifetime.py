@@ -28,7 +28,7 @@ HORIZON = 8
 """Mean lifetime, in units of ``max_cycles``, that a motion without period must exceed."""
 CHUNK = 512
 """Forcing periods after which a motion that is followed is looked at."""
-MOST_STRETCHES = 10
+MAX_STRETCHES = 10
 """Stretches for which transient motions are followed, each with twice the periods at risk of the
 one before: so that no motion passes one of many tests by chance."""
 
@@ -134,7 +134,7 @@ def follow_to_ends(
     """
     ends: list[End | None] = [None] * len(states)
     ages, left = np.zeros(len(states), int), list(range(len(states)))
-    for _ in range(MOST_STRETCHES if left else 0):
+    for _ in range(MAX_STRETCHES if left else 0):
         length = max(math.ceil(at_risk / len(left)), CHUNK)
         for k in left:
             states[k], n_periods, ends[k] = follow(states[k], length)

@@ -25,7 +25,7 @@ STRAYS = 0.05
 """Largest share of points beyond the reach: the reach leaves out 1 % of the motion's own."""
 REACH, SAFETY = 0.99, 2.0
 """Quantile of the distances between the halves, and its multiple that is the reach."""
-SAFE_MEANS, LEAST_MEANS = 10.0, 1e-9
+SAFE_MEANS, MIN_MEANS = 10.0, 1e-9
 """Multiple of the difference of the means of halves, and least difference, in units of the state.
 Means of 14 records of one torus agree to 5e-15."""
 PARTS = 4
@@ -73,7 +73,7 @@ class Signature:
 
     def same_torus(self, other: "Signature") -> bool:
         """Return whether two motions, with records of the same length, are on one torus."""
-        most = max(SAFE_MEANS * max(self._apart, other._apart), LEAST_MEANS)
+        most = max(SAFE_MEANS * max(self._apart, other._apart), MIN_MEANS)
         return bool(np.abs(self._weighted - other._weighted).max() <= most)
 
     def holds(self, points: np.ndarray) -> bool:

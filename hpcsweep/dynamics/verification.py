@@ -48,9 +48,9 @@ NEAR, PATIENCE = 1e-3, 6
 """
 CURVED = 0.25
 """Share of a residual due to curvature, below which the rest is rounding."""
-LARGEST_ROUNDING = 1e-9
+MAX_ROUNDING = 1e-9
 """Of a period's integration, in units of the state."""
-LEAST_ROUNDING = 4 * np.finfo(float).eps
+MIN_ROUNDING = 4 * np.finfo(float).eps
 """Residual that is rounding whatever precedes it, as a share of the largest state."""
 REACH = 0.1
 """Largest distance of an orbit from where it is sought, in units of the state."""
@@ -214,8 +214,8 @@ class _Search:
             if step > 0:
                 bent = 0.5 * np.einsum("pij,pj->pi", matrices - before, shift)
                 curved = float(np.abs(_gathered(before, bent) if marched else bent).max())
-            rounded = residual <= LEAST_ROUNDING * (1.0 + float(np.abs(points).max()))
-            if rounded or (residual <= LARGEST_ROUNDING and curved <= CURVED * residual):
+            rounded = residual <= MIN_ROUNDING * (1.0 + float(np.abs(points).max()))
+            if rounded or (residual <= MAX_ROUNDING and curved <= CURVED * residual):
                 # the tangent maps are those of the point before, but for rounding
                 left = float(np.abs((solve or _factored(matrices))(misses)).max())
                 return VerifiedOrbit(points, TangentMaps(matrices), residual, left)

@@ -85,7 +85,7 @@ WRITTEN = {
 }
 """Patterns in a unit as it is written, and what stands for them."""
 FACTOR = re.compile(r"\s*(/|[*.-]?)\s*(%|[a-zμ]+(?:'s)?)(?:\^?\s?([-+]?\d)(?!\d)|(?!\d))\s*")
-MOST_WORDS = 6
+MAX_WORDS = 6
 
 
 def plain(text: str) -> str:
@@ -117,7 +117,7 @@ def unit_of(text: str) -> Unit | None:
 
 def leading_unit(text: str) -> Unit | None:
     """Return the unit at the beginning of a text: that of as many words as can be."""
-    words = plain(text).split()[:MOST_WORDS]
+    words = plain(text).split()[:MAX_WORDS]
     found = (unit_of(" ".join(words[:n])) for n in range(len(words), 0, -1))
     return next((unit for unit in found if unit), None)
 

@@ -6,11 +6,11 @@ from hpcsweep.figures.style import PlotError
 from hpcsweep.model.unit_names import is_in_gaps, unit_of
 
 WORD = r"$\omega_0$"
-MOST_FLOORS = 5
+MAX_FLOORS = 5
 """Floors that are all shown where none are requested; of more the top, the middle and the first."""
 
 
-MOST_MODES = 5
+MAX_MODES = 5
 """Modes that are shown: the lowest."""
 
 
@@ -91,6 +91,6 @@ def choose_floors(n: int, chosen: Sequence[int] | None = None) -> list[int]:
             if not 1 <= floor <= n:
                 raise PlotError(f"--floor {floor}: must be from 1 to {n}")
         return sorted({floor - 1 for floor in chosen})
-    if n <= MOST_FLOORS:
+    if n <= MAX_FLOORS:
         return list(range(n))
     return [0, (n - 1) // 2, n - 1]

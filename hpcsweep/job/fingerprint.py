@@ -18,7 +18,7 @@ MEANING_VERSION = 4
 """Part of the fingerprint; raised when the same job text comes to mean other results."""
 
 
-TOLD_OTHERWISE = (
+EXCLUDED_FIELDS = (
     *("structure", "settings", "damping_ratio"),
     *("source", "gravity"),
 )
@@ -52,8 +52,8 @@ def meaning_but_grid(study: Study) -> dict[tuple[str, str], object]:
 def _entries(study: Study, without: tuple[str, ...] = ()) -> Iterator[tuple[str, str, object]]:
     """Iterate over the fields that differ from their defaults: part, name, value."""
     for kind, part in (("structure", study.structure), ("settings", study.settings)):
-        yield from _fields_of(kind, part, TOLD_OTHERWISE)
-    yield from _fields_of("study", study, (*TOLD_OTHERWISE, *without))
+        yield from _fields_of(kind, part, EXCLUDED_FIELDS)
+    yield from _fields_of("study", study, (*EXCLUDED_FIELDS, *without))
 
 
 def _fields_of(kind: str, part, without: tuple[str, ...]) -> Iterator[tuple[str, str, object]]:

@@ -8,7 +8,7 @@ from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.keys import BLOCK, Key, Tables, names
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS, STUDIES
-from hpcsweep.studies.settings import METRIC_KEYS, MOST_CYCLES, SAMPLING, TRANSIENT
+from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT
 
 OF_STOREYS = ", above 0: a number, or a list of n, from the lowest on"
 SIDES = (
@@ -139,7 +139,7 @@ KEYS: Tables = {
             "classify_cycles",
             "forcing periods spent at most, beside the path, to classify a motion that the window "
             "leaves open, of which a part must see chaos outlive "
-            f"([how](attractors.md)); 0: none; at most {MOST_CYCLES}",
+            f"([how](attractors.md)); 0: none; at most {MAX_CYCLES}",
             told="50000, with bdf 0",
             example="50000",
         ),

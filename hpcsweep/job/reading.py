@@ -26,8 +26,7 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
-from hpcsweep.studies.settings import METRIC_KEYS, SAMPLING, TRANSIENT, SweepSettings
-from hpcsweep.studies.settings import MOST_CYCLES as MAX_CYCLES
+from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT, SweepSettings
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
 

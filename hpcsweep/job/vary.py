@@ -20,7 +20,7 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Axis
 from hpcsweep.studies.vary import Varied
 
-MOST_PARTS = 100_000
+MAX_PARTS = 100_000
 """Most parts of a job: each is validated before anything is computed."""
 TABLES = ("study", "structure", "pounding", "sweep", "solver")
 """Tables whose keys may be varied: all runs must store the same variables."""
@@ -95,8 +95,8 @@ def read_varied(
     rest = {key: value for key, value in tree.items() if key != "vary"}
     axes = tuple(_axis(values, key, value) for key, value in given.items())
     n_parts = int(np.prod([len(axis.values) for axis in axes], dtype=object))
-    if n_parts > MOST_PARTS:
-        raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MOST_PARTS}")
+    if n_parts > MAX_PARTS:
+        raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MAX_PARTS}")
     parts = Parts(values.source, rest, axes, read)
     try:
         base = parts((0,) * len(axes))
@@ -173,10 +173,10 @@ def _axis(values: Values, key: str, given: object) -> Axis:
 def _listed(values: Values, key: str, given: object) -> tuple[Any, ...]:
     """Return the values of a key as the job of each part has them; each part judges its own."""
     if isinstance(given, Mapping):
-        return tuple(values.numbers_in(key, given, False, MOST_PARTS).tolist())
+        return tuple(values.numbers_in(key, given, False, MAX_PARTS).tolist())
     listed = given if isinstance(given, list) else [given]
-    if not 1 <= len(listed) <= MOST_PARTS:
-        raise values.error(key, given, f"must have from 1 to {MOST_PARTS} values")
+    if not 1 <= len(listed) <= MAX_PARTS:
+        raise values.error(key, given, f"must have from 1 to {MAX_PARTS} values")
     for value in listed:
         if not isinstance(value, bool | int | float | str | list) or value != value:
             raise values.error(key, value, "must be numbers, words, true and false, or lists")

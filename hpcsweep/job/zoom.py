@@ -16,7 +16,7 @@ from hpcsweep.job.reading import parse_job
 from hpcsweep.job.tree import parse_toml, write
 from hpcsweep.job.values import Values
 
-MOST_FACTOR = 1000
+MAX_FACTOR = 1000
 
 
 def zoom(
@@ -49,8 +49,8 @@ def zoom(
     tree = copy.deepcopy(parse_toml(job.text, job.name))
     tree.pop("name", None)
     sweep = tree.get("sweep", {})
-    if not 1 <= factor <= MOST_FACTOR:
-        raise JobError(f"--factor {factor}: must be from 1 to {MOST_FACTOR}")
+    if not 1 <= factor <= MAX_FACTOR:
+        raise JobError(f"--factor {factor}: must be from 1 to {MAX_FACTOR}")
     frequency = "frequency" if "frequency" in sweep else "omega"
     for name, key, ends in (
         ("omega", frequency, omega),

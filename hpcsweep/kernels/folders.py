@@ -121,7 +121,7 @@ def say_once(text: str) -> None:
         _way[0](text)
 
 
-def say_by(say: Callable[[str], None]) -> None:
+def set_printer(say: Callable[[str], None]) -> None:
     """Replace the function that prints messages about the folders."""
     _way[0] = say
 

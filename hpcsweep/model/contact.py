@@ -25,8 +25,8 @@ NEGLIGIBLE_FORCE = 1e-13
 FAR = 45.0
 """rho |x| above which the sigmoid is 0 or 1 to rounding (exp(-45) = 3e-20)."""
 STIFFEST = 2.4
-"""rho x at which the contact is stiffest, `MOST_STIFFNESS` times beta."""
-MOST_STIFFNESS = 1.0999
+"""rho x at which the contact is stiffest, `MAX_STIFFNESS` times beta."""
+MAX_STIFFNESS = 1.0999
 FULL_POTENTIAL = math.pi**2 / 12.0
 """Work that the sigmoid adds to the linear spring's on either side, in beta / rho^2."""
 

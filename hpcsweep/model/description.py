@@ -10,7 +10,7 @@ from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 
-MOST_LISTED = 4
+MAX_LISTED = 4
 """Most values listed individually."""
 
 
@@ -115,7 +115,7 @@ def few(value: float | Sequence[float]) -> str:
     numbers = value if isinstance(value, Sequence) else (value,)
     if len(set(numbers)) == 1:
         return f"{numbers[0]:g}"
-    if len(numbers) <= MOST_LISTED:
+    if len(numbers) <= MAX_LISTED:
         return "(" + ", ".join(f"{x:g}" for x in numbers) + ")"
     finite = [x for x in numbers if math.isfinite(x)]
     ends = f"{min(finite):g} to {max(finite):g}" if min(finite) < max(finite) else f"{finite[0]:g}"
@@ -123,5 +123,5 @@ def few(value: float | Sequence[float]) -> str:
 
 
 def _listed(ratios: Sequence[float]) -> str:
-    more = ", ..." if len(ratios) > MOST_LISTED else ""
-    return ", ".join(f"{ratio:.4g}" for ratio in ratios[:MOST_LISTED]) + more
+    more = ", ..." if len(ratios) > MAX_LISTED else ""
+    return ", ".join(f"{ratio:.4g}" for ratio in ratios[:MAX_LISTED]) + more

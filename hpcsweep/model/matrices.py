@@ -27,7 +27,7 @@ MAX_CONTACTS = 64
 """Contact sets are stored as the bits of one 64-bit integer."""
 SYMMETRY = 1e-10
 """Largest difference of a symmetric matrix from its transpose, relative to its largest entry."""
-MOST_SPREAD = 1e16
+MAX_SPREAD = 1e16
 """Largest ratio of two masses, or of the squares of two natural frequencies: beyond it the units
 of the entries are mixed, or one of them is a typing error."""
 
@@ -225,10 +225,10 @@ def check_definite(name: str, array: np.ndarray) -> None:
     values = np.linalg.eigvalsh(array)
     if not values[0] > 0:
         raise ValueError(f"{name} must be positive definite, has the eigenvalue {values[0]:.3g}")
-    if values[-1] / MOST_SPREAD > values[0]:
+    if values[-1] / MAX_SPREAD > values[0]:
         raise ValueError(
             f"{name} has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}: "
-            f"a ratio above {MOST_SPREAD:g} looks like mixed units"
+            f"a ratio above {MAX_SPREAD:g} looks like mixed units"
         )
 
 

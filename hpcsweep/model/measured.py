@@ -13,7 +13,7 @@ REACH = 64.0
 exceed it by 1 / (2 zeta) where the contact brings the structure into resonance."""
 LONGEST = 1e100
 """Largest length by which motions are measured: they overflow before."""
-LEAST_DAMPING = 0.05
+MIN_DAMPING = 0.05
 """Least damping ratio in the bound of the linear response."""
 
 
@@ -24,7 +24,7 @@ class MeasuredDynamics(LinearDynamics):
         """Return the lengths, powers of two, by which motions are measured at each amplitude.
 
         Tolerances are relative to the motion, and to the gaps that it can close. Without contact a
-        coordinate u_i moves by L_i = A sum_h |U_hi| at most, with modes damped by `LEAST_DAMPING`
+        coordinate u_i moves by L_i = A sum_h |U_hi| at most, with modes damped by `MIN_DAMPING`
         at least, since at a resonance contacts limit the motion. The length is the largest gap, of
         either sign, of the contacts with
 
@@ -61,7 +61,7 @@ class MeasuredDynamics(LinearDynamics):
     def _response_bound(self, omega: float) -> np.ndarray:
         """Return L_i of `lengths` at A = 1, shape (n,)."""
         frequencies = self.frequencies
-        ratios = np.maximum(self.damping_ratios, LEAST_DAMPING)
+        ratios = np.maximum(self.damping_ratios, MIN_DAMPING)
         push = self.modes.T @ self.forcing_vector
         bound = np.zeros(self.n_floors)
         for order, size, _ in self.forcing.terms:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from hpcsweep.parallel.mpi import LEAST_SLEEP, MOST_SLEEP
+from hpcsweep.parallel.mpi import MAX_SLEEP, MIN_SLEEP
 from hpcsweep.parallel.schedule import BALANCE_SECONDS, Schedule, computing_ranks, report_interval
 from hpcsweep.parallel.stopping import Stop, StopFlag
 
@@ -118,16 +118,16 @@ class _Master:
         self._unfinished = False
 
     def run(self, compute) -> bool:
-        sleep = LEAST_SLEEP
+        sleep = MIN_SLEEP
         while len(self._schedule) or self._busy:
             if self._serve():
-                sleep = LEAST_SLEEP
+                sleep = MIN_SLEEP
                 continue
             if self._computes and len(self._schedule) and not self._stopping:
                 self._compute(compute)
                 continue
             time.sleep(sleep)
-            sleep = min(2 * sleep, MOST_SLEEP)
+            sleep = min(2 * sleep, MAX_SLEEP)
         for rank in range(1, self._comm.size):
             self._comm.send(("end", None), rank)
         self._hear_out()
@@ -179,7 +179,7 @@ class _Master:
             message = self._comm.receive()
             if message is None:
                 self._flag.is_set()
-                time.sleep(LEAST_SLEEP)
+                time.sleep(MIN_SLEEP)
             elif message[1][0] == "ended":
                 left -= 1
 
@@ -297,7 +297,7 @@ def _work(comm, compute, flag: StopFlag, at_rest) -> None:
         last_report = time.monotonic()
 
     say("ready")
-    sleep = LEAST_SLEEP
+    sleep = MIN_SLEEP
     while True:
         message = comm.receive()
         if message is None:
@@ -305,12 +305,12 @@ def _work(comm, compute, flag: StopFlag, at_rest) -> None:
                 # idle, so that no poll says it: the others may have hours to go
                 told_master = True
                 say("signal", flag.reason)
-            if sleep == MOST_SLEEP:
+            if sleep == MAX_SLEEP:
                 at_rest()
             time.sleep(sleep)
-            sleep = min(2 * sleep, MOST_SLEEP)
+            sleep = min(2 * sleep, MAX_SLEEP)
             continue
-        sleep = LEAST_SLEEP
+        sleep = MIN_SLEEP
         kind, value = message[1]
         if kind == "end":
             say("ended")

@@ -25,7 +25,7 @@ LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", SRUN, "MV2_COMM_WORLD_SIZE
 HYDRA = "MPI_LOCALNRANKS"
 """A variable that only Hydra sets."""
 
-LEAST_SLEEP, MOST_SLEEP = 1e-4, 1e-3
+MIN_SLEEP, MAX_SLEEP = 1e-4, 1e-3
 """Back-off (s) of a rank that waits."""
 LET_OUT_SECONDS = 5.0
 """Longest wait (s) for the launcher to read a rank's output before an abort ..."""
@@ -117,10 +117,10 @@ class Ranks:
     def barrier(self) -> None:
         """Wait for all ranks."""
         arrived = self.raw.Ibarrier()
-        sleep = LEAST_SLEEP
+        sleep = MIN_SLEEP
         while not arrived.Test():
             time.sleep(sleep)
-            sleep = min(2 * sleep, MOST_SLEEP)
+            sleep = min(2 * sleep, MAX_SLEEP)
 
     def node_rank(self) -> int:
         """Return the rank within the node."""

@@ -24,7 +24,7 @@ MAX_STEPS = 200_000
 """Most steps in one forcing period."""
 POLL_STEPS = 500
 """Steps between two calls of ``poll`` inside a period: about a tenth of a second."""
-SMALLEST_RTOL = 1e-13
+MIN_RTOL = 1e-13
 """Smaller relative tolerances are raised to this one: scipy refuses those below 2.2e-14."""
 LAYER_HALF_WIDTH = 5.0
 """Half-width of the contact layer, in units of 1 / rho."""
@@ -46,7 +46,7 @@ class BdfSteps:
     """
 
     def __init__(self, model: Model, rtol: float):
-        self.rtol = max(rtol, SMALLEST_RTOL)
+        self.rtol = max(rtol, MIN_RTOL)
         self.model, self._packed = MODEL.place(model)
         self._size = 2 * model.stiffness.shape[0]
         self._layer = 1.0 / max(model.rho, FLATTEST)

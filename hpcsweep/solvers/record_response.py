@@ -1,4 +1,4 @@
-"""What is told of the response of a structure to a ground-motion record."""
+"""Peaks of the response of a structure to a ground-motion record."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -13,7 +13,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 
 RTOL, ATOL = 1e-12, 1e-14
-LARGEST_STEP = 1 / 64
+MAX_STEP = 1 / 64
 """In forcing periods: a grazing contact, which takes a few hundredths of one, is not stepped
 over."""
 MAX_SAMPLES = 10**7
@@ -108,7 +108,7 @@ def _one_period(structure: Structure, amplitude: float, omega: float, state: np.
         dense_output=True,
         rtol=RTOL,
         atol=ATOL,
-        max_step=LARGEST_STEP * model.period,
+        max_step=MAX_STEP * model.period,
     )
     if not done.success:
         raise ArithmeticError(f"DOP853: {done.message}")

@@ -19,7 +19,7 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Axis, as_kind
 from hpcsweep.studies.variable import Variable
 
-MOST_TOLD = 20
+MAX_TOLD = 20
 """Most values of an axis that an error lists."""
 NEAR_ENOUGH = 1e-5
 """Relative tolerance of a requested value: as rounded in figures and messages."""
@@ -166,7 +166,7 @@ class Frames:
 
     def audit(self) -> dict:
         """Return ``runs_inferred`` and ``audit`` (a `Look`) of a refined map; of others nothing."""
-        return self._inferred.told(self._inferred.mask()) if self._layout.derived else {}
+        return self._inferred.summary(self._inferred.mask()) if self._layout.derived else {}
 
     @cached_property
     def _inferred(self) -> Inferred:
@@ -307,10 +307,10 @@ def _nearest(path: Path, axis: Axis, value: float | str) -> int:
     if value in axis.values:
         return axis.values.index(value)
     if isinstance(axis.values[0], str) or isinstance(value, str) or not math.isfinite(value):
-        there = ", ".join(map(str, axis.values[:MOST_TOLD]))
+        there = ", ".join(map(str, axis.values[:MAX_TOLD]))
         raise StoreError(f"{path}: {axis.name} = {value}: must be one of {there}")
     place = int(np.argmin(np.abs(np.array(axis.values) - value)))
     if not math.isclose(axis.values[place], value, rel_tol=NEAR_ENOUGH):
-        there = ", ".join(f"{one:.6g}" for one in axis.values[:MOST_TOLD])
+        there = ", ".join(f"{one:.6g}" for one in axis.values[:MAX_TOLD])
         raise StoreError(f"{path}: {axis.name} = {value:g}: must be one of {there}")
     return place

@@ -111,7 +111,7 @@ class Inferred:
         inferred = [rows[SOURCE] == Source.INFERRED for rows in found if rows is not None]
         return np.array(inferred).reshape(*self._shape, self._n)
 
-    def told(self, mask: np.ndarray | None) -> dict:
+    def summary(self, mask: np.ndarray | None) -> dict:
         """Return the number of inferred points, those of `mask`, and the last look."""
         look = self.look()
         return {

@@ -29,7 +29,7 @@ from hpcsweep.studies.refine.variables import INFERRED
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
 """Head of a heap of strings and references; HDF5 trusts its size, which has no checksum."""
-MOST_HEAP = 2**24
+MAX_HEAP = 2**24
 ENDS = 2**18
 """Bytes at either end of a file, within which all its heaps lie."""
 LONGEST_SUFFIX = ".journal"
@@ -88,7 +88,7 @@ def _check_kind(path: Path) -> None:
         raise StoreError(f"{path}: not an HDF5 file, or damaged; it is left as it is")
     for part in (begin, end):
         for heap in HEAP.finditer(part):
-            if int.from_bytes(heap[1], "little") > MOST_HEAP:
+            if int.from_bytes(heap[1], "little") > MAX_HEAP:
                 raise DamagedError(f"{path}: damaged (a heap of strings has no size); {REPAIR}")
             if _is_endless(part[heap.start() :]):
                 raise DamagedError(f"{path}: damaged (a heap of strings has no end); {REPAIR}")

@@ -37,7 +37,7 @@ ERROR_GROWTH = 0.7
 MODAL_ALLOWED = 2e-4
 """Difference allowed a modal norm: a mean of |q_j| / ||q||, which turns within a short time where
 the largest q_j changes sign; the quadrature of `bdf` errs by some 1e-5 there."""
-LEAST_ALLOWED = 1e-7
+MIN_ALLOWED = 1e-7
 """Smallest difference allowed; closed forms and integrators meet no closer."""
 
 
@@ -157,7 +157,7 @@ def _allowed(study: Study, other: str, growth: float) -> float:
     stiff = max(study.structure.stiffest_contact / 1000.0, 1.0) ** ERROR_GROWTH
     own, witness = SOLVERS[settings.solver], SOLVERS[other]
     error = own.period_error * settings.rtol + witness.period_error * witness.tight
-    return max(error * stiff, LEAST_ALLOWED) * max(growth, 1.0)
+    return max(error * stiff, MIN_ALLOWED) * max(growth, 1.0)
 
 
 def _norm(tangent: np.ndarray, units: np.ndarray) -> float:
@@ -244,7 +244,7 @@ def _judge_metrics(study: Study, again: RunAgain, seen, run: dict, equal: bool) 
         contact = int(run["contact"])
         if seen.contact != contact if equal else seen.contact & ~contact:
             again.problem = f"{again.solver} finds contact set {seen.contact}, stored is {contact}"
-    allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
+    allowed = again.allowed if again.allowed is not None else MIN_ALLOWED
     if "drift" in run and again.amplitude:
         drift = float(run["drift"]) * again.amplitude / again.omega**2
         excess = (seen.peak_drift - drift) / study.structure.length_unit
@@ -282,7 +282,7 @@ def _compare_whole(
         if own and not again.problem:
             again.problem = f"computed again it holds {len(found)} motions, stored {len(stored)}"
         return
-    allowed = again.allowed if again.allowed is not None else LEAST_ALLOWED
+    allowed = again.allowed if again.allowed is not None else MIN_ALLOWED
     ends = [
         (_apart(study, new["final_state"], old["final_state"]), new["orbit_period"], old)
         for new, old in zip(found, stored, strict=True)

@@ -18,7 +18,7 @@ FAR = 3.0
 """Least ratio of every frequency to every natural one that counts as far from resonance."""
 WIDE = 0.05
 """Least amplitude step, over the smallest grazing amplitude, that disturbs a sweep."""
-MOST_FRAMES = 200
+MAX_FRAMES = 200
 """Frames whose amplitudes and grazing are examined."""
 
 
@@ -45,7 +45,7 @@ class RunReport:
     @property
     def covered(self) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies and amplitudes of the motions, ascending or their range."""
-        frames = range(min(self.n_frames, MOST_FRAMES))
+        frames = range(min(self.n_frames, MAX_FRAMES))
         return self.omega, np.unique(np.concatenate([self.amplitudes_of(k) for k in frames]))
 
     @property
@@ -136,8 +136,8 @@ def _range(values: np.ndarray) -> str:
 def _grazing_amplitudes(structure: Structure, omega: np.ndarray) -> np.ndarray:
     """Return frequencies and the grazing amplitude at each, inf where nothing grazes."""
     omegas = np.unique(omega)
-    if omegas.size > MOST_FRAMES:
-        omegas = omegas[np.linspace(0, omegas.size - 1, MOST_FRAMES).astype(int)]
+    if omegas.size > MAX_FRAMES:
+        omegas = omegas[np.linspace(0, omegas.size - 1, MAX_FRAMES).astype(int)]
     found = []
     for each in omegas.tolist():
         try:

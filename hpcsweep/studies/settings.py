@@ -35,13 +35,13 @@ METRICS = names(METRIC_KEYS)
 
 SKIP_RULES = ("linear", "converged", "newton")
 """Rules by which periods are not integrated because their result is known; see `sweep`."""
-MOST_CYCLES = 10_000_000
-TRANSIENT = Key("transient_cycles", "forcing periods discarded at each run", 100, (0, MOST_CYCLES))
+MAX_CYCLES = 10_000_000
+TRANSIENT = Key("transient_cycles", "forcing periods discarded at each run", 100, (0, MAX_CYCLES))
 SAMPLING = Key(
     "sampling_cycles",
     "forcing periods of the steady window, of which results are",
     100,
-    (1, MOST_CYCLES),
+    (1, MAX_CYCLES),
 )
 
 

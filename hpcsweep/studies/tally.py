@@ -63,7 +63,7 @@ class RunTally:
         self.window["wrong"] += int((tested & (window > 0) & (window != period)).sum())
         self.window["missed"] += int((tested & (window == 0) & (period > 0)).sum())
 
-    def told(self) -> dict:
+    def summary(self) -> dict:
         """Return the counts: numbers, strings, lists and dicts."""
         done, settings = self.done, self._settings
         labels = self._study.structure.contact_labels

@@ -23,7 +23,7 @@ from hpcsweep.figures.diagrams import (
     phase,
 )
 from hpcsweep.figures.explorer.page import _structure
-from hpcsweep.figures.labels import MOST_MODES, choose_floors
+from hpcsweep.figures.labels import MAX_MODES, choose_floors
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
@@ -131,7 +131,7 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
 
     name, path = general
     results = open_results(path)
-    monkeypatch.setattr(phase, "MOST_CYCLES", 4)  # each is integrated
+    monkeypatch.setattr(phase, "MAX_CYCLES", 4)  # each is integrated
     picture = tmp_path / "picture.png"
     for module, options in (
         (orbit_diagram, {"color": "contact"}),
@@ -172,7 +172,7 @@ def test_a_page_tells_the_modal_norms_of_the_lowest_modes(tmp_path):
         assert campaign.run(job, path, Serial()) == 0
         found[n] = [name for name in gather(path).values if name.startswith("modal_norm")]
     assert found[2] == ["modal_norm_1", "modal_norm_2"]
-    assert found[8] == [f"modal_norm_{mode}" for mode in range(1, MOST_MODES + 1)]
+    assert found[8] == [f"modal_norm_{mode}" for mode in range(1, MAX_MODES + 1)]
 
 
 def test_drift_without_stop_is_that_of_a_free_run(general):

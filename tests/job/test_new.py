@@ -11,8 +11,7 @@ from hpcsweep.job.template import template
 from hpcsweep.job.values import MAX_VALUES
 from hpcsweep.model.structure import MAX_FLOORS
 from hpcsweep.solvers.solver import SOLVERS
-from hpcsweep.studies.settings import MOST_CYCLES as MAX_CYCLES
-from hpcsweep.studies.settings import SKIP_RULES
+from hpcsweep.studies.settings import MAX_CYCLES, SKIP_RULES
 
 TEMPLATE = template()
 KEYS = keys_of(KINDS[DEFAULT_KIND])

@@ -105,7 +105,7 @@ def test_gives_up_as_an_outcome(monkeypatch):
 
 def test_tolerances_scipy_refuses_are_raised():
     solver = BdfMap(Structure(1), 1.0, 1e-16)
-    assert solver.rtol == bdf_steps.SMALLEST_RTOL
+    assert solver.rtol == bdf_steps.MIN_RTOL
     points, outcome = solver.points(np.zeros(2), 0.0, 1)
     assert outcome is Outcome.COMPLETE
     assert not points.any()

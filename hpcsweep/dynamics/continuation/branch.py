@@ -1,7 +1,7 @@
 r"""Follow a branch of periodic orbits by pseudo-arclength, with its special points.
 
 A step goes along the tangent and is corrected across it. Its length follows the angle by which the
-tangent turns: `ANGLE` is the target, `LARGEST_ANGLE` is refused. A step is also refused where the
+tangent turns: `ANGLE` is the target, `MAX_ANGLE` is refused. A step is also refused where the
 corrected point is farther from the predicted one than `ASTRAY` of the step, where the numbers of
 unstable multipliers change otherwise than the special points found on it explain, or where a
 multiplier has a pole: it leaves the real axis at +infinity and comes back from -infinity, as it
@@ -33,8 +33,8 @@ from hpcsweep.solvers.branch_rule import (
     ASTRAY,
     CLOSED,
     GROWTH,
-    LARGEST_ANGLE,
-    LEAST_MOVE,
+    MAX_ANGLE,
+    MIN_MOVE,
     OF_A_STEP,
     ON_A_STEP,
     ON_DIVISOR,
@@ -253,7 +253,7 @@ def _grazes(curve: Curve, last: Solution) -> bool:
 
 def _largest_move(step: float) -> float:
     """Return the largest last move of Newton's method to a point at the end of a step."""
-    return min(ON_A_STEP, max(OF_A_STEP * step, LEAST_MOVE))
+    return min(ON_A_STEP, max(OF_A_STEP * step, MIN_MOVE))
 
 
 def _crosses(specials: list[Special]) -> bool:
@@ -293,7 +293,7 @@ def angle_of_step(last: Solution, guess: np.ndarray, point: Solution, step: floa
     """Return the angle by which a step turns the tangent, None if it is too long."""
     angle = float(np.arccos(min(float(point.tangent @ last.tangent), 1.0)))
     astray = float(np.linalg.norm(point.y - guess)) > ASTRAY * step
-    return None if angle > LARGEST_ANGLE or astray else angle
+    return None if angle > MAX_ANGLE or astray else angle
 
 
 def on_cubic(

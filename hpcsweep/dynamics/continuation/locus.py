@@ -39,7 +39,7 @@ one across such a curve 12 to 90: each of its moves needs a solver."""
 WIDTHS = (1e-4, 2e-3, 0.02, 0.2, 2.0, 20.0)
 """Shares of a step to either side of a guess within which the locus is sought, as they are tried.
 A step is refused where more than `branch.ASTRAY` was needed."""
-APART, LEAST_APART = 1e-4, 1e-6
+APART, MIN_APART = 1e-4, 1e-6
 """Distance of the point that gives the tangent: share of the step, and the least, in units of y."""
 OF_TANGENT = 1e-4
 """Share of that distance to which the second point is known: the error of the tangent."""
@@ -142,10 +142,10 @@ class Locus:
         assert near.inverse is not None
         steep = abs(border[-1]) >= max(STEEP * math.hypot(*border[-2:]), FLAT)
         across = _unit(border.size, -1) if steep else border / np.linalg.norm(border)
-        step = max(float(np.linalg.norm(guess - near.y)), LEAST_APART)
+        step = max(float(np.linalg.norm(guess - near.y)), MIN_APART)
         found = self._cross(guess, near.inverse[:, -1], across, near, step)
         chord, way = found.y - near.y, near.tangent
-        if np.linalg.norm(chord) > LEAST_APART:  # that of a circle through both points
+        if np.linalg.norm(chord) > MIN_APART:  # that of a circle through both points
             way = 2.0 * (chord @ way) / (chord @ chord) * chord - way
         way = way if way @ border > 0 else -way
         return self._with_tangent(found, border, across, step, way)
@@ -175,7 +175,7 @@ class Locus:
         self, at: Solution, border: np.ndarray, across: np.ndarray, step: float, way: np.ndarray
     ) -> Solution:
         """Return a point with its tangent, which is near `way` and points along `border`."""
-        apart = max(APART * step, LEAST_APART)
+        apart = max(APART * step, MIN_APART)
         assert at.inverse is not None
         guess = at.y + apart * way
         other = self._cross(guess, at.inverse[:, -1], across, at, apart, OF_TANGENT)

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from hpcsweep.dynamics.stability import floquet_multipliers
-from hpcsweep.solvers.branch_rule import LARGEST_PRODUCT
+from hpcsweep.solvers.branch_rule import MAX_PRODUCT
 
 
 class TangentMaps:
@@ -52,7 +52,7 @@ def multipliers(matrices: np.ndarray) -> np.ndarray:
         before.append(first @ before[-1])
         after.append(after[-1] @ last)
     sizes = [np.linalg.norm(x, axis=(1, 2)) for x in (before[:-1], matrices, after[-2::-1])]
-    if np.prod(sizes, axis=0).sum() <= LARGEST_PRODUCT:
+    if np.prod(sizes, axis=0).sum() <= MAX_PRODUCT:
         return floquet_multipliers(before[-1])
     cyclic = np.zeros((p * n, p * n))
     for i, matrix in enumerate(matrices):

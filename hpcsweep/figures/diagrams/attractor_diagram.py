@@ -33,9 +33,9 @@ stroboscopic displacement of each floor on all attractors against the forcing
 amplitude, one frame"""
 OPTIONS = (OMEGA, FLOORS)
 load = load_frame
-MOST_RANGES = 2
+MAX_RANGES = 2
 """Ranges of the starts that are written out."""
-MOST_COLUMNS = 6
+MAX_COLUMNS = 6
 """Columns of the legend."""
 
 
@@ -66,7 +66,7 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
         mark_stops(axis, structure, floor)
     axes[-1].set_xlabel(amplitude(structure))
     limit_amplitudes(axes[-1], frame["amplitude"].values)
-    legend(figure, frame, index, starts_text(results, frame), MOST_COLUMNS)
+    legend(figure, frame, index, starts_text(results, frame), MAX_COLUMNS)
     head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 
@@ -105,7 +105,7 @@ def motions_of(frame) -> np.ndarray:
 def starts_words(study: Attractors) -> str:
     """Format the number of starts of a point, and where they lie."""
     box = [line.replace("omega_0", WORD) for line in starting_range(study)]
-    where = " and ".join(box) if len(box) <= MOST_RANGES else "a box, each floor its own range"
+    where = " and ".join(box) if len(box) <= MAX_RANGES else "a box, each floor its own range"
     return f"{study.starts:,} starts a point: {where}"
 
 

@@ -47,7 +47,7 @@ OTHERS = [
     ),
 ]
 """Labels of starts that go to none of the attractors listed, with names and colours."""
-MOST_COLUMNS = 3
+MAX_COLUMNS = 3
 """Columns of the legend."""
 SIZE = 6.4, 6.9
 """Inches."""
@@ -124,7 +124,7 @@ def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
     point = Line2D([], [], linestyle="none", marker="o", mfc="none", mec="0.1", markersize=5)
     point.set_label("a point of each (triangle: outside)")
     handles.append(point)
-    legend_below(figure, handles, f"{total:,} starts; {_rest(study)}", MOST_COLUMNS)
+    legend_below(figure, handles, f"{total:,} starts; {_rest(study)}", MAX_COLUMNS)
 
 
 def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:

@@ -27,13 +27,13 @@ from hpcsweep.figures.style import (
 )
 from hpcsweep.solvers.outcome import Outcome
 
-MOST_FRAMES = 12
+MAX_FRAMES = 12
 COLUMNS = 3
 ORBIT = 2.5
 """Area of the points of an orbit, in areas of those of a motion that does not repeat."""
-LEAST_WIDTH = 4.8
+MIN_WIDTH = 4.8
 """Inches, for the words of a figure of one panel."""
-MOST_COLUMNS = 7
+MAX_COLUMNS = 7
 """Columns of the legend."""
 NAME = "frames"
 DRAWS = "motions"
@@ -66,7 +66,7 @@ def draw(
     direction : {"up", "down"}, optional
         Default the first.
     frames : int, optional
-        Number of frames; default all, at most `MOST_FRAMES`.
+        Number of frames; default all, at most `MAX_FRAMES`.
     floors : sequence of int, optional
         The one floor whose displacement is drawn, from 1; default the top one.
 
@@ -88,7 +88,7 @@ def draw(
     motions = motion_index(classes[0], results["orbit_period"].values[0])
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
-    size = max(2.4 * columns, LEAST_WIDTH), 1.75 * rows + 1.0
+    size = max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0
     figure, axes = new_grid(rows, columns, size, sharex=True)
     for place, axis in enumerate(axes.flat):
         if place >= count:
@@ -114,7 +114,7 @@ def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
         If there are fewer frames.
     """
     there = omegas.size
-    count = min(there, MOST_FRAMES) if frames is None else frames
+    count = min(there, MAX_FRAMES) if frames is None else frames
     if not 1 <= count <= there:
         raise PlotError(f"--frames {count}: must be from 1 to {there}, the frames of the results")
     order = np.argsort(omegas, kind="stable")
@@ -157,4 +157,4 @@ def _legend(figure, results, classes, motions) -> None:
     ]
     if failed:
         handles.append(Line2D([], [], linestyle="none", label="failed: blank"))
-    foot(figure, handles, results, classes, min(len(handles), MOST_COLUMNS))
+    foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))

@@ -15,7 +15,7 @@ HELP = """\
 response of each record against the intensity, with the 16, 50 and 84 % fractiles,
 and the median without contacts"""
 OPTIONS = (responses.RESPONSE, responses.PLACE)
-MOST_GREY = 200
+MAX_GREY = 200
 """Records that are drawn one by one."""
 load = responses.load
 
@@ -29,7 +29,7 @@ def draw(results, path: Path, response: str | None = None, place: str | None = N
     def curve(values, *style, **looks) -> None:
         axis.plot(np.append(0.0, values), intensity, *style, **looks)
 
-    for values in stripes.values[:MOST_GREY]:
+    for values in stripes.values[:MAX_GREY]:
         curve(values, color="0.75", linewidth=0.6)
     parts = fractiles(stripes.values, PARTS)
     for part, style, values in zip(PARTS, ("--", "-", "-."), parts, strict=True):

@@ -28,7 +28,7 @@ HELP = """\
 peak drift of each storey, displacement and acceleration of each floor, force and
 impacts of each contact against the amplitude, one frame"""
 OPTIONS = (OMEGA, DIRECTION)
-MOST_LINES = 10
+MAX_LINES = 10
 """Storeys, floors or contacts that are drawn, the first."""
 load = load_frame
 
@@ -55,7 +55,7 @@ def draw(results, path: Path, omega: float | None = None, direction: str | None 
     figure, axes = new_figure(len(shown), 1.2 + 2.3 * len(shown))
     for axis, name in zip(axes, shown, strict=True):
         measure = measure_of(results, structure, name)
-        for place, words in enumerate(measure.places[:MOST_LINES]):
+        for place, words in enumerate(measure.places[:MAX_LINES]):
             values = frame[name].isel({measure.dim: place}).where(done)
             axis.plot(
                 frame["amplitude"],

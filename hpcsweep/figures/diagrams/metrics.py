@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.diagrams.benefit import free_drift
 from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.labels import MOST_MODES
+from hpcsweep.figures.labels import MAX_MODES
 from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.options import OMEGA
 from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, mode_colour, motion_place
@@ -117,7 +117,7 @@ def _drift(axis, frame, classes, free: float) -> None:
 
 def _norms(axis, frame, free: np.ndarray) -> None:
     amplitude = frame["amplitude"].values
-    shown = min(frame.sizes["mode"], MOST_MODES)
+    shown = min(frame.sizes["mode"], MAX_MODES)
     for mode in range(shown):
         colour = mode_colour(mode, shown)
         for d, direction in enumerate(frame["direction"].values):

@@ -54,21 +54,21 @@ OPTIONS = (
     ),
 )
 load = load_frame
-MOST_SHORTENED = 16
+MAX_SHORTENED = 16
 """Regions whose contact sets have no room above the panels and are listed below them."""
-MOST_SETS = 10
+MAX_SETS = 10
 """Contact sets that the legend names: the commonest."""
-MOST_COLUMNS = 6
+MAX_COLUMNS = 6
 """Columns of the legend."""
 PANEL, PAGE = 1.75, 8.75
 """Height of a panel, and of all of them where there are many (inches)."""
 FINE, FINE_KEY = 0.1, 3
 """Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
 the legend."""
-LEAST_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
+MIN_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
 """Parts of the panel's width: least region whose label names its sets; room the labels take."""
 
-LETTERS, LEAST_LETTERS, APART = 110, 8, 1
+LETTERS, MIN_LETTERS, APART = 110, 8, 1
 """Letters of such labels side by side, room of one for its sets' names, and between two."""
 
 
@@ -166,7 +166,7 @@ def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) 
         ]
     contact = frame["contact"].values
     sets, counts = np.unique(contact[done], return_counts=True)
-    named = set(np.argsort(-counts, kind="stable")[:MOST_SETS])
+    named = set(np.argsort(-counts, kind="stable")[:MAX_SETS])
     order = sorted(range(sets.size), key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
     shown = [k for k in order if k in named]
     names = dict(zip(shown, set_names([int(sets[k]) for k in shown], labels), strict=True))
@@ -240,8 +240,8 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
             for axis in axes:
                 axis.axvline(left, color="0.45", linewidth=0.6, linestyle=(0, (4, 3)), zorder=1)
         share = (right - left) / total if total > 0 else 0.0
-        wide = share > LEAST_WIDTH
-        room = max(int(LETTERS * share), LEAST_LETTERS)
+        wide = share > MIN_WIDTH
+        room = max(int(LETTERS * share), MIN_LETTERS)
         names = [contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
         whole = [contact_name(c, labels).replace("none", "–") for c in region.contacts]
         if not wide or names != whole:
@@ -278,9 +278,9 @@ def _words_of_regions(count: int, shortened: list[str]) -> str:
         f"(i) to ({roman(count)}): amplitudes of one contact set, C: contacts that close; "
         "two sets: sweeps on two motions"
     )
-    if len(shortened) > MOST_SHORTENED:
-        more = f"and {len(shortened) - MOST_SHORTENED} more"
-        shortened = [*shortened[:MOST_SHORTENED], more]
+    if len(shortened) > MAX_SHORTENED:
+        more = f"and {len(shortened) - MAX_SHORTENED} more"
+        shortened = [*shortened[:MAX_SHORTENED], more]
     unbroken = [entry.replace(" ", "\u00a0") for entry in shortened]
     return "\n".join([text, *wrap(",  ".join(unbroken), CAPTION_ROOM)])
 
@@ -314,4 +314,4 @@ def _legend(figure, groups: list[Group], color: str, results, classes, note: str
         handles += [key(words_of(results, d), MARKERS[d], "0.3", d == DOWN) for d in directions]
     if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
         handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))
-    foot(figure, handles, results, classes, min(len(handles), MOST_COLUMNS), note)
+    foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS), note)

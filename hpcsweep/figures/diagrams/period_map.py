@@ -73,10 +73,10 @@ OPTIONS = (
 )
 ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
 """Motions whose share the legend states even if it is 0."""
-MOST_SETS = 14
+MAX_SETS = 14
 """Contact sets the legend names: the commonest."""
 MAX_COLUMNS = 3
-MOST_PANELS = 9
+MAX_PANELS = 9
 """Modes shown, the lowest."""
 
 
@@ -129,7 +129,7 @@ def draw(
         need(results, value)
     results = by_frequency(results)
     results = results.isel(direction=[direction_index(results, direction)])
-    panels = min(results.sizes["mode"], MOST_PANELS) if value == "modal_norm" else 1
+    panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
     columns = min(panels, MAX_COLUMNS)
     rows = -(-panels // columns)
     size = (7.2, map_height(results, 5.2)) if panels == 1 else (3.6 * columns, 3.6 * rows + 0.6)
@@ -186,7 +186,7 @@ def _contact_sets(figure, axes, results) -> None:
     counts = np.bincount(index[done], minlength=sets.size)
     colours = [contact_colour(int(c), labels) for c in sets]
     draw_classes(axes[0, 0], results, index, colours)
-    named = np.argsort(-counts, kind="stable")[:MOST_SETS]
+    named = np.argsort(-counts, kind="stable")[:MAX_SETS]
     order = sorted(named, key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
     names = set_names([int(sets[k]) for k in order], labels)
     entries = [
@@ -223,7 +223,7 @@ def _exponent(figure, axes, results) -> None:
 
 def _modal_norms(figure, axes, results) -> None:
     norms = np.ma.masked_invalid(results["modal_norm"].values[0])
-    for mode in range(min(results.sizes["mode"], MOST_PANELS)):
+    for mode in range(min(results.sizes["mode"], MAX_PANELS)):
         axis = axes.flat[mode]
         mesh = draw_mesh(axis, results, norms[..., mode], cmap=NUMBERS, vmin=0, vmax=1)
         axis.set_title(f"mode {mode + 1}", fontsize=9)

@@ -61,11 +61,11 @@ OPTIONS = (
     FLOORS,
 )
 load = load_frame
-WIDTH, LEAST_WIDTH, LETTERS = 2.4, 4.8, 13
+WIDTH, MIN_WIDTH, LETTERS = 2.4, 4.8, 13
 """Width of a panel, the least of the figure (inches), and letters of its title on an inch."""
 NEAR_STOP = 10
 """A stop is shown where it is not farther from the motion than so many of its widths."""
-MOST_CYCLES = 60
+MAX_CYCLES = 60
 """Forcing periods drawn of a motion that does not repeat: more would fill the panel."""
 
 
@@ -121,7 +121,7 @@ def draw(
     structure = structure_of(results)
     shown = choose_floors(structure.n_floors, floors)
     columns = len(shown)
-    size = max(WIDTH * columns, LEAST_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
+    size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
     figure, axes = new_grid(len(motions), columns, size, sharex="col")
     for row, motion in enumerate(motions):
         _row(dict(zip(shown, axes[row], strict=True)), frame, motion, classes, structure, row)
@@ -209,7 +209,7 @@ def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarr
         Curve j goes from point j to point j + 1; after the last point to its successor.
     """
     at = motion.direction, motion.amplitude
-    count = min(int(frame["n_points"].values[at]), MOST_CYCLES)
+    count = min(int(frame["n_points"].values[at]), MAX_CYCLES)
     from hpcsweep.solvers.trajectory import trajectory  # imports the compiler
 
     points = frame["poincare"].values[at][:count]

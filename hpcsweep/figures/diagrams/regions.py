@@ -15,7 +15,7 @@ APART = 0.02
 """Distance (in units of the state) between the points of two orbits above which they are two."""
 FREE = (0,)
 """Sets seen where both sweeps are free of contact."""
-LEAST_COEXISTENCE = 0.02
+MIN_COEXISTENCE = 0.02
 """Part of the amplitudes over which two solutions of one contact set must last to be a region:
 hysteresis at the ends of a periodic window is shorter and belongs to the window."""
 
@@ -68,7 +68,7 @@ def contact_regions(
     ]
     merged = _merge(seen, least)
     if coexisting is not None:
-        longest = max(least, round(LEAST_COEXISTENCE * n_amplitudes))
+        longest = max(least, round(MIN_COEXISTENCE * n_amplitudes))
         for first, last, sets in list(merged):
             if len(sets) != 1:
                 continue

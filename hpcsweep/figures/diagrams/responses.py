@@ -30,7 +30,7 @@ THRESHOLD = Option(
     "threshold",
     {"type": float},
 )
-LEAST_LENGTH = 1e-12
+MIN_LENGTH = 1e-12
 """Share of the largest response below which two are the same."""
 
 
@@ -66,7 +66,7 @@ def touches(stripes: Stripes) -> bool:
     if stripes.alone is None:
         return False
     apart = np.nan_to_num(np.abs(stripes.values - stripes.alone)).max()
-    return bool(apart > LEAST_LENGTH * np.nanmax(stripes.values))
+    return bool(apart > MIN_LENGTH * np.nanmax(stripes.values))
 
 
 def scale_index(results, scale: float | None) -> int:

@@ -30,8 +30,8 @@ HELP = """\
 shares of the starts that go to each attractor, stacked, and with their confidence
 intervals, against the forcing amplitude, one frame"""
 OPTIONS = (OMEGA,)
-MOST_COLUMNS = 7
-LEAST_WIDTH, LEAST_HEIGHT = 0.05, 0.1
+MAX_COLUMNS = 7
+MIN_WIDTH, MIN_HEIGHT = 0.05, 0.1
 """Parts of the panel that an identity must fill to be named in it."""
 load = load_frame
 
@@ -65,7 +65,7 @@ def draw(results, path: Path, omega: float | None = None) -> None:
     rest = [Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5)]
     rest[0].set_label("reached none of them")
     note = f"{starts_text(results, frame)}; named in (a): identity and contact set"
-    legend(figure, frame, index, note, MOST_COLUMNS, rest)
+    legend(figure, frame, index, note, MAX_COLUMNS, rest)
     head(figure, caption(results, float(frame["omega"])), fontsize=10)
     save(figure, path)
 
@@ -125,11 +125,11 @@ def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
         contact = np.zeros(len(slot), np.uint64)
         if "contact" in frame:
             contact = np.where(there, frame["contact"].values[rows, slot], 0)
-        wide = there & (layer[:, 1] - layer[:, 0] > LEAST_HEIGHT)
+        wide = there & (layer[:, 1] - layer[:, 0] > MIN_HEIGHT)
         changes = (np.diff(motion) != 0) | (np.diff(contact) != 0) | (np.diff(wide) != 0)
         for own in np.split(rows, np.flatnonzero(changes) + 1):
             first, last = int(own[0]), int(own[-1])
-            if not wide[first] or edges[last + 1] - edges[first] < LEAST_WIDTH * total:
+            if not wide[first] or edges[last + 1] - edges[first] < MIN_WIDTH * total:
                 continue
             middle = (first + last) // 2
             text = str(number)

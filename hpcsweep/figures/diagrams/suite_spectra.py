@@ -20,8 +20,8 @@ OPTIONS = ()
 PERIODS = 60
 LONGEST = 4.0
 """Periods drawn, in longest natural periods."""
-MOST_RECORDS = 200
-MOST_MODES = 3
+MAX_RECORDS = 200
+MAX_MODES = 3
 
 
 def load(frames, **_options):
@@ -33,7 +33,7 @@ def draw(results, path: Path) -> None:
     """Draw Sa over the period, in g, and write it to `path`."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    n = min(results.sizes["record"], MOST_RECORDS)
+    n = min(results.sizes["record"], MAX_RECORDS)
     study = study_of(results, Records)
     first = responses.samples_of(study, 0)
     natural = 2.0 * np.pi / study.structure.frequencies
@@ -47,7 +47,7 @@ def draw(results, path: Path) -> None:
     for part, style, curve in zip(PARTS, ("--", "-", "-."), fractiles(curves), strict=True):
         label = f"{100 * part:g} % fractile"
         axis.plot(periods, curve, style, color=series_colour(0), linewidth=2.0, label=label)
-    for k, period in enumerate(natural[:MOST_MODES]):
+    for k, period in enumerate(natural[:MAX_MODES]):
         axis.axvline(period, color=series_colour(1), linewidth=0.8)
         axis.annotate(
             rf" $T_{k + 1}$",

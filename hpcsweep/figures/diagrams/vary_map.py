@@ -39,9 +39,9 @@ OPTIONS = (
         {"metavar": "KEY"},
     ),
 )
-MOST_PANELS = 12
+MAX_PANELS = 12
 COLUMNS = 3
-MOST_TICKS = 8
+MAX_TICKS = 8
 """Values that are all marked on the vertical axis."""
 WIDE = 30.0
 """Ratio of the largest to the smallest value from which on they are drawn on a logarithmic axis."""
@@ -111,11 +111,9 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     rows = wanted[names.index(over)]
     wanted[names.index(over)] = [0]
     panels = list(itertools.product(*wanted))
-    if len(panels) > MOST_PANELS:
+    if len(panels) > MAX_PANELS:
         others = ", ".join(name for name in free if name != over)
-        raise PlotError(
-            f"{len(panels)} panels are more than {MOST_PANELS}: choose {others} by --at"
-        )
+        raise PlotError(f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at")
     if omega is not None:
         check_omega(frames.study.omega, omega)
     place = nearest_frame(frames.study.omega, omega)
@@ -210,7 +208,7 @@ def _panel(axis, results: Panels, panel: int) -> None:
     )
     if is_wide:
         axis.set_yscale("log")
-    if not is_number or (not is_wide and keys.size <= MOST_TICKS):
+    if not is_number or (not is_wide and keys.size <= MAX_TICKS):
         axis.set_yticks(heights, [_written(key) for key in keys])
     limits = axis.get_xlim()
     for colour, width in (("white", 1.8), (GRAZING, 1.0)):

@@ -8,7 +8,7 @@ WRITES = (".html",)
 HELP = """\
 Make one self-contained page: the map over (A, Omega); pointing at it shows the orbit diagram of
 that frame, clicking the phase portrait and numbers of that run."""
-MOST_MB = 150.0
+MAX_MB = 150.0
 OPTIONS = (
     BRANCHES,
     Option(
@@ -39,6 +39,6 @@ OPTIONS = (
         "--max-mb",
         "refuse to write a larger page (default: %(default)g)",
         "max_mb",
-        {"type": positive, "default": MOST_MB, "metavar": "MB"},
+        {"type": positive, "default": MAX_MB, "metavar": "MB"},
     ),
 )

@@ -9,7 +9,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures.explorer import attractors
 from hpcsweep.figures.inferred import filled, filled_classes, inferred
-from hpcsweep.figures.labels import MOST_MODES
+from hpcsweep.figures.labels import MAX_MODES
 from hpcsweep.figures.measures import Measure, held_measures, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.figures.style import PlotError, classes_of
@@ -23,9 +23,9 @@ POINT_BUDGET = 30_000_000
 
 INFERRED = len(Outcome)
 """Code, among those of outcomes, of points that are inferred from their cells."""
-MOST_CELLS = 20_000_000
+MAX_CELLS = 20_000_000
 """Places of the map."""
-MOST_PLACES = 10
+MAX_PLACES = 10
 """Storeys, floors or contacts whose measures are shown, the first."""
 
 
@@ -45,8 +45,8 @@ class PageData:
     codes : dict of str to ndarray of unsigned int, shape (n_frames, n_directions, n_amplitudes)
         `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it.
     values : dict of str to ndarray of float32, same shape
-        `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MOST_MODES` modes, `storey_drift_1`,
-        ... and all other measures of the first `MOST_PLACES`, as far as the file has them.
+        `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MAX_MODES` modes, `storey_drift_1`,
+        ... and all other measures of the first `MAX_PLACES`, as far as the file has them.
     counts : ndarray of int, same shape
         Stroboscopic points kept of each run, 0 everywhere if the file has none.
     points : ndarray of float32, shape (sum of counts, n)
@@ -180,10 +180,10 @@ def add_branches(study: PageData, path: Path) -> None:
 
 def _check_cells(path: Path, n_rows: int, grid) -> None:
     """Refuse a map of too many places."""
-    if n_rows * grid.amplitude.size > MOST_CELLS:
+    if n_rows * grid.amplitude.size > MAX_CELLS:
         raise PlotError(
             f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
-            f"{grid.amplitude.size} amplitudes, more than {MOST_CELLS} places"
+            f"{grid.amplitude.size} amplitudes, more than {MAX_CELLS} places"
         )
 
 
@@ -210,11 +210,11 @@ def _values(frame, measures: Mapping[str, Measure]) -> dict[str, np.ndarray]:
     }
     if "modal_norm" in frame:
         norms = frame["modal_norm"].values[:, 0].astype(np.float32)
-        shown = min(norms.shape[-1], MOST_MODES)
+        shown = min(norms.shape[-1], MAX_MODES)
         values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(shown)}
     for name, measure in measures.items():
         sizes = frame[name].values[:, 0] * measure.factor
-        for i in range(min(len(measure.places), MOST_PLACES)):
+        for i in range(min(len(measure.places), MAX_PLACES)):
             values[f"{name}_{i + 1}"] = sizes[..., i].astype(np.float32)
     return values
 
@@ -223,7 +223,7 @@ def _labels(measures: Mapping[str, Measure]) -> dict[str, tuple[str, str, str]]:
     return {
         f"{name}_{i + 1}": (measure.label, place, measure.unit)
         for name, measure in measures.items()
-        for i, place in enumerate(measure.places[:MOST_PLACES])
+        for i, place in enumerate(measure.places[:MAX_PLACES])
     }
 
 

@@ -31,13 +31,13 @@ WIDTH = 1280
 STABLE, UNSTABLE = (DARK_INK, 3), ("#8c8c8c", 1)
 """Colour of a branch, and width."""
 LEFT, RIGHT, HEADER, BAND, GAP, FOOTER = 92, 28, 92, 22, 12, 112
-ALL_PANELS, LEAST_PANEL, MOST_PANEL = 720, 56, 240
+ALL_PANELS, MIN_PANEL, MAX_PANEL = 720, 56, 240
 """Height of all panels together, and bounds of one."""
 LOW_PANEL = 110
 """Height of a panel up to which its label is short."""
 MARGIN, AMPLITUDE_MARGIN = 0.06, 0.01
 """Room around the points, in ranges of a floor's displacement and of the amplitude."""
-MOST_KEYS = 20
+MAX_KEYS = 20
 """Entries of a legend for which room is sought."""
 LETTER = 8
 """Width of a letter on a contact band."""
@@ -81,7 +81,7 @@ class Picture:
             "contact": self.sets,
         }[film.request.color]
         n_panels, n_bands = len(film.floors), len(film.directions) if sets else 0
-        tall = int(np.clip(ALL_PANELS / n_panels, LEAST_PANEL, MOST_PANEL))
+        tall = int(np.clip(ALL_PANELS / n_panels, MIN_PANEL, MAX_PANEL))
         top = HEADER + n_bands * BAND + (GAP if n_bands else 0)
         self._bottom = top + n_panels * (tall + GAP) - GAP
         scale = film.width / WIDTH
@@ -268,7 +268,7 @@ class Picture:
         y = self._bottom + below
         if keys:
             self._label(LEFT - 70, y, title, fontsize=9)
-        for count in range(min(len(keys), MOST_KEYS), 0, -1):
+        for count in range(min(len(keys), MAX_KEYS), 0, -1):
             legend = self.figure.legend(
                 handles=keys[:count],
                 loc="center left",

@@ -17,7 +17,7 @@ from hpcsweep.studies.study import as_kind
 
 WIDTH = 1280, 960
 """Pixels, of MP4 and of GIF."""
-LEAST_WIDTH, MOST_WIDTH = 320, 3840
+MIN_WIDTH, MAX_WIDTH = 320, 3840
 
 
 @dataclass(frozen=True)
@@ -85,12 +85,10 @@ def check(request: Request) -> None:
             raise PlotError(f"{path}: is a folder")
     if request.poster is not None and request.poster.suffix.lower() != ".png":
         raise PlotError(f"--poster {request.poster}: must end in .png")
-    if request.is_gif and request.fps > video.MOST_GIF_RATE:
-        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MOST_GIF_RATE:g}")
-    if request.width and (request.width % 2 or not LEAST_WIDTH <= request.width <= MOST_WIDTH):
-        raise PlotError(
-            f"--width {request.width}: must be even, from {LEAST_WIDTH} to {MOST_WIDTH}"
-        )
+    if request.is_gif and request.fps > video.MAX_GIF_RATE:
+        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
+    if request.width and (request.width % 2 or not MIN_WIDTH <= request.width <= MAX_WIDTH):
+        raise PlotError(f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}")
     frames = Frames(request.file, at=request.at)
     try:
         _check_file(request, frames)

@@ -21,7 +21,7 @@ from hpcsweep.figures.style import PlotError
 ENDINGS = (".mp4", ".gif")
 QUALITY = "20"
 """Constant rate factor of x264: thin lines and points stay clean."""
-MOST_GIF_RATE = 50.0
+MAX_GIF_RATE = 50.0
 """Frames per second above which browsers slow a GIF down."""
 GIF_COLOURS, GIF_WANTED = 255, 128
 """Colours of a GIF, and those of points and bands among them, which it shows exactly."""

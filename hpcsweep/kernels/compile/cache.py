@@ -142,12 +142,10 @@ def kept_in() -> list[Path]:
 class _Locator(_CacheLocator):
     """Locator of the kernels of this package for numba: by module, not by installed path."""
 
-    def __init__(self, py_func, py_file):
-        self._py_file = py_file
+    def __init__(self, _py_func, py_file):
         module = Path(py_file).resolve()
         inside = module.is_relative_to(PACKAGE)
         self.place = module.relative_to(PACKAGE).with_suffix("") if inside else None
-        self._lineno = py_func.__code__.co_firstlineno
 
     @classmethod
     def from_function(cls, py_func, py_file):

@@ -125,7 +125,7 @@ def _compile_side_by_side(groups: list[list[EntryPoint]], jobs: int) -> Iterator
 def _start_worker() -> None:
     """Leave Ctrl-C, and messages about the cache, to the waiting process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    folders.say_by(_unsaid.append)
+    folders.set_printer(_unsaid.append)
 
 
 _unsaid: list[str] = []

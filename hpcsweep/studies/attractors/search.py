@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.dynamics.shares import starts_needed
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.keys import Key
@@ -16,7 +17,7 @@ STARTS = Key(
     "starts",
     "starting states at each point, or of basins on the slice, that find the attractors; so many "
     "miss one of 1 % with a probability of 1 %",
-    459,
+    starts_needed(0.01, 0.01),
     (1, 100_000_000),
 )
 SEED = Key("seed", "of the sequence of starts", 0, (0, 2**62))

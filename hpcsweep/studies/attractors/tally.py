@@ -109,6 +109,6 @@ class AttractorTally(SearchTally):
         self.numbers.update(frame["n_attractors"].values[there].tolist())
         self.attractors.update(attractors_in(frame)[1])
 
-    def told(self) -> dict:
+    def summary(self) -> dict:
         """Return the counts: numbers, strings, lists and dicts."""
         return self.told_of(self.numbers, self.attractors)

@@ -45,8 +45,8 @@ HORIZONTAL, VERTICAL = (
     )
     for name, number in (("horizontal", "first"), ("vertical", "second"))
 )
-MOST_VALUES = {"horizontal": 100_000, "vertical": 10_000_000}
-MOST_STATE = 1e200
+MAX_VALUES = {"horizontal": 100_000, "vertical": 10_000_000}
+MAX_STATE = 1e200
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +184,7 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     reach = usual_reach(structure)
     horizontal, vertical = (
         _span(values, f"study.{name}", float(reach[component]), most)
-        for name, component, most in zip(MOST_VALUES, components, MOST_VALUES.values(), strict=True)
+        for name, component, most in zip(MAX_VALUES, components, MAX_VALUES.values(), strict=True)
     )
     return {
         **common,
@@ -215,7 +215,7 @@ def _span(values, key: str, reach: float, most: int) -> np.ndarray:
     if not values.has(key):
         return np.linspace(-reach, reach, SPAN)
     found = values.numbers(key, True, most)
-    if found.size < 2 or not np.abs(found).max() <= MOST_STATE:
-        limit = f"must have two values or more, at most {MOST_STATE:g}"
+    if found.size < 2 or not np.abs(found).max() <= MAX_STATE:
+        limit = f"must have two values or more, at most {MAX_STATE:g}"
         raise values.error(key, values.get(key), limit)
     return found

@@ -33,7 +33,7 @@ class BasinTally(SearchTally):
             self.attractors[name] = kind
             self.hits[name] += int((labels == number).sum())
 
-    def told(self) -> dict:
+    def summary(self) -> dict:
         """Return the counts: numbers, strings, lists and dicts."""
         basins = {
             name: {"name": kind.named(self._labels), **share(self.hits[name], self.starts)}
@@ -61,7 +61,7 @@ class StartTally(BasinTally):
         self.elsewhere += int((labels == ELSEWHERE).sum())
         self.add_labels(frame, labels)
 
-    def told(self) -> dict:
+    def summary(self) -> dict:
         """Return the counts; the periods of a start are those of the computed ones."""
-        counts = super().told()
+        counts = super().summary()
         return counts | {"periods_per_start": counts["periods_per_run"]}

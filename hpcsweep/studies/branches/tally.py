@@ -77,7 +77,7 @@ class BranchTally:
         met = line["meeting_kind"].values
         self.meetings += np.bincount(met[met > 0], minlength=self.meetings.size)
 
-    def told(self) -> dict:
+    def summary(self) -> dict:
         """Return what was counted: numbers, strings, lists and dicts."""
         branches = int(self.sources.sum())
         return {

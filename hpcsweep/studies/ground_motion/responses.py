@@ -48,7 +48,7 @@ DIGITS = 15
 """Of a ratio: quotients that are equal but for rounding become so."""
 BELOW = 1.0 - 1e-9
 """Part of the scale of first contact up to which a motion is taken for linear."""
-MOST_KEPT = 6_000_000
+MAX_KEPT = 6_000_000
 """Numbers of responses that a process keeps, 50 MB."""
 
 
@@ -247,7 +247,7 @@ def _map(structure: Structure, dt: float, rtol: float):
 
 
 class _Kept:
-    """Cache of the latest responses, up to `MOST_KEPT` numbers."""
+    """Cache of the latest responses, up to `MAX_KEPT` numbers."""
 
     def __init__(self):
         self._rows: OrderedDict[tuple, tuple[np.ndarray, Outcome]] = OrderedDict()
@@ -264,7 +264,7 @@ class _Kept:
         """Cache a response."""
         self._rows[key] = found
         self._numbers += found[0].size
-        while self._numbers > MOST_KEPT:
+        while self._numbers > MAX_KEPT:
             _, (row, _) = self._rows.popitem(last=False)
             self._numbers -= row.size
 

@@ -60,7 +60,7 @@ class ResponseTally:
                 "part": part,
             }
 
-    def told(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Return the counts: numbers, strings, lists and dicts."""
         done = self.done
         computed = done - self.linear

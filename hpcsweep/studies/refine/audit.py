@@ -31,7 +31,7 @@ from hpcsweep.dynamics.shares import share_interval
 
 ALPHA = 0.05
 """Probability that any interval fails."""
-LEAST_DRAW, MOST_DRAW = 2.0, 8.0
+MIN_DRAW, MAX_DRAW = 2.0, 8.0
 """Points of the first look, in those that show `wrong` where none of them is."""
 DRAWN_PART = 1 / 32
 """Part of all points that the first look draws, between these limits."""
@@ -39,7 +39,7 @@ ALLOWED = 1 / 20
 """Share of `wrong` that is allowed, times the first look in the same measure."""
 GROWTH = 2
 """How much each look is larger than the one before."""
-MOST_LOOKS = 48
+MAX_LOOKS = 48
 """Looks there can be: each draw is twice the last, and the grid has 2**40 points at most."""
 
 
@@ -81,7 +81,7 @@ def _least(wrong: float) -> float:
 
 def _first_draw(wrong: float, n_points: int) -> float:
     """Return the points of the first look, in those of `_least`."""
-    return min(max(DRAWN_PART * n_points / _least(wrong), LEAST_DRAW), MOST_DRAW)
+    return min(max(DRAWN_PART * n_points / _least(wrong), MIN_DRAW), MAX_DRAW)
 
 
 def draw(points: np.ndarray, count: int, seed: int, look: int) -> np.ndarray:

@@ -30,7 +30,7 @@ ON = Key(
     '`"contact"`; of attractors their `"number"`, of basins the `"attractor"`',
     told="class and contact, or what there is",
 )
-LEAST_WRONG = 1e-6
+MIN_WRONG = 1e-6
 WRONG = Key(
     "wrong",
     "share of the inferred points below which the upper end of the interval of the wrong ones "
@@ -151,8 +151,8 @@ def read_refinement(
     if "contact" in on and "contact" not in settings.metrics:
         raise values.error("study.refine.on", on, '"contact" needs output.contact = true')
     wrong = values.number("study.refine.wrong", given.get("wrong", default.wrong))
-    if not LEAST_WRONG <= wrong < 1:
-        limit = f"must lie between 0 and 1, at least {LEAST_WRONG:g}"
+    if not MIN_WRONG <= wrong < 1:
+        limit = f"must lie between 0 and 1, at least {MIN_WRONG:g}"
         raise values.error("study.refine.wrong", wrong, limit)
     levels, seed = (
         values.whole_in(f"study.refine.{key.name}", given.get(key.name, key.default), *key.limits)

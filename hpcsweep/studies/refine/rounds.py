@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpcsweep.studies.refine.audit import MOST_LOOKS, Look, draw, interval, n_allowed, n_drawn
+from hpcsweep.studies.refine.audit import MAX_LOOKS, Look, draw, interval, n_allowed, n_drawn
 from hpcsweep.studies.refine.cells import Cells, Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source
 
@@ -65,7 +65,7 @@ class Rounds:
         """Yield the points of each round, flat indices, ascending."""
         yield from self._compute(self._cells.first(), Source.COMPUTED)
         wrong, n = self._refinement.wrong, self.source.size
-        for look in range(1, MOST_LOOKS + 1):
+        for look in range(1, MAX_LOOKS + 1):
             yield from self._agree(look)
             _, code = self.inferred()
             before = np.flatnonzero(self.source == Source.UNKNOWN)

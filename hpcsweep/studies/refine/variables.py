@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.studies.refine.audit import MOST_LOOKS, Look
+from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
 from hpcsweep.studies.refine.rounds import Rounds
@@ -56,7 +56,7 @@ def derived_variables(study: Study, refinement: Refinement) -> list[Variable]:
 def derived_coordinates() -> dict[str, Coordinate]:
     """Return the dimensions of refined maps alone."""
     return {
-        "look": numbered(MOST_LOOKS, "look of the audit", first=1),
+        "look": numbered(MAX_LOOKS, "look of the audit", first=1),
         "quantity": Coordinate(np.array(QUANTITIES, object), "1", "what a look tells"),
     }
 
@@ -81,7 +81,7 @@ def derived_values(
         values[inferred_name(name)] = codes[code, column]
     if rounds.crossed is not None:
         values[CROSSED] = np.pad(rounds.crossed, [(0, 1)] * rounds.crossed.ndim).ravel()
-    audit = np.full((MOST_LOOKS, len(QUANTITIES)), np.nan)
+    audit = np.full((MAX_LOOKS, len(QUANTITIES)), np.nan)
     audit[: len(rounds.looks)] = rounds.looks
     listed: dict[str, np.ndarray] = getattr(study, "listed_values", dict)()
     values |= {n: np.broadcast_to(v, (study.n_frames, *v.shape)) for n, v in listed.items()}

@@ -15,7 +15,7 @@ SAME_OMEGA = 5e-4
 WITHOUT_VALUE = {"matrices": "structure.matrices", "harmonics": "forcing.harmonics"}
 """Keys of a job whose values are too long for a message."""
 OPTIONAL = ("lyapunov", "modal_norm", "motion", "classification_cycles", "n_points")
-LEAST_FRAMES = 10
+MIN_FRAMES = 10
 """Frames from which on a file is a map."""
 
 
@@ -26,7 +26,7 @@ def read_study(frames: Frames) -> Study | None:
     if abs(study.omega[place] - RESONANCE) > SAME_OMEGA:
         return None
     needed = ("orbit_period", "contact", "drift", "final_state", "outcome", "poincare")
-    if study.omega.size >= LEAST_FRAMES and any(name not in frames for name in needed):
+    if study.omega.size >= MIN_FRAMES and any(name not in frames for name in needed):
         return None  # a map, kept small
     optional = [name for name in OPTIONAL if name in frames]
     arrays = frames.read(place, (*needed, *optional))
@@ -38,7 +38,7 @@ def read_study(frames: Frames) -> Study | None:
 def read_map(frames: Frames) -> Map | None:
     """Read the upward sweeps of a file; None if it is not a map."""
     study = frames.study
-    if study.omega.size < LEAST_FRAMES:
+    if study.omega.size < MIN_FRAMES:
         return None
     names = ["orbit_period", "contact", "drift", "outcome"]
     exponents = "lyapunov" in frames

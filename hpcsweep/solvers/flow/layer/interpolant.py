@@ -21,7 +21,7 @@ for _order in range(1, TWICE.size):
         1.0, _apart, where=_apart > 0.0, out=np.zeros_like(_apart)
     )
 SAME_INTEGRAL = 1e-13
-MOST_PARTS = 256
+MAX_PARTS = 256
 
 
 @kernel
@@ -86,6 +86,6 @@ def integral_of_force(h, rho, work):
                 x = fma(x, s - nodes[i], c[i])
             found += total(load(WEIGHTS, 0) * contact_forces(x, 1.0, rho))
         found *= h / parts
-        if abs(found - before) <= SAME_INTEGRAL * abs(found) or parts >= MOST_PARTS:
+        if abs(found - before) <= SAME_INTEGRAL * abs(found) or parts >= MAX_PARTS:
             return found
         parts *= 2

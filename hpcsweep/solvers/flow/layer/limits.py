@@ -10,7 +10,7 @@ In y, counted from where the step starts, p = -y + i pi; in time see `solitary.p
 """
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.model.contact import FAR, MOST_STIFFNESS, STIFFEST, contact_stiffness
+from hpcsweep.model.contact import FAR, MAX_STIFFNESS, STIFFEST, contact_stiffness
 
 
 @inlined
@@ -34,7 +34,7 @@ def stiffness_up_to(x, beta, rho):
     The stiffness of a contact that is switched on is negative at first.
     """
     if rho * x >= STIFFEST:
-        return MOST_STIFFNESS * beta
+        return MAX_STIFFNESS * beta
     return contact_stiffness(x, beta, rho) if rho * x > -FAR else 0.0
 
 

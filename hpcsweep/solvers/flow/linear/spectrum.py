@@ -13,7 +13,7 @@ from hpcsweep.kernels.compile import kernel
 
 EPSILON = 2.0**-52
 SMALL = 1e-70
-MOST_STEPS = 60
+MAX_STEPS = 60
 """Most QR steps without a deflation; three are usual."""
 UNUSUAL = 10
 """Steps between exceptional shifts, which break cycles of the usual shifts."""
@@ -136,7 +136,7 @@ def _deflate(h, norm):
             end -= 2
             steps = 0
             continue
-        if steps == MOST_STEPS:
+        if steps == MAX_STEPS:
             return False
         steps += 1
         if steps % UNUSUAL == 0:

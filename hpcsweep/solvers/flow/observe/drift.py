@@ -18,7 +18,7 @@ SAME_PEAK = 1e-11
 """Relative excess over the largest drift so far that may be missed."""
 PEAK_ERROR = 1e-13
 """Relative, of a largest drift."""
-LEAST_PART = 0.5**11
+MIN_PART = 0.5**11
 """Least fraction of a step that is halved in the search for it. Without a proof on such a part,
 beside a turning point of the slope, an extremum differs from its neighbours by 1e-10."""
 NOTHING = 1e-200
@@ -27,7 +27,7 @@ FOURTH = np.array([math.perm(p, 4) for p in range(N_COEFFICIENTS)], float)
 """Factors of the coefficients in the fourth derivative by sigma."""
 REPEATED = 0.02
 """Share of a step by which the extremum of the cubic interpolant may miss."""
-MOST_STEPS = 5
+MAX_STEPS = 5
 """Of Newton's method, from the cubic Hermite interpolant: its error is squared by each."""
 
 
@@ -155,7 +155,7 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
     gb, db = value_and_slope(rows, 0, h, s)
     stack[0, 0], stack[0, 1], stack[0, 2] = s, gb, db
     depth = 0
-    least = s * LEAST_PART
+    least = s * MIN_PART
     while depth >= 0:
         b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
         d = b - a
@@ -206,7 +206,7 @@ def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
         t = s * v0 / (v0 - m + (root if v0 > 0.0 else -root))
         if abs(near - t) <= REPEATED * s:
             t = near
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             if not 0.0 < t < s:
                 break
             g, v, bend = value_slope_bend(rows, 0, h, t)

@@ -7,7 +7,7 @@ those of `linear.spectrum`: 4 us for three floors, 14 from Python.
 import math
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.solvers.branch_rule import LARGEST_PRODUCT
+from hpcsweep.solvers.branch_rule import MAX_PRODUCT
 from hpcsweep.solvers.flow.linear.spectrum import deflate
 from hpcsweep.solvers.flow.orbit.corrector import march_points, value_of
 from hpcsweep.solvers.flow.state.shared import read_shared
@@ -82,7 +82,7 @@ def _multiply(packed):
         growth += sizes[i] * _norm(matrices, i * size, size) * _norm(product, 0, size)
         copy_matrix(product, other)
         _multiply_into(matrices, i * size, other, 0, product)
-    return growth <= LARGEST_PRODUCT
+    return growth <= MAX_PRODUCT
 
 
 @kernel

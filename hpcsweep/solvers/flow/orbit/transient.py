@@ -28,7 +28,7 @@ from hpcsweep.solvers.outcome import COMPLETE
 
 ROUNDING = 2e-14
 """Points closer than this (relative) are equal to rounding."""
-MOST_WORK = 2e7
+MAX_WORK = 2e7
 """Steps times (2R)^2 after which a call returns, for polling; a table counts as 2R steps.
 
 These are operations of half a second at most, which the number of periods alone cannot bound: where
@@ -68,7 +68,7 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     -------
     n_done, period, outcome : int
         `period` is 0 if the orbit has not closed, negative if it is only approached. With 0 fewer
-        than `n_periods` may be done, see `MOST_WORK`.
+        than `n_periods` may be done, see `MAX_WORK`.
     """
     max_period, settled, same, near = closing
     size = z.shape[0]
@@ -79,7 +79,7 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     ring = max_period + 1
     long = history.shape[0]
     first = watch.since[0]
-    most = _steps(common.counts, size) + int(MOST_WORK / size**2)
+    most = _steps(common.counts, size) + int(MAX_WORK / size**2)
     if first == 0:
         copy_state(z, history[0])
         for p in range(ring):
@@ -160,7 +160,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     -------
     n_done : int
         Forcing periods of the motion until then; fewer than `n_periods` also where the work of one
-        call is done (`MOST_WORK`).
+        call is done (`MAX_WORK`).
     n_newton : int
         Forcing periods that Newton's method has integrated.
     period : int

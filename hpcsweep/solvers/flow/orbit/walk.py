@@ -18,8 +18,8 @@ from hpcsweep.solvers.branch_rule import (
     ASTRAY,
     CLOSED,
     GROWTH,
-    LARGEST_ANGLE,
-    LEAST_MOVE,
+    MAX_ANGLE,
+    MIN_MOVE,
     OF_A_STEP,
     ON_A_STEP,
     ON_DIVISOR,
@@ -215,14 +215,14 @@ def _try_step(shared, packed, step, known):
         guess[k] = last.y[k] + step * (last.tangent[k] + 0.5 * step * trace.bend[k])
     copy_state(last.tangent, trace.border)
     copy_matrix(last.inverse, now.inverse)
-    reached = min(ON_A_STEP, max(OF_A_STEP * step, LEAST_MOVE))
+    reached = min(ON_A_STEP, max(OF_A_STEP * step, MIN_MOVE))
     if not find_point(shared, packed, known, reached):
         return math.nan
     cosine = 0.0
     for k in range(guess.shape[0]):
         cosine += now.tangent[k] * last.tangent[k]
     angle = math.acos(min(cosine, 1.0))
-    if angle > LARGEST_ANGLE or _distance(now.y, guess) > ASTRAY * step:
+    if angle > MAX_ANGLE or _distance(now.y, guess) > ASTRAY * step:
         return math.nan
     if not find_multipliers(packed):
         return UNKNOWN

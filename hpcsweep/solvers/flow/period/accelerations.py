@@ -21,11 +21,11 @@ from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
 from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.outcome import COMPLETE
 
-MOST_PULL = 0.2785
+MAX_PULL = 0.2785
 """Largest y / (1 + exp(y)), rounded up."""
 BEYOND = 1.2
 """Part of T for which the passage is followed from the stop on."""
-MOST_VISITS = 100
+MAX_VISITS = 100
 STEPS = 10_000
 
 
@@ -53,7 +53,7 @@ def _may_exceed(segment, ending, shared):
     contacts, k = model.contacts, ending.contact
     time, v = _time_in_layer(segment, ending, model, shared.work)
     touches = segment.key & contact_bit(k) != 0
-    pull = MOST_PULL * contacts.beta[k] / model.rho
+    pull = MAX_PULL * contacts.beta[k] / model.rho
     for i in range(model.ground.shape[0]):
         e = contacts.kick[k, i]
         if e == 0.0:
@@ -85,7 +85,7 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
             break
     tau = segment.tau + s
     end = min(segment.tau + ending.span + BEYOND * time, segment.end)
-    for _ in range(MOST_VISITS):
+    for _ in range(MAX_VISITS):
         if not tau < end:
             break
         interval = Interval(tau, end, STEPS)

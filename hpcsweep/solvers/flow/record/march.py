@@ -36,8 +36,8 @@ from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
 from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY, PEAKS
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE
 
-NO_PEAKS, PEAKS_AT_SAMPLES, ALL_PEAKS = range(3)
-"""What is gathered: nothing; peaks at the samples; over continuous time, and impacts."""
+PEAKS_AT_SAMPLES, ALL_PEAKS = 1, 2
+"""What is gathered: peaks at the samples, or over continuous time, and impacts; 0: nothing."""
 
 
 @entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, INT, INT, FLOAT, INT, MATRIX)

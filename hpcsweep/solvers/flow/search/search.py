@@ -50,7 +50,7 @@ HERMITE_MIDDLE = 1.0 / 144.0
 HERMITE_SLOPE = 0.00802
 """sqrt(3) / 216, rounded up."""
 HERMITE_BEND = 1.0 / 12.0
-LEAST_ADVANCE = 1e-9
+MIN_ADVANCE = 1e-9
 """Fraction of a step after which a floor that starts at the level, leaving it, is tested again."""
 LAST_STEP = 1e-6
 """Of the search for a root, in steps h: one more cubes the error."""
@@ -63,7 +63,7 @@ SHORTEST = float(LANES) ** -MAX_DEPTH
 PATIENCE = 1_000
 """Parts tested before `TOUCH` is quadrupled. A tangency takes some hundred; more remain where
 a floor rests at the level and the rounding of all others moves it."""
-MOST_TOUCH = 4.0**5 * TOUCH
+MAX_TOUCH = 4.0**5 * TOUCH
 MAX_PARTS = 20 * PATIENCE
 """Most parts tested in one search. The rounding of states beyond 1e4 may take more."""
 UNDECIDED = -2
@@ -198,7 +198,7 @@ def _where_negative(curve, part, level):
             return AT_ROOT, a, ga, da
         for _ in range(60):
             before = a
-            a += max(-1.02 * ga / da, LEAST_ADVANCE * curve.h)
+            a += max(-1.02 * ga / da, MIN_ADVANCE * curve.h)
             if a >= part.b:
                 if part.gb >= 0.0 and part.db >= 0.0:
                     return AT_ROOT, _turn(curve, level, before, part.b), ga, da
@@ -279,7 +279,7 @@ def first_passage(curve, part, level, bound4, stack):
     while True:
         parts += 1
         if parts % PATIENCE == 0:
-            touch = min(4.0 * touch, MOST_TOUCH)
+            touch = min(4.0 * touch, MAX_TOUCH)
             if parts == MAX_PARTS:
                 return Bracket(float(UNDECIDED), ga, a, ga)
         d = b - a

@@ -28,7 +28,7 @@ SURE = 1.5
 """Factor by which another contact may move further on a step than estimated."""
 AT_EDGE = 1.001
 """Distance, in half-widths of the layer, of a contact that counts as being inside."""
-LEAST_PART = 0.1
+MIN_PART = 0.1
 """Least fraction of a step that is shortened because another contact comes near its layer."""
 
 
@@ -110,7 +110,7 @@ def plan_step(contact, z, a, most, model):
         room = abs(distance(k, z, contacts)) - model.layer
         way = SURE * h * (abs(approach_speed(k, z, contacts)) + abs(a[contacts.row[k]]) * h)
         if way > room:
-            if not way * LEAST_PART < room:
+            if not way * MIN_PART < room:
                 return 0.0, stiff
             h *= room / way
     return h, stiff

@@ -30,6 +30,7 @@ from typing import ClassVar
 import fuzz_kinds
 import h5py
 import numpy as np
+from stability import watchdog
 from tools import SMALL, command, datasets, environment, shipped
 
 from hpcsweep.campaign import run as campaign
@@ -38,7 +39,6 @@ from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import JobError, load_job, parse_job
-from hpcsweep.parallel import watchdog
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import (
     Layout,

@@ -204,7 +204,7 @@ def main() -> None:
         end="",
     )
     print(" | us a period | GFlop/s | of the limit |\n|---|" + "---:|" * 10)
-    for case, us, (numbers, lanes, steps, passages, layer, _) in zip(
+    for case, us, (numbers, lanes, steps, passages, layer, *_) in zip(
         CASES, times, json.loads(said), strict=True
     ):
         rate = (numbers + lanes) / us / 1e3

@@ -18,7 +18,6 @@ from reference import reference_points
 from scipy.special import spence
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.parallel.watchdog import Lost, each
 from hpcsweep.solvers.flow import flow_map
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, make_solver
@@ -29,6 +28,7 @@ from stability.random_runs import (
     random_run,
     uniform_building,
 )
+from stability.watchdog import Lost, each
 
 CAP = 3000
 """Steps a forcing period may take in the random runs; the solver's own cap is far larger."""

@@ -54,21 +54,6 @@ class Contacts(NamedTuple):
     is_elastic: bool
     """Whether their forces depend on the position alone; see `hpcsweep.model.contact`."""
 
-    @property
-    def drag(self) -> np.ndarray:
-        """Damping that the distance of each contact feels, (m,)."""
-        return self.edges[:, DRAG]
-
-    @property
-    def lets_go(self) -> np.ndarray:
-        """Whether each contact has a dashpot that never pulls, (m,)."""
-        return self.edges[:, LETS_GO] > 0.0
-
-    @property
-    def law(self) -> np.ndarray:
-        """SPRING and DASHPOT of `edges`, (m, 2)."""
-        return self.edges[:, SPRING : DASHPOT + 1]
-
 
 def kernel_contacts(
     structure: Structure, places, extra: np.ndarray, matrices, layer: float

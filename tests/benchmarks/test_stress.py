@@ -11,11 +11,11 @@ import stress
 from stability.cases import Case, made
 from stability.hard_structures import hard_structures
 from stability.runs import _inconsistent, answer, as_json, energy
+from stability.watchdog import Lost, each
 
 from hpcsweep.model.contact import contact_force
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
-from hpcsweep.parallel.watchdog import Lost, each
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 

@@ -42,6 +42,14 @@ STARTS = (20, 100, 459)
 CONFIDENCE = 0.95
 
 
+TWO_MASSES = (
+    ((1.0, 1.2, 1.1), (40.0, 40.0, 60.0), 0.01, 0.3, 0.9, 0.8),
+    ((1.2521, 1.1009, 0.8413), (20.871, 42.247, 39.435), 0.02, 0.4854, 0.7945, 0.75784),
+    ((0.7283, 0.7029, 0.8501), (34.083, 78.420, 51.835), 0.02, 0.321, 0.4303, 1.29614),
+)
+"""Gaps and stiffnesses of three stops, damping ratio, second harmonic, A and Omega."""
+
+
 class Point(NamedTuple):
     """A structure and its forcing."""
 
@@ -63,19 +71,17 @@ def points() -> list[Point]:
     damping = (0.1262, 0.0161, 0.0077)
     long = Structure(3, 1000.0, 1e4, damping)
     found.append(Point("P102", long, 0.15828173505911847, 0.514371538944225))
-    contacts = [
-        hpcsweep.Contact((1.0, 0.0), 1.0, 40.0),
-        hpcsweep.Contact((-1.0, 0.0), 1.2, 40.0),
-        hpcsweep.Contact((0.0, 1.0), 1.1, 60.0),
-    ]
-    masses = Structure.from_matrices(
-        [1.0, 1.0],
-        [[2.0, -1.0], [-1.0, 1.0]],
-        contacts,
-        damping_ratio=0.01,
-        harmonics=[(1, 1.0, 0.0), (2, 0.3, 0.5)],
-    )
-    found.append(Point("two masses, three stops", masses, 0.9, 0.8))
+    for gaps, stiffnesses, damping, second, amplitude, omega in TWO_MASSES:
+        rows = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0))
+        contacts = [hpcsweep.Contact(*each) for each in zip(rows, gaps, stiffnesses, strict=True)]
+        masses = Structure.from_matrices(
+            [1.0, 1.0],
+            [[2.0, -1.0], [-1.0, 1.0]],
+            contacts,
+            damping_ratio=damping,
+            harmonics=[(1, 1.0, 0.0), (2, second, 0.5)],
+        )
+        found.append(Point(f"two masses, A = {amplitude}", masses, amplitude, omega))
     return found
 
 

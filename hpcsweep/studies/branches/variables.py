@@ -14,7 +14,7 @@ class End(IntEnum):
 
     NONE = 0
     END_OF_THE_SPAN = 1
-    MAX_STEPS = 2
+    MOST_STEPS = 2
     CLOSED = 3
     BIRTH = 4
     HALVING = 5

@@ -79,7 +79,7 @@ class Layout:
     given : list of (Variable, ndarray)
         Variables that are known beforehand.
     derived : list of Variable
-        Of a refined map, see `hpcsweep.store.inferred`.
+        Of a study that grows, see `hpcsweep.store.inferred`.
     commit : Variable
     """
 

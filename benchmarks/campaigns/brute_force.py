@@ -28,7 +28,7 @@ from tools import made
 
 import hpcsweep
 from hpcsweep.dynamics.shares import share_interval
-from hpcsweep.dynamics.starts import box_of
+from hpcsweep.dynamics.starts import box_of, usual_reach
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 
@@ -213,7 +213,7 @@ def _sorted(orbits, found, starts: int) -> Shares:
 
 def box_states(point: Point, starts: int, seed: int) -> np.ndarray:
     """Draw independent starts of the box of the search."""
-    box = box_of(None, point.structure.state_units)
+    box = box_of(None, usual_reach(point.structure))
     rng = np.random.default_rng(seed)
     return box[:, 0] + rng.random((starts, len(box))) * (box[:, 1] - box[:, 0])
 

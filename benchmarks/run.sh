@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ -x .venv/bin/hpcsweep ] || bash .ci/venv .venv mpich,test
-export PYTHONPATH=benchmarks:benchmarks/campaigns:benchmarks/reference:tests/campaigns:tests/campaign:jobs/paper
+export PYTHONPATH=benchmarks:benchmarks/campaigns:benchmarks/reference:tests/support:tests/campaign:jobs/paper
 if [ $# = 0 ]; then
     echo "usage: bash benchmarks/run.sh NAME [OPTIONS]    NAME --help tells the options"
     grep -rl --include='*.py' '^if __name__ ==' benchmarks | sort | while read -r path; do

@@ -1,4 +1,4 @@
-"""Fixtures of all tests; the tools they share are in `campaigns/tools.py`."""
+"""Fixtures of all tests; the tools they share are in `support/tools.py`."""
 
 import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
 import gc

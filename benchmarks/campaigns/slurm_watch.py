@@ -1,6 +1,6 @@
 """Processes that bear a mark in their environment, and a watch that ends them.
 
-`python tests/slurm_watch.py NAME=VALUE` waits for the end of its standard input, that is for the
+`slurm_watch.py NAME=VALUE` waits for the end of its standard input, that is for the
 process at the other end of the pipe to end, be it killed; then it kills what bears the mark.
 """
 

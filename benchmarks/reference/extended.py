@@ -1,6 +1,6 @@
 """The Taylor series of `reference` in extended precision, which certifies it.
 
-Written for mpmath at any precision and order, in code of its own. `python tests/extended.py`
+Written for mpmath at any precision and order, in code of its own. `bash benchmarks/run.sh extended`
 computes and stores what the quick tests compare with.
 """
 
@@ -20,7 +20,7 @@ from reference import (
 )
 
 CERTIFIED = Path(__file__).parent.parent / "data" / "certified.npz"
-"""Rounded results of `points_mp`; `python tests/extended.py` makes the file, in minutes."""
+"""Rounded results of `points_mp`; `bash benchmarks/run.sh extended` makes the file, in minutes."""
 MATRIX_CASES = [(1000.0, 0.06), (1000.0, 0.0987)]
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import re
 import subprocess
 import sys
@@ -347,7 +348,9 @@ def test_nothing_is_left_running_when_the_test_process_is_killed(tmp_path, long_
         "    own.submit('--ntasks=2', script, 'long.toml', cwd=folder)\n"
         "    time.sleep(600)\n"
     )
-    process = subprocess.Popen([sys.executable, "-c", program], cwd=ROOT / "tests" / "campaigns")
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    )
     own = Cluster(tmp_path / "own")
     try:
         wait_for_blocks(own, tmp_path / "long.h5")

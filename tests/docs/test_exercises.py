@@ -21,11 +21,11 @@ def copy(tmp_path):
 
     def applied(name: str):
         ignored = shutil.ignore_patterns("__pycache__")
-        for part in ("hpcsweep", "jobs", "tests/job", "tests/campaigns", "benchmarks/reference"):
+        for part in ("hpcsweep", "jobs", "tests/job", "tests/support", "benchmarks/reference"):
             shutil.copytree(ROOT / part, folder / part, ignore=ignored)
         subprocess.run(["git", "apply", EXERCISES / f"{name}.diff"], cwd=folder, check=True)
 
-        path = [folder, folder / "tests/campaigns", folder / "benchmarks/reference"]
+        path = [folder, folder / "tests/support", folder / "benchmarks/reference"]
 
         def run(*arguments, ranks=0, code=0) -> str:
             launcher = [mpirun(), "-n", str(ranks)] if ranks else []

@@ -221,7 +221,7 @@ def test_frames_that_move_between_ranks_give_the_same_bytes(tmp_path):
     job.write_text(text.replace("block = 4", "block = 1"))
     assert hpcsweep(0, "run", job, "-o", tmp_path / "one.h5").returncode == 0
     # four frames of 22 blocks of equal cost on three ranks: one must move
-    paced = ROOT / "tests" / "campaigns" / "paced.py"
+    paced = ROOT / "tests" / "support" / "paced.py"
     done = run_script(3, paced, 0.05, "run", job, "-o", tmp_path / "three.h5")
     assert done.returncode == 0, done.stderr
     ranks_of = {}

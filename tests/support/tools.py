@@ -322,7 +322,7 @@ def run_script(ranks: int, script: Path, *arguments: object, cwd: Path | None = 
     return subprocess.run(
         line,
         cwd=cwd,
-        env=environment(PYTHONPATH=f"{ROOT}:{ROOT / 'tests' / 'campaigns'}"),
+        env=environment(PYTHONPATH=f"{ROOT}:{ROOT / 'tests' / 'support'}"),
         capture_output=True,
         text=True,
         timeout=LIMIT,

@@ -1,26 +1,26 @@
 """Check the invariants that the numbers of every committed run satisfy."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.settings import MEASURES
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.variable import CONTACT_SET, MISSING, RULES, VALID, Variable
+from hpcsweep.studies.variables import run_variables
 
-ENDED = [outcome for outcome in Outcome if outcome is not Outcome.NOT_COMPUTED]
-"""How a committed run may have ended."""
-ROUNDING = 1e-9
-"""Allowed excess over 1 of a mean modal norm."""
+Rows = dict[str, np.ndarray]
 
 
 def broken_invariants(
-    structure,
-    settings,
+    structure: Structure,
+    settings: SweepSettings,
     amplitude: np.ndarray,
-    rows: dict[str, np.ndarray],
+    rows: Rows,
     units: np.ndarray,
 ) -> list[tuple[int, str]]:
     """Check k runs against the invariants of `hpcsweep.studies.sweep.runs`.
@@ -40,33 +40,74 @@ def broken_invariants(
     list of (int, str)
         Row and message.
     """
-    broken = {**_of_the_run(settings, rows), **_of_failures(rows)}
+    broken = of_each(run_variables(settings), rows, structure, {}) | _of_the_run(settings, rows)
     if "poincare" in rows:
-        broken.update(_of_points(settings, rows, units))
+        broken |= _of_points(settings, rows, units)
     if "contact" in rows:
-        broken.update(_of_contact(structure, rows))
-    complete = rows["outcome"] == Outcome.COMPLETE
+        linear = rows["skip_rule"] == SkipRule.LINEAR
+        broken["contact of a linear run is empty"] = linear & (rows["contact"] != 0)
     if "drift" in rows:
-        drift = rows["drift"]
-        good = np.where(amplitude == 0, np.isnan(drift), np.isfinite(drift) & (drift >= 0))
-        broken["drift is finite and not negative"] = complete & ~good
-    for name in rows.keys() & set(MEASURES):
-        # a contact with a layer also pulls as it closes
-        least = -np.inf if name == "impulse" else 0.0
-        most = 1 + ROUNDING if name == "contact_time" else np.finfo(float).max
-        with np.errstate(invalid="ignore"):
-            good = ((rows[name] >= least) & (rows[name] <= most)).all(axis=1)
-        broken[f"{name} is finite, and a size or a share"] = complete & ~good
-    if "modal_norm" in rows:
-        norm = rows["modal_norm"]
-        with np.errstate(invalid="ignore"):
-            good = ((norm >= 0) & (norm <= 1 + ROUNDING)).all(axis=1)
-        broken["modal_norm lies between 0 and 1"] = complete & ~(good | np.isnan(norm).all(axis=1))
+        unknown = (rows["outcome"] == Outcome.COMPLETE) & np.isnan(rows["drift"])
+        broken["drift is NaN only without forcing"] = unknown & (amplitude != 0)
     if "motion" in rows:
-        broken.update(_of_motion(rows))
-    if "lyapunov" in rows:
-        broken["lyapunov is not +inf"] = rows["lyapunov"] == np.inf
+        broken |= _of_motion(rows)
     return listed(broken)
+
+
+def of_each(
+    variables: Sequence[Variable], rows: Rows, structure: Structure, slots: Mapping[str, str]
+) -> dict[str, np.ndarray]:
+    """Check what each variable declares: limits or codes, and what it is where there is nothing.
+
+    Parameters
+    ----------
+    variables : sequence of Variable
+    rows : dict of str to ndarray
+        First axis k runs.
+    structure : Structure
+    slots : mapping of str to str
+        By each dimension with room for several things the variable that is above 0 where there is
+        one. Elsewhere, and without such a dimension in runs that are not complete, there is none.
+
+    Returns
+    -------
+    dict of str to ndarray of bool, shape (k,)
+        Where each invariant is broken.
+    """
+    complete = rows["outcome"] == Outcome.COMPLETE
+    broken: dict[str, np.ndarray] = {}
+    for v in variables:
+        values = rows[v.name]
+        slot = next((dim for dim in v.dims if dim in slots), "")
+        held = rows[slots[slot]] > 0 if slot else complete
+        missing = np.isnan(values) if values.dtype.kind == "f" else values == 0
+        rule, good = _rule(v, values, structure)
+        inner = tuple(range(held.ndim, values.ndim))
+        missing, good = np.all(missing, axis=inner), np.all(good, axis=inner)
+        wrong = {f"{v.name} {rule}": ~(good | missing if v.optional else good)}
+        if v.failed != VALID:
+            wrong = {name: held & where for name, where in wrong.items()}
+        if v.failed == MISSING:
+            where = f"where there is no {slot}" if slot else "of a failed run"
+            wrong[f"{v.name} {where} is {v.missing}"] = ~held & ~missing
+        outer = tuple(range(1, held.ndim))
+        broken |= {name: where.any(axis=outer) for name, where in wrong.items()}
+    return broken
+
+
+def _rule(v: Variable, values: np.ndarray, structure: Structure) -> tuple[str, np.ndarray]:
+    """Return what a variable declares of its values, and where that is so."""
+    if v.flags == CONTACT_SET:
+        known = np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
+        return "has bits of existing contacts only", (values & ~known) == 0
+    if v.flags is not None and not isinstance(v.flags, str):
+        codes = [one for one in v.flags if one or v.limits]
+        return f"is one of {min(codes)} to {max(codes)}", np.isin(values, codes)
+    if v.limits is None:
+        return "is a number", np.ones(values.shape, bool)
+    least, most = v.limits
+    with np.errstate(invalid="ignore"):
+        return RULES[v.limits], (values >= least) & (values <= most)
 
 
 def listed(broken: Mapping[str, np.ndarray]) -> list[tuple[int, str]]:
@@ -78,12 +119,7 @@ def listed(broken: Mapping[str, np.ndarray]) -> list[tuple[int, str]]:
     )
 
 
-def of_outcome(outcome: np.ndarray) -> dict[str, np.ndarray]:
-    """Check that a run ended in a way that is known."""
-    return {"outcome is one of 1 to 4": ~np.isin(outcome, ENDED)}
-
-
-def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
+def _of_the_run(settings: SweepSettings, rows: Rows) -> dict[str, np.ndarray]:
     outcome, skip_rule = rows["outcome"], rows["skip_rule"]
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
@@ -97,35 +133,31 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
     whole_run = settings.transient_cycles + settings.sampling_cycles
     linear = complete & (skip_rule == SkipRule.LINEAR)
     return {
-        **of_outcome(outcome),
         "skip_rule is a rule the job allows": ~np.isin(skip_rule, used),
-        "orbit_period is at most max_orbit_period": (period < 0)
-        | (period > settings.max_orbit_period),
+        "orbit_period is at most max_orbit_period": period > settings.max_orbit_period,
         "a run that was cut short has an orbit_period": complete
         & ~off
         & (skip_rule != SkipRule.NONE)
         & (period == 0),
         "a linear run has orbit_period 1 and no cycles": linear & ((period != 1) | (cycles != 0)),
-        "cycles is at least that of transient and window": (cycles < 0)
-        | (complete & (skip_rule == SkipRule.NONE) & (cycles < whole_run)),
-        "final_state is finite": ~np.isfinite(rows["final_state"]).all(axis=1),
+        "cycles is at least that of transient and window": complete
+        & (skip_rule == SkipRule.NONE)
+        & (cycles < whole_run),
     }
 
 
-def _of_motion(rows: dict) -> dict[str, np.ndarray]:
-    motion, period, cycles = rows["motion"], rows["orbit_period"], rows["classification_cycles"]
+def _of_motion(rows: Rows) -> dict[str, np.ndarray]:
+    motion, period = rows["motion"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     failed = motion == MotionClass.FAILED
     orbit = (motion == MotionClass.PERIODIC) | (motion == MotionClass.NO_CONTACT)
     broken = {
-        "motion is one of 1 to 7": (motion < 1) | (motion > max(MotionClass)),
         "motion of a failed run is failed, of no other": complete == failed,
         "motion with an orbit_period is periodic or free of contact": complete
         & (period > 0)
         & ~orbit,
         "motion is periodic only with an orbit_period": (motion == MotionClass.PERIODIC)
         & (period == 0),
-        "classification_cycles is not negative": cycles < 0,
     }
     if "contact" in rows:
         free = (rows["contact"] == 0) & complete
@@ -135,22 +167,7 @@ def _of_motion(rows: dict) -> dict[str, np.ndarray]:
     return broken
 
 
-def _of_failures(rows: dict) -> dict[str, np.ndarray]:
-    """Check that a failed run has no results but the state that it reached."""
-    failed = rows["outcome"] != Outcome.COMPLETE
-    broken = {}
-    for name in ("orbit_period", "n_points", "contact"):
-        if name in rows:
-            broken[f"{name} of a failed run is 0"] = failed & (rows[name] != 0)
-    numbers = ("poincare", "drift", "modal_norm", "lyapunov", "lyapunov_low", "lyapunov_high")
-    for name in (*numbers, *MEASURES):
-        if name in rows:
-            kept = ~np.isnan(rows[name]).reshape(failed.size, -1).all(axis=1)
-            broken[f"{name} of a failed run is NaN"] = failed & kept
-    return broken
-
-
-def _of_points(settings, rows: dict, units: np.ndarray) -> dict[str, np.ndarray]:
+def _of_points(settings: SweepSettings, rows: Rows, units: np.ndarray) -> dict[str, np.ndarray]:
     points, n_points, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     window = points.shape[1]
@@ -180,13 +197,4 @@ def _of_points(settings, rows: dict, units: np.ndarray) -> dict[str, np.ndarray]
         & on_path
         & (last != rows["final_state"]).any(axis=1),
         "orbit_period is 0 only where the points do not repeat": hidden,
-    }
-
-
-def _of_contact(structure, rows: dict) -> dict[str, np.ndarray]:
-    contact = rows["contact"]
-    known = np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
-    return {
-        "contact has bits of existing contacts only": (contact & ~known) != 0,
-        "contact of a linear run is empty": (rows["skip_rule"] == SkipRule.LINEAR) & (contact != 0),
     }

@@ -242,7 +242,7 @@ def test_a_broken_promise_is_found_under_a_checksum_that_holds(tmp_path, name, c
         ("motion", lambda v: v * 0 + 5, "an orbit_period is periodic or free of contact"),
         ("orbit_period", lambda v: v * 0, "motion is periodic only with an orbit_period"),
         ("contact", lambda v: v | np.uint64(1), "motion is free of contact where contact is empty"),
-        ("classification_cycles", lambda v: v - 1, "classification_cycles is not negative"),
+        ("classification_cycles", lambda v: v - 1, "classification_cycles is at least 0"),
     ],
 )
 def test_a_broken_promise_of_a_decided_motion_is_found(tmp_path, name, change, promise):

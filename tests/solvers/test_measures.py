@@ -286,6 +286,10 @@ def test_a_measure_that_cannot_be_is_found():
         return [words for _, words in found]
 
     assert wrong({}) == []
-    for name, value in (("contact_time", 1.5), ("impacts", -1.0), ("impulse", np.inf)):
+    for name, value, rule in (
+        ("contact_time", 1.5, "lies between 0 and 1"),
+        ("impacts", -1.0, "is finite and not negative"),
+        ("impulse", np.inf, "is finite"),
+    ):
         damaged = {name: np.full_like(rows[name], value)}
-        assert wrong(damaged) == [f"not so: {name} is finite, and a size or a share"]
+        assert wrong(damaged) == [f"not so: {name} {rule}"]

@@ -1,16 +1,17 @@
 """Invariants of the results of a study of basins."""
 
-from typing import Any
-
 import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.invariants import of_motions
-from hpcsweep.studies.invariants import listed, of_outcome
+from hpcsweep.studies.attractors.variables import SLOTS
+from hpcsweep.studies.basins.basins import Basins
+from hpcsweep.studies.basins.refined import RefinedBasins
+from hpcsweep.studies.invariants import Rows, listed, of_each
 
 
-def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+def broken_invariants(study: Basins, rows: Rows) -> list[tuple[int, str]]:
     """Check k rows of starts against the invariants of `hpcsweep.studies.basins.basins`.
 
     Parameters
@@ -24,11 +25,11 @@ def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str
     list of (int, str)
         Row and message.
     """
-    broken = {**_of_labels(study, rows), **_of_attractors(study, rows)}
-    return listed(broken)
+    each = of_each(study.variables, rows, study.structure, SLOTS)
+    return listed({**each, **_of_labels(rows), **_of_attractors(rows)})
 
 
-def broken_invariants_of_starts(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+def broken_invariants_of_starts(study: RefinedBasins, rows: Rows) -> list[tuple[int, str]]:
     """Check k starts against the invariants of `hpcsweep.studies.basins.refined`.
 
     Parameters and result as of `broken_invariants`.
@@ -40,13 +41,12 @@ def broken_invariants_of_starts(study, rows: dict[str, np.ndarray]) -> list[tupl
             "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, listed_or_not),
             "a start that failed, and no other, is labelled so": (label == FAILED)
             != (outcome != Outcome.COMPLETE),
-            **of_outcome(outcome),
-            "cycles is at least 0": rows["cycles"] < 0,
+            **of_each(study.variables, rows, study.structure, {}),
         }
     )
 
 
-def _of_labels(study, rows: dict) -> dict[str, Any]:
+def _of_labels(rows: Rows) -> dict[str, np.ndarray]:
     labels, ids = rows["label"], rows["attractor_id"]
     counts = {
         name: (labels == value).sum(axis=1) != rows[name]
@@ -68,15 +68,12 @@ def _of_labels(study, rows: dict) -> dict[str, Any]:
     }
 
 
-def _of_attractors(study, rows: dict) -> dict[str, Any]:
+def _of_attractors(rows: Rows) -> dict[str, np.ndarray]:
     ids = rows["attractor_id"]
     held = ids > 0
     number = np.arange(1, ids.shape[1] + 1)
     return {
         "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
         "attractors come first": (held[:, 1:] & ~held[:, :-1]).any(axis=1),
-        "point is finite": (held & ~np.isfinite(rows["point"]).all(axis=2)).any(axis=1),
-        **of_outcome(rows["outcome"]),
-        "cycles is at least 0": rows["cycles"] < 0,
-        **of_motions(study, rows, held),
+        **of_motions(rows, held),
     }

@@ -4,18 +4,18 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.ground_motion.variables import ALONE, PEAKS, TIMES
-from hpcsweep.studies.invariants import listed, of_outcome
+from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.invariants import Rows, listed, of_each
 
-SIGNED = ("final_state", "impulse", "dissipated")
 ROUNDING = 1.0 + 1e-9
 
 
-def broken_invariants(rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+def broken_invariants(study: Records, rows: Rows) -> list[tuple[int, str]]:
     """Check k runs against the invariants of their variables.
 
     Parameters
     ----------
+    study : Records
     rows : dict of str to ndarray
         The file's variables, first axis the k runs.
 
@@ -24,24 +24,13 @@ def broken_invariants(rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
     list of (int, str)
         Row and message.
     """
-    outcome, skip_rule = rows["outcome"], rows["skip_rule"]
-    complete, linear = outcome == Outcome.COMPLETE, skip_rule == SkipRule.LINEAR
+    complete, skip_rule = rows["outcome"] == Outcome.COMPLETE, rows["skip_rule"]
+    linear = skip_rule == SkipRule.LINEAR
     broken = {
-        **of_outcome(outcome),
+        **of_each(study.variables, rows, study.structure, {}),
         "skip_rule is none or linear": ~np.isin(skip_rule, (SkipRule.NONE, SkipRule.LINEAR)),
         "a linear run is complete": linear & ~complete,
     }
-    for peak in (*PEAKS, *TIMES, *ALONE):
-        name = peak.variable.name
-        if name not in rows:
-            continue
-        values = rows[name]
-        least = -np.inf if name in SIGNED else 0.0
-        with np.errstate(invalid="ignore"):
-            good = (np.isfinite(values) & (values >= least)).all(axis=1)
-        broken[f"{name} is finite, and a size"] = complete & ~good
-        if values.dtype.kind == "f" and peak not in ALONE:
-            broken[f"{name} of a failed run is NaN"] = ~complete & ~np.isnan(values).all(axis=1)
     if "impacts" in rows:
         touched = (rows["impacts"] > 0).any(axis=1)
         broken["a linear run has no impacts"] = linear & touched

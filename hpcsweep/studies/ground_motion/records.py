@@ -254,7 +254,7 @@ class Records(Part):
         from hpcsweep.studies.ground_motion.invariants import broken_invariants
 
         del block
-        return broken_invariants(rows)
+        return broken_invariants(self, rows)
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way; see `.recompute`."""

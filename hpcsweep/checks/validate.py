@@ -25,9 +25,8 @@ from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import is_complete
 from hpcsweep.studies.blocks import Block
-from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.run_names import run_name
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import RunAgain, Study
 
 LISTED = 20
 """Problems that are described one by one; the rest is counted."""

@@ -8,6 +8,10 @@ import numpy as np
 
 Place = tuple[int, ...]
 """An index, an entry for each axis."""
+Rows = dict[str, np.ndarray]
+"""Results of runs by variable, first axis the runs in the order of the file."""
+Poll = Callable[[], None] | None
+"""Called within long work; may raise to leave."""
 
 
 @dataclass(frozen=True)

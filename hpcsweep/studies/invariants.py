@@ -9,25 +9,21 @@ from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import CONTACT_SET, MISSING, RULES, VALID, Variable
-from hpcsweep.studies.variables import run_variables
 
-Rows = dict[str, np.ndarray]
+Broken = dict[str, np.ndarray]
+"""Where each invariant is broken, shape (k,), by what should be so."""
 
 
-def broken_invariants(
-    structure: Structure,
-    settings: SweepSettings,
-    amplitude: np.ndarray,
-    rows: Rows,
-    units: np.ndarray,
-) -> list[tuple[int, str]]:
-    """Check k runs against the invariants of `hpcsweep.studies.sweep.runs`.
+def broken_relations(
+    settings: SweepSettings, amplitude: np.ndarray, rows: Rows, units: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Check k runs against the relations of `hpcsweep.studies.sweep.runs`.
 
     Parameters
     ----------
-    structure : Structure
     settings : SweepSettings
     amplitude : ndarray, shape (k,)
     rows : dict of str to ndarray
@@ -37,10 +33,9 @@ def broken_invariants(
 
     Returns
     -------
-    list of (int, str)
-        Row and message.
+    dict of str to ndarray of bool, shape (k,)
     """
-    broken = of_each(run_variables(settings), rows, structure, {}) | _of_the_run(settings, rows)
+    broken = _of_the_run(settings, rows)
     if "poincare" in rows:
         broken |= _of_points(settings, rows, units)
     if "contact" in rows:
@@ -51,12 +46,12 @@ def broken_invariants(
         broken["drift is NaN only without forcing"] = unknown & (amplitude != 0)
     if "motion" in rows:
         broken |= _of_motion(rows)
-    return listed(broken)
+    return broken
 
 
 def of_each(
     variables: Sequence[Variable], rows: Rows, structure: Structure, slots: Mapping[str, str]
-) -> dict[str, np.ndarray]:
+) -> Broken:
     """Check what each variable declares: limits or codes, and what it is where there is nothing.
 
     Parameters
@@ -75,7 +70,7 @@ def of_each(
         Where each invariant is broken.
     """
     complete = rows["outcome"] == Outcome.COMPLETE
-    broken: dict[str, np.ndarray] = {}
+    broken: Broken = {}
     for v in variables:
         values = rows[v.name]
         slot = next((dim for dim in v.dims if dim in slots), "")
@@ -119,7 +114,7 @@ def listed(broken: Mapping[str, np.ndarray]) -> list[tuple[int, str]]:
     )
 
 
-def _of_the_run(settings: SweepSettings, rows: Rows) -> dict[str, np.ndarray]:
+def _of_the_run(settings: SweepSettings, rows: Rows) -> Broken:
     outcome, skip_rule = rows["outcome"], rows["skip_rule"]
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
@@ -146,7 +141,7 @@ def _of_the_run(settings: SweepSettings, rows: Rows) -> dict[str, np.ndarray]:
     }
 
 
-def _of_motion(rows: Rows) -> dict[str, np.ndarray]:
+def _of_motion(rows: Rows) -> Broken:
     motion, period = rows["motion"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     failed = motion == MotionClass.FAILED
@@ -167,7 +162,7 @@ def _of_motion(rows: Rows) -> dict[str, np.ndarray]:
     return broken
 
 
-def _of_points(settings: SweepSettings, rows: Rows, units: np.ndarray) -> dict[str, np.ndarray]:
+def _of_points(settings: SweepSettings, rows: Rows, units: np.ndarray) -> Broken:
     points, n_points, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     window = points.shape[1]

@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, BlockTable, Place
+from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows
 from hpcsweep.studies.growth import Growth
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
@@ -54,6 +54,44 @@ class Axis:
         """The values as stored in the file."""
         types: dict[type, Any] = {int: "<i8", float: "<f8", str: object}
         return Coordinate(np.array(self.values, types[type(self.values[0])]), self.units, self.key)
+
+
+@dataclass
+class RunAgain:
+    """Result of recomputing one run.
+
+    Attributes
+    ----------
+    at : str
+        Which run.
+    solver : str
+        The other solver.
+    omega, amplitude : float
+        Of a motion.
+    orbit_period : int
+        0 of what is no orbit.
+    compared : str
+        What was compared with it.
+    difference, allowed : float or None
+        Largest difference of a point (in units of the state), and the allowed one; None if nothing
+        could be compared.
+    whole_run : str
+        Outcome of the whole run by ``flow``: ``equal`` to the last bit, ``same`` within the
+        allowed difference, ``other`` points.
+    problem : str
+        '' if there is none.
+    """
+
+    at: str
+    solver: str
+    omega: float = 0.0
+    amplitude: float = 0.0
+    orbit_period: int = 0
+    compared: str = ""
+    difference: float | None = None
+    allowed: float | None = None
+    whole_run: str = ""
+    problem: str = ""
 
 
 class Work(Protocol):
@@ -119,23 +157,21 @@ class Work(Protocol):
     def predecessor(self, block: Block, row: int) -> Place | None:
         """Return the index of the run from whose end state a run starts; None: `initial_state`."""
 
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return the state from which the run after one of the rows starts.
 
         Made of the variables `carried`: the end state, or whatever else the study carries along its
         path; a finite one-dimensional array, stored completely in the file.
         """
 
-    def compute(
-        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute a block from the present state of its path."""
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+    def check(self, block: Block, rows: Rows) -> list[tuple[int, str]]:
         """Return the broken invariants of runs: (row, message)."""
 
     def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
+        self, share: float, along: float, n_runs: int, poll: Poll = None
     ) -> tuple[tuple[int, float], int, float]:
         """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis.
 
@@ -147,8 +183,8 @@ class Work(Protocol):
         seconds : float
         """
 
-    def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> Any:
-        """Compute a complete stored run again, another way: a `recompute.RunAgain`."""
+    def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+        """Compute a complete stored run again, another way."""
 
 
 class Compiled(Protocol):
@@ -223,6 +259,10 @@ class Data(Protocol):
         """Variables that are known in advance, with their values."""
 
     @property
+    def starting_range(self) -> dict[str, tuple[int, float, float]]:
+        """Component and range of drawn or gridded starts, by name; empty if there are none."""
+
+    @property
     def n_parts(self) -> int:
         """Number of points of `axes`."""
 
@@ -234,6 +274,20 @@ class Data(Protocol):
 
     def part_of(self, block: Block) -> tuple["Study", Block]:
         """Return the part to which a block belongs, and the block with its index there."""
+
+
+class Tally(Protocol):
+    """Counts over the runs of a study, for ``summary``."""
+
+    @property
+    def done(self) -> int:
+        """Number of computed runs."""
+
+    def add(self, frame: Any, study: Any) -> None:
+        """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts: numbers, strings, lists and dicts."""
 
 
 class Report(Protocol):
@@ -267,13 +321,13 @@ class Report(Protocol):
     def describe_task(self, task: int) -> str:
         """Describe a task by its frequency and other properties."""
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the motions of a run, each as the variables of a run of a sweep.
 
         One that is not at the run's own place has its ``omega``, ``amplitude`` or ``structure``.
         """
 
-    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count, for ``status``, what only this kind of study reports.
 
         Parameters
@@ -283,7 +337,7 @@ class Report(Protocol):
             The variables `status_variables`, ``outcome`` and ``cycles``.
         """
 
-    def tally(self) -> Any:
+    def tally(self) -> Tally:
         """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
 
 

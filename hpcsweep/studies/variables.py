@@ -7,6 +7,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.settings import CONTACT_MEASURES, FLOOR_MEASURES, MEASURES, SweepSettings
 from hpcsweep.studies.variable import (
     BELOW_INFINITY,
@@ -118,9 +119,7 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
 
 
-def empty_results(
-    variables: list[Variable], structure, n_runs: int, **sizes: int
-) -> dict[str, np.ndarray]:
+def empty_results(variables: list[Variable], structure, n_runs: int, **sizes: int) -> Rows:
     """Allocate the results of `n_runs` runs, as for failed ones.
 
     Parameters

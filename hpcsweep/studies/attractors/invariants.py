@@ -5,40 +5,26 @@ import numpy as np
 from hpcsweep.dynamics.attractors import RECORD
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import share_interval
-from hpcsweep.studies.attractors.attractors import Attractors
-from hpcsweep.studies.attractors.variables import SLOTS
-from hpcsweep.studies.invariants import Rows, listed, of_each
+from hpcsweep.studies.attractors.attractors import AttractorGrid
+from hpcsweep.studies.blocks import Rows
+from hpcsweep.studies.invariants import Broken
 
 KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
 ROUNDING = 1e-12
 
 
-def broken_invariants(study: Attractors, rows: Rows) -> list[tuple[int, str]]:
-    """Check k points against the invariants of `hpcsweep.studies.attractors.attractors`.
-
-    Parameters
-    ----------
-    study : Attractors
-    rows : dict of str to ndarray
-        The file's variables, first axis the k points.
-
-    Returns
-    -------
-    list of (int, str)
-        Row and message.
-    """
+def broken_relations(study: AttractorGrid, rows: Rows) -> Broken:
+    """Check k points against the relations of `hpcsweep.studies.attractors.attractors`."""
     held = rows["attractor_id"] > 0
-    broken = {
-        **of_each(study.variables, rows, study.structure, SLOTS),
+    return {
         **_of_counts(study, rows, held),
         **_of_shares(study, rows, held),
         **of_motions(rows, held),
         **_of_points(rows, held),
     }
-    return listed(broken)
 
 
-def _of_counts(study: Attractors, rows: Rows, held: np.ndarray) -> dict[str, np.ndarray]:
+def _of_counts(study: AttractorGrid, rows: Rows, held: np.ndarray) -> Broken:
     ids, number = rows["attractor_id"], rows["n_attractors"]
     hits = np.where(held, rows["hits"], 0).sum(axis=1)
     starts = hits + rows["n_undecided"] + rows["n_failed"] + rows["n_elsewhere"]
@@ -53,7 +39,7 @@ def _of_counts(study: Attractors, rows: Rows, held: np.ndarray) -> dict[str, np.
     }
 
 
-def _of_shares(study: Attractors, rows: Rows, held: np.ndarray) -> dict[str, np.ndarray]:
+def _of_shares(study: AttractorGrid, rows: Rows, held: np.ndarray) -> Broken:
     hits, wrong = rows["hits"], np.zeros(len(held), bool)
     for row, slot in np.argwhere(held).tolist():
         count = int(hits[row, slot])
@@ -67,25 +53,23 @@ def _of_shares(study: Attractors, rows: Rows, held: np.ndarray) -> dict[str, np.
     falls = np.where(held, hits, -1)
     return {
         "share and its interval are those of the hits": wrong,
-        "shares fall": (np.diff(falls, axis=1) > 0).any(axis=1),
+        "shares fall": np.any(np.diff(falls, axis=1) > 0, axis=1),
     }
 
 
-def of_motions(rows: Rows, held: np.ndarray) -> dict[str, np.ndarray]:
+def of_motions(rows: Rows, held: np.ndarray) -> Broken:
     """Check kind, period and multiplier of attractors."""
     kind, period, multiplier = rows["motion_class"], rows["orbit_period"], rows["multiplier"]
-    orbit: np.ndarray = held & (kind == MotionClass.PERIODIC)
-    unlike: np.ndarray = orbit ^ (held & (period > 0))
+    orbit = held & (kind == MotionClass.PERIODIC)
     with np.errstate(invalid="ignore"):
-        attracts = multiplier < 1
-    return {
-        "motion_class is 2, 4 or 5": (held & ~np.isin(kind, KINDS)).any(axis=1),
-        "orbits, and nothing else, have a period": unlike.any(axis=1),
-        "orbits attract": (orbit & ~attracts).any(axis=1),
-    }
+        return {
+            "motion_class is 2, 4 or 5": (held & ~np.isin(kind, KINDS)).any(axis=1),
+            "orbits, and nothing else, have a period": (held & (orbit != (period > 0))).any(axis=1),
+            "orbits attract": (orbit & ~(multiplier < 1)).any(axis=1),
+        }
 
 
-def _of_points(rows: Rows, held: np.ndarray) -> dict[str, np.ndarray]:
+def _of_points(rows: Rows, held: np.ndarray) -> Broken:
     points, count, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
     room = points.shape[2]
     stored = np.arange(room) < np.where(held, count, 0)[..., None]

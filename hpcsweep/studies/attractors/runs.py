@@ -1,6 +1,6 @@
 """Find attractors at one forcing frequency: at each amplitude of a path, or a single point."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.attractors.search import Limits, store_values
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
+from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.variables import empty_results
@@ -74,9 +75,7 @@ class AttractorRuns:
             self._solver = make_solver(name, structure, self._omega, rtol)
         return self._solver
 
-    def at(
-        self, amplitude: float, seeds: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> Portrait:
+    def at(self, amplitude: float, seeds: np.ndarray, poll: Poll = None) -> Portrait:
         """Find the attractors at an amplitude."""
         limits = self._limits
         box = np.array(limits.box)
@@ -92,9 +91,7 @@ class AttractorRuns:
             poll,
         )
 
-    def follow(
-        self, amplitudes: Amplitudes, state: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def follow(self, amplitudes: Amplitudes, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of consecutive amplitudes.
 
         Parameters

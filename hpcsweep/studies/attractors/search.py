@@ -8,6 +8,7 @@ import numpy as np
 from hpcsweep.dynamics.shares import starts_needed
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.keys import Key
 from hpcsweep.studies.settings import MEASURES
 from hpcsweep.studies.sweep.measures import store_measures
@@ -97,9 +98,7 @@ def read_limits(values, what: str) -> dict[str, Any]:
     return {key.name: values.read("study", key) for key in SEARCH}
 
 
-def store_values(
-    result: dict[str, np.ndarray], at: tuple[int, int], structure: Structure, one, **values
-) -> None:
+def store_values(result: Rows, at: tuple[int, int], structure: Structure, one, **values) -> None:
     """Store one attractor, and `values`, at a run and a slot."""
     values |= {
         "motion_class": one.kind,
@@ -118,9 +117,7 @@ def store_values(
         store_measures(own, structure, one.measures[None])
 
 
-def attractors_as_runs(
-    variables: list[Variable], run: dict[str, np.ndarray]
-) -> list[dict[str, np.ndarray]]:
+def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
     """Return each attractor of a run as a motion of a run; `final_state` is its `point`."""
     named = [v.name for v in variables if v.dims[3:4] == ("attractor",)]
     found = []

@@ -1,6 +1,5 @@
 """Classify starts on a slice of the initial states, in rows or each on its own."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,6 +13,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.attractors.search import store_values
 from hpcsweep.studies.basins.variables import basin_variables, is_of_attractors
+from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variables import empty_results
 
@@ -68,9 +68,7 @@ class SliceRuns:
         self._solver = make_solver(settings.solver, measured, omega, settings.rtol)
         self._basins: Basins | None = None
 
-    def row(
-        self, horizontal: np.ndarray, ordinate: float, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def row(self, horizontal: np.ndarray, ordinate: float, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach.
 
         Parameters
@@ -108,9 +106,7 @@ class SliceRuns:
         row["outcome"][0] = Outcome.SOLVER_FAILED if failed else Outcome.COMPLETE
         return row
 
-    def starts(
-        self, horizontal: np.ndarray, ordinate: float, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def starts(self, horizontal: np.ndarray, ordinate: float, poll: Poll = None) -> Rows:
         """Return the attractor that each of some starts reaches, on its own; as of `row`.
 
         Returns
@@ -126,7 +122,7 @@ class SliceRuns:
             "outcome": np.where(failed, Outcome.SOLVER_FAILED, Outcome.COMPLETE).astype(np.int8),
         }
 
-    def attractors(self, poll: Callable[[], None] | None = None) -> dict[str, np.ndarray]:
+    def attractors(self, poll: Poll = None) -> Rows:
         """Return the attractors of the slice, arrays of shape (1, max_attractors, ...)."""
         variables = [v for v in basin_variables(self._settings) if is_of_attractors(v)]
         most = self._slice.max_attractors
@@ -143,7 +139,7 @@ class SliceRuns:
         states[:, first], states[:, second] = horizontal, ordinate
         return states
 
-    def _known(self, poll) -> Basins:
+    def _known(self, poll: Poll) -> Basins:
         """Find the attractors, once."""
         if self._basins is None:
             shape, state = self._slice, np.array(self._slice.state)

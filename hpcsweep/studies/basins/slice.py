@@ -22,7 +22,7 @@ from hpcsweep.studies.attractors.search import (
     read_limits,
 )
 from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
-from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -50,7 +50,7 @@ MAX_STATE = 1e200
 
 
 @dataclass(frozen=True, eq=False)
-class SliceGrid(IndependentRuns):
+class SliceGrid(RunGrid):
     """Starts on a slice, a frame for each row; see `RunGrid`, which holds a frequency a frame.
 
     Attributes

@@ -7,8 +7,6 @@ cover the plane without overlap, and a line stays a task that depends on no othe
 in each strip in which it crosses the line.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import Limits
@@ -16,6 +14,7 @@ from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.events import n_unstable
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.plane import KINDS, Plane, curves_through
+from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.branches.keys import pair_of
 from hpcsweep.studies.branches.variables import End, Met
 
@@ -48,9 +47,7 @@ def strip(study, line: int) -> tuple[float, float]:
     )
 
 
-def store_curves(
-    rows: dict, study, line: int, catalogue: Catalogue, poll: Callable[[], None] | None
-) -> int:
+def store_curves(rows: dict, study, line: int, catalogue: Catalogue, poll: Poll) -> int:
     """Follow and store the curves of a line; return the forcing periods that it took."""
     omega = float(study.omega[line])
     pair = ForcedMap(

@@ -2,33 +2,20 @@
 
 import numpy as np
 
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.branches.branches import Branches
-from hpcsweep.studies.branches.variables import SLOTS
-from hpcsweep.studies.invariants import Rows, listed, of_each
+from hpcsweep.studies.invariants import Broken
 
 ROUNDING = 1e-9
 
 
-def broken_invariants(study: Branches, rows: Rows) -> list[tuple[int, str]]:
-    """Check k lines against what `hpcsweep.studies.branches.branches` says of its results.
-
-    Parameters
-    ----------
-    study : Branches
-    rows : dict of str to ndarray
-        The file's variables, first axis the k lines.
-
-    Returns
-    -------
-    list of (int, str)
-        Row and what is wrong there.
-    """
-    broken = of_each(study.variables, rows, study.structure, SLOTS)
-    broken |= {**_of_branches(rows), **_of_points(study, rows), **_of_seeds(rows)}
-    return listed(broken | (_of_curves(study, rows) if study.curves else {}))
+def broken_relations(study: Branches, rows: Rows) -> Broken:
+    """Check k lines against the relations of `hpcsweep.studies.branches.branches`."""
+    broken = {**_of_branches(rows), **_of_points(study, rows), **_of_seeds(rows)}
+    return broken | (_of_curves(study, rows) if study.curves else {})
 
 
-def _of_branches(rows: Rows) -> dict[str, np.ndarray]:
+def _of_branches(rows: Rows) -> Broken:
     ids = rows["branch_id"]
     held = ids > 0
     number = np.arange(1, ids.shape[1] + 1)
@@ -39,7 +26,7 @@ def _of_branches(rows: Rows) -> dict[str, np.ndarray]:
     }
 
 
-def _of_points(study: Branches, rows: Rows) -> dict[str, np.ndarray]:
+def _of_points(study: Branches, rows: Rows) -> Broken:
     branch, value = rows["step_branch"], rows["value"]
     held = branch > 0
     with np.errstate(invalid="ignore"):
@@ -57,7 +44,7 @@ def _of_points(study: Branches, rows: Rows) -> dict[str, np.ndarray]:
     }
 
 
-def _of_curves(study: Branches, rows: Rows) -> dict[str, np.ndarray]:
+def _of_curves(study: Branches, rows: Rows) -> Broken:
     ids, step = rows["curve_id"], rows["curve_of_step"]
     number, n_curves = np.arange(1, ids.shape[1] + 1), rows["n_curves"][:, None]
     assert study.curve_span is not None
@@ -75,7 +62,7 @@ def _of_curves(study: Branches, rows: Rows) -> dict[str, np.ndarray]:
     }
 
 
-def _of_seeds(rows: Rows) -> dict[str, np.ndarray]:
+def _of_seeds(rows: Rows) -> Broken:
     held, branch = rows["seed_period"] > 0, rows["seed_branch"]
     return {
         "each seed lies on a branch, or is told why not": (

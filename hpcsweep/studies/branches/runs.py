@@ -1,7 +1,6 @@
 """The branches of a line."""
 
 import hashlib
-from collections.abc import Callable
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from hpcsweep.dynamics.continuation.search import search
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
+from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.branches.curves import store_curves
 from hpcsweep.studies.branches.variables import End, Origin, Reason
@@ -23,9 +23,7 @@ REACH = 0.01
 """Largest distance of a seed from the orbit that Newton's method finds, in units of the state."""
 
 
-def line_of(
-    study: Branches, line: int, poll: Callable[[], None] | None = None
-) -> dict[str, np.ndarray]:
+def line_of(study: Branches, line: int, poll: Poll = None) -> Rows:
     """Follow the branches of a line.
 
     Parameters

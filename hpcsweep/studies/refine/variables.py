@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
@@ -61,9 +62,7 @@ def derived_coordinates() -> dict[str, Coordinate]:
     }
 
 
-def derived_values(
-    study: Study, refinement: Refinement, rounds: Rounds, labels: Labels
-) -> dict[str, np.ndarray]:
+def derived_values(study: Study, refinement: Refinement, rounds: Rounds, labels: Labels) -> Rows:
     """Return the variables of a complete map, without the checksums.
 
     Returns
@@ -83,14 +82,14 @@ def derived_values(
         values[CROSSED] = np.pad(rounds.crossed, [(0, 1)] * rounds.crossed.ndim).ravel()
     audit = np.full((MAX_LOOKS, len(QUANTITIES)), np.nan)
     audit[: len(rounds.looks)] = rounds.looks
-    listed: dict[str, np.ndarray] = getattr(study, "listed_values", dict)()
+    listed: Rows = getattr(study, "listed_values", dict)()
     values |= {n: np.broadcast_to(v, (study.n_frames, *v.shape)) for n, v in listed.items()}
     return {**values, AUDIT: audit}
 
 
 def replay(
     study: Study, refinement: Refinement, labels: Labels, crossed: np.ndarray | None = None
-) -> dict[str, np.ndarray] | None:
+) -> Rows | None:
     """Return `derived_values` of a map whose rounds are all known; None if a point is missing.
 
     Parameters

@@ -9,7 +9,6 @@ end of the window nevertheless.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.dynamics.stability import orbit_exponent
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
+from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.rows import NOT_TESTED
 
@@ -62,7 +62,7 @@ def classify_window(
     seen: Observation,
     settings: SweepSettings,
     outlived: int = 0,
-    poll: Callable[[], None] | None = None,
+    poll: Poll = None,
 ) -> Classification:
     """Classify the motion of a window, or of its continuation.
 

@@ -3,10 +3,11 @@
 import numpy as np
 
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES
 
 
-def store_measures(rows: dict[str, np.ndarray], structure: Structure, measures: np.ndarray) -> None:
+def store_measures(rows: Rows, structure: Structure, measures: np.ndarray) -> None:
     """Store measures, shape (k, D + 2 n + 5 m) as in an `Observation`, in rows of results.
 
     The force of a contact is largest where its floors are farthest past it. That of a dashpot comes

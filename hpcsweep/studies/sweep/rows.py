@@ -8,6 +8,7 @@ from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.measures import store_measures
 from hpcsweep.studies.variables import empty_results, run_variables
@@ -60,7 +61,7 @@ class Result(NamedTuple):
     classification_cycles: Any = 0
 
 
-def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:
+def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> Rows:
     """Allocate the results of `n_runs` runs, as for failed runs.
 
     Returns
@@ -73,11 +74,7 @@ def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> di
 
 
 def store(
-    rows: dict[str, np.ndarray],
-    structure: Structure,
-    omega: float,
-    amplitudes: np.ndarray | float,
-    result: Result,
+    rows: Rows, structure: Structure, omega: float, amplitudes: np.ndarray | float, result: Result
 ) -> None:
     """Write results of k complete runs into `rows`, k rows as allocated by `empty_rows`."""
     values = {
@@ -108,9 +105,7 @@ def store(
         store_measures(rows, structure, np.atleast_2d(result.measures))
 
 
-def store_failure(
-    rows: dict[str, np.ndarray], end: np.ndarray, cycles: int, outcome: Outcome
-) -> None:
+def store_failure(rows: Rows, end: np.ndarray, cycles: int, outcome: Outcome) -> None:
     """Write the outcome of a failed run and its last state into its row."""
     rows["cycles"][:] = cycles
     rows["outcome"][:] = outcome

@@ -8,8 +8,12 @@ import numpy as np
 
 Place = tuple[int, ...]
 """An index, an entry for each axis."""
+Amplitudes = Sequence[float] | np.ndarray
+"""In the order in which they are computed, shape (k,)."""
 Rows = dict[str, np.ndarray]
 """Results of runs by variable, first axis the runs in the order of the file."""
+Timed = tuple[tuple[int, float], int, float]
+"""Frame and position along the last axis of the runs, from 0 to 1; runs; seconds."""
 Poll = Callable[[], None] | None
 """Called within long work; may raise to leave."""
 

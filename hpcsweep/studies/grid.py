@@ -1,6 +1,6 @@
-"""Bases of studies over direction, frame (forcing frequency) and forcing amplitude.
+"""Base of studies over direction, frame (forcing frequency) and forcing amplitude.
 
-Runs are independent, each block a task of its own, or form paths (`AlongAmplitudes`).
+Runs are independent, each block a task of its own, or form paths (`hpcsweep.studies.grid_kinds`).
 
 A frame's runs of one direction are cut into blocks of `block_size` amplitudes, in ascending order;
 block b of a descending direction holds as many amplitudes, counted from the top.
@@ -18,13 +18,11 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows
-from hpcsweep.studies.invariants import broken_relations
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Timed
+from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
-from hpcsweep.studies.refine.growth import MapGrowth
-from hpcsweep.studies.refine.refinement import Refinement
 from hpcsweep.studies.report import MAX_FRAMES, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
 from hpcsweep.studies.study import RunAgain, Tally
@@ -42,8 +40,6 @@ from hpcsweep.studies.variables import (
     states,
     storey_heights,
 )
-
-UP, DOWN = "up", "down"
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,9 +248,7 @@ class RunGrid(Part):
         """Return the same study with other settings."""
         return replace(self, settings=replace(self.settings, **changes))
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Poll = None
-    ) -> tuple[tuple[int, float], int, float]:
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a frame, after an untimed one that reaches the attractor."""
         frame = int(share * self.omega.size)
         at = int(along * (max(self.n_amplitudes - n_runs - 1, 0) + 1))
@@ -267,7 +261,7 @@ class RunGrid(Part):
         self.runs_at(frame, places, state, poll)
         return (frame, middle), places.size, time.perf_counter() - begun
 
-    def relations(self, block: Block, rows: Rows) -> dict[str, np.ndarray]:
+    def relations(self, block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
         _, frame, low = block.first
         amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs]
@@ -354,56 +348,3 @@ class RunGrid(Part):
         from hpcsweep.studies.compilation import warm_up, worth_specialising
 
         warm_up(self._all_settings, say, None, self.structure, worth_specialising(self, n_ranks))
-
-
-class AlongAmplitudes(RunGrid):
-    """A grid each frame of which is a path: up, then down if that is a direction too."""
-
-    is_path: ClassVar[bool] = True
-
-    def task_of(self, direction, frame, number):
-        """Return the task of blocks: their frame."""
-        del direction, number
-        return frame
-
-    def path(self, task: int) -> Path:
-        """Return the blocks of a frame: up, then down."""
-
-        def block(position: int) -> Block:
-            direction, number = divmod(position, self.n_blocks)
-            return self.block((direction, task, number))
-
-        return Path(len(self.directions) * self.n_blocks, block)
-
-    def descends(self, direction: int) -> bool:
-        """Return whether the amplitudes of a direction are computed in descending order."""
-        return self.directions[direction] == DOWN
-
-    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return the index of the previous run on the path; None for the first."""
-        if row != block.begin:
-            return block.run(row + 1 if block.descending else row - 1)
-        path = self.path(block.task)
-        position = next(k for k, other in enumerate(path) if other.place == block.place)
-        before = path[position - 1] if position else None
-        return before.run(before.end) if before else None
-
-    def describe_task(self, task: int) -> str:
-        """Describe a frame by its frequency."""
-        return f"Omega = {self.omega[task]:.6g}"
-
-
-class MappedRuns(RunGrid):
-    """A grid of which a map may be refined."""
-
-    refine: Refinement | None = None
-
-    @property
-    def growth(self) -> MapGrowth | None:
-        """How its map grows; None if all runs are computed."""
-        return None if self.refine is None else MapGrowth(self, self.refine, self.map_axes)
-
-    @property
-    def map_axes(self) -> dict[str, np.ndarray]:
-        """Values of the axes of a refined map, by key of the job."""
-        return {"sweep.omega": self.omega, "sweep.amplitude": self.amplitude}

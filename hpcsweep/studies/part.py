@@ -4,12 +4,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
-import numpy as np
-
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, Place, Rows
 from hpcsweep.studies.growth import Growth
-from hpcsweep.studies.invariants import listed, of_each
+from hpcsweep.studies.invariants import Broken, listed, of_each
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis
 from hpcsweep.studies.variable import Variable
@@ -33,7 +31,7 @@ class Part(ABC):
         """Variables of the runs, in the order of the file."""
 
     @abstractmethod
-    def relations(self, block: Block, rows: Rows) -> dict[str, np.ndarray]:
+    def relations(self, block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken in runs, by what should be so."""
 
     def check(self, block: Block, rows: Rows) -> list[tuple[int, str]]:

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from hpcsweep.studies.blocks import Poll, Rows
-from hpcsweep.studies.grid import MappedRuns
+from hpcsweep.studies.grid_kinds import MappedRuns
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
 from hpcsweep.studies.sweep.runs import frame_runs

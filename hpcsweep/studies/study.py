@@ -16,14 +16,11 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows
+from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows, Timed
 from hpcsweep.studies.growth import Growth
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate, Variable
-
-Amplitudes = Sequence[float] | np.ndarray
-"""In the order in which they are computed, shape (k,)."""
 
 
 @dataclass(frozen=True)
@@ -170,18 +167,8 @@ class Work(Protocol):
     def check(self, block: Block, rows: Rows) -> list[tuple[int, str]]:
         """Return the broken invariants of runs: (row, message)."""
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Poll = None
-    ) -> tuple[tuple[int, float], int, float]:
-        """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis.
-
-        Returns
-        -------
-        place : (int, float)
-            Frame, and position along the last axis of the runs, from 0 to 1.
-        n_runs : int
-        seconds : float
-        """
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
+        """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis."""
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Timed
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.seeds import Reader
@@ -186,9 +186,7 @@ class Varied:
         part, inner = self.part_of(block)
         return part.check(inner, rows)
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Poll = None
-    ) -> tuple[tuple[int, float], int, float]:
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a frame of a part; frames are counted through all parts."""
         number, frame = divmod(int(share * self.n_frames), self.base.n_frames)
         part = self.part(self._place(number))

@@ -28,14 +28,17 @@ from hpcsweep.studies.attractors.search import (
     MAX_CYCLES,
     SEED,
     STARTS,
+    UNSTORED,
     Limits,
     attractors_as_runs,
+    count_starts,
     read_limits,
 )
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import SLOTS, attractor_variables
 from hpcsweep.studies.blocks import Block, Poll, Rows
-from hpcsweep.studies.grid import UP, AlongAmplitudes, MappedRuns, RunGrid
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.grid_kinds import UP, AlongAmplitudes, MappedRuns
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
@@ -174,16 +177,15 @@ class AttractorGrid(Limits, RunGrid):
         """Count attractors, and the starts that reached no stored one."""
         good = done & (runs["outcome"] == Outcome.COMPLETE)
         number = runs["n_attractors"][good]
-        starts = int(done.sum()) * self.starts
         return {
             "attractors_per_point": float(number.mean()) if number.size else None,
             "points_with_several": int((number > 1).sum()),
             "most_attractors": int(number.max(initial=0)),
-            "starts": starts,
-            "periods_per_start": float(runs["cycles"][done].sum()) / starts if starts else None,
-            "starts_undecided": int(runs["n_undecided"][done].sum()),
-            "starts_failed": int(runs["n_failed"][done].sum()),
-            "starts_elsewhere": int(runs["n_elsewhere"][done].sum()),
+            **count_starts(
+                int(done.sum()) * self.starts,
+                runs["cycles"][done].sum(),
+                (runs[f"n_{name}"][done].sum() for name in UNSTORED),
+            ),
         }
 
     def tally(self) -> Tally:

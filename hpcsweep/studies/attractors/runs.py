@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import Attractor, Found, Portrait
+from hpcsweep.dynamics.attractor import Found, Portrait
 from hpcsweep.dynamics.portrait import portrait
 from hpcsweep.dynamics.resemblance import matched
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
@@ -13,11 +13,10 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.attractors.search import Limits, store_values
+from hpcsweep.studies.attractors.search import Limits, store_attractor
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
-from hpcsweep.studies.blocks import Poll, Rows
+from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.variables import empty_results
 
 
@@ -134,7 +133,9 @@ class AttractorRuns:
         kept, points = [kept[k] for k in place], [points[k] for k in place]
         ids = [ids[k] for k in place]
         for slot, (one, own, number) in enumerate(zip(kept, points, ids, strict=True)):
-            _store_attractor(result, (index, slot), self._solver.structure, one, own, number)
+            known = {"attractor_id": number, "point": own[-1], "n_points": len(own)}
+            store_attractor(result, (index, slot), self._solver.structure, one, **known)
+            result["poincare"][index, slot, : len(own)] = own
         hits = sum(one.hits for one in kept)
         result["n_attractors"][index] = len(found.attractors)
         result["n_undecided"][index] = found.n_undecided
@@ -165,28 +166,6 @@ class AttractorRuns:
                 known[place] = last_id
             ids.append(known[place])
         return ids, last_id
-
-
-def _store_attractor(
-    result, at: tuple[int, int], structure: Structure, one: Attractor, points, number: int
-) -> None:
-    """Store one attractor."""
-    store_values(
-        result,
-        at,
-        structure,
-        one,
-        attractor_id=number,
-        hits=one.hits,
-        share=one.share,
-        share_low=one.share_low,
-        share_high=one.share_high,
-        lyapunov_low=one.lyapunov_low,
-        lyapunov_high=one.lyapunov_high,
-        point=points[-1],
-        n_points=len(points),
-    )
-    result["poincare"][at][: len(points)] = points
 
 
 def attractors(

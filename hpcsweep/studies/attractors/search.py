@@ -1,17 +1,19 @@
 """Common parts of studies of attractors: limits, allocation, orbits to validate."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from hpcsweep.dynamics.attractor import Attractor
 from hpcsweep.dynamics.shares import starts_needed
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.keys import Key
 from hpcsweep.studies.settings import MEASURES
-from hpcsweep.studies.sweep.measures import store_measures
+from hpcsweep.studies.sweep.rows import store_measures
 from hpcsweep.studies.variable import Variable
 
 STARTS = Key(
@@ -98,18 +100,11 @@ def read_limits(values, what: str) -> dict[str, Any]:
     return {key.name: values.read("study", key) for key in SEARCH}
 
 
-def store_values(result: Rows, at: tuple[int, int], structure: Structure, one, **values) -> None:
-    """Store one attractor, and `values`, at a run and a slot."""
-    values |= {
-        "motion_class": one.kind,
-        "orbit_period": one.orbit_period,
-        "multiplier": one.multiplier,
-        "lyapunov": one.lyapunov,
-        "contact": one.contact,
-        "drift": one.drift,
-        "modal_norm": one.modal_norm,
-    }
-    for name, value in values.items():
+def store_attractor(
+    result: Rows, at: tuple[int, int], structure: Structure, one: Attractor, **values: Any
+) -> None:
+    """Store one attractor, and `values`, at a run and a slot, by the names of the variables."""
+    for name, value in (vars(one) | {"motion_class": one.kind} | values).items():
         if name in result:
             result[name][at] = value
     if one.measures.size:
@@ -127,3 +122,16 @@ def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
         one["skip_rule"] = np.int8(SkipRule.NEWTON)
         found.append(one)
     return found
+
+
+UNSTORED = ("undecided", "failed", "elsewhere")
+"""Starts that reached no attractor of the file."""
+
+
+def count_starts(starts: int, cycles: int, unstored: Iterable[int]) -> dict[str, Any]:
+    """Return, for ``status``, the counts of starts; `unstored` are in the order of `UNSTORED`."""
+    return {
+        "starts": starts,
+        "periods_per_start": float(cycles) / starts if starts else None,
+        **{f"starts_{name}": n for name, n in zip(UNSTORED, map(int, unstored), strict=True)},
+    }

@@ -5,11 +5,9 @@ from typing import Any, NamedTuple
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.attractors.search import UNSTORED
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.tally import BaseTally, contact_shares, share, shares
-
-UNSTORED = ("undecided", "failed", "elsewhere")
-"""Starts that reached no attractor of the file."""
 
 
 class Found(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hpcsweep.studies.attractors.search import attractors_as_runs
+from hpcsweep.studies.attractors.search import UNSTORED, attractors_as_runs, count_starts
 from hpcsweep.studies.attractors.variables import SLOTS
 from hpcsweep.studies.basins.refined import LABEL, RefinedBasins
 from hpcsweep.studies.basins.slice import SliceGrid, read_slice
@@ -69,14 +69,11 @@ class Basins(SliceGrid):
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the starts, and those that reached none of the listed attractors."""
         good = done & (runs["outcome"] > 0)
-        starts = int(good.sum()) * self.horizontal.size
-        return {
-            "starts": starts,
-            "periods_per_start": float(runs["cycles"][good].sum()) / starts if starts else None,
-            "starts_undecided": int(runs["n_undecided"][good].sum()),
-            "starts_failed": int(runs["n_failed"][good].sum()),
-            "starts_elsewhere": int(runs["n_elsewhere"][good].sum()),
-        }
+        return count_starts(
+            int(good.sum()) * self.horizontal.size,
+            runs["cycles"][good].sum(),
+            (runs[f"n_{name}"][good].sum() for name in UNSTORED),
+        )
 
     def tally(self) -> Tally:
         """Return a tally of rows for ``summary``."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.attractors.search import attractors_as_runs
+from hpcsweep.studies.attractors.search import attractors_as_runs, count_starts
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.basins.tally import StartTally
 from hpcsweep.studies.basins.variables import (
@@ -25,7 +25,7 @@ from hpcsweep.studies.basins.variables import (
     listed_variables,
 )
 from hpcsweep.studies.blocks import Block, Poll, Rows
-from hpcsweep.studies.grid import MappedRuns
+from hpcsweep.studies.grid_kinds import MappedRuns
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.refine.refinement import Refinement
 from hpcsweep.studies.study import Tally
@@ -114,14 +114,8 @@ class RefinedBasins(MappedRuns, SliceGrid):
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the computed starts, and those that reached none of the listed attractors."""
-        labels, starts = runs["label"][done], int(done.sum())
-        return {
-            "starts": starts,
-            "periods_per_start": float(runs["cycles"][done].sum()) / starts if starts else None,
-            "starts_undecided": int((labels == UNDECIDED).sum()),
-            "starts_failed": int((labels == FAILED).sum()),
-            "starts_elsewhere": int((labels == ELSEWHERE).sum()),
-        }
+        counts = ((runs["label"][done] == k).sum() for k in (UNDECIDED, FAILED, ELSEWHERE))
+        return count_starts(int(done.sum()), runs["cycles"][done].sum(), counts)
 
     def tally(self) -> Tally:
         """Return a tally of starts for ``summary``."""

@@ -143,20 +143,9 @@ class SliceGrid(RunGrid):
     def slice_runs(self) -> Any:
         """Runs of the slice, see `hpcsweep.studies.basins.runs.SliceRuns`; cached."""
         # imported here: reading results needs no kernels
-        from hpcsweep.studies.basins.runs import Slice, slice_runs
+        from hpcsweep.studies.basins.runs import slice_runs
 
-        shape = Slice(
-            self.components,
-            (float(self.horizontal[0]), float(self.horizontal[-1])),
-            (float(self.vertical[0]), float(self.vertical[-1])),
-            tuple(self.initial_state.tolist()),
-            self.starts,
-            self.seed,
-            self.max_attractors,
-            self.max_cycles,
-        )
-        point = float(self.omega[0]), float(self.amplitude[0])
-        return slice_runs(self.moving, *point, self.settings, shape)
+        return slice_runs(self)
 
 
 def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:

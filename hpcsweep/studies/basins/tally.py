@@ -7,7 +7,8 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.attractors.tally import UNSTORED, Found, SearchTally, attractors_in
+from hpcsweep.studies.attractors.search import UNSTORED
+from hpcsweep.studies.attractors.tally import Found, SearchTally, attractors_in
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import SOURCE, inferred_name
 from hpcsweep.studies.study import Study

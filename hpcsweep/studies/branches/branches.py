@@ -19,7 +19,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, Poll, Rows
+from hpcsweep.studies.blocks import Block, Poll, Rows, Timed
 from hpcsweep.studies.branches.curves import read_curves
 from hpcsweep.studies.branches.keys import (
     KEYS,
@@ -264,9 +264,7 @@ class Branches(RunGrid):
         del places, state
         return line_of(self, frame, poll)
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Poll = None
-    ) -> tuple[tuple[int, float], int, float]:
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time one line."""
         del along, n_runs
         place, _, seconds = super().time_runs(share, 0.0, 0, poll)

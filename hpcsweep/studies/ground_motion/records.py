@@ -17,7 +17,7 @@ from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Timed
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.responses import SKIP_RULES, Responses
 from hpcsweep.studies.ground_motion.tally import ResponseTally
@@ -266,9 +266,7 @@ class Records(Part):
         del start
         return response_again(self, block, row, run)
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Poll = None
-    ) -> tuple[tuple[int, float], int, float]:
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a record."""
         record = int(share * len(self.suite))
         at = int(along * (max(self.scale.size - n_runs, 0) + 1))

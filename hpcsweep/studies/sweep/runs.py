@@ -37,9 +37,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.blocks import Poll, Rows
+from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.classification import Classification, classify_window
 from hpcsweep.studies.sweep.rows import Result, empty_rows, store, store_failure
 

@@ -86,7 +86,7 @@ def warm_up(
     example = Structure(1, 10.0) if structure is None or not specialised else structure
     if settings.solver == "flow":
         kernels = "kernels specialised to the structure" if specialised else "kernels"
-        _load(_needed(settings, structure, specialised), say, jobs, kernels)
+        load(_needed(settings, structure, specialised), say, jobs, kernels)
         if specialised:
             from hpcsweep.solvers.flow.specialised import use
 
@@ -104,26 +104,6 @@ def warm_up(
         solver.monodromy(z, amplitude, 1)
 
 
-def is_compiled_for_records() -> bool:
-    """Return whether the cache is known to have what responses to records call."""
-    return not missing(_record_kernels())
-
-
-def warm_up_records(say: Callable[[str], None] | None = None) -> None:
-    """Compile what responses to records call, or load it from the disk."""
-    _load(_record_kernels(), say)
-
-
-def is_compiled_for_branches(structure: Structure) -> bool:
-    """Return whether the cache is known to have what branches of a structure call besides."""
-    return not missing(_branch_kernels(structure))
-
-
-def warm_up_branches(structure: Structure, say: Callable[[str], None] | None = None) -> None:
-    """Compile what branches of a structure call besides, or load it from the disk."""
-    _load(_branch_kernels(structure), say, kernels="kernels of branches")
-
-
 def worth_specialising(study: Study, n_ranks: float | None) -> bool:
     """Return whether the histories of a study on `n_ranks` repay kernels of their own."""
     if n_ranks is None or study.settings.solver != "flow":
@@ -137,13 +117,13 @@ def worth_specialising(study: Study, n_ranks: float | None) -> bool:
 def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
     """Compile, or load, what runs with any settings and responses to records call."""
     every = SweepSettings(metrics=frozenset(METRICS))
-    needed = dict.fromkeys([*_needed(every, None, False), *_record_kernels()])
-    _load(list(needed), say, jobs)
+    needed = dict.fromkeys([*_needed(every, None, False), *record_kernels()])
+    load(list(needed), say, jobs)
     for name in SOLVERS:
         warm_up(replace(every, solver=name), say, jobs)
 
 
-def _load(
+def load(
     needed: list[Any],
     say: Callable[[str], None] | None,
     jobs: int | None = None,
@@ -167,13 +147,15 @@ def _needed(settings: SweepSettings, structure: Structure | None, specialised: b
     return needed_kernels(structure, specialised, settings.measures != 0)
 
 
-def _branch_kernels(structure: Structure) -> list[Any]:
-    from hpcsweep.solvers.flow.specialised import branch_kernels
+def branch_kernels(structure: Structure) -> list[Any]:
+    """Return what branches of a structure call besides."""
+    from hpcsweep.solvers.flow import specialised
 
-    return branch_kernels(structure)
+    return specialised.branch_kernels(structure)
 
 
-def _record_kernels() -> list[Any]:
+def record_kernels() -> list[Any]:
+    """Return what responses to records call."""
     from hpcsweep.solvers.flow.record_map import KERNELS
 
     return KERNELS

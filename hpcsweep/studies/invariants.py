@@ -166,30 +166,45 @@ def _of_points(settings: SweepSettings, rows: Rows, units: np.ndarray) -> Broken
     points, n_points, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     window = points.shape[1]
-    expected = np.where(period > 0, period, window)
-    stored = np.arange(window)[None, :] < np.clip(n_points, 0, window)[:, None]
-    finite, missing = np.isfinite(points).all(axis=2), np.isnan(points).all(axis=2)
-    on_path = rows["classification_cycles"] == 0 if "classification_cycles" in rows else complete
+    broken = of_points(rows, complete, np.where(period > 0, period, window), "final_state")
+    if "classification_cycles" in rows:
+        broken["final_state is the last point of poincare"] &= rows["classification_cycles"] == 0
     closes = orbit_period if settings.classify_cycles is None else closed_period
     judged_so = complete & (period == 0) & (n_points == window) & ("motion" not in rows)
-    last = points[np.arange(len(points)), np.clip(n_points, 1, window) - 1]
+    longest, same = settings.max_orbit_period, settings.period_tolerance
     hidden = np.zeros(complete.size, bool)
     for row in np.flatnonzero(judged_so):
-        hidden[row] = (
-            closes(
-                points[row] / units[row],
-                settings.max_orbit_period,
-                settings.period_tolerance,
-            )
-            > 0
-        )
-    return {
-        "n_points is the orbit_period, or all that are stored without one": complete
-        & (n_points != expected),
-        "poincare is finite in n_points points and NaN after": complete
-        & (np.where(stored, finite, missing) == 0).any(axis=1),
-        "final_state is the last point of poincare": complete
-        & on_path
-        & (last != rows["final_state"]).any(axis=1),
-        "orbit_period is 0 only where the points do not repeat": hidden,
+        hidden[row] = closes(points[row] / units[row], longest, same) > 0
+    return broken | {"orbit_period is 0 only where the points do not repeat": hidden}
+
+
+def of_points(rows: Rows, held: np.ndarray, expected: np.ndarray, last: str) -> Broken:
+    """Check which stroboscopic points are stored of what is `held`, in runs or in their slots.
+
+    Parameters
+    ----------
+    rows : dict of str to ndarray
+    held : ndarray of bool
+    expected : ndarray of int
+        Number of points.
+    last : str
+        Name of the variable that is the last of them.
+
+    Returns
+    -------
+    dict of str to ndarray of bool, shape (k,)
+    """
+    points, count = rows["poincare"], np.where(held, rows["n_points"], 0)
+    room = points.shape[-2]
+    stored = np.arange(room) < count[..., None]
+    finite, missing = np.isfinite(points).all(axis=-1), np.isnan(points).all(axis=-1)
+    end = np.take_along_axis(points, np.clip(count, 1, room)[..., None, None] - 1, -2)[..., 0, :]
+    broken = {
+        "n_points is the orbit_period, or all that are stored without one": count != expected,
+        "poincare is finite in n_points points and NaN after": np.any(
+            np.where(stored, finite, missing) == 0, axis=-1
+        ),
+        f"{last} is the last point of poincare": (end != rows[last]).any(axis=-1),
     }
+    outer = tuple(range(1, held.ndim))
+    return {name: np.any(held & where, axis=outer) for name, where in broken.items()}

@@ -7,7 +7,7 @@ from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.studies.attractors.attractors import AttractorGrid
 from hpcsweep.studies.blocks import Rows
-from hpcsweep.studies.invariants import Broken
+from hpcsweep.studies.invariants import Broken, of_points
 
 KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
 ROUNDING = 1e-12
@@ -15,12 +15,13 @@ ROUNDING = 1e-12
 
 def broken_relations(study: AttractorGrid, rows: Rows) -> Broken:
     """Check k points against the relations of `hpcsweep.studies.attractors.attractors`."""
-    held = rows["attractor_id"] > 0
+    held, period = rows["attractor_id"] > 0, rows["orbit_period"]
+    room = rows["poincare"].shape[-2]
     return {
         **_of_counts(study, rows, held),
         **_of_shares(study, rows, held),
         **of_motions(rows, held),
-        **_of_points(rows, held),
+        **of_points(rows, held, np.minimum(np.where(period > 0, period, RECORD), room), "point"),
     }
 
 
@@ -67,23 +68,3 @@ def of_motions(rows: Rows, held: np.ndarray) -> Broken:
             "orbits, and nothing else, have a period": (held & (orbit != (period > 0))).any(axis=1),
             "orbits attract": (orbit & ~(multiplier < 1)).any(axis=1),
         }
-
-
-def _of_points(rows: Rows, held: np.ndarray) -> Broken:
-    points, count, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
-    room = points.shape[2]
-    stored = np.arange(room) < np.where(held, count, 0)[..., None]
-    finite, missing = np.isfinite(points).all(axis=3), np.isnan(points).all(axis=3)
-    expected = np.minimum(np.where(period > 0, period, RECORD), room)
-    last = np.take_along_axis(points, np.clip(count, 1, room)[..., None, None] - 1, axis=2)[:, :, 0]
-    return {
-        "n_points is the orbit_period, or all that are stored": (held & (count != expected)).any(
-            axis=1
-        ),
-        "poincare is finite in n_points points and NaN after": (
-            np.where(stored, finite, missing) == 0
-        ).any(axis=(1, 2)),
-        "point is the last one of poincare": (held & (last != rows["point"]).any(axis=2)).any(
-            axis=1
-        ),
-    }

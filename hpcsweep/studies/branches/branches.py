@@ -302,18 +302,18 @@ class Branches(RunGrid):
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled_for_branches
+        from hpcsweep.studies.compilation import branch_kernels, missing
 
-        return super().is_compiled(n_ranks) and is_compiled_for_branches(self.structure)
+        return super().is_compiled(n_ranks) and not missing(branch_kernels(self.structure))
 
     def warm_up(
         self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
     ) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import warm_up_branches
+        from hpcsweep.studies.compilation import branch_kernels, load
 
         super().warm_up(say, n_ranks)
-        warm_up_branches(self.structure, say)
+        load(branch_kernels(self.structure), say, kernels="kernels of branches")
 
     def tally(self) -> Tally:
         """Make what counts the lines for ``summary``."""

@@ -67,7 +67,7 @@ def line_of(study: Branches, line: int, poll: Poll = None) -> Rows:
         search(catalogue, forced, states / forced.units, study.span, longest)
         catalogue.grow()
     _store_branches(rows, catalogue)
-    _store_points(rows, study, forced, catalogue)
+    _store_points(rows, forced, catalogue)
     _store_specials(rows, study, forced, catalogue)
     periods = forced.periods
     if study.curves:
@@ -133,7 +133,7 @@ def _store_branches(rows: dict, catalogue: Catalogue) -> None:
             rows[name][0, k] = End[why.upper().replace(" ", "_")]
 
 
-def _store_points(rows: dict, study: Branches, forced: ForcedMap, catalogue: Catalogue) -> None:
+def _store_points(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
     at = 0
     for k, branch in enumerate(catalogue.branches):
         for one in branch.arc.points:

@@ -193,7 +193,7 @@ class Records(Part):
         return {
             **place_coordinates(self.structure, self.settings),
             "record": named([one.name for one in self.suite], "ground-motion record"),
-            "scale": keys.scale_coordinate(self.measure, self.scale),
+            "scale": Coordinate(self.scale.astype("<f8"), self.measure.quantity, str(self.measure)),
             "state": states(self.structure),
             "block": numbered(self.n_blocks, "block of scales"),
             **self.instants,
@@ -302,19 +302,19 @@ class Records(Part):
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled_for_records
+        from hpcsweep.studies.compilation import missing, record_kernels
 
         del n_ranks
-        return is_compiled_for_records()
+        return not missing(record_kernels())
 
     def warm_up(
         self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
     ) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import warm_up_records
+        from hpcsweep.studies.compilation import load, record_kernels
 
         del n_ranks
-        warm_up_records(say)
+        load(record_kernels(), say)
 
     def lines(self) -> Iterator[str]:
         """List the records, a line each, in order."""

@@ -16,6 +16,7 @@ from hpcsweep.dynamics.classify_motion import SETTLED
 from hpcsweep.kernels.compile.warm import load_all, missing, processors
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS, make_solver
+from hpcsweep.studies.blocks import Say
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.study import Study
 
@@ -63,7 +64,7 @@ def is_compiled(
 
 def warm_up(
     settings: SweepSettings,
-    say: Callable[[str], None] | None = None,
+    say: Say = None,
     jobs: int | None = None,
     structure: Structure | None = None,
     specialised: bool = False,
@@ -114,7 +115,7 @@ def worth_specialising(study: Study, n_ranks: float | None) -> bool:
     return histories >= SPECIALISED_FROM * n_ranks
 
 
-def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
+def warm_up_all(say: Say = None, jobs: int | None = None) -> None:
     """Compile, or load, what runs with any settings and responses to records call."""
     every = SweepSettings(metrics=frozenset(METRICS))
     needed = dict.fromkeys([*_needed(every, None, False), *record_kernels()])
@@ -123,12 +124,7 @@ def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = Non
         warm_up(replace(every, solver=name), say, jobs)
 
 
-def load(
-    needed: list[Any],
-    say: Callable[[str], None] | None,
-    jobs: int | None = None,
-    kernels: str = "kernels",
-) -> None:
+def load(needed: list[Any], say: Say, jobs: int | None = None, kernels: str = "kernels") -> None:
     """Compile kernels, or load them from the disk, and tell the progress."""
     tell = None if say is None else announced(say, kernels)
     load_all(needed, tell, processors() if jobs is None else jobs)

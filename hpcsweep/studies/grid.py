@@ -8,7 +8,7 @@ block b of a descending direction holds as many amplitudes, counted from the top
 
 import time
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -18,7 +18,7 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Timed
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.part import Part
@@ -341,9 +341,7 @@ class RunGrid(Part):
 
         return is_compiled(self._all_settings, self.structure, worth_specialising(self, n_ranks))
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import warm_up, worth_specialising
 

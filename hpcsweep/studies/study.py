@@ -9,14 +9,14 @@ tasks to ranks, `checks` has its runs recomputed; none of them knows which study
 is a module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows, Timed
+from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.growth import Growth
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
@@ -180,9 +180,7 @@ class Compiled(Protocol):
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call; see `warm_up`."""
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call.
 
         With `n_ranks`, for all of its runs on that many ranks, or that share of one: where it

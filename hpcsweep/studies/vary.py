@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Timed
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.seeds import Reader
@@ -227,9 +227,7 @@ class Varied:
         """Return whether the cache is known to hold all that its runs call."""
         return all(part.is_compiled(self._share(n_ranks)) for part in self._parts_by_kernels())
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         for part in self._parts_by_kernels():
             part.warm_up(say, self._share(n_ranks))

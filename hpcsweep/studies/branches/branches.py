@@ -10,7 +10,7 @@ leave these, and, if the job has starts, those of orbits that a search finds
 files and the job alone.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -19,7 +19,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, Poll, Rows, Timed
+from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
 from hpcsweep.studies.branches.curves import read_curves
 from hpcsweep.studies.branches.keys import (
     KEYS,
@@ -306,9 +306,7 @@ class Branches(RunGrid):
 
         return super().is_compiled(n_ranks) and not missing(branch_kernels(self.structure))
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import branch_kernels, load
 

@@ -5,7 +5,7 @@ a record of one of them. No run depends on another (`responses`).
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -17,7 +17,7 @@ from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Timed
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.responses import SKIP_RULES, Responses
 from hpcsweep.studies.ground_motion.tally import ResponseTally
@@ -307,9 +307,7 @@ class Records(Part):
         del n_ranks
         return not missing(record_kernels())
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import load, record_kernels
 

@@ -18,6 +18,7 @@ from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.branches.curves import store_curves
 from hpcsweep.studies.branches.variables import End, Origin, Reason
 from hpcsweep.studies.seeds import Seed, Seeds
+from hpcsweep.studies.variables import empty_results
 
 REACH = 0.01
 """Largest distance of a seed from the orbit that Newton's method finds, in units of the state."""
@@ -54,11 +55,7 @@ def line_of(study: Branches, line: int, poll: Poll = None) -> Rows:
         study.max_points,
         forced.is_costly,
     )
-    sizes = study.dimensions
-    rows = {
-        v.name: np.full((1, *(sizes[dim] for dim in v.dims[3:])), v.missing, v.dtype)
-        for v in study.variables
-    }
+    rows = empty_results(study.variables, study.structure, 1, **study.dimensions)
     _take(rows, study, forced, catalogue, seeds)
     catalogue.grow()
     if study.starts:

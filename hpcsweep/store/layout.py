@@ -148,7 +148,7 @@ class Layout:
         return sum(map(self.bytes_of, self.stored))
 
 
-def _named(variable: Variable, structure) -> Variable:
+def _named(variable: Variable, structure: Structure) -> Variable:
     """Return a variable with the name of its unit filled in."""
     return replace(variable, units=unit_of(structure, variable.units))
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Rows
@@ -119,7 +120,9 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
 
 
-def empty_results(variables: list[Variable], structure, n_runs: int, **sizes: int) -> Rows:
+def empty_results(
+    variables: list[Variable], structure: Structure, n_runs: int, **sizes: int
+) -> Rows:
     """Allocate the results of `n_runs` runs, as for failed ones.
 
     Parameters
@@ -155,7 +158,7 @@ def measures_of_each(each: tuple[str, ...]) -> list[Variable]:
     ]
 
 
-def storey_heights(structure) -> list[tuple[Variable, np.ndarray]]:
+def storey_heights(structure: Structure) -> list[tuple[Variable, np.ndarray]]:
     """Return the heights of the storeys as a variable, where they are known."""
     heights = structure.names.storey_heights
     return [(STOREY_HEIGHT, np.array(heights))] if heights else []
@@ -179,17 +182,17 @@ def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
     return Coordinate(np.array(names, object), "1", long_name)
 
 
-def state_names(structure) -> list[str]:
+def state_names(structure: Structure) -> list[str]:
     """Return the names of the components of a state: u_1 .. v_n, of buildings u_A1 ..."""
     return [f"{letter}_{floor}" for letter in "uv" for floor in structure.floor_names]
 
 
-def states(structure) -> Coordinate:
+def states(structure: Structure) -> Coordinate:
     """Make the coordinate of the components of a state."""
     return named(state_names(structure), "state component")
 
 
-def measure_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
+def measure_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions of the requested measures: storeys, floors, contacts."""
     floors = structure.floor_names
     n_drifts = len(structure.drift_rows)

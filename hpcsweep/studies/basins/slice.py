@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.dynamics.starts import usual_reach
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.attractors.search import (
     MAX_ATTRACTORS,
     MAX_CYCLES,
@@ -188,7 +189,7 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _components(values, structure) -> tuple[int, int]:
+def _components(values, structure: Structure) -> tuple[int, int]:
     """Read the two components of the slice."""
     names, n = state_names(structure), structure.n_floors
     given = values.get("study.components", [names[0], names[n]])

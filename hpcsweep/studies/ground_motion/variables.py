@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.record_response import Response
 from hpcsweep.studies import variables
 from hpcsweep.studies.settings import MEASURES, SweepSettings
@@ -106,7 +107,7 @@ FACTS = (
 FACTOR = real("factor", RUN, "1", "by which the acceleration is multiplied")
 
 
-def peaks_of(structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:
+def peaks_of(structure: Structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:
     """Return the peaks of a response, and of the motion without contacts, that a file holds."""
 
     def held(peaks) -> list[Peak]:
@@ -116,7 +117,9 @@ def peaks_of(structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]
     return held(PEAKS) + groups.get("times", []), groups.get("alone", [])
 
 
-def response_variables(structure, settings: SweepSettings, history: bool) -> list[Variable]:
+def response_variables(
+    structure: Structure, settings: SweepSettings, history: bool
+) -> list[Variable]:
     """Return the variables of a run, in the order of the file, with or without its history."""
     own, alone = peaks_of(structure, settings)
     motion = [one for one in HISTORY if structure.contacts or one.dims[-1] != "stop"]
@@ -124,7 +127,7 @@ def response_variables(structure, settings: SweepSettings, history: bool) -> lis
     return [*peaks, *(motion if history else ()), OUTCOME, SKIP_RULE]
 
 
-def place_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
+def place_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions storey, floor and, where there are contacts, stop."""
     made = measure_coordinates(structure, replace(settings, metrics=frozenset(MEASURES)))
     return {name: one for name, one in made.items() if one.values.size}

@@ -67,7 +67,7 @@ class FrameRuns:
         Replaces the solver of the settings.
     """
 
-    def __init__(self, structure, omega: float, settings: SweepSettings, solver=None):
+    def __init__(self, structure: Structure, omega: float, settings: SweepSettings, solver=None):
         self.structure, self.settings = structure, settings
         self._given = solver is not None
         self._measured: dict[float, FrameRuns] = {}

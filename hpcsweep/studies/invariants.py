@@ -1,6 +1,7 @@
 """Check the invariants that the numbers of every committed run satisfy."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -70,39 +71,46 @@ def of_each(
         Where each invariant is broken.
     """
     complete = rows["outcome"] == Outcome.COMPLETE
+    unknown = ~np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
     broken: Broken = {}
     for v in variables:
-        values = rows[v.name]
-        slot = next((dim for dim in v.dims if dim in slots), "")
+        values, slot = rows[v.name], next((dim for dim in v.dims if dim in slots), "")
         held = rows[slots[slot]] > 0 if slot else complete
-        missing = np.isnan(values) if values.dtype.kind == "f" else values == 0
-        rule, good = _rule(v, values, structure)
-        inner = tuple(range(held.ndim, values.ndim))
-        missing, good = np.all(missing, axis=inner), np.all(good, axis=inner)
-        wrong = {f"{v.name} {rule}": ~(good | missing if v.optional else good)}
-        if v.failed != VALID:
-            wrong = {name: held & where for name, where in wrong.items()}
+        inner, outer = tuple(range(held.ndim, values.ndim)), tuple(range(1, held.ndim))
+        # of floats only NaN is not itself
+        nothing = values != values if values.dtype.kind == "f" else values == 0
+        missing = _over(np.all, nothing, inner)
+        rule, least, most = _rule(v)
+        if rule:
+            is_set = v.flags == CONTACT_SET
+            right = (values & unknown) == 0 if is_set else (values >= least) & (values <= most)
+            wrong = ~_over(np.all, right, inner)
+            if v.optional:
+                wrong &= ~missing
+            if v.failed != VALID:
+                wrong &= held
+            broken[f"{v.name} {rule}"] = _over(np.any, wrong, outer)
         if v.failed == MISSING:
             where = f"where there is no {slot}" if slot else "of a failed run"
-            wrong[f"{v.name} {where} is {v.missing}"] = ~held & ~missing
-        outer = tuple(range(1, held.ndim))
-        broken |= {name: where.any(axis=outer) for name, where in wrong.items()}
+            broken[f"{v.name} {where} is {v.missing}"] = _over(np.any, ~(held | missing), outer)
     return broken
 
 
-def _rule(v: Variable, values: np.ndarray, structure: Structure) -> tuple[str, np.ndarray]:
-    """Return what a variable declares of its values, and where that is so."""
+def _over(function: Callable, values: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    # without axes it would cost as much
+    return function(values, axis=axes) if axes else values
+
+
+@cache
+def _rule(v: Variable) -> tuple[str, float, float]:
+    """Return what a variable declares of its values in words, and their limits."""
     if v.flags == CONTACT_SET:
-        known = np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
-        return "has bits of existing contacts only", (values & ~known) == 0
+        return "has bits of existing contacts only", 0, np.inf
     if v.flags is not None and not isinstance(v.flags, str):
-        codes = [one for one in v.flags if one or v.limits]
-        return f"is one of {min(codes)} to {max(codes)}", np.isin(values, codes)
-    if v.limits is None:
-        return "is a number", np.ones(values.shape, bool)
-    least, most = v.limits
-    with np.errstate(invalid="ignore"):
-        return RULES[v.limits], (values >= least) & (values <= most)
+        # the numbers of an enumeration follow one another
+        codes = [int(one) for one in v.flags if one or v.limits]
+        return f"is one of {min(codes)} to {max(codes)}", min(codes), max(codes)
+    return (RULES[v.limits], *v.limits) if v.limits else ("", 0, 0)
 
 
 def listed(broken: Mapping[str, np.ndarray]) -> list[tuple[int, str]]:
